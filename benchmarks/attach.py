@@ -26,6 +26,7 @@ ROUNDS = 7
 
 ENGINE = """
 import asyncio, sys
+from contextlib import closing
 from pathlib import Path
 from rise_engine.engine.clock import RealClock
 from rise_engine.engine.engine import Engine
@@ -43,7 +44,7 @@ async def main(root, records):
     folder = create_session(Path(root) / "sessions", scenario, loaded.files, seed=1, speed=1000, faults=(), versions={})
     clock = RealClock(asyncio.get_running_loop(), 1000)
     engine = Engine(scenario, make_robot(scenario.robot, scenario.mode, clock, 1, ()), clock, 1)
-    with acquire_lock("attach") as name:
+    with closing(acquire_lock("attach")) as name:
         hub = SessionHub(engine, str(folder))
         server = SessionServer(hub, name.socket)
         await server.start()
@@ -74,10 +75,10 @@ def main() -> bool:
     async def attach(path: str) -> tuple[float, SessionView]:
         client = SocketClient(Path(path), "bench", "observer")
         begun = time.perf_counter()
-        hello = await client.attach()
+        attachment = await client.attach()
         took = time.perf_counter() - begun
         await client.close()
-        return took, hello.view
+        return took, attachment.view
 
     def bare(view: SessionView) -> float:
         begun = time.perf_counter()

@@ -18,7 +18,7 @@ import subprocess
 import sys
 import tempfile
 import time
-from contextlib import suppress
+from contextlib import closing, suppress
 from pathlib import Path
 from typing import Any
 
@@ -70,7 +70,7 @@ async def serve(folder: Path) -> None:
     journal = Journal(record / JOURNAL, changed=changed, now=clock.now)
     journal.append(encode_header("benchmark"))
     engine = Engine(scenario, robot, clock, 1, journal=journal)
-    with acquire_lock("bench") as name:
+    with closing(acquire_lock("bench")) as name:
         assert name is not None
         hub = SessionHub(engine, str(record))
         server = SessionServer(hub, name.socket)
@@ -98,7 +98,10 @@ class Wizard:
     def _read_until(self, mark: bytes) -> None:
         data = b""
         while mark not in data:
-            data = data[-len(mark) :] + self._connection.recv(1 << 20)
+            more = self._connection.recv(1 << 20)
+            if not more:
+                raise SystemExit("the engine has cut the connection: this machine is too busy to measure on")
+            data = data[-len(mark) :] + more
 
     def send(self, function: str, behavior: str = "") -> tuple[float, float]:
         """When it was sent, and when the reply had come."""

@@ -11,7 +11,7 @@ import asyncio
 import json
 import sys
 import time
-from contextlib import suppress
+from contextlib import closing, suppress
 from pathlib import Path
 
 from steady_load import make_records
@@ -69,7 +69,7 @@ async def serve(root: Path, disk: Path, rate: float) -> None:
         def data_received(self, data: bytes) -> None:
             floor.append(time.monotonic())
 
-    with acquire_lock("keys") as name:
+    with closing(acquire_lock("keys")) as name:
         hub = WatchedHub(engine, str(folder))
         server = SessionServer(hub, name.socket)
         await server.start()

@@ -191,7 +191,7 @@ async def filtering(made: dict[int, TaskView], typed: str) -> tuple[float, float
             search = pane._search
             assert search is not None
             first = first or (time.perf_counter() - began if pane.row_view.count else 0.0)
-            if search.done:
+            if search.is_complete:
                 break
             await asyncio.sleep(0.002)
         end = time.perf_counter() - began

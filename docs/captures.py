@@ -38,8 +38,8 @@ def app(theme: str, faults: tuple[str, ...]) -> ConsoleApp:
             raise EngineGone("; ".join(found.lines))
         return SocketClient(found.name, "anna", "wizard", scenario=scenario)
 
-    launcher = Launcher(start=start)
-    return ConsoleApp(scenario, settings, wizard="anna", theme=theme, launcher=launcher)
+    client = start(scenario, settings)
+    return ConsoleApp(client, settings=settings, wizard="anna", theme=theme, launcher=Launcher(start=start))
 
 
 async def capture(

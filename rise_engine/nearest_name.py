@@ -19,29 +19,29 @@ _COMPARISONS = 20_000
 """How many names are compared with misspelt ones while one scenario is read: that is slow, and nobody reads more."""
 _LONGEST = 80
 """Characters of a name that somebody may have misspelt."""
-_left: ContextVar[list[int]] = ContextVar("comparisons that are left")
+_budget: ContextVar[list[int]] = ContextVar("comparisons that are left")
 
 
 @contextmanager
 def limited_comparisons() -> Iterator[None]:
     """Within it, `nearest_name` compares `_COMPARISONS` names at most: nothing but mistakes is read as fast."""
-    token = _left.set([_COMPARISONS])
+    token = _budget.set([_COMPARISONS])
     try:
         yield
     finally:
-        _left.reset(token)
+        _budget.reset(token)
 
 
 def nearest_name(word: str, known: Iterable[str]) -> str | None:
     """The known name that somebody who wrote `word` most likely meant, or None when nothing is near."""
-    left = _left.get([_COMPARISONS])
-    if left[0] <= 0 or len(word) > _LONGEST:
+    budget = _budget.get([_COMPARISONS])
+    if budget[0] <= 0 or len(word) > _LONGEST:
         return None
     folded: dict[str, str] = {}
-    for name in islice(known, left[0]):
+    for name in islice(known, budget[0]):
         if len(name) <= _LONGEST:
             folded.setdefault(_fold(name), name)
-    left[0] -= len(folded)
+    budget[0] -= len(folded)
     matches = get_close_matches(_fold(word), folded, n=1, cutoff=0.6)
     return folded[matches[0]] if matches else None
 

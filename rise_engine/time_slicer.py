@@ -47,7 +47,7 @@ class TimeSlicer:
         while True:
             try:
                 amount = self._step()
-            except Exception:
+            except Exception:  # of whoever gave the step: it keeps nothing else from being done
                 _LOG.exception("a piece of work failed")
                 amount = 1
             if not amount:

@@ -5,7 +5,7 @@ How its keys and reasons read is in `key_labels`.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from typing import Literal, TypeAlias
 
 from msgspec import Struct
@@ -13,7 +13,7 @@ from textual.binding import Binding
 
 from rise_engine.kernel.speech import why_not_speak
 from rise_engine.scenario.fillers import filler_acts
-from rise_tui.model.blocked import BlockedReason
+from rise_tui.model.blocked import BlockedReason, Deed
 from rise_tui.model.store import Store
 
 KeyScope: TypeAlias = Literal["everywhere", "console", "acts", "rules", "memory", "act", "rule", "scheduler", "log"]
@@ -62,39 +62,9 @@ def _stoppable(store: Store) -> Obstacle:
     return store.blocked_reason("reach") if store.gone_reason else None
 
 
-def _change(store: Store) -> Obstacle:
-    return store.blocked_reason("change")
-
-
-def _remark(store: Store) -> Obstacle:
-    return store.blocked_reason("remark")
-
-
-def _controllable(store: Store) -> Obstacle:
-    """Any wizard can do something about control; an observer never."""
-    observes = store.hello.role == "observer"
-    return _remark(store) or ("this console only watches (--observe)" if observes else None)
-
-
-def _start(store: Store) -> Obstacle:
-    return store.blocked_reason("start")
-
-
 def _own_console(store: Store) -> Obstacle:
     """What concerns this console alone, and would mean nothing where no key ever starts anything."""
-    return _stoppable(store) or ("this is a replay" if store.hello.replay else None)
-
-
-def _sayable(store: Store) -> Obstacle:
-    return _change(store) or why_not_speak(store.scenario)
-
-
-def _fillable(store: Store) -> Obstacle:
-    return _start(store) or (None if filler_acts(store.scenario) else "this scenario has no filler")
-
-
-def _markable(store: Store) -> Obstacle:
-    return _remark(store) or (None if store.view.tasks else "nothing has been started yet")
+    return _stoppable(store) or ("this is a replay" if store.attach_reply.replay else None)
 
 
 def _logged(store: Store) -> Obstacle:
@@ -106,20 +76,32 @@ def _savable(store: Store) -> Obstacle:
     return "this console is in a browser, which writes no files" if store.in_browser else _logged(store)
 
 
-def _needs(what: str, found: Callable[[Store], object]) -> Callable[[Store], Obstacle]:
-    """An obstacle with the sentence `what` while `found` finds nothing; before that, whatever blocks every change."""
-    return lambda store: _change(store) or (None if found(store) else what)
+def _blocks(
+    deed: Deed, find: Callable[[Store], object] = lambda store: True, missing: str = ""
+) -> Callable[[Store], Obstacle]:
+    """An obstacle: whatever blocks such a deed, or else the sentence `missing` while `find` finds nothing."""
+    return lambda store: store.blocked_reason(deed) or (None if find(store) else missing)
 
 
-_failed = _needs("no act has failed", lambda store: store.view.failed)
-_releasable = _needs("nothing is stopped", lambda store: store.key_state == "STOPPED")
-_start_values = _needs("this session's scenario has no folder", lambda store: store.scenario.folder)
-_memory = _needs("the memory is empty", lambda store: store.view.memory)
-_queue = _needs("nothing runs or waits", lambda store: store.view.running or store.view.waiting)
-_waiting = _needs("fewer than two tasks wait", lambda store: len(store.view.waiting) > 1)
-_acts = _needs("no act runs or waits", lambda store: store.view.running or store.view.waiting)
-_undo = _needs("nothing to undo", lambda store: store.undo_stack)
-_rules = _needs("no rule runs", lambda store: store.view.running_rules())
+_change, _remark, _start = _blocks("change"), _blocks("remark"), _blocks("start")
+_controllable = _blocks(
+    "remark", lambda store: store.attach_reply.role != "observer", "this console only watches (--observe)"
+)
+_fillable = _blocks("start", lambda store: filler_acts(store.scenario), "this scenario has no filler")
+_markable = _blocks("remark", lambda store: store.view.tasks, "nothing has been started yet")
+_failed = _blocks("change", lambda store: store.view.failed, "no act has failed")
+_releasable = _blocks("change", lambda store: store.key_state == "STOPPED", "nothing is stopped")
+_start_values = _blocks("change", lambda store: store.scenario.folder, "this session's scenario has no folder")
+_memory = _blocks("change", lambda store: store.view.memory, "the memory is empty")
+_queue = _blocks("change", lambda store: store.view.running or store.view.waiting, "nothing runs or waits")
+_waiting = _blocks("change", lambda store: len(store.view.waiting) > 1, "fewer than two tasks wait")
+_acts = _blocks("change", lambda store: store.view.running or store.view.waiting, "no act runs or waits")
+_undo = _blocks("change", lambda store: store.undo_stack, "nothing to undo")
+_rules = _blocks("change", lambda store: store.view.running_rules(), "no rule runs")
+
+
+def _sayable(store: Store) -> Obstacle:
+    return _change(store) or why_not_speak(store.scenario)
 
 
 def _repeatable(store: Store) -> Obstacle:
@@ -256,15 +238,17 @@ def actions_in(scope: KeyScope) -> Iterator[ConsoleAction]:
 def bindings_in(scope: KeyScope) -> list[Binding | tuple[str, str] | tuple[str, str, str]]:
     """The key bindings of one scope, as Textual takes them; each has its action's id, so that it can be remapped."""
     return [
-        Binding(_bound(action), f"do('{action.id}')", action.title, id=action.id, priority=scope == "everywhere")
+        Binding(
+            textual_keys(action.id, action.keys),
+            f"do('{action.id}')",
+            action.title,
+            id=action.id,
+            priority=scope == "everywhere",
+        )
         for action in actions_in(scope)
     ]
 
 
-def unbound_key(id: str) -> str:
-    """Stands for no key: Textual remaps only what is bound, and an action without a usual key can be given one."""
-    return f"no-key-of-{id}"
-
-
-def _bound(action: ConsoleAction) -> str:
-    return ",".join(action.keys) or unbound_key(action.id)
+def textual_keys(id: str, keys: Iterable[str]) -> str:
+    """The keys of an action as Textual takes them. It remaps only what is bound: no key has a name too."""
+    return ",".join(keys) or f"no-key-of-{id}"

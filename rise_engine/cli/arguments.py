@@ -14,12 +14,12 @@ import click
 
 from rise_engine.cli.check import strict_json
 from rise_engine.cli.task_file import TaskFileError, TimedTask, read_task_file, unknown_name_sentence
-from rise_engine.engine.drivers import DriverError, ros_parameters_as_options
+from rise_engine.engine.drivers import PARAMETERS, DriverError, load_ros_plugin
 from rise_engine.errors import RiseError
 from rise_engine.exit_status import USAGE
 from rise_engine.expression import Assignment, ExpressionError
 from rise_engine.kernel.inputs import Submit
-from rise_engine.ports.bridge import BridgeError
+from rise_engine.ports.bridge import BridgeError, ParameterReader
 from rise_engine.scenario.model import Scenario
 from rise_engine.scenario.shipped_studies import resolve_study, shipped_hint
 from rise_engine.text import clean
@@ -49,7 +49,8 @@ def add_ros_parameters(
         return own, ros_args
     options = [each for each in command.params if isinstance(each, click.Option)]
     try:
-        more, ros_args = ros_parameters_as_options(
+        read_parameters: ParameterReader = load_ros_plugin(PARAMETERS)
+        more, ros_args = read_parameters(
             ros_args,
             switches=[each.opts[0] for each in options if each.is_flag],
             single=[each.opts[0] for each in options if not each.is_flag and not each.multiple],
@@ -86,14 +87,10 @@ def tasks_at_start(
     :raises UnusableArgument: with everything that cannot be used.
     """
     problems = [
-        f"error: --rule: {unknown_name_sentence('rule', name, list(scenario.rules))}"
-        for name in rules
-        if name not in scenario.rules
-    ]
-    problems += [
-        f"error: --act: {unknown_name_sentence('act', name, list(scenario.acts))}"
-        for name in acts
-        if name not in scenario.acts
+        f"error: --{what}: {unknown_name_sentence(what, name, known)}"
+        for what, names, known in (("rule", rules, list(scenario.rules)), ("act", acts, list(scenario.acts)))
+        for name in names
+        if name not in known
     ]
     assigned: list[str] = []
     try:

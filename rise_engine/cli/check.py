@@ -12,13 +12,13 @@ from textwrap import wrap
 from typing import Any
 
 from rise_engine.cli.terminal import write_json
-from rise_engine.engine.drivers import DriverError, driver_names, find_examiner, profile_problems
+from rise_engine.engine.drivers import DOCTORS, DriverError, driver_names, load_ros_plugin, profile_problems
 from rise_engine.errors import RiseError
 from rise_engine.expression import EvaluationError, Expression, ExpressionError
 from rise_engine.expression.rise1_compat import rise1_difference
 from rise_engine.expression.signatures import SIGNATURES
 from rise_engine.json_codec import JsonError, decode
-from rise_engine.ports.bridge import RosConnection
+from rise_engine.ports.bridge import Examiner, RosConnection
 from rise_engine.scenario import act_schema_text, load, rule_schema_text
 from rise_engine.scenario.diagnostics import Diagnostic, Diagnostics
 from rise_engine.scenario.model import ActionSpec, RobotProfile, Scenario, SourceLocation
@@ -52,13 +52,13 @@ def check_report(folder: str, *, robot: str | None, mode: str | None, as_json: b
         write_json({"errors": errors, "warnings": warnings, "findings": rows, "silenced": silenced_rows})
     else:
         for diagnostic in diagnostics:
-            _print(str(diagnostic))
+            print(str(diagnostic))
         for each in silenced if all_of_them else ():
             diagnostic = each.diagnostic
-            _print(f"{diagnostic.location}: silenced {diagnostic.code}: {diagnostic.message} (reason: {each.reason})")
+            print(f"{diagnostic.location}: silenced {diagnostic.code}: {diagnostic.message} (reason: {each.reason})")
         found = f"{pluralize(errors, 'error')}, {pluralize(warnings, 'warning')}" if diagnostics else "no findings"
         found += f", {len(silenced)} silenced" if silenced else ""
-        _print(f"{found}{_contents_text(scenario)}")
+        print(f"{found}{_contents_text(scenario)}")
     return 1 if errors else 0
 
 
@@ -92,10 +92,10 @@ def load_or_refuse(folder: str, *, robot: str | None, mode: str | None) -> Scena
     """The scenario, or None when it is refused; findings go to standard error."""
     loaded = load(folder, robot=robot, mode=mode)
     for diagnostic in loaded.diagnostics:
-        sys.stderr.write(f"{diagnostic}\n")
+        print(f"{diagnostic}", file=sys.stderr)
     if loaded.scenario is None:
         errors = sum(diagnostic.severity == "error" for diagnostic in loaded.diagnostics)
-        sys.stderr.write(f"the scenario is refused: {pluralize(errors, 'error')}\n")
+        print(f"the scenario is refused: {pluralize(errors, 'error')}", file=sys.stderr)
     return loaded.scenario
 
 
@@ -158,7 +158,7 @@ def eval_report(text: str, memory: Mapping[str, Any], *, as_json: bool) -> int:
             row = {"expression": text, "error": error.message, "column": error.column, "hint": error.hint}
             write_json(row)
         else:
-            sys.stderr.write(f"{_one_line(text)}\n{' ' * (error.column - 1)}^\nerror: {error}\n")
+            print(f"{_one_line(text)}\n{' ' * (error.column - 1)}^\nerror: {error}", file=sys.stderr)
         return 1
     missing: set[str] = set()
     chance = Random(0).random
@@ -168,8 +168,8 @@ def eval_report(text: str, memory: Mapping[str, Any], *, as_json: bool) -> int:
         if as_json:
             write_json({"expression": text, "error": str(error), "read_as": expression.with_all_brackets})
         else:
-            _print(f"read as    {expression.with_all_brackets}")
-            sys.stderr.write(f"error: {error}\n")
+            print(f"read as    {expression.with_all_brackets}")
+            print(f"error: {error}", file=sys.stderr)
         return 1
     try:
         holds = str(expression.as_condition(memory, Random(0).random)).lower()
@@ -190,15 +190,15 @@ def eval_report(text: str, memory: Mapping[str, Any], *, as_json: bool) -> int:
             }
         )
         return 0
-    _print(f"value      {_json_text(value)}")
-    _print(f"type       {type_name(value)}")
+    print(f"value      {json.dumps(value, ensure_ascii=False)}")
+    print(f"type       {type_name(value)}")
     if not isinstance(value, bool):
-        _print(f"condition  {holds}")
-    _print(f"read as    {expression.with_all_brackets}")
+        print(f"condition  {holds}")
+    print(f"read as    {expression.with_all_brackets}")
     for key in sorted(missing):
-        _print(f'missing    the memory has no {key}: it counts as false, 0 or ""')
+        print(f'missing    the memory has no {key}: it counts as false, 0 or ""')
     if difference is not None:
-        _print(f"differs    {difference}")
+        print(f"differs    {difference}")
     return 0
 
 
@@ -209,9 +209,9 @@ def functions_report(*, as_json: bool) -> int:
         write_json({"functions": rows})
         return 0
     for each in SIGNATURES:
-        _print(", ".join(each.written))
+        print(", ".join(each.written))
         for line in (*wrap(each.meaning.replace("`", ""), 90), f"{each.example} = {each.result}"):
-            _print(f"    {line}")
+            print(f"    {line}")
     return 0
 
 
@@ -233,9 +233,9 @@ def schema_text(folder: str | None, kind: str, robot: str | None) -> str | None:
     if folder is not None:
         scenario = load_or_refuse(folder, robot=robot, mode=None)
         return None if scenario is None else act_schema_text(scenario.robot.actions)
-    profile, diagnostics = _profile(robot or "generic", None)
+    profile, diagnostics = _read_profile(robot or "generic", None)
     for diagnostic in diagnostics:
-        sys.stderr.write(f"{diagnostic}\n")
+        print(f"{diagnostic}", file=sys.stderr)
     return None if diagnostics else act_schema_text(profile.actions)
 
 
@@ -245,7 +245,7 @@ def robots_report(folder: str | None, *, as_json: bool) -> int:
     installed = driver_names()
     rows = []
     for name in robot_names(home):
-        profile, diagnostics = _profile(name, folder)
+        profile, diagnostics = _read_profile(name, folder)
         actions = [_action_row(spec) for spec in profile.actions.values() if spec.supported]
         rows.append(
             {
@@ -261,7 +261,7 @@ def robots_report(folder: str | None, *, as_json: bool) -> int:
     if as_json:
         write_json({"robots": rows})
     else:
-        _print("\n\n".join(_robot_text(row) for row in rows))
+        print("\n\n".join(_robot_text(row) for row in rows))
     return 0
 
 
@@ -270,22 +270,22 @@ def doctor_report(folder: str | None, *, robot: str | None, ros: RosConnection, 
     way, 2 when there is no such robot."""
     profile: RobotProfile | None = None
     if robot is not None or folder is not None:
-        profile, diagnostics = _profile(robot or _robot_of(folder), folder)
+        profile, diagnostics = _read_profile(robot or _named_robot(folder), folder)
         if diagnostics:
             for diagnostic in diagnostics:
-                sys.stderr.write(f"{diagnostic}\n")
+                print(f"{diagnostic}", file=sys.stderr)
             return 2
     try:
-        examine = find_examiner()
+        examine: Examiner = load_ros_plugin(DOCTORS)
     except DriverError as error:
-        sys.stderr.write(f"error: {error}\n")
+        print(f"error: {error}", file=sys.stderr)
         return 1
     text, status = examine(ros, profile, seconds=seconds, as_json=as_json)
     sys.stdout.write(text)
     return status
 
 
-def _robot_of(folder: str | None) -> str:
+def _named_robot(folder: str | None) -> str:
     """The robot that a scenario names, whatever else is wrong with it."""
     scenario = load(folder or ".").scenario
     return scenario.robot.name if scenario is not None else DEFAULT_ROBOT
@@ -297,7 +297,7 @@ def _robots_folder(folder: str | None) -> Path:
     return (path.parent if path.is_file() else path).resolve()
 
 
-def _profile(name: str, folder: str | None) -> tuple[RobotProfile, list[Diagnostic]]:
+def _read_profile(name: str, folder: str | None) -> tuple[RobotProfile, list[Diagnostic]]:
     diagnostics = Diagnostics()
     profile = read_robot(name, FileReader(_robots_folder(folder), diagnostics), SourceLocation("command line"))
     return profile, diagnostics.sorted()
@@ -331,7 +331,7 @@ def _robot_text(row: dict[str, Any]) -> str:
 def studies_report() -> int:
     """Print the shipped studies, one in a line."""
     lines = study_lines()
-    _print("\n".join(lines) if lines else "no study is installed with the program")
+    print("\n".join(lines) if lines else "no study is installed with the program")
     return 0 if lines else 1
 
 
@@ -340,27 +340,19 @@ def new_report(folder: str, study: str) -> int:
     try:
         number = copy_study(study, Path(folder))
     except StudyCopyError as why:
-        sys.stderr.write(f"error: {why}\n")
+        print(f"error: {why}", file=sys.stderr)
         if study not in shipped_studies():
             sys.stderr.write("".join(f"  {line}\n" for line in study_lines()))
         return 1
-    _print(f"{folder}: {number} files of the study {study}, which are yours to change")
-    _print(f"  check it   rise-engine check {quote(folder)}")
-    _print(f"  run it     rise-tui --config {quote(folder)}")
+    print(f"{folder}: {number} files of the study {study}, which are yours to change")
+    print(f"  check it   rise-engine check {quote(folder)}")
+    print(f"  run it     rise-tui --config {quote(folder)}")
     if (Path(folder) / "README.md").exists():
-        _print(f"  read       {Path(folder) / 'README.md'}")
+        print(f"  read       {Path(folder) / 'README.md'}")
     return 0
 
 
 # --- small things ---------------------------------------------------------------------------------------------------
-
-
-def _print(text: str) -> None:
-    sys.stdout.write(text + "\n")
-
-
-def _json_text(value: Any) -> str:
-    return json.dumps(value, ensure_ascii=False)
 
 
 def _one_line(text: str) -> str:

@@ -45,15 +45,15 @@ _SESSION_OPTIONS = (
 
 def begin_options(command: Command) -> Command:
     """What a session begins with: `settings`, `rules`, `acts`."""
-    return _with(command, _BEGIN)
+    return _add_options(command, _BEGIN)
 
 
 def session_options(command: Command) -> Command:
     """How a session runs: `robot`, `mode`, `participant`, `condition`, `ros`, `faults`."""
-    return _with(command, _SESSION_OPTIONS)
+    return _add_options(command, _SESSION_OPTIONS)
 
 
-def _with(command: Command, options: tuple[Callable[[Command], Command], ...]) -> Command:
+def _add_options(command: Command, options: tuple[Callable[[Command], Command], ...]) -> Command:
     for option in reversed(options):
         command = option(command)
     return command

@@ -35,24 +35,18 @@ class Output:
 
     def __call__(self, record: AnyRecord) -> None:
         try:
-            line = self._line(record)
+            line = self._format_record(record)
         except Exception as error:  # this one is lost, those that follow (the robot's stop, the end) may not be
             self._fail(error)
         else:
             if line is not None:
-                self._put(line + b"\n")
+                self._write(line + b"\n")
 
-    def close(self, hurried: Callable[[], bool] = lambda: False) -> None:
-        """Everything is written when this returns, unless there is a `failure`."""
-
-    def _line(self, record: AnyRecord) -> bytes | None:
+    def _format_record(self, record: AnyRecord) -> bytes | None:
         if self._transcript is not None:
             line = self._transcript.line_for(record)
             return None if line is None else clean(line).encode(self._encoding, "backslashreplace")
         return escape_json(encode_record(record))
-
-    def _put(self, line: bytes) -> None:
-        self._write(line)
 
     def _write(self, line: bytes) -> None:
         if self.broken:
@@ -64,7 +58,7 @@ class Output:
             self.broken = True
             discard_rest(sys.stdout)
             self._notify()
-        except Exception as error:  # a full disk, a closed file
+        except (OSError, ValueError) as error:  # a full disk, a closed file
             self.broken = True
             discard_rest(sys.stdout)
             self._fail(error)
@@ -91,7 +85,7 @@ class ThreadedOutput(Output):
         self._thread = threading.Thread(target=self._run, name="rise-output", daemon=True)
         self._thread.start()
 
-    def close(self, hurried: Callable[[], bool] = lambda: False) -> None:
+    def close(self, hurried: Callable[[], bool]) -> None:
         """Wait until all is written, as long as the reader takes (a pager) unless it becomes `hurried`."""
         self._lines.put(None)
         deadline = None
@@ -104,9 +98,9 @@ class ThreadedOutput(Output):
             discard_rest(sys.stdout)
             self._fail(TimeoutError("nobody has read the last of the output"))
 
-    def _put(self, line: bytes) -> None:
+    def _write(self, line: bytes) -> None:
         self._lines.put(line)
 
     def _run(self) -> None:
         while (line := self._lines.get()) is not None:
-            self._write(line)
+            super()._write(line)

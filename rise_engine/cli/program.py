@@ -34,13 +34,13 @@ class _CommandGroup(click.Group):
         return sorted(_COMMANDS)
 
     def get_command(self, ctx: click.Context, name: str) -> click.Command | None:
-        return _command(name) if name in _COMMANDS else None
+        return _load_command(name) if name in _COMMANDS else None
 
     def main(self, args: Sequence[str] | None = None, *rest: Any, **more: Any) -> Any:
         own, ros_args = split_ros_args(sys.argv[1:] if args is None else args)
         with clean_standard_streams():
             if own[:1] == ["serve"]:
-                own, ros_args = add_ros_parameters(own, ros_args, _command("serve"))
+                own, ros_args = add_ros_parameters(own, ros_args, _load_command("serve"))
             return super().main(own, *rest, obj=ros_args, **more)
 
     def invoke(self, ctx: click.Context) -> Any:
@@ -50,7 +50,7 @@ class _CommandGroup(click.Group):
             sys.exit(INTERRUPTED)
 
 
-def _command(name: str) -> click.Command:
+def _load_command(name: str) -> click.Command:
     command: click.Command = import_module(_COMMANDS[name]).COMMANDS[name]
     return command
 

@@ -27,15 +27,13 @@ from rise_engine.kernel.records import AnyRecord, TaskRecord
 from rise_engine.ports.bridge import Bridge
 from rise_engine.protocol.session_options import SessionOptions
 from rise_engine.scenario.model import Scenario
-from rise_engine.server.hub import SessionHub
+from rise_engine.server.hub import END_SECONDS, SessionHub
 
 LIVELOCK = 20_000
 """Inputs, tasks of the script not counted, within which virtual time must get on by LIVELOCK_SECONDS."""
 LIVELOCK_SECONDS = 0.1
 ENDLESS_AFTER = 86_400.0
 """Virtual seconds after the last scripted task: a session that is not idle by then never will be."""
-STOP_SECONDS = 6.0
-"""Real seconds that an interrupted session waits for the robot to confirm that it stopped."""
 
 
 class RunOptions(Struct, frozen=True):
@@ -92,7 +90,8 @@ class _HeadlessSession:
         self.status = exit_status.OK
         self.submitted = 0
         """Tasks of the script that have been submitted."""
-        self._scripted_left = len(options.script)
+        self._due: dict[float, list[TimedTask]] = {}
+        """Tasks that are still to be submitted, by their time."""
         self.streaming = options.stream
         self._unsuccessful = False
         self._output_failure_reported = False
@@ -114,10 +113,9 @@ class _HeadlessSession:
         if self.options.until is not None:
             clock.call_at(self.options.until, lambda: engine.end(f"{self.options.until:g} s are over"))
 
-    def add(self, task: TimedTask) -> None:
+    def add_task(self, task: TimedTask) -> None:
         """A task that came while the session runs; one whose time is over is submitted at once."""
         self._print_warning(task)
-        self._scripted_left += 1
         if task.at <= self.engine.clock.now():
             self._submit(task)
         else:
@@ -128,14 +126,9 @@ class _HeadlessSession:
         if warning is not None:
             print_message(warning)
 
-    def report_bad_line(self, refused: TaskFileError) -> None:
-        """A streamed line that cannot be used; the session goes on without it."""
-        print_message(str(refused))
-        self.status = exit_status.USAGE
-
     def end_if_idle(self) -> None:
         """With `--until idle`: end when nothing happens by itself any more and no task is left to submit."""
-        if self.options.until is None and not self._scripted_left and not self.streaming and self.engine.idle:
+        if self.options.until is None and not self._due and not self.streaming and self.engine.idle:
             self.engine.end("nothing is left to do")
 
     def interrupt(self) -> None:
@@ -176,10 +169,17 @@ class _HeadlessSession:
         return self.status
 
     def _schedule(self, task: TimedTask) -> None:
-        self.engine.clock.call_at(task.at, lambda: self._submit(task))
+        # Those of one moment have one timer, in the order of their lines: an asyncio loop does not keep that of timers.
+        tasks = self._due.setdefault(task.at, [])
+        if not tasks:
+            self.engine.clock.call_at(task.at, lambda: self._submit_due(task.at))
+        tasks.append(task)
+
+    def _submit_due(self, at: float) -> None:
+        for task in self._due.pop(at):
+            self._submit(task)
 
     def _submit(self, task: TimedTask) -> None:
-        self._scripted_left -= 1
         self.submitted += 1
         if not self.engine.ended:
             self.engine.post(task.task)
@@ -204,7 +204,7 @@ def _run_virtual(options: RunOptions) -> int:
         interrupts.append(number)
 
     horizon = ENDLESS_AFTER + max((task.at for task in options.script), default=0.0)
-    with _SignalHandlers(on_signal), _tolerate_engine_failure(engine):
+    with _signals_to(on_signal), _tolerate_engine_failure(engine):
         session.start()
         moment, inputs = clock.now(), engine.inputs
         while not engine.ended:
@@ -230,7 +230,6 @@ def _run_virtual(options: RunOptions) -> int:
             if interrupts and session.status != exit_status.INTERRUPTED:
                 session.interrupt()
         engine.end_now("nothing is left to do")
-    session.output.close()
     return session.status_at_end()
 
 
@@ -244,20 +243,15 @@ def _tolerate_engine_failure(engine: Engine) -> Iterator[None]:
             raise
 
 
-class _SignalHandlers:
-    """SIGINT and SIGTERM go to `handler` inside the block. Does nothing outside the main thread."""
-
-    def __init__(self, handler: Callable[[int, FrameType | None], None]) -> None:
-        self._handler = handler
-        self._before: list[tuple[int, object]] = []
-
-    def __enter__(self) -> None:
-        if threading.current_thread() is threading.main_thread():
-            self._before = [(each, signal.signal(each, self._handler)) for each in (signal.SIGINT, signal.SIGTERM)]
-
-    def __exit__(self, *exception: object) -> None:
-        for each, handler in self._before:
-            signal.signal(each, handler)  # type: ignore[arg-type]
+@contextmanager
+def _signals_to(handler: Callable[[int, FrameType | None], None]) -> Iterator[None]:
+    """SIGINT and SIGTERM go to `handler` inside the block."""
+    before = [(each, signal.signal(each, handler)) for each in (signal.SIGINT, signal.SIGTERM)]
+    try:
+        yield
+    finally:
+        for each, handler_before in before:
+            signal.signal(each, handler_before)
 
 
 # --- real time ------------------------------------------------------------------------------------------------------
@@ -292,7 +286,7 @@ async def _run_connected(options: RunOptions, bridge: Bridge[SessionHub] | None)
 
     def stop_session() -> None:
         session.interrupt()
-        loop.call_later(STOP_SECONDS, engine.end_now, "interrupted")
+        loop.call_later(END_SECONDS, engine.end_now, "interrupted")
 
     def on_signal(number: int, frame: FrameType | None) -> None:
         if interrupts:
@@ -300,7 +294,7 @@ async def _run_connected(options: RunOptions, bridge: Bridge[SessionHub] | None)
         interrupts.append(number)
         loop.call_soon_threadsafe(stop_session)
 
-    with _SignalHandlers(on_signal):
+    with _signals_to(on_signal):
         try:
             with _tolerate_engine_failure(engine):
                 session.start()
@@ -319,12 +313,13 @@ def _submit_from_standard_input(loop: asyncio.AbstractEventLoop, session: _Headl
 
     def submit_line(text: bytes) -> None:
         try:
-            task = reader.read(text)
-        except TaskFileError as refused:
-            session.report_bad_line(refused)
+            task = reader.read_line(text)
+        except TaskFileError as error:  # the session goes on without this line
+            print_message(str(error))
+            session.status = exit_status.USAGE
         else:
             if task is not None:
-                session.add(task)
+                session.add_task(task)
 
     def end_stream() -> None:
         session.streaming = False
@@ -353,5 +348,4 @@ def _submit_from_standard_input(loop: asyncio.AbstractEventLoop, session: _Headl
 
 def print_message(message: str) -> None:
     """A line for the person who runs this, beside the records."""
-    sys.stderr.write(message + "\n")
-    sys.stderr.flush()
+    print(message, file=sys.stderr, flush=True)

@@ -86,9 +86,9 @@ def run(
     end = None
     if until != "idle":
         end = parse_number("--until", until, "a number of seconds, 0 or more, up to 2592000 (30 days), or idle", LATEST)
-    options = _options(resolve_scenario(folder), speed=pace, **session)
+    options = _make_options(resolve_scenario(folder), pace, **session)
     try:
-        scenario = _load(options)
+        scenario = _load_or_exit(options)
         options = replace(options, first_tasks=tasks_at_start(scenario, settings, rules, acts))
         if problem := condition_problem(scenario, options.condition):
             raise UnusableArgument(f"error: --condition: {problem}")
@@ -160,14 +160,14 @@ def serve(
     if here and not recover and which is None:
         exit_with_usage("--here goes with --recover or --session")
     options = replace(
-        _options(folder, speed=pace, **session),
+        _make_options(folder, pace, **session),
         paths=parse_paths(paths),
         socket_name=name,
         unfinished=which or ("recover" if recover else "new" if new else "ask"),
         from_other_computer=here,
     )
     if settings or rules or acts:
-        scenario = _load(options)
+        scenario = _load_or_exit(options)
         try:
             options = replace(options, first_tasks=tasks_at_start(scenario, settings, rules, acts))
         except UnusableArgument as error:
@@ -176,32 +176,13 @@ def serve(
     sys.exit(serve_session(options, lambda message: print_startup(message, folder)))
 
 
-def _options(
-    folder: str,
-    *,
-    robot: str | None,
-    mode: str | None,
-    seed: int | None,
-    speed: float,
-    faults: tuple[str, ...],
-    participant: str,
-    condition: str,
-    ros: RosTransport,
-) -> SessionOptions:
-    return SessionOptions(
-        folder,
-        robot,
-        mode,
-        seed,
-        speed,
-        faults,
-        ros=RosConnection(ros, click.get_current_context().obj),
-        participant=participant,
-        condition=condition,
-    )
+def _make_options(folder: str, speed: float, *, ros: RosTransport, **session: Any) -> SessionOptions:
+    """`session`: the options of `session_options` and `--seed`, which have the names of the fields."""
+    connection = RosConnection(ros, click.get_current_context().obj)
+    return SessionOptions(folder, speed=speed, ros=connection, **session)
 
 
-def _load(options: SessionOptions) -> Scenario:
+def _load_or_exit(options: SessionOptions) -> Scenario:
     """The scenario; ends the program when it has errors."""
     scenario = load_or_refuse(options.folder, robot=options.robot, mode=options.mode)
     if scenario is None:

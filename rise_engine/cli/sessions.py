@@ -40,14 +40,14 @@ def print_sessions(*, as_json: bool) -> int:
         return OK
     others = sessions_on_other_computers()
     if not found and not others:
-        sys.stderr.write("no session is running; begin one with:  rise-tui --config DIR\n")
-    for name, about in found.items():
-        for line in _session_lines(name, about):
-            sys.stdout.write(clean(line) + "\n")
+        print("no session is running; begin one with:  rise-tui --config DIR", file=sys.stderr)
+    for name, summary in found.items():
+        for line in _session_lines(name, summary):
+            print(clean(line))
     for line in others:
-        sys.stderr.write(clean(line) + "\n")
+        print(clean(line), file=sys.stderr)
     for line in unfinished_lines(unfinished_sessions(found)):
-        sys.stderr.write(clean(line) + "\n")
+        print(clean(line), file=sys.stderr)
     return OK
 
 
@@ -66,10 +66,10 @@ def stop_session(which: str | None) -> int:
     deadline = time.monotonic() + END_SECONDS
     while is_locked(lock):
         if time.monotonic() > deadline:
-            sys.stderr.write(f"error: {name} (process {pid}) has not ended within {END_SECONDS:g} s\n")
+            print(f"error: {name} (process {pid}) has not ended within {END_SECONDS:g} s", file=sys.stderr)
             return FAILED
         time.sleep(0.02)
-    sys.stderr.write(f"{name} has ended\n")
+    print(f"{name} has ended", file=sys.stderr)
     return OK
 
 
@@ -90,23 +90,24 @@ def _find_session(which: str | None) -> str:
     raise RegistryError(f"say which: {', '.join(names)}" if names else "no session is running")
 
 
-def _session_lines(name: str, about: SessionSummary | None) -> list[str]:
-    if about is None:
+def _session_lines(name: str, summary: SessionSummary | None) -> list[str]:
+    if summary is None:
         return [f"{name}  does not answer"]
-    minutes, seconds = divmod(int(about.t), 60)
-    doing = "STOPPED" if about.stopped else "busy" if about.busy else "idle"
-    who = f"{about.control} has control" if about.control is not None else "nobody has control"
-    others = [client for client in about.clients if client != about.control]
+    minutes, seconds = divmod(int(summary.t), 60)
+    time_text = f"{minutes // 60}:{minutes % 60:02}:{seconds:02}"
+    doing = "STOPPED" if summary.stopped else "busy" if summary.busy else "idle"
+    who = f"{summary.control} has control" if summary.control is not None else "nobody has control"
+    others = [client for client in summary.clients if client != summary.control]
     lines = [
-        f"{name}  {about.title}  {about.mode.upper()}  {about.robot}  {minutes // 60}:{minutes % 60:02}:{seconds:02}  "
-        f"{doing}  {who}" + (f", also {', '.join(others)}" if others else ""),
-        f"    record  {about.folder}",
+        f"{name}  {summary.title}  {summary.mode.upper()}  {summary.robot}  {time_text}  {doing}  {who}"
+        + (f", also {', '.join(others)}" if others else ""),
+        f"    record  {summary.folder}",
     ]
-    if about.trouble:
-        lines.append(f"    NOT RECORDING, paused: {about.trouble}")
+    if summary.trouble:
+        lines.append(f"    NOT RECORDING, paused: {summary.trouble}")
     return lines
 
 
 def _print_error(sentence: str) -> int:
-    sys.stderr.write(f"error: {sentence}\n")
+    print(f"error: {sentence}", file=sys.stderr)
     return NO_SUCH_SESSION

@@ -35,25 +35,8 @@ class TimedTask(Struct, frozen=True):
     line: int
 
 
-class TaskFileProblem(Struct, frozen=True):
-    """Why a line cannot be used."""
-
-    file: str
-    line: int
-    message: str
-    column: int | None = None
-
-    def __str__(self) -> str:
-        where = f"{self.file}:{self.line}" if self.column is None else f"{self.file}:{self.line}:{self.column}"
-        return f"{where}: error: {self.message}"
-
-
 class TaskFileError(RiseError):
-    """A task file with mistakes: all of them."""
-
-    def __init__(self, problems: Sequence[TaskFileProblem]) -> None:
-        super().__init__("\n".join(str(problem) for problem in problems))
-        self.problems = tuple(problems)
+    """A task file with mistakes: all of them, a line for each."""
 
 
 class TaskFileReader:
@@ -64,14 +47,14 @@ class TaskFileReader:
         self._line = 0
         self._at = 0.0
 
-    def read(self, text: bytes | str) -> TimedTask | None:
+    def read_line(self, text: bytes | str) -> TimedTask | None:
         """The task of the next line, or None for a line without one. Raises TaskFileError with all its mistakes."""
         self._line += 1
         if isinstance(text, bytes):
             try:
                 text = text.decode("utf-8-sig" if self._line == 1 else "utf-8")
             except UnicodeDecodeError as error:
-                raise self._error(["this is not UTF-8 text"], error.start + 1) from None
+                raise self._make_error(["this is not UTF-8 text"], error.start + 1) from None
         before = len(text) - len(text.lstrip())
         text = text.strip()
         if not text or text.startswith("#"):
@@ -80,12 +63,12 @@ class TaskFileReader:
         try:
             value = to_plain(read_json(text, lambda key, at, first: problems.append(f"`{key}` is there twice")))
         except JsonError as error:
-            raise self._error([f"this is not JSON: {error}"], before + error.offset + 1) from None
+            raise self._make_error([f"this is not JSON: {error}"], before + error.offset + 1) from None
         if not isinstance(value, dict):
-            raise self._error([f'a line is a JSON object such as {{"function_type": "{FUNCTIONS[0]}", ...}}'])
-        problems += _problems_of(value)
+            raise self._make_error([f'a line is a JSON object such as {{"function_type": "{FUNCTIONS[0]}", ...}}'])
+        problems += _find_problems(value)
         if problems:
-            raise self._error(problems)
+            raise self._make_error(problems)
         self._at = float(value.get("at", self._at))
         task = Submit(
             function=value["function_type"],
@@ -95,25 +78,26 @@ class TaskFileReader:
         )
         return TimedTask(self._at, task, self.file, self._line)
 
-    def _error(self, messages: list[str], column: int | None = None) -> TaskFileError:
-        return TaskFileError([TaskFileProblem(self.file, self._line, message, column) for message in messages])
+    def _make_error(self, messages: list[str], column: int | None = None) -> TaskFileError:
+        where = f"{self.file}:{self._line}" if column is None else f"{self.file}:{self._line}:{column}"
+        return TaskFileError("\n".join(f"{where}: error: {message}" for message in messages))
 
 
 def read_task_file(text: bytes, file: str) -> list[TimedTask]:
     """The tasks of a whole file, by `at`; those of one moment in file order. Raises TaskFileError with all mistakes."""
     reader = TaskFileReader(file)
     tasks: list[TimedTask] = []
-    problems: list[TaskFileProblem] = []
+    problems: list[str] = []
     for line in text.split(b"\n"):
         try:
-            task = reader.read(line)
+            task = reader.read_line(line)
         except TaskFileError as error:
-            problems.extend(error.problems)
+            problems.append(str(error))
         else:
             if task is not None:
                 tasks.append(task)
     if problems:
-        raise TaskFileError(problems)
+        raise TaskFileError("\n".join(problems))
     return sorted(tasks, key=lambda task: task.at)
 
 
@@ -136,7 +120,7 @@ def unknown_name_sentence(what: str, name: str, known: Sequence[str]) -> str:
     return f"there is no {what} `{name}`{did_you_mean(name, known)}"
 
 
-def _problems_of(value: dict[str, Any]) -> list[str]:
+def _find_problems(value: dict[str, Any]) -> list[str]:
     problems = [f"unknown entry `{key}`{did_you_mean(key, KEYS)}" for key in value if key not in KEYS]
     function = value.get("function_type")
     if "function_type" not in value:

@@ -38,13 +38,8 @@ class CleanStream:
         self._may_fail = may_fail
 
     def write(self, text: str) -> int:
-        cleaned = clean(text, keep="\n\t")
-        try:
-            self._stream.write(cleaned)
-        except BrokenPipeError:
-            raise
-        except OSError as error:
-            self._failed(error)
+        with self._report_failure():
+            self._stream.write(clean(text, keep="\n\t"))
         return len(text)
 
     def writelines(self, lines: Iterable[str]) -> None:
@@ -52,18 +47,18 @@ class CleanStream:
             self.write(line)
 
     def flush(self) -> None:
-        try:
+        with self._report_failure():
             self._stream.flush()
-        except BrokenPipeError:
-            raise
-        except OSError as error:
-            self._failed(error)
 
-    def _failed(self, error: OSError) -> None:
-        if self._may_fail:
+    @contextmanager
+    def _report_failure(self) -> Iterator[None]:
+        try:
+            with _output_errors():
+                yield
+        except OutputError:
+            if not self._may_fail:
+                raise
             discard_rest(self._stream)
-        else:
-            raise _output_error(error) from error
 
     def __getattr__(self, name: str) -> Any:
         return getattr(self._stream, name)
@@ -114,18 +109,21 @@ def _xml_escape(found: re.Match[str]) -> str:
 
 
 def _write(data: bytes) -> None:
-    try:
+    with _output_errors():
         sys.stdout.flush()
         sys.stdout.buffer.write(data + b"\n")
         sys.stdout.buffer.flush()
+
+
+@contextmanager
+def _output_errors() -> Iterator[None]:
+    """An OSError within it becomes an OutputError; but for a closed pipe, which ends the program in its own way."""
+    try:
+        yield
     except BrokenPipeError:
         raise
     except OSError as error:
-        raise _output_error(error) from error
-
-
-def _output_error(error: OSError) -> OutputError:
-    return OutputError(error_message(error))
+        raise OutputError(error_message(error)) from error
 
 
 def _guard_streams() -> None:

@@ -77,11 +77,11 @@ class Transcript:
     def _describe(self, record: AnyRecord) -> tuple[str, str, str] | None:
         match record:
             case SessionRecord():
-                return self._session(record)
+                return self._describe_session(record)
             case TaskRecord():
-                return self._task(record)
+                return self._describe_task(record)
             case ActionRecord():
-                return self._action(record)
+                return self._describe_action(record)
             case RuleRecord():
                 return "rule", record.name, _rule_text(record)
             case EventRecord():
@@ -106,14 +106,14 @@ class Transcript:
             case NoteRecord():
                 return "note", record.text, "" if record.source == "engine" else f"by {record.source}"
 
-    def _session(self, record: SessionRecord) -> tuple[str, str, str]:
+    def _describe_session(self, record: SessionRecord) -> tuple[str, str, str]:
         if record.status == "ended":
             return "session", "ended", record.reason
         who = "".join(f", {word}" for word in (record.participant, record.condition) if word)
         how = f"{record.status}, {record.mode}, robot {record.robot}, seed {record.seed}{who}"
         return "session", record.scenario, how
 
-    def _task(self, record: TaskRecord) -> tuple[str, str, str] | None:
+    def _describe_task(self, record: TaskRecord) -> tuple[str, str, str] | None:
         who = _FUNCTION_LABELS.get(record.function, record.function)
         by = f" by {record.source}" if record.source else ""
         if record.status == "REJECTED":
@@ -142,7 +142,7 @@ class Transcript:
         done = {"SUCCEEDED": "succeeded" if began is not None else f"done{by}"}.get(record.status, record.status)
         return who, record.behavior, f"{done}{took}{reason}"
 
-    def _action(self, record: ActionRecord) -> tuple[str, str, str] | None:
+    def _describe_action(self, record: ActionRecord) -> tuple[str, str, str] | None:
         key = (record.task, record.action)
         name = record.type if record.sent_as is None else f"{record.type} as {record.sent_as}"
         what = parameters_text(record.parameters)

@@ -78,7 +78,7 @@ class ReplayClient:
     async def send(self, message: ClientInput) -> Reply:
         return _NOT_IN_REPLAY
 
-    async def control(self, verb: ControlVerb) -> Reply:
+    async def change_control(self, verb: ControlVerb) -> Reply:
         return _NOT_IN_REPLAY
 
     def now(self) -> float:

@@ -52,8 +52,8 @@ class Session:
                 await session.set("person_near", True)
                 assert session.view.memory["person_near"].value is True
                 task = await session.start("R_Smile")
-                ended = await session.finished(task, seconds=30)
-                await session.note(f"the smile ended as {ended.status}")
+                ended = await session.wait_for_task(task, seconds=30)
+                await session.add_note(f"the smile ended as {ended.status}")
                 try:
                     await session.start("R_Smiel")
                 except Rejected as error:
@@ -99,7 +99,7 @@ class Session:
     # --- what there is to see -----------------------------------------------------------------------------------
 
     @property
-    def hello(self) -> AttachReply:
+    def attach_reply(self) -> AttachReply:
         """What the session said at the beginning: its mode, robot, seed, folder, and how it calls this program.
 
         :raises RuntimeError: outside of `async with`.
@@ -111,12 +111,12 @@ class Session:
     @property
     def scenario(self) -> Scenario:
         """What the session runs: its acts, rules, start memory and robot."""
-        return self.hello.scenario
+        return self.attach_reply.scenario
 
     @property
     def view(self) -> SessionView:
         """The present state; it changes while the program waits for anything. For looking only."""
-        return self.hello.view
+        return self.attach_reply.view
 
     def now(self) -> float:
         """The session's time: seconds since it began, as well as this computer's clock knows it."""
@@ -144,18 +144,18 @@ class Session:
         finally:
             self._record_queues.remove(queue)
 
-    async def until(self, true: Callable[[SessionView], T], seconds: float | None = None) -> T:
-        """Wait until `true(view)` is true.
+    async def wait_until(self, condition: Callable[[SessionView], T | None], seconds: float | None = None) -> T:
+        """Wait until `condition(view)` is true.
 
-        :param true: looks at the state; called again whenever that has changed.
+        :param condition: looks at the state; called again whenever that has changed.
         :param seconds: how long to wait at most; None: as long as the session lasts.
-        :return: what `true` gave.
+        :return: what `condition` gave.
         :raises TimeoutError: after so many seconds.
         :raises EngineGone: when the session ends before, or this connection (`LinkLost`).
         """
         async with asyncio.timeout(seconds):
             while True:
-                found = true(self.view)
+                found = condition(self.view)
                 if found:
                     return found
                 if self._ended_by is not None:
@@ -163,7 +163,7 @@ class Session:
                 self._changed.clear()
                 await self._changed.wait()
 
-    async def finished(self, task: int, seconds: float | None = None) -> TaskView:
+    async def wait_for_task(self, task: int, seconds: float | None = None) -> TaskView:
         """Wait until a task has come to its end.
 
         :param task: its id, as `start` and `submit` give it.
@@ -173,13 +173,11 @@ class Session:
         :raises EngineGone: when the session ends before, or this connection (`LinkLost`).
         """
 
-        def ended(view: SessionView) -> TaskView | None:
+        def find_ended(view: SessionView) -> TaskView | None:
             found = view.tasks.get(task)
             return found if found is not None and found.status in FINAL else None
 
-        found = await self.until(ended, seconds)
-        assert found is not None
-        return found
+        return await self.wait_until(find_ended, seconds)
 
     # --- what there is to do ------------------------------------------------------------------------------------
 
@@ -188,7 +186,7 @@ class Session:
 
         :param act: its name.
         :param calling_type: `Blocking`, `None` or `Interrupt` instead of the act's own.
-        :return: the task's id, for `finished`.
+        :return: the task's id, for `wait_for_task`.
         :raises Rejected: there is no such act, or everything is stopped.
         """
         return await self.submit("startCommunicationRobotAct", act, calling_type)
@@ -269,13 +267,13 @@ class Session:
         :param function: what to do, by its name in the record: `raiseEventTopic`, `assignValue`, ...
         :param behavior: to what: an act, a rule, a topic, an assignment.
         :param calling_type: `Blocking`, `None` or `Interrupt` instead of the act's own.
-        :return: the task's id, for `finished`.
+        :return: the task's id, for `wait_for_task`.
         :raises Rejected: with the engine's sentence.
         """
         task = await self._send(Submit(function=function, behavior=behavior, calling_type=calling_type))
         return task or 0
 
-    async def note(self, text: str) -> None:
+    async def add_note(self, text: str) -> None:
         """Add a remark to the record.
 
         :param text: what to remark, in one or more lines.
@@ -283,13 +281,13 @@ class Session:
         """
         await self._send(Note(text=text))
 
-    async def control(self, verb: ControlVerb) -> None:
+    async def change_control(self, verb: ControlVerb) -> None:
         """Do something about who holds control, as a wizard.
 
         :param verb: `take` it (whoever has it), `ask` the holder for it, `give` it to who asked, or `release` it.
         :raises Rejected: with the engine's sentence; always for a `node` or an `observer`.
         """
-        reply = await self._client.control(verb)
+        reply = await self._client.change_control(verb)
         if not reply.accepted:
             raise Rejected(reply.reason)
 
@@ -314,7 +312,7 @@ class Session:
             raise Rejected(reply.reason)
         task = reply.task
         if task is not None:  # its records have come before the answer; here they are taken in
-            await self.until(lambda view: task in view.tasks)
+            await self.wait_until(lambda view: task in view.tasks)
         return task
 
     async def _follow(self, updates: AsyncIterator[Sequence[UpdateOrResync]]) -> None:

@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import Any
 
 from rise_engine.kernel.inputs import Note, Submit
-from rise_engine.kernel.view import TaskView
+from rise_engine.kernel.view import SessionView, TaskView
 from rise_engine.protocol import registry
 from rise_engine.protocol.client import (
     AttachReply,
@@ -101,36 +101,48 @@ class SocketClient:
                 VERSION, self._name, self._role, scenario=self._scenario is None, resync=self._resync
             )
             connection.write(attach)
-            hello = await self._receive_state(connection)
+            hello, view = await connection.state
+            scenario = await self._find_scenario(hello, connection.scenario)
         except BaseException:
             await connection.close()
             raise
         self._connection = connection
-        return hello
+        self._clock_at_attach = hello.t, hello.speed, connection.hello_at
+        return AttachReply(
+            scenario,
+            hello.mode,
+            hello.robot,
+            hello.seed,
+            view,
+            you=hello.you,
+            role=hello.role,
+            folder=hello.folder,
+            replay=hello.replay,
+            journaling=hello.journaling,
+        )
 
     def records(self) -> AsyncIterator[Sequence[UpdateOrResync]]:
         """As the protocol says."""
         if self._connection is None:
             raise RuntimeError("attach first")
-        return self._connection.batches()
+        return self._connection.read_batches()
 
     async def send(self, message: ClientInput) -> Reply:
         if not isinstance(message, Submit | Note):
             raise TypeError(f"a client may send Submit and Note, not {type(message).__name__}")
-        connection = self._attached()
+        connection = self._require_connection()
         return await connection.request(SendMessage(connection.next_id(), message))
 
-    async def control(self, verb: ControlVerb) -> Reply:
-        connection = self._attached()
+    async def change_control(self, verb: ControlVerb) -> Reply:
+        connection = self._require_connection()
         return await connection.request(ControlMessage(connection.next_id(), verb))
 
     def now(self) -> float:
         if self._clock_at_attach is None:
             return 0.0
         t, speed, at = self._clock_at_attach
-        connection = self._connection
-        end = time.monotonic() if connection is None or connection.ended_at is None else connection.ended_at
-        return t + (end - at) * speed
+        ended_at = self._connection.ended_at if self._connection is not None else None
+        return t + ((time.monotonic() if ended_at is None else ended_at) - at) * speed
 
     async def close(self, *, end_session: bool = False, reason: str = "") -> None:
         """As the protocol says; with `end_session`, returns when the session has ended."""
@@ -153,7 +165,7 @@ class SocketClient:
         except registry.RegistryError as error:
             raise EngineGone(str(error)) from None
 
-    def _attached(self) -> _ServerConnection:
+    def _require_connection(self) -> _ServerConnection:
         if self._connection is None:
             raise LinkLost("this client is not attached to a session")
         return self._connection
@@ -163,25 +175,7 @@ class SocketClient:
         if connection is not None:
             await connection.close()
 
-    async def _receive_state(self, connection: _ServerConnection) -> AttachReply:
-        """The connection goes on being read meanwhile: what comes after the state waits in it."""
-        hello = await connection.hello
-        self._clock_at_attach = hello.t, hello.speed, time.monotonic()
-        tasks = await connection.tasks
-        return AttachReply(
-            await self._scenario_of(hello, connection.scenario),
-            hello.mode,
-            hello.robot,
-            hello.seed,
-            with_tasks(hello.state, tasks),
-            you=hello.you,
-            role=hello.role,
-            folder=hello.folder,
-            replay=hello.replay,
-            journaling=hello.journaling,
-        )
-
-    async def _scenario_of(self, hello: HelloMessage, encoded: bytes) -> Scenario:
+    async def _find_scenario(self, hello: HelloMessage, encoded: bytes) -> Scenario:
         """What the session runs: as the engine sent it, or else read from the copy in the session's folder."""
         if encoded:
             with suppress(ValueError):  # an engine of another release may describe it otherwise
@@ -210,8 +204,6 @@ class _ServerConnection:
     def __init__(self, path: Path, reader: asyncio.StreamReader, writer: asyncio.StreamWriter, *, resync: bool) -> None:
         self._path = path
         self._resync = resync
-        self._resync_hello: HelloMessage | None = None
-        """A state that is on its way, after records that were left out."""
         self._batch_taken = asyncio.Event()
         self._reader = reader
         self._writer = writer
@@ -220,12 +212,15 @@ class _ServerConnection:
         self._numbers = count(1)
         self._unanswered: dict[int, asyncio.Future[Reply]] = {}
         loop = asyncio.get_running_loop()
-        self.hello: asyncio.Future[HelloMessage] = loop.create_future()
-        self.tasks: asyncio.Future[list[TaskView]] = loop.create_future()
-        """Those of the state, once it is complete."""
+        self.state: asyncio.Future[tuple[HelloMessage, SessionView]] = loop.create_future()
+        """The first one, once it is complete."""
+        self.hello_at = 0.0
+        """When its `hello` came, on our own clock."""
         self.scenario = b""
         """What the session runs, if the engine sent it."""
-        self._partial_tasks: list[TaskView] = []
+        self._hello: HelloMessage | None = None
+        """Of the state that is on its way, and the tasks of it that have come."""
+        self._tasks: list[TaskView] = []
         self._updates: deque[UpdateOrResync] = deque()
         self._arrived = asyncio.Event()
         self._error: EngineGone | None = None
@@ -268,7 +263,7 @@ class _ServerConnection:
         finally:
             self._unanswered.pop(message.id, None)
 
-    async def read_message(self) -> ServerMessage:
+    async def _read_message(self) -> ServerMessage:
         """The next message. Raises EngineGone when there is none."""
         while not self._lines:
             try:
@@ -291,56 +286,62 @@ class _ServerConnection:
                 if time.monotonic() - began > SLICE_SECONDS:  # much came at once: others on the loop have their turn
                     await asyncio.sleep(0)
                     began = time.monotonic()
-                match await self.read_message():
-                    case RecordsMessage(records=records):
-                        self._updates.extend(records)
-                        if len(self._updates) > MAX_WAITING_RECORDS:
-                            raise LinkLost("this client fell too far behind the engine; attach again")
-                        self._arrived.set()
-                        while self._resync and len(self._updates) > MAX_WAITING_WITH_RESYNC:
-                            self._batch_taken.clear()
-                            await self._batch_taken.wait()
-                    case ReplyMessage(id=id) as answer:
-                        future = self._unanswered.get(id)
-                        if future is not None and not future.done():
-                            future.set_result(answer.reply)
-                    case JournalStatusMessage(journaling=journaling):
-                        self._updates.append(journaling)
-                        self._arrived.set()
-                    case HeartbeatMessage(pulse=pulse):
-                        self._updates.append(pulse)
-                        self._arrived.set()
-                    case HelloMessage() as hello if self.hello.done():
-                        self._resync_hello = hello
-                    case HelloMessage() as hello:
-                        self.hello.set_result(hello)
-                    case ScenarioMessage(scenario=scenario):
-                        self.scenario = bytes(scenario)
-                    case TasksMessage(tasks=tasks):
-                        self._partial_tasks += tasks
-                    case ReadyMessage() if self._resync_hello is not None:
-                        self._updates.append(
-                            Resync(with_tasks(self._resync_hello.state, self._partial_tasks), self._resync_hello.tasks)
-                        )
-                        self._updates.append(self._resync_hello.journaling)
-                        self._resync_hello, self._partial_tasks = None, []
-                        self._arrived.set()
-                    case ReadyMessage():
-                        self.tasks.set_result(self._partial_tasks)
-                        self._partial_tasks = []
-                    case EndedMessage(reason=reason, failed=failed):
-                        if failed:
-                            raise EngineGone(reason)
-                        self._reason = EngineGone("the session has ended")
-                        return
-                    case RefusedMessage(reason=reason):
-                        raise LinkLost(reason) if self.tasks.done() else EngineGone(reason)
-                    case _:
-                        pass
+                message = await self._read_message()
+                if isinstance(message, EndedMessage) and not message.failed:
+                    self._reason = EngineGone("the session has ended")
+                    return
+                self._take_message(message)
+                while self._resync and len(self._updates) > MAX_WAITING_WITH_RESYNC:
+                    self._batch_taken.clear()
+                    await self._batch_taken.wait()
         except EngineGone as error:
             self._error = self._reason = error
         finally:
             self._finish()
+
+    def _take_message(self, message: ServerMessage) -> None:
+        """Raises EngineGone when it is the last one."""
+        match message:
+            case RecordsMessage(records=records):
+                self._add_updates(*records)
+                if len(self._updates) > MAX_WAITING_RECORDS:
+                    raise LinkLost("this client fell too far behind the engine; attach again")
+            case JournalStatusMessage(journaling=journaling):
+                self._add_updates(journaling)
+            case HeartbeatMessage(pulse=pulse):
+                self._add_updates(pulse)
+            case ReplyMessage(id=id, accepted=accepted, reason=reason, task=task):
+                future = self._unanswered.get(id)
+                if future is not None and not future.done():
+                    future.set_result(Reply(accepted, reason, task))
+            case HelloMessage() as hello:
+                self._hello, self._tasks = hello, []
+                if not self.state.done():
+                    self.hello_at = time.monotonic()
+            case ScenarioMessage(scenario=scenario):
+                self.scenario = bytes(scenario)
+            case TasksMessage(tasks=tasks):
+                self._tasks += tasks
+            case ReadyMessage() if self._hello is not None:
+                self._take_state(self._hello, with_tasks(self._hello.state, self._tasks))
+                self._hello, self._tasks = None, []
+            case EndedMessage(reason=reason):
+                raise EngineGone(reason)
+            case RefusedMessage(reason=reason):
+                raise LinkLost(reason) if self.state.done() else EngineGone(reason)
+            case _:
+                pass
+
+    def _add_updates(self, *updates: UpdateOrResync) -> None:
+        self._updates.extend(updates)
+        self._arrived.set()
+
+    def _take_state(self, hello: HelloMessage, view: SessionView) -> None:
+        """A state is complete: the one to begin with, or one after records that were left out."""
+        if self.state.done():
+            self._add_updates(Resync(view, hello.tasks), hello.journaling)
+        else:
+            self.state.set_result((hello, view))
 
     def _finish(self) -> None:
         if self.ended.is_set():
@@ -349,7 +350,7 @@ class _ServerConnection:
         self.ended.set()
         self._arrived.set()
         self._writer.close()
-        waiting: list[asyncio.Future[Any]] = [*self._unanswered.values(), self.hello, self.tasks]
+        waiting: list[asyncio.Future[Any]] = [*self._unanswered.values(), self.state]
         for future in waiting:
             if not future.done():
                 future.set_exception(self._reason)
@@ -367,7 +368,7 @@ class _ServerConnection:
             return LinkLost("the engine has cut this connection, but it goes on; attach again")
         return EngineGone("its process is not there any more")
 
-    async def batches(self) -> AsyncIterator[Sequence[UpdateOrResync]]:
+    async def read_batches(self) -> AsyncIterator[Sequence[UpdateOrResync]]:
         while True:
             await self._arrived.wait()
             self._arrived.clear()

@@ -5,22 +5,19 @@ Both measure seconds since the session began and never go back. `wall_label` giv
 
 from __future__ import annotations
 
+from asyncio import AbstractEventLoop
 from collections.abc import Callable
 from datetime import UTC, datetime, timedelta
-from heapq import heapify, heappop, heappush
+from heapq import heappop, heappush
+from itertools import count
 from time import time_ns
-from typing import TYPE_CHECKING, Protocol
+from typing import Protocol
 
 from rise_engine.ports.robot import Clock, Timer
-
-if TYPE_CHECKING:
-    from asyncio import AbstractEventLoop
 
 _EPOCH = datetime(1970, 1, 1, tzinfo=UTC)
 _LAST_SECOND = 253_402_300_799.0
 """The last second that a calendar has (the end of the year 9999), counted from 1970."""
-_MAX_CANCELLED = 64
-"""Cancelled timers that may lie in a virtual clock's heap before it is cleaned."""
 
 
 class SessionClock(Clock, Protocol):
@@ -32,16 +29,13 @@ class SessionClock(Clock, Protocol):
 
 
 class _VirtualTimer:
-    __slots__ = ("_clock", "callback")
+    __slots__ = ("callback",)
 
-    def __init__(self, clock: VirtualClock, callback: Callable[[], None]) -> None:
-        self._clock = clock
+    def __init__(self, callback: Callable[[], None]) -> None:
         self.callback: Callable[[], None] | None = callback
 
     def cancel(self) -> None:
-        if self.callback is not None:
-            self.callback = None
-            self._clock._on_cancel()
+        self.callback = None
 
 
 class VirtualClock:
@@ -54,8 +48,8 @@ class VirtualClock:
     def __init__(self) -> None:
         self._now = 0.0
         self._heap: list[tuple[float, int, _VirtualTimer]] = []
-        self._timer_count = 0
-        self._cancelled_count = 0
+        """When, a number, and the timer; a cancelled one lies here until its time has come."""
+        self._numbers = count()
 
     def now(self) -> float:
         return self._now
@@ -65,9 +59,8 @@ class VirtualClock:
 
     def call_at(self, when: float, callback: Callable[[], None]) -> Timer:
         # To the microsecond, as the engine counts: timers that are due together run in the order of their setting.
-        timer = _VirtualTimer(self, callback)
-        self._timer_count += 1
-        heappush(self._heap, (max(round(when, 6), self._now), self._timer_count, timer))
+        timer = _VirtualTimer(callback)
+        heappush(self._heap, (max(round(when, 6), self._now), next(self._numbers), timer))
         return timer
 
     @property
@@ -75,7 +68,6 @@ class VirtualClock:
         """The session time of the next timer, or None when there is none."""
         while self._heap and self._heap[0][2].callback is None:
             heappop(self._heap)
-            self._cancelled_count -= 1
         return self._heap[0][0] if self._heap else None
 
     def advance(self) -> bool:
@@ -88,17 +80,6 @@ class VirtualClock:
         assert callback is not None  # next_at dropped the cancelled ones
         callback()
         return True
-
-    def advance_to(self, when: float) -> None:
-        """Let time pass until `when` without running anything; the caller has seen that nothing is due before."""
-        self._now = max(self._now, when)
-
-    def _on_cancel(self) -> None:
-        self._cancelled_count += 1
-        if self._cancelled_count > _MAX_CANCELLED and self._cancelled_count * 2 > len(self._heap):
-            self._heap = [entry for entry in self._heap if entry[2].callback is not None]
-            heapify(self._heap)
-            self._cancelled_count = 0
 
 
 class RealClock:

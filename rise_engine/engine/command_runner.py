@@ -42,17 +42,14 @@ class CommandRunner:
     def robot_seen(self) -> float | None:
         """Session time of the robot's last sign of life; None when its driver does not know, or has failed."""
         try:
-            return self._robot.seen()
+            return self._robot.last_seen()
         except Exception:  # an adapter of others, perhaps older than this question
             return None
 
     def connect(self) -> None:
         """Begin to reach the robot."""
-        try:
-            self._robot.connect(self._post)
-        except Exception as error:
-            _LOG.exception("the robot adapter failed to connect")
-            self._post(RobotChanged(status="lost", detail=_adapter_failure(error)))
+        if failure := self._call_robot("connect", lambda: self._robot.connect(self._post)):
+            self._post(RobotChanged(status="lost", detail=failure))
 
     def set_timer(self, timer: int, at: float) -> None:
         """Post a `TimerElapsed` for this timer at the session time `at`."""
@@ -72,47 +69,38 @@ class CommandRunner:
                 if handle is not None:
                     handle.cancel()
             case StartAction():
-                try:
-                    self._robot.start(command)
-                except Exception as error:
-                    _LOG.exception("the robot adapter failed to start %s", command.action)
-                    self._post(ActionReport(action=command.action, status="failed", reason=_adapter_failure(error)))
+                if failure := self._call_robot(f"start {command.action}", lambda: self._robot.start(command)):
+                    self._post(ActionReport(action=command.action, status="failed", reason=failure))
             case CancelAction(action=action):
-                try:
-                    self._robot.cancel(action)
-                except Exception as error:  # it goes on running until it ends or its time is over
-                    _LOG.exception("the robot adapter failed to cancel %s", action)
-                    self._post(Note(text=f"{action} could not be cancelled: {_adapter_failure(error)}"))
+                if failure := self._call_robot(f"cancel {action}", lambda: self._robot.cancel(action)):
+                    # It goes on running until it ends or its time is over.
+                    self._post(Note(text=f"{action} could not be cancelled: {failure}"))
             case StopRobot():
-                failure = self.stop_robot()
-                if failure:
+                if failure := self.stop_robot():
                     self._post(StopReport(unconfirmed=(self._robot_name,)))
                     self._post(Note(text=f"the robot could not be asked to stop: {failure}"))
 
     def stop_robot(self) -> str:
         """Ask the robot to stop; gives a sentence when its adapter fails, otherwise an empty text."""
-        try:
-            self._robot.stop_all()
-        except Exception as error:
-            _LOG.exception("the robot adapter failed to stop the robot")
-            return _adapter_failure(error)
-        return ""
+        return self._call_robot("stop the robot", lambda: self._robot.stop_all())
 
     def release(self) -> None:
         """Cancel all timers and let go of the robot."""
         for timer in self._timers.values():
             timer.cancel()
         self._timers.clear()
+        self._call_robot("close", lambda: self._robot.close())
+
+    def _call_robot(self, what: str, call: Callable[[], None]) -> str:
+        """Call the robot's adapter; gives a sentence when it fails or cannot do that, otherwise an empty text."""
         try:
-            self._robot.close()
-        except Exception:
-            _LOG.exception("the robot adapter failed to close")
+            call()
+        except Exception as error:  # code of others
+            _LOG.exception("the robot adapter failed to %s", what)
+            return f"the robot adapter failed ({error_text(error)})"
+        return ""
 
 
 def error_text(error: Exception) -> str:
     """An exception for the record: its kind, and what it says if it says anything."""
     return f"{type(error).__name__}: {error}" if str(error) else type(error).__name__
-
-
-def _adapter_failure(error: Exception) -> str:
-    return f"the robot adapter failed ({error_text(error)})"

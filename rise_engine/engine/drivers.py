@@ -11,7 +11,7 @@ from importlib.metadata import EntryPoint, entry_points
 from typing import Any, cast
 
 from rise_engine.errors import RiseError
-from rise_engine.ports.bridge import Bridge, BridgeError, BridgeOpener, Examiner, ParameterReader, RosConnection
+from rise_engine.ports.bridge import Bridge, BridgeError, BridgeOpener, RosConnection
 from rise_engine.ports.robot import Clock, Driver, Robot
 from rise_engine.scenario.model import Mode, RobotProfile
 
@@ -35,31 +35,32 @@ class RobotOptionsError(RiseError):
 
 def driver_names() -> set[str]:
     """What a profile's `driver` can name here: the installed drivers, and those that a bridge is."""
-    return {*_plugins(DRIVERS), *_plugins(BRIDGES)}
+    return entry_points(group=DRIVERS).names | entry_points(group=BRIDGES).names
 
 
-def _plugins(group: str) -> dict[str, EntryPoint]:
-    """The installed entry points of a group, by name; of two with one name, the one that Python finds first."""
-    found: dict[str, EntryPoint] = {}
-    for entry in entry_points(group=group):
-        found.setdefault(entry.name, entry)
-    return found
+def _find_plugin(group: str, name: str) -> EntryPoint | None:
+    """The installed entry point of that name; of two, the one that Python finds first."""
+    return next(iter(entry_points(group=group, name=name)), None)
+
+
+def _load_plugin(entry: EntryPoint, what: str) -> Any:
+    """The code behind an entry point. Raises DriverError, in which `what` names it."""
+    try:
+        return entry.load()
+    except Exception as error:  # code of others runs as it is imported
+        raise DriverError(f"{what} ({entry.value}) cannot be loaded: {error}") from error
 
 
 def find_driver(name: str) -> Driver:
     """The driver of that name. Raises DriverError when it is not installed or cannot be loaded."""
-    found = _plugins(DRIVERS)
-    entry = found.get(name)
+    entry = _find_plugin(DRIVERS, name)
     if entry is None:
-        installed = ", ".join(sorted(found)) or "none"
+        installed = ", ".join(sorted(entry_points(group=DRIVERS).names)) or "none"
         raise DriverError(
             f"the robot driver {name!r} is not installed (installed: {installed}); "
             f"a driver is a Python package with an entry point of that name in the group {DRIVERS!r}"
         )
-    try:
-        return cast(Driver, entry.load())
-    except Exception as error:
-        raise DriverError(f"the robot driver {name!r} ({entry.value}) cannot be loaded: {error}") from error
+    return cast(Driver, _load_plugin(entry, f"the robot driver {name!r}"))
 
 
 def driver_name_for(profile: RobotProfile, mode: Mode) -> str:
@@ -87,7 +88,7 @@ def make_robot(
     try:
         driver = find_driver(name)
     except DriverError:
-        if name not in _plugins(BRIDGES):
+        if _find_plugin(BRIDGES, name) is None:
             raise
         raise DriverError(
             f"{profile.title} is reached over ROS 2, which this session does without; "
@@ -99,60 +100,39 @@ def make_robot(
         raise RobotOptionsError(str(error)) from error
 
 
-async def open_bridge(wire: RosConnection, profile: RobotProfile, mode: Mode) -> Bridge[Any] | None:
+async def open_bridge(connection: RosConnection, profile: RobotProfile, mode: Mode) -> Bridge[Any] | None:
     """Connect a session with ROS 2, when its robot needs that or it is asked for.
 
-    :param wire: how ROS 2 is spoken.
+    :param connection: how ROS 2 is spoken.
     :param profile: the session's robot.
     :param mode: the session's.
     :return: the open connection, which whoever called closes; None: the session does without.
     :raises BridgeError: it cannot be had.
     """
     reaches_robot = driver_name_for(profile, mode) == ROS_BRIDGE
-    if wire.transport == "off" or (wire.transport == "auto" and not reaches_robot):
+    if connection.transport == "off" or (connection.transport == "auto" and not reaches_robot):
         return None
     try:
-        opener: BridgeOpener = _load_ros_plugin(BRIDGES)
+        opener: BridgeOpener = load_ros_plugin(BRIDGES)
     except DriverError as error:
         raise BridgeError([str(error)]) from error
-    return await opener(wire, profile if reaches_robot else None)
+    return await opener(connection, profile if reaches_robot else None)
 
 
 def profile_problems(profile: RobotProfile, mode: Mode) -> list[str]:
     """What the driver of a session of that mode finds wrong with the profile, as sentences."""
-    entry = _plugins(CHECKS).get(driver_name_for(profile, mode))
-    if entry is None:
-        return []
-    problems: list[str] = entry.load()(profile)
+    entry = _find_plugin(CHECKS, driver_name_for(profile, mode))
+    problems: list[str] = entry.load()(profile) if entry is not None else []
     return problems
 
 
-def ros_parameters_as_options(
-    arguments: tuple[str, ...], *, switches: list[str], single: list[str], many: list[str], written: list[str]
-) -> tuple[list[str], tuple[str, ...]]:
-    """ROS parameters as options of the command line, whose flags are given by kind, and ROS's other arguments.
-
-    Raises BridgeError for a parameter that is none, DriverError.
-    """
-    reader: ParameterReader = _load_ros_plugin(PARAMETERS)
-    return reader(arguments, switches=switches, single=single, many=many, written=written)
-
-
-def find_examiner() -> Examiner:
-    """The function that examines ROS 2 on this machine. Raises DriverError."""
-    examiner: Examiner = _load_ros_plugin(DOCTORS)
-    return examiner
-
-
-def _load_ros_plugin(group: str) -> Any:
-    """What the ROS 2 bridge offers in a group of entry points. Raises DriverError."""
-    entry = _plugins(group).get(ROS_BRIDGE)
+def load_ros_plugin(group: str) -> Any:
+    """What the ROS 2 bridge offers in a group of entry points (BRIDGES: a `BridgeOpener`, DOCTORS: an `Examiner`,
+    PARAMETERS: a `ParameterReader`). Raises DriverError."""
+    entry = _find_plugin(group, ROS_BRIDGE)
     if entry is None:
         raise DriverError(f"no ROS 2 bridge is installed: no entry point {ROS_BRIDGE!r} in the group {group!r}")
-    try:
-        return entry.load()
-    except Exception as error:
-        raise DriverError(f"the ROS 2 bridge ({entry.value}) cannot be loaded: {error}") from error
+    return _load_plugin(entry, "the ROS 2 bridge")
 
 
 def simulated_robot_warning(profile: RobotProfile, mode: Mode) -> str | None:

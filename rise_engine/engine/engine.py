@@ -43,6 +43,7 @@ from rise_engine.protocol.client import JournalStatus, Reply
 from rise_engine.scenario.model import Scenario
 from rise_engine.session.journal import Journal
 from rise_engine.session.journal_format import encode_input, encode_record, join_step
+from rise_engine.session.recovery import RecoveredSession
 
 _LOG = logging.getLogger(__name__)
 
@@ -56,15 +57,8 @@ ReplyCallback: TypeAlias = Callable[[Reply], None]
 """Gets what became of an input, once."""
 
 
-class ResumeState(Struct, frozen=True):
-    """What an unfinished session is gone on with (`rise_engine.session.recovery`)."""
-
-    kernel: Kernel
-    inputs: int
-    """How many inputs the journal holds."""
-    timers: dict[int, float]
-    """The kernel's timers and when they are due, in session time."""
-    reason: str = ""
+def _ignore_reply(reply: Reply) -> None:
+    """Nobody waits for this answer."""
 
 
 class _UnrecordedStep(Struct):
@@ -110,7 +104,7 @@ class Engine:
         condition: str = "",
         sinks: Iterable[Sink] = (),
         journal: Journal | None = None,
-        resumption: ResumeState | None = None,
+        recovered: RecoveredSession | None = None,
     ) -> None:
         """Nothing happens before `start` or `resume`.
 
@@ -122,17 +116,17 @@ class Engine:
         :param condition: the session's condition, for the record.
         :param sinks: get every record from the first one on.
         :param journal: makes steps durable before anything of them goes out; without it nothing is kept.
-        :param resumption: what an unfinished session is gone on with, by `resume` instead of `start`.
+        :param recovered: the unfinished session that is gone on with, by `resume` instead of `start`.
         """
         self.scenario = scenario
         self.clock = clock
         self.seed = seed
-        self._participant_and_condition = participant, condition
+        self._session_started = SessionStarted(versions=versions(), participant=participant, condition=condition)
         self.ended = False
         """True when the session is over; nothing is accepted any more."""
         self.failure: Exception | None = None
         """Why it is over, when that was an error of the engine itself."""
-        self.inputs = resumption.inputs if resumption is not None else 0
+        self.inputs = recovered.inputs if recovered is not None else 0
         """How many inputs were handled."""
         self.after_inputs: Callable[[], object] | None = None
         """Called after inputs were handled, outside any step: the moment to look whether the session is idle."""
@@ -140,9 +134,9 @@ class Engine:
         """How the record of the session stands."""
         self.on_journal_status: Callable[[JournalStatus], object] | None = None
         """Called when that has changed."""
-        self._resume_state = resumption
+        self._timers_left = recovered.timers if recovered is not None else {}
         self._commands = CommandRunner(robot, scenario.robot.name, clock, self.post)
-        self._kernel = resumption.kernel if resumption is not None else Kernel(scenario, seed)
+        self._kernel = recovered.kernel if recovered is not None else Kernel(scenario, seed)
         self._journal = journal
         self._unrecorded_steps: deque[_UnrecordedStep] = deque()
         self._sinks: list[Sink] = list(sinks)
@@ -163,24 +157,22 @@ class Engine:
 
         :raises Exception: what the kernel raised, after the engine has ended by it (`failure`).
         """
-        participant, condition = self._participant_and_condition
-        self.accept(SessionStarted(versions=versions(), participant=participant, condition=condition))
+        self.accept(self._session_started)
         self._commands.connect()
 
     def resume(self) -> None:
         """Go on with a session whose engine has gone: timers with the time that they had left, then the robot.
 
-        Called once, instead of `start`, on an engine that was made with a `resumption`; raises as `start` does.
+        Called once, instead of `start`, on an engine that was made with a `recovered` session; raises as `start` does.
         """
-        assert self._resume_state is not None
-        for timer, at in sorted(self._resume_state.timers.items(), key=lambda item: (item[1], item[0])):
+        for timer, at in sorted(self._timers_left.items(), key=lambda item: (item[1], item[0])):
             self._commands.set_timer(timer, at)
         self._stepping = True  # the robot is there before anything goes out to it, and its report follows the record
         try:
             self._commands.connect()
         finally:
             self._stepping = False
-        self.accept(SessionRecovered(versions=versions(), reason=self._resume_state.reason))
+        self.accept(SessionRecovered(versions=versions(), reason="its engine had gone"))
 
     def end(self, reason: str = "", *, stop: bool | None = None) -> None:
         """Begin to end the session: stop the robot, then the last record. Nothing happens when it is ending already.
@@ -202,24 +194,22 @@ class Engine:
 
         :param reason: why, for the record; what was said to `end` before counts more.
         """
-        if self._last_record_made:
-            return
-        if self._end_reason is None:
-            self.end(reason)
-        if not self._last_record_made and self._kernel.is_busy:
+        self.end(reason)
+        if self._kernel.is_busy:
             self.post(RobotChanged(status="lost", detail="no answer before the session ended"))
         if not self._last_record_made and not self.paused:  # the kernel may have become idle by that
             self._record_end()
 
     def abandon(self) -> None:
-        """Close what `end_now` could not bring to an end, because the disk does not take the last records."""
-        if not self.ended:
-            self._abort()
+        """End here and now, whatever is not recorded, if it has not ended: the robot is asked to stop.
 
-    @property
-    def busy(self) -> bool:
-        """True while something runs or waits to run."""
-        return self._kernel.is_busy
+        For what `end_now` could not bring to an end, because the disk does not take the last records.
+        """
+        if not self.ended:
+            self._commands.stop_robot()
+            self._last_record_made = True
+            self._commands.release()
+            self._close()
 
     @property
     def robot_seen(self) -> float | None:
@@ -255,46 +245,45 @@ class Engine:
 
     # --- inputs -------------------------------------------------------------------------------------------------
 
-    def accept(self, fact: AnyInput, answer: ReplyCallback | None = None) -> None:
+    def accept(self, input: AnyInput, answer: ReplyCallback = _ignore_reply) -> None:
         """Take one input from outside.
 
-        :param fact: what happened; its time is put on here.
+        :param input: what happened; its time is put on here.
         :param answer: gets what became of it, once it is recorded and the sinks have had it: called once, perhaps
             before this returns. An input that cannot be taken is answered too: the session has ended, or is paused.
         :raises RuntimeError: inside a step. Robots and sinks `post`.
         """
-        answer = answer or _ignore_reply
         if self._stepping:
             raise RuntimeError("accept() was called inside a step; use post()")
         if self._last_record_made:
             answer(Reply(False, "the session has ended"))
         elif self.paused:
-            self._accept_while_paused(fact, answer)
+            self._accept_while_paused(input, answer)
         else:
-            self._step(self._with_time(fact), answer)
+            self._step(self._with_time(input), answer)
             self._process_queue()
 
-    def post(self, fact: AnyInput) -> None:
+    def post(self, input: AnyInput) -> None:
         """Take one input after the step that is being made, if any, so that steps never nest. Nobody is answered.
 
-        :param fact: what happened; its time is put on here. After the session's end it is dropped.
+        :param input: what happened; its time is put on here. After the session's end it is dropped.
         """
         if self._last_record_made:
             return
-        self._queue.append((self._with_time(fact), _ignore_reply))
-        if self._unrecorded_stops and isinstance(fact, StopReport):
-            self._unrecorded_stops.append(_stop_sentence(fact))
+        self._queue.append((self._with_time(input), _ignore_reply))
+        if self._unrecorded_stops and isinstance(input, StopReport):
+            self._unrecorded_stops.append(_stop_sentence(input))
             self._update_journal_status()
         if not self._stepping:
             self._process_queue()
 
-    def _accept_while_paused(self, fact: AnyInput, answer: ReplyCallback) -> None:
+    def _accept_while_paused(self, input: AnyInput, answer: ReplyCallback) -> None:
         assert self._journal is not None
-        if not (isinstance(fact, Submit) and fact.function == "stopAll"):
+        if not (isinstance(input, Submit) and input.function == "stopAll"):
             answer(Reply(False, f"nothing can be recorded, so the session is paused: {self._journal.error}"))
             return
-        self._queue.append((self._with_time(fact), answer))
-        self._unrecorded_stops.append(f"stop was sent to the robot by {fact.source}")
+        self._queue.append((self._with_time(input), answer))
+        self._unrecorded_stops.append(f"stop was sent to the robot by {input.source}")
         self._carry_out_before_recording(StopRobot())
         self._update_journal_status()
 
@@ -305,33 +294,33 @@ class Engine:
         if self.after_inputs is not None:
             self.after_inputs()
 
-    def _with_time(self, fact: AnyInput) -> AnyInput:
-        return replace(fact, t=max(self._t, round(self.clock.now(), 6)))
+    def _with_time(self, input: AnyInput) -> AnyInput:
+        return replace(input, t=max(self._t, round(self.clock.now(), 6)))
 
-    def _step(self, fact: AnyInput, answer: ReplyCallback) -> None:
+    def _step(self, input: AnyInput, answer: ReplyCallback) -> None:
         """The one place where anything happens."""
         self._stepping = True
         try:
-            if fact.t < self._t:
-                fact = replace(fact, t=self._t)
+            if input.t < self._t:
+                input = replace(input, t=self._t)
             line = b""
             if self._journal is not None:
                 try:
-                    line = encode_input(self.inputs + 1, fact)
+                    line = encode_input(self.inputs + 1, input)
                 except UnicodeEncodeError:
                     answer(Reply(False, "it holds characters that are no text (half of a pair)"))
                     return
-            self._t = fact.t
+            self._t = input.t
             self.inputs += 1
             try:
-                records, commands = self._kernel.handle(fact)
-            except Exception as error:
+                records, commands = self._kernel.handle(input)
+            except Exception as error:  # whatever it is, the robot must not go on
                 self._fail(error)
                 raise
             wall = self.clock.wall_label(self._t)  # all records of a step are of one moment
             for record in records:
                 record.wall = wall
-            reply = _reply_for(fact, records)
+            reply = _reply_for(input, records)
             if self._journal is None:
                 self._publish(records)
                 for command in commands:
@@ -398,7 +387,7 @@ class Engine:
             for sink in tuple(self._sinks):
                 try:
                     sink(record)
-                except Exception as error:
+                except Exception as error:  # code of others
                     _LOG.exception("an output failed and gets no more records")
                     self._sinks.remove(sink)
                     self.post(Note(text=f"an output failed and gets no more records: {error_text(error)}"))
@@ -433,14 +422,7 @@ class Engine:
         """The kernel itself failed: leave the robot still, and say why."""
         _LOG.error("the engine failed", exc_info=error)
         self.failure = error
-        self._abort()
-
-    def _abort(self) -> None:
-        """End here and now, whatever is not recorded; the robot is asked to stop."""
-        self._commands.stop_robot()
-        self._last_record_made = True
-        self._commands.release()
-        self._close()
+        self.abandon()
 
     def _close(self) -> None:
         self.ended = True
@@ -457,12 +439,8 @@ class Engine:
             self._queue.popleft()[1](Reply(False, "the session has ended"))
 
 
-def _ignore_reply(reply: Reply) -> None:
-    """Nobody waits for this answer."""
-
-
-def _reply_for(fact: AnyInput, records: list[AnyRecord]) -> Reply:
-    if not isinstance(fact, Submit):
+def _reply_for(input: AnyInput, records: list[AnyRecord]) -> Reply:
+    if not isinstance(input, Submit):
         return Reply(True)
     task = next(record for record in records if isinstance(record, TaskRecord))
     return Reply(task.status != "REJECTED", task.reason, task.id)

@@ -6,7 +6,9 @@ reads it, so that no type is looked at twice.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from operator import neg
+from typing import Any, TypeAlias
 
 from rise_engine.expression.environment import MISSING, Environment, Json, lookup
 from rise_engine.expression.errors import EvaluationError
@@ -37,6 +39,8 @@ from rise_engine.expression.operators import (
     compile_logic,
 )
 from rise_engine.expression.values import describe, is_true, native_number, to_double
+
+Compute: TypeAlias = Callable[[Any], Json]
 
 
 class ExpressionCompiler:
@@ -103,12 +107,12 @@ class ExpressionCompiler:
             case FunctionCall("rand", arguments):
                 return self.compile_rand([self.compile_number(argument) for argument in arguments])
             case FunctionCall("length", (argument,)):
-                return self.compile_length(argument)
+                return self.compile_function(_length, argument, (str, list, dict), 0.0, "has no length")
             case Logic() | Not() | Compare() | Defined():
                 condition = self.compile_condition(node)
                 return lambda env: 1.0 if condition(env) else 0.0
             case _:
-                return self.compile_operand_as_number(node)
+                return self.compile_function(to_double, node, (int, float), 0.0, "is not a number")
 
     def compile_operand(self, node: Node) -> Operand:
         """The value of a node in its own type; MISSING for a key that does not exist; computed numbers as doubles."""
@@ -133,7 +137,7 @@ class ExpressionCompiler:
             case Logic() | Not() | Compare() | Defined():
                 return self.compile_condition(node)
             case FunctionCall("lower", (argument,)):
-                return self.compile_lower(argument)
+                return self.compile_function(str.lower, argument, str, "", "is not a text")
             case _:
                 return self.compile_number(node)
 
@@ -156,18 +160,20 @@ class ExpressionCompiler:
             return computed
         return operand
 
-    def compile_operand_as_number(self, node: Node) -> Number:
+    def compile_function(
+        self, compute: Compute, node: Node, types: type | tuple[type, ...], absent: Json, problem: str
+    ) -> Operand:
+        """What `compute` makes of the value of a node, if it is of these types, and `absent` for a missing key."""
         operand = self.compile_operand(node)
 
-        def run(env: Environment) -> float:
+        def run(env: Environment) -> Json:
             value = operand(env)
-            if value.__class__ is float:
-                return value
-            if isinstance(value, (int, float)):
-                return to_double(value)
+            if isinstance(value, types):
+                return compute(value)
             if value is MISSING:
-                return 0.0
-            raise self.type_error(node, value, "is not a number")
+                return absent
+            shown = f"`{with_all_brackets(node)}` is {describe(value)}"
+            raise EvaluationError(f"{shown}, which {problem}", self.text)
 
         return run
 
@@ -183,32 +189,6 @@ class ExpressionCompiler:
 
         return run
 
-    def compile_length(self, node: Node) -> Number:
-        operand = self.compile_operand(node)
-
-        def run(env: Environment) -> float:
-            value = operand(env)
-            if value is MISSING:
-                return 0.0
-            if isinstance(value, (str, list, dict)):
-                return float(len(value))
-            raise self.type_error(node, value, "has no length")
-
-        return run
-
-    def compile_lower(self, node: Node) -> Operand:
-        operand = self.compile_operand(node)
-
-        def run(env: Environment) -> str:
-            value = operand(env)
-            if value is MISSING:
-                return ""
-            if isinstance(value, str):
-                return value.lower()
-            raise self.type_error(node, value, "is not a text")
-
-        return run
-
     def comparison_error(self, node: Compare) -> Refuse:
         """Makes the error for a comparison whose sides do not fit."""
 
@@ -221,5 +201,6 @@ class ExpressionCompiler:
 
         return error
 
-    def type_error(self, node: Node, value: Json, problem: str) -> EvaluationError:
-        return EvaluationError(f"`{with_all_brackets(node)}` is {describe(value)}, which {problem}", self.text)
+
+def _length(value: str | list[Json] | dict[str, Json]) -> float:
+    return float(len(value))

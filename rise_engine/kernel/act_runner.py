@@ -159,7 +159,7 @@ class ActRunner:
             self._end_action(run, id, status, reason)
             self._advance(run)
 
-    def handle_timer(self, target: TimerTarget) -> None:
+    def timer_elapsed(self, target: TimerTarget) -> None:
         """A wait is over, or an action or its cancel took too long."""
         run = self.runs[int(target.owner)]
         run.actions[target.item].timer = None

@@ -217,7 +217,7 @@ class Kernel:
             case ActionReport():
                 runner.report(input.action, input.status, input.reason)
             case TimerElapsed():
-                self._handle_timer(input.timer)
+                self._timer_elapsed(input.timer)
             case RobotChanged():
                 core.emit(RobotRecord, input.status, input.detail)
                 if input.status == "lost":
@@ -239,18 +239,18 @@ class Kernel:
             case SessionEnded():
                 self._record_session("ended", {}, input.reason)
 
-    def _handle_timer(self, timer: int) -> None:
+    def _timer_elapsed(self, timer: int) -> None:
         target = self.core.timers.pop(timer, None)
         if target is None:
             return  # cancelled meanwhile
         if target.purpose == "after":
-            self.rules.handle_timer(timer, target)
+            self.rules.timer_elapsed(timer, target)
         elif target.purpose == "stop":
             self.stop.time_out()
         elif target.purpose == "filler":
             self._start_due_filler()
         else:
-            self.scheduler.runner.handle_timer(target)
+            self.scheduler.runner.timer_elapsed(target)
 
     def _start_due_filler(self) -> None:
         """The scenario wants a filler when nothing has answered the cue for so long; not over anything that runs."""

@@ -226,7 +226,7 @@ class RuleMachine:
             else:
                 run.latched.discard(transition.index)
 
-    def handle_timer(self, timer: int, target: TimerTarget) -> None:
+    def timer_elapsed(self, timer: int, target: TimerTarget) -> None:
         """`after` has passed in a rule's state."""
         run = self.stack[target.owner]
         transition = run.timers.pop(timer)

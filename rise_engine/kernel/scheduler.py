@@ -81,10 +81,10 @@ class Scheduler:
         self._advancing = True
         while self._advance_again:
             self._advance_again = False
-            self._start_allowed()
+            self._start_what_may()
         self._advancing = False
 
-    def _start_allowed(self) -> None:
+    def _start_what_may(self) -> None:
         blocking = next((run for run in self.runner.runs.values() if _is_exclusive(run.task)), None)
         holder = blocking.task if blocking is not None else None
         if holder is None:

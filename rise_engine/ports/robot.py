@@ -81,7 +81,7 @@ class Robot(Protocol):
     ...         for action in list(self.timers):
     ...             self.cancel(action)
     ...         self.report(StopReport(confirmed=("lamp",)))
-    ...     def seen(self) -> float | None:
+    ...     def last_seen(self) -> float | None:
     ...         return None
     ...     def close(self) -> None:
     ...         self.timers.clear()
@@ -146,7 +146,7 @@ class Robot(Protocol):
         """
         ...
 
-    def seen(self) -> float | None:
+    def last_seen(self) -> float | None:
         """When the robot gave its last sign of life, for people who watch the link.
 
         :return: session time in seconds; None when that is not known.

@@ -159,7 +159,7 @@ class Client(Protocol):
         """
         ...
 
-    async def control(self, verb: ControlVerb) -> Reply:
+    async def change_control(self, verb: ControlVerb) -> Reply:
         """Do something about who holds control. What comes of it arrives as a record too.
 
         :param verb: `take`, `ask`, `give` or `release`, see `ControlVerb`.

@@ -18,7 +18,7 @@ from rise_engine.json_codec import encode
 from rise_engine.kernel.inputs import Note, Submit
 from rise_engine.kernel.records import AnyRecord, EventRecord, RobotRecord, SessionRecord
 from rise_engine.kernel.view import ActView, CueView, MemoryView, RemarkView, RuleView, SessionView, StopView, TaskView
-from rise_engine.protocol.client import ControlVerb, Heartbeat, JournalStatus, Reply, Role
+from rise_engine.protocol.client import ControlVerb, Heartbeat, JournalStatus, Role
 
 VERSION = 1
 MAX_LINE_BYTES = 1_048_576
@@ -157,10 +157,6 @@ class ReplyMessage(Struct, tag_field="type", tag="reply", frozen=True):
     accepted: bool
     reason: str = ""
     task: int | None = None
-
-    @property
-    def reply(self) -> Reply:
-        return Reply(self.accepted, self.reason, self.task)
 
 
 class RefusedMessage(Struct, tag_field="type", tag="refused", frozen=True):

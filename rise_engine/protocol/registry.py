@@ -20,7 +20,6 @@ import time
 import unicodedata
 from contextlib import suppress
 from pathlib import Path
-from types import TracebackType
 from zlib import crc32
 
 from rise_engine.errors import RiseError
@@ -116,12 +115,6 @@ class SessionLock:
         os.close(self._descriptor)
         self._descriptor = -1
 
-    def __enter__(self) -> SessionLock:
-        return self
-
-    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, at: TracebackType | None) -> None:
-        self.close()
-
 
 def acquire_lock(name: str) -> SessionLock | None:
     """Take a session's name for this process; None when a running session has it. Raises RegistryError."""
@@ -146,7 +139,7 @@ def _lock_file(path: Path) -> int | None:
         descriptor = os.open(path, os.O_RDWR | os.O_CREAT | os.O_NOFOLLOW | os.O_CLOEXEC, 0o600)
         try:
             fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
-            if os.path.exists(path) and os.path.samestat(os.fstat(descriptor), os.stat(path)):  # noqa: PTH110, PTH116
+            if os.path.samestat(os.fstat(descriptor), path.stat()):
                 return descriptor
         except BlockingIOError:
             os.close(descriptor)
@@ -208,23 +201,13 @@ def find_running(name: str) -> str:
 def ask_summary(name: str) -> SessionSummary | None:
     """What a session says about itself; None when it says nothing within a second. Raises RegistryError. Blocks."""
     path = socket_path(name)
-    deadline = time.monotonic() + SUMMARY_SECONDS
-    data = bytearray()
     try:
         with socket.socket(socket.AF_UNIX, socket.SOCK_STREAM) as connection:
             connection.settimeout(SUMMARY_SECONDS)
             connection.connect(str(path))
             connection.sendall(encode_line(AskSummaryMessage()))
-            while not data.endswith(b"\n"):
-                left = deadline - time.monotonic()
-                if left <= 0:
-                    return None
-                connection.settimeout(left)
-                chunk = connection.recv(65_536)
-                if not chunk:
-                    return None
-                data += chunk
-        message = decode_server_message(bytes(data))
+            with connection.makefile("rb") as answer:
+                message = decode_server_message(answer.readline())
     except (OSError, ValueError):
         return None
     return message if isinstance(message, SessionSummary) else None

@@ -245,8 +245,8 @@ class _ActReader(ElementReader):
         constant = template.constant
         if constant is None:
             index = {found.group(1): found.start() for found in reversed(list(_SLOT.finditer(element.text)))}
-            for slot in template.parts:
-                if isinstance(slot, str) or (slot.fallback is not None and not (slot.before or slot.after)):
+            for slot in template.slots:
+                if slot.fallback is not None and not (slot.before or slot.after):
                     continue
                 mention = Mention(slot.key, partial(self.file.text_location, element, index.get(slot.key, 0)))
                 (self.draft.key_reads if slot.fallback is None else self.draft.optional_key_reads).append(mention)

@@ -47,12 +47,14 @@ _PLACES = {
 class BlockReader(ElementReader):
     """Reads the functions of one rule."""
 
-    def misplaced_message(self, element: Element, parent: Element, known: tuple[str, ...]) -> str:
-        """What to say about an element that does not belong where it stands."""
+    def report_misplaced(self, element: Element, parent: Element, known: tuple[str, ...]) -> None:
+        """An error about an element that does not belong where it stands."""
         name = element.tag
         if name in _PLACES:
-            return f"`<{name}>` cannot stand in `<{parent.tag}>`; it {_PLACES[name]}"
-        return f"unknown element `<{name}>` in `<{parent.tag}>`{did_you_mean(name, known)}"
+            message = f"`<{name}>` cannot stand in `<{parent.tag}>`; it {_PLACES[name]}"
+        else:
+            message = f"unknown element `<{name}>` in `<{parent.tag}>`{did_you_mean(name, known)}"
+        self.report_error("unknown-element", element, message)
 
     def read_block(self, parent: Element) -> Block:
         """The statements inside `onEntry`, `onExit` or `transition`."""
@@ -119,7 +121,7 @@ class BlockReader(ElementReader):
                         "no-choice", child, "`<oneOf>` holds the functions of which one is picked; it has none"
                     )
             else:
-                self.report_error("unknown-element", child, self.misplaced_message(child, parent, _STATEMENTS))
+                self.report_misplaced(child, parent, _STATEMENTS)
         for index, branches in open_ifs:
             statements[index] = If(tuple(branches), statements[index].location)
         return tuple(statements), later

@@ -125,10 +125,7 @@ class _Loader:
             *read_suppressions(self.files.sources, diagnostics),
             *memory_suppressions(settings.suppressions, draft.memory_key_locations),
         ]
-        found = diagnostics.sorted()
-        silenced: list[SuppressedWarning] = []
-        if suppressions:
-            found, silenced = apply_suppressions(found, suppressions, diagnostics, complete=not diagnostics.errors)
+        found, silenced = apply_suppressions(suppressions, diagnostics)
         if diagnostics.errors:
             return LoadResult(None, found, suppressed=silenced)
         files = self.files_by_usual_path(paths)
@@ -162,10 +159,8 @@ class _Loader:
         file = self.file
         location = self.caller if asked else file.value_location("robot")
         profile = read_robot(name or DEFAULT_ROBOT, self.files, location, asked=asked)
-        if "actions" in file.values:
-            table = TomlTable(file, (), file.values, self.diagnostics)
-            profile = replace(profile, actions=apply_declarations(table, profile.actions, "scenario"))
-        return profile
+        table = TomlTable(file, (), file.values, self.diagnostics)
+        return replace(profile, actions=apply_declarations(table, profile.actions, "scenario"))
 
     def read_memory(self, relative_path: str) -> None:
         path = self.folder / relative_path
@@ -186,11 +181,8 @@ class _Loader:
             try:
                 names = sorted(each.name for each in path.iterdir())
             except OSError as error:
-                self.diagnostics.error(
-                    "unreadable",
-                    SourceLocation(relative_path),
-                    f"this folder cannot be read: {error.strerror or error}",
-                )
+                message = f"this folder cannot be read: {error.strerror or error}"
+                self.diagnostics.error("unreadable", SourceLocation(relative_path), message)
                 names = []
             paths = [path / name for name in names if name.lower().endswith(".xml") and not name.startswith(".")]
         for each in paths:

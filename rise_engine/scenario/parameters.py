@@ -106,7 +106,7 @@ def check_template(parameter: Parameter, template: Template) -> None:
     """Raises ParameterError when no memory value at all can make the parameter's value out of a template with slots."""
     if parameter.type == "text":
         return
-    slots = [part for part in template.parts if not isinstance(part, str)]
+    slots = template.slots
     if any(slot.before or slot.after for slot in slots):
         raise ParameterError(f"{parameter.name} is no text, and a separator as in `{template.text}` is only for texts")
     if all(slot.fallback is not None for slot in slots):
@@ -234,7 +234,7 @@ def _convert_to_name(parameter: Parameter, value: Any, origin: str) -> str | int
 
 def _describe_origin(template: Template) -> str:
     """The memory keys that a template reads, for the reason why its value cannot be used."""
-    keys = list(dict.fromkeys(part.key for part in template.parts if not isinstance(part, str)))
+    keys = list(dict.fromkeys(slot.key for slot in template.slots))
     if not keys:
         return ""
     return f" (memory key{'s' if len(keys) > 1 else ''} {', '.join(f'`{key}`' for key in keys)})"

@@ -80,8 +80,7 @@ class _RuleReader(BlockReader):
                 self.read_shared(child)
                 continue
             if child.tag != "State":
-                known = ("State", "transitions")
-                self.report_error("unknown-element", child, self.misplaced_message(child, element, known))
+                self.report_misplaced(child, element, ("State", "transitions"))
                 continue
             state = self.read_state(child)
             if state is None:
@@ -137,10 +136,10 @@ class _RuleReader(BlockReader):
         return int(value) if value.is_integer() else value
 
     def check_reachable(self, initial: str, states: dict[str, State]) -> None:
-        ways = {name: [t.target for t in state.transitions if t.target] for name, state in states.items()}
-        found = reachable_from(initial, ways)
+        targets = {name: [t.target for t in state.transitions if t.target] for name, state in states.items()}
+        reachable = reachable_from(initial, targets)
         for name, state in states.items():
-            if name not in found:
+            if name not in reachable:
                 self.diagnostics.warning(
                     "unreachable-state", state.location, f"no transition leads to the state `{name}` from `{initial}`"
                 )
@@ -149,16 +148,16 @@ class _RuleReader(BlockReader):
         """Warn of a short `after` on a way that leads back to its beginning and waits for nothing else."""
         if not self.short:
             return
-        ways: dict[str, list[str]] = {}
+        targets: dict[str, list[str]] = {}
         for name, state in states.items():
             own = set(_raised_topics(state.on_entry))
-            ways[name] = [
-                way.target
-                for way in state.transitions
-                if way.target in states
-                and (way.event in own if way.event is not None else way.after is None or way.after < SHORT_AFTER)
+            targets[name] = [
+                t.target
+                for t in state.transitions
+                if t.target in states
+                and (t.event in own if t.event is not None else t.after is None or t.after < SHORT_AFTER)
             ]
-        knot = component_numbers(ways)
+        knot = component_numbers(targets)
         for name, target, element in self.short:
             if name in states and target in states and knot[name] == knot[target]:
                 after = element.attributes["after"].strip()
@@ -189,7 +188,7 @@ class _RuleReader(BlockReader):
                 self.check_attributes(child, NO_ATTRIBUTES)
                 blocks[tag] = blocks.get(tag, ()) + self.read_block(child)
             else:
-                self.report_error("unknown-element", child, self.misplaced_message(child, element, _STATE_PARTS))
+                self.report_misplaced(child, element, _STATE_PARTS)
         if not name:
             return None
         return State(
@@ -214,7 +213,7 @@ class _RuleReader(BlockReader):
         transitions = []
         for child in element:
             if child.tag != "transition":
-                self.report_error("unknown-element", child, self.misplaced_message(child, element, ("transition",)))
+                self.report_misplaced(child, element, ("transition",))
             elif (transition := self.read_transition(child)) is not None:
                 transitions.append((transition, child))
         if not len(element):

@@ -9,7 +9,7 @@ from rise_engine.scenario.model import Scenario
 def study_conditions(scenario: Scenario) -> tuple[str, ...]:
     """The study's conditions, in its order; empty when it lists none."""
     found = scenario.study.get("conditions")
-    return tuple(one for one in found if isinstance(one, str)) if isinstance(found, list) else ()
+    return tuple(name for name in found if isinstance(name, str)) if isinstance(found, list) else ()
 
 
 def condition_problem(scenario: Scenario, condition: str) -> str:

@@ -64,12 +64,13 @@ class SuppressedWarning(Struct, frozen=True):
 
 
 def apply_suppressions(
-    found: Sequence[Diagnostic], suppressions: Sequence[Suppression], diagnostics: Diagnostics, *, complete: bool
+    suppressions: Sequence[Suppression], diagnostics: Diagnostics
 ) -> tuple[list[Diagnostic], list[SuppressedWarning]]:
     """What is left of the findings, and what was silenced.
 
-    `complete`: nothing was left unchecked because of errors, so that what silences nothing now is not needed.
+    What silences nothing is a finding too, unless errors left something unchecked.
     """
+    complete = not diagnostics.errors
     silenced: list[SuppressedWarning] = []
     used: set[Suppression] = set()
     groups: dict[tuple[str, str], list[Suppression]] = {}
@@ -77,7 +78,7 @@ def apply_suppressions(
         group = groups.setdefault((suppression.file, suppression.code), [])
         if not group or group[-1].start < suppression.start:
             group.append(suppression)
-    for diagnostic in found:
+    for diagnostic in diagnostics.sorted():
         location = diagnostic.location
         group = groups.get((location.file, diagnostic.code), [])
         before = bisect_right(group, (location.line, location.column), key=_start)

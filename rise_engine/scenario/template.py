@@ -58,16 +58,14 @@ class Template(Struct, frozen=True):
     parts: tuple[str | MemorySlot, ...]
 
     @property
-    def keys(self) -> frozenset[str]:
-        """The memory keys that it reads."""
-        return frozenset(part.key for part in self.parts if isinstance(part, MemorySlot))
+    def slots(self) -> list[MemorySlot]:
+        """Where memory values go, in their order."""
+        return [part for part in self.parts if isinstance(part, MemorySlot)]
 
     @property
     def constant(self) -> str | None:
         """Its text when no memory value is involved."""
-        if any(isinstance(part, MemorySlot) for part in self.parts):
-            return None
-        return "".join(part for part in self.parts if isinstance(part, str))
+        return None if self.slots else self.fill({})
 
     def fill(self, memory: Mapping[str, Any]) -> str:
         """The text with the memory's values of this moment.

@@ -94,16 +94,16 @@ def _check_values(file: TomlFile, diagnostics: Diagnostics) -> None:
     while pending:
         path, holder = pending.pop()
         for key, value in list(holder.items() if isinstance(holder, dict) else enumerate(holder)):
-            here = (*path, str(key))
+            item = (*path, str(key))
             if isinstance(value, dict | list):
-                pending.append((here, value))
+                pending.append((item, value))
             elif isinstance(value, date | time):
                 holder[key] = value.isoformat()
             elif isinstance(value, float) and not isfinite(value):
-                diagnostics.error("wrong-value", file.value_location(*here), f"`{value}` is no number that can be used")
+                diagnostics.error("wrong-value", file.value_location(*item), f"`{value}` is no number that can be used")
             elif isinstance(value, int) and not is_64_bit(value):
                 sentence = "a whole number of more than 64 bits; write it as a text or as a decimal number (1.5e20)"
-                diagnostics.error("wrong-value", file.value_location(*here), sentence)
+                diagnostics.error("wrong-value", file.value_location(*item), sentence)
 
 
 def _report_syntax_error(message: str, source: SourceFile, text: str, diagnostics: Diagnostics, *, first: bool) -> int:
@@ -142,12 +142,12 @@ def _unclosed_quote(text: str, offset: int) -> int:
 def _duplicate_key(source: SourceFile, line: int) -> tuple[str, int]:
     """What a line gives a second time, as it is written, and the line that gives it first (0: not found)."""
     lines = [each.strip() for each in source.text.split("\n")]
-    here = lines[line - 1]
-    if here.startswith("["):
-        name = here.partition("]")[0].strip("[ \t")
+    written = lines[line - 1]
+    if written.startswith("["):
+        name = written.partition("]")[0].strip("[ \t")
         return name, next((n for n, each in enumerate(lines[: line - 1], 1) if each.startswith(f"[{name}]")), 0)
-    found = _DOTTED.match(here)
-    name = found.group().strip() if found else here
+    found = _DOTTED.match(written)
+    name = found.group().strip() if found else written
     for number in range(line - 1, 0, -1):
         each = lines[number - 1]
         if each.startswith("["):

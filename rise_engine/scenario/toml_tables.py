@@ -80,16 +80,12 @@ class TomlTable:
     def read_number(self, key: str, usual: float | None, of: str = "") -> float | None:
         """A number, or nothing; `of` says of what: ` of seconds`."""
         value = self.values.get(key, usual)
-        if value is None or is_number(value):
+        if value is None or (isinstance(value, int | float) and not isinstance(value, bool)):
             return value
         self.report_value("wrong-type", key, f"`{key}` is a number{of}")
         return usual
 
 
-def is_number(value: Any) -> bool:
-    """Whether a TOML value is a number; for Python, a boolean is one too."""
-    return isinstance(value, int | float) and not isinstance(value, bool)
-
-
 def is_integer(value: Any) -> bool:
+    """Whether a TOML value is a whole number; for Python, a boolean is one too."""
     return isinstance(value, int) and not isinstance(value, bool)

@@ -74,9 +74,10 @@ class XmlNameError(RiseError, ValueError):
 class XmlFile:
     """A well-formed file: its elements and where they stand."""
 
-    def __init__(self, source: SourceFile, text: str, repaired: RepairedText | None) -> None:
-        """`text` is well-formed. Raises XmlNameError."""
-        self.source = source
+    def __init__(self, repaired: RepairedText) -> None:
+        """The text is well-formed. Raises XmlNameError."""
+        text = repaired.text
+        self.source = repaired.source
         self.has_text = "<![CDATA[" in text or _MAYBE_TEXT.search(text) is not None
         """Whether there may be visible text between tags."""
         self.root = _element_tree(text, self.has_text)
@@ -109,7 +110,7 @@ class XmlFile:
         return self._location(_text_offset_map(self._text, element.end_offset).offset(index))
 
     def _location(self, offset: int) -> SourceLocation:
-        return self.source.location(self._repaired.original_offset(offset) if self._repaired else offset)
+        return self.source.location(self._repaired.original_offset(offset))
 
 
 class _OffsetMap:
@@ -204,39 +205,34 @@ def read_xml(source: SourceFile, diagnostics: Diagnostics) -> XmlFile | None:
         )
         return None
     try:
-        _parse(text)
-        return XmlFile(source, text, None)
-    except XmlNameError as misnamed:
-        diagnostics.error("not-well-formed", source.location(misnamed.offset), str(misnamed))
-        return None
+        return _read_well_formed(RepairedText(source, []), diagnostics)
     except etree.XMLSyntaxError as first:
         error = first
-        before = diagnostics.errors
-        repaired = repair(source, diagnostics)
-        if diagnostics.errors > before:
-            try:
-                _parse(repaired.text)
-                return XmlFile(source, repaired.text, repaired)
-            except XmlNameError as misnamed:
-                location = source.location(repaired.original_offset(misnamed.offset))
-                diagnostics.error("not-well-formed", location, str(misnamed))
-                return None
-            except etree.XMLSyntaxError as second:
-                error = second
-        report_syntax_error(error, repaired, diagnostics)
+    before = diagnostics.errors
+    repaired = repair(source, diagnostics)
+    if diagnostics.errors > before:
+        try:
+            return _read_well_formed(repaired, diagnostics)
+        except etree.XMLSyntaxError as second:
+            error = second
+    report_syntax_error(error, repaired, diagnostics)
+    return None
+
+
+def _read_well_formed(repaired: RepairedText, diagnostics: Diagnostics) -> XmlFile | None:
+    """The file, or None after a finding about a name. Raises etree.XMLSyntaxError for what is not well-formed."""
+    _parse(repaired.text)
+    try:
+        return XmlFile(repaired)
+    except XmlNameError as error:
+        location = repaired.source.location(repaired.original_offset(error.offset))
+        diagnostics.error("not-well-formed", location, str(error))
         return None
 
 
 def _parse(text: str) -> None:
     """Raises etree.XMLSyntaxError for a text that is not well-formed."""
-    parser = etree.XMLParser(
-        remove_comments=True,
-        remove_pis=True,
-        resolve_entities=False,
-        no_network=True,
-        load_dtd=False,
-        huge_tree=False,
-    )
+    parser = etree.XMLParser(resolve_entities=False, no_network=True, load_dtd=False, huge_tree=False)
     etree.fromstring(text.encode(), parser)
 
 

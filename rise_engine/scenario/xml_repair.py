@@ -175,7 +175,7 @@ class _Repairer:
             position = end + 1
 
     def repair_typographic_value(self, opening: int) -> int:
-        """Mend a value in typographic quotation marks, or one that they close: the offset of its end; -1 for others."""
+        """Repair a value in typographic quotation marks, or one that they close: where it ends; -1 for others."""
         text = self.text
         curly = bool(straight_quote(text[opening : opening + 1]))
         if not curly and text[opening : opening + 1] not in ('"', "'"):

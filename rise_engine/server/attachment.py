@@ -97,7 +97,7 @@ class Attachment:
         self._backlog, self._patience = ARRIVAL_BACKLOG, STATE_SECONDS
         self._pieces.extend(split_into_pieces(first))
         self._task_portions = task_portions
-        self.connection.hold()
+        self.connection.hold_back()
 
     def send_state(self) -> bool:
         """Send one portion of it, or as much as the client takes; gives whether more can be sent now."""

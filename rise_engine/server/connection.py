@@ -49,6 +49,7 @@ class ClientConnection(asyncio.Protocol):
         self._owner = owner
         self._loop = asyncio.get_running_loop()
         self._transport: asyncio.Transport
+        self.opened_at = self._loop.time()
         self.user: int | None = None
         """The user at the other end, where the system tells."""
         self.closing = False
@@ -79,8 +80,8 @@ class ClientConnection(asyncio.Protocol):
         self._partial.clear()
         self._owner.connection_closed(self)
 
-    def finish(self, last: bytes = b"") -> None:
-        """End this connection with a last line, after all that waits; but what is held back is dropped."""
+    def finish(self, last: bytes) -> None:
+        """End this connection with a last line, if any, after all that waits; but what is held back is dropped."""
         if self.closing:
             return
         self.closing = True
@@ -150,7 +151,7 @@ class ClientConnection(asyncio.Protocol):
             for piece in pieces:
                 self._write(piece)
 
-    def hold(self) -> None:
+    def hold_back(self) -> None:
         """From now on let what is sent wait until `release`; only `send_first` goes before it."""
         self._holding = True
 

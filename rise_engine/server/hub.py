@@ -15,12 +15,13 @@ import os
 from collections.abc import Callable
 from unicodedata import normalize
 
+from msgspec import Struct
 from msgspec.structs import replace
 
 from rise_engine.engine.engine import Engine, ReplyCallback, versions
 from rise_engine.errors import RiseError
 from rise_engine.kernel.inputs import ControlChanged, ControlStatus, Submit
-from rise_engine.kernel.records import ActionRecord, AnyRecord, SessionRecord, TaskRecord
+from rise_engine.kernel.records import ActionRecord, AnyRecord, TaskRecord
 from rise_engine.kernel.view import SessionView, TaskView
 from rise_engine.protocol.client import ClientInput, ControlVerb, Reply, Role, Update
 from rise_engine.protocol.messages import VERSION, SessionSummary
@@ -39,20 +40,15 @@ class NotAdmitted(RiseError):
     """Somebody cannot attach; the text says why, for a person."""
 
 
-class AttachedClient:
+class AttachedClient(Struct, frozen=True, eq=False):
     """A console or a program that is attached."""
 
-    __slots__ = ("name", "role", "source")
-
-    def __init__(self, name: str, source: str, role: Role) -> None:
-        """
-        :param name: unique among those attached: `wizard:anna#2`.
-        :param source: what the record names for what it submits: `wizard:anna`.
-        :param role: what it may do.
-        """
-        self.name = name
-        self.source = source
-        self.role = role
+    name: str
+    """Unique among those attached: `wizard:anna#2`."""
+    source: str
+    """What the record names for what it submits: `wizard:anna`."""
+    role: Role
+    """What it may do."""
 
 
 class SessionHub:
@@ -79,12 +75,11 @@ class SessionHub:
         self.clients: dict[str, AttachedClient] = {}
         self._names_seen: dict[str, None] = {}
         """Of all who have attached so far."""
-        self.end_reason = ""
-        """Why the session ended, once it has."""
         self._end_session = end or self._end_engine
-        self._view = SessionView() if view is None else view
+        self.view = SessionView() if view is None else view
+        """The present state, for looking only."""
         self._all_tasks: list[TaskView] | None = None
-        self._changing_tasks = {id for id, task in self._view.tasks.items() if _can_change(task)}
+        self._changing_tasks = {id for id, task in self.view.tasks.items() if _can_change(task)}
         self._listeners: list[Callable[[Update], object]] = []
         self._holder: AttachedClient | None = None
         self._requester: AttachedClient | None = None
@@ -93,20 +88,17 @@ class SessionHub:
         engine.subscribe(self._apply_record)
         engine.on_journal_status = self._notify_listeners
 
-    @property
-    def view(self) -> SessionView:
-        """The present state, for looking only."""
-        return self._view
+    def changing_tasks(self) -> list[TaskView]:
+        """The view's tasks that can still change, which are to be looked at now; no other one ever does."""
+        tasks = self.view.tasks
+        return [tasks[id] for id in sorted(self._changing_tasks) if id in tasks]
 
-    def tasks(self) -> tuple[list[TaskView], list[TaskView]]:
-        """The view's tasks that can still change, which are to be looked at now; and all, of which the others never do.
-
-        Made once for all who ask before there is another task: a copy of the whole view would be ten times as dear.
-        """
-        tasks = self._view.tasks
+    def all_tasks(self) -> list[TaskView]:
+        """The view's tasks. Made once for all who ask before there is another task: a copy of the whole view would be
+        ten times as dear."""
         if self._all_tasks is None:
-            self._all_tasks = list(tasks.values())
-        return [tasks[id] for id in sorted(self._changing_tasks) if id in tasks], self._all_tasks
+            self._all_tasks = list(self.view.tasks.values())
+        return self._all_tasks
 
     def subscribe(self, listener: Callable[[Update], object]) -> None:
         """Let `listener` have every record, and every change of how recording stands. It may be called in a step."""
@@ -123,7 +115,7 @@ class SessionHub:
         :raises NotAdmitted: the name cannot be one, or looks like another's; or the session has ended.
         """
         name = normalize("NFC", name)
-        before = [self._view.wizard] if self._view.wizard else []  # of a session that goes on
+        before = [self.view.wizard] if self.view.wizard else []  # of a session that goes on
         problem = name_problem(name)
         if not problem and (other := find_lookalike(name, [*self._names_seen, *before])):
             problem = f"{name!r} looks like {other!r}, who is in this session's record: take another name"
@@ -157,7 +149,7 @@ class SessionHub:
 
     def summary(self) -> SessionSummary:
         """The session in a few words, but for what only its server knows."""
-        engine, scenario, view = self.engine, self.engine.scenario, self._view
+        engine, scenario, view = self.engine, self.engine.scenario, self.view
         return SessionSummary(
             version=VERSION,
             title=scenario.title,
@@ -301,13 +293,13 @@ class SessionHub:
         wizard = next((client for client in self.clients.values() if client.role == "wizard"), None)
         if wizard is not None:
             self._set_control("taken", wizard, wizard)
-        elif self._view.control is not None:
-            self.engine.post(ControlChanged(status="released", by=self._view.control, holder=None))
+        elif self.view.control is not None:
+            self.engine.post(ControlChanged(status="released", by=self.view.control, holder=None))
 
     # --- from the engine ----------------------------------------------------------------------------------------
 
     def _apply_record(self, record: AnyRecord) -> None:
-        view = self._view
+        view = self.view
         if isinstance(record, TaskRecord) and record.id not in view.tasks:
             self._all_tasks = None
         view.apply(record)
@@ -318,8 +310,6 @@ class SessionHub:
                 self._changing_tasks.add(id)
             else:
                 self._changing_tasks.discard(id)
-        elif isinstance(record, SessionRecord) and record.status == "ended":
-            self.end_reason = record.reason
         self._notify_listeners(record)
         if not self._first_record_came:
             self._assign_control_at_start()

@@ -10,7 +10,6 @@ from collections.abc import Callable, Sequence
 from contextlib import suppress
 from pathlib import Path
 from random import SystemRandom
-from typing import TypeAlias
 
 from rise_engine import exit_status
 from rise_engine.engine.clock import RealClock
@@ -25,7 +24,7 @@ from rise_engine.scenario import load
 from rise_engine.scenario.model import Scenario
 from rise_engine.scenario.study import condition_problem
 from rise_engine.server.hub import SessionHub
-from rise_engine.server.spawn import StartupProgress, StartupReport
+from rise_engine.server.spawn import EngineRefused, ReportStartup, StartupProgress
 from rise_engine.session.folder import (
     JOURNAL,
     SessionError,
@@ -44,9 +43,6 @@ from rise_engine.session.journal import Journal
 from rise_engine.session.lock import JournalLock, JournalLockedError, one_at_a_time, running_message
 from rise_engine.session.recovery import RecoveredSession, recover
 
-ReportStartup: TypeAlias = Callable[[StartupReport | StartupProgress], None]
-"""How an engine's process tells whoever started it how far it is, and at last whether it serves."""
-
 
 class ServeRefused(RiseError):
     """Nothing is served."""
@@ -60,12 +56,10 @@ class ServeRefused(RiseError):
         socket: str = "",
     ) -> None:
         super().__init__("\n".join(lines))
-        self.report = StartupReport(
-            code, lines=list(lines), unfinished=_descriptions(unfinished), others=_descriptions(others), socket=socket
-        )
+        self.report = EngineRefused(code, list(lines), _describe_all(unfinished), _describe_all(others), socket)
 
 
-def _descriptions(folders: Sequence[Path]) -> list[tuple[str, str]]:
+def _describe_all(folders: Sequence[Path]) -> list[tuple[str, str]]:
     return [(str(folder), describe_session(folder)) for folder in folders]
 
 
@@ -80,7 +74,6 @@ class SessionPreparation:
         :raises ServeRefused: nothing was started; what was locked is released.
         """
         self.options = options
-        self._report = report
         self.recovered: RecoveredSession | None = None
         self.lock: JournalLock | None = None
         """Of the journal of a session that goes on, until that is open."""
@@ -89,7 +82,7 @@ class SessionPreparation:
         try:
             unfinished = self._choose_unfinished()
             if unfinished is not None:
-                self._recover(unfinished)
+                self._recover(unfinished, report)
             else:
                 self._load_scenario()
         except BaseException:
@@ -171,18 +164,21 @@ class SessionPreparation:
         if problem := condition_problem(self.scenario, options.condition):
             raise ServeRefused(exit_status.USAGE, f"error: {problem}")
         self.seed = options.seed if options.seed is not None else SystemRandom().randrange(2**31)
-        self.speed, self.faults, self.wire = options.speed, options.faults, options.ros
+        self.speed, self.faults, self.ros = options.speed, options.faults, options.ros
         self._files = loaded.files
 
-    def open_journal(self, open: Callable[[Path, int, JournalLock | None], Journal]) -> Journal:
+    def open_journal(self, changed: Callable[[], None], now: Callable[[], float]) -> Journal:
         """The journal of the session that goes on, or of a new one, whose folder is made for it.
 
-        :param open: opens a journal: its path, how many bytes of it count, and its lock, which is the journal's then.
+        :param changed: as `Journal` takes it: called on its thread.
+        :param now: the session's time.
         :raises ServeRefused: it cannot be written, or another session of the scenario has begun meanwhile.
         """
         try:
             if self.recovered is not None:
-                journal = open(self.folder / JOURNAL, self.recovered.size, self.lock)
+                journal = Journal(
+                    self.folder / JOURNAL, size=self.recovered.size, lock=self.lock, changed=changed, now=now
+                )
                 self.lock = None  # it is the journal's now
                 return journal
             root = sessions_folder()
@@ -191,36 +187,36 @@ class SessionPreparation:
             with one_at_a_time(root):
                 self._refuse_if_running()
                 self._make_folder()
-                return open(self.folder / JOURNAL, 0, None)
+                return Journal(self.folder / JOURNAL, changed=changed, now=now)
         except OSError as error:
             raise ServeRefused(exit_status.NOT_WRITTEN, f"the journal cannot be opened: {error}") from None
         except SessionError as error:
             raise ServeRefused(exit_status.NOT_WRITTEN, str(error)) from None
 
     def _make_folder(self) -> None:
-        try:
-            self.folder = create_session(
-                sessions_folder(),
-                self.scenario,
-                self._files,
-                seed=self.seed,
-                speed=self.speed,
-                faults=self.faults,
-                wire=self.wire,
-                versions=versions(),
-                participant=self.options.participant,
-                condition=self.options.condition,
-                wizard=self.options.wizard,
-            )
-        except SessionError as error:
-            raise ServeRefused(exit_status.NOT_WRITTEN, str(error)) from None
+        self.folder = create_session(
+            sessions_folder(),
+            self.scenario,
+            self._files,
+            seed=self.seed,
+            speed=self.speed,
+            faults=self.faults,
+            connection=self.ros,
+            versions=versions(),
+            participant=self.options.participant,
+            condition=self.options.condition,
+            wizard=self.options.wizard,
+        )
 
-    def _recover(self, folder: Path) -> None:
+    def _recover(self, folder: Path, report: ReportStartup) -> None:
+        def on_progress(sentence: str) -> None:
+            report(StartupProgress(f"recovering: {sentence}"))
+
         try:
             with one_at_a_time(folder.parent):
                 self._refuse_if_running()
                 self.lock = JournalLock(folder / JOURNAL, here=self.options.from_other_computer)
-            self.recovered = recover(folder, lock=self.lock, on_progress=self._report_recovery)
+            self.recovered = recover(folder, lock=self.lock, on_progress=on_progress)
         except JournalLockedError as error:
             holder = error.holder
             socket = holder.socket if holder and holder.is_this_computer else ""
@@ -230,15 +226,12 @@ class SessionPreparation:
         info = self.recovered.info
         self.scenario, self.folder = self.recovered.scenario, folder
         self.seed, self.speed, self.faults = info.seed, info.speed, info.faults
-        self.wire = RosConnection(info.ros, info.ros_args)
-
-    def _report_recovery(self, sentence: str) -> None:
-        self._report(StartupProgress(f"recovering: {sentence}"))
+        self.ros = RosConnection(info.ros, info.ros_args)
 
     async def connect(self) -> Bridge[SessionHub] | None:
         """The connection to ROS, where the session has one. Raises ServeRefused."""
         try:
-            return await open_bridge(self.wire, self.scenario.robot, self.scenario.mode)
+            return await open_bridge(self.ros, self.scenario.robot, self.scenario.mode)
         except BridgeError as error:
             raise ServeRefused(exit_status.REFUSED, *(f"error: {line}" for line in error.lines)) from None
 

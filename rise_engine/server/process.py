@@ -12,25 +12,22 @@ import os
 import signal
 import socket
 from contextlib import suppress
-from functools import partial
-from pathlib import Path
 
 from rise_engine import exit_status
 from rise_engine.engine.clock import RealClock
 from rise_engine.engine.drivers import simulated_robot_warning
-from rise_engine.engine.engine import Engine, ResumeState, versions
+from rise_engine.engine.engine import Engine, versions
 from rise_engine.json_codec import encode
 from rise_engine.kernel.inputs import Note
 from rise_engine.ports.bridge import Bridge
 from rise_engine.ports.robot import Robot
 from rise_engine.protocol.session_options import SessionOptions
 from rise_engine.server.hub import END_SECONDS, SessionHub
-from rise_engine.server.preparation import ReportStartup, ServeRefused, SessionPreparation
+from rise_engine.server.preparation import ServeRefused, SessionPreparation
 from rise_engine.server.server import SessionServer
-from rise_engine.server.spawn import StartupProgress, StartupReport
+from rise_engine.server.spawn import EngineStarted, ReportStartup, StartOutcome, StartupProgress
 from rise_engine.session.journal import Journal
 from rise_engine.session.journal_format import encode_header
-from rise_engine.session.lock import JournalLock
 
 RECORD_SECONDS = 5.0
 """Real seconds that the disk gets to take the last records."""
@@ -42,7 +39,7 @@ def serve(options: SessionOptions, report: ReportStartup) -> int:
     """Serve a session until it ends.
 
     :param options: what to run.
-    :param report: gets the progress, and then one `StartupReport`: that the session is served, or why not.
+    :param report: gets the progress, and at last that the session is served, or why not.
     :return: the exit status.
     """
     preparation: SessionPreparation | None = None
@@ -80,7 +77,7 @@ class _SessionProcess:
         self.loop = asyncio.get_running_loop()
         clock = RealClock(self.loop, prepared.speed, recovered.t if recovered is not None else 0.0)
         robot = prepared.make_robot(clock, bridge)
-        journal = prepared.open_journal(partial(self._open_journal, clock))
+        journal = prepared.open_journal(self._flush_soon, clock.now)
         engine = self.engine = self._make_engine(robot, clock, journal)
         view = recovered.view if recovered is not None else None
         hub = SessionHub(engine, str(prepared.folder), view=view, end=self.end)
@@ -111,24 +108,17 @@ class _SessionProcess:
             return exit_status.FAILED
         return exit_status.OK if recorded and not self.unrecorded else exit_status.NOT_WRITTEN
 
-    def _open_journal(self, clock: RealClock, path: Path, size: int, lock: JournalLock | None) -> Journal:
-        loop = self.loop
-
-        def changed() -> None:
-            with suppress(RuntimeError):  # the loop is closed
-                loop.call_soon_threadsafe(self.engine.flush_durable)
-
-        return Journal(path, size=size, lock=lock, changed=changed, now=clock.now)
+    def _flush_soon(self) -> None:
+        """On the journal's thread: it has got on."""
+        with suppress(RuntimeError):  # the loop is closed
+            self.loop.call_soon_threadsafe(lambda: self.engine.flush_durable())  # perhaps it is just being made
 
     def _make_engine(self, robot: Robot, clock: RealClock, journal: Journal) -> Engine:
         prepared, recovered = self.prepared, self.prepared.recovered
-        resumption = None
         if recovered is None:
             journal.append(encode_header(f"rise-tui {versions()['rise-tui']}"))
-        else:
-            if recovered.unwritten_lines:
-                journal.append(recovered.unwritten_lines)
-            resumption = ResumeState(recovered.kernel, recovered.inputs, recovered.timers, "its engine had gone")
+        elif recovered.unwritten_lines:
+            journal.append(recovered.unwritten_lines)
         return Engine(
             prepared.scenario,
             robot,
@@ -137,7 +127,7 @@ class _SessionProcess:
             participant=prepared.options.participant,
             condition=prepared.options.condition,
             journal=journal,
-            resumption=resumption,
+            recovered=recovered,
         )
 
     def _handle_signals(self) -> None:
@@ -147,9 +137,8 @@ class _SessionProcess:
 
     def _report_ready(self) -> None:
         prepared, recovered = self.prepared, self.prepared.recovered
-        lines = list(recovered.report) if recovered is not None else []
-        name, folder = prepared.name, str(prepared.folder)
-        self.report(StartupReport(exit_status.OK, name, folder, lines, recovered=recovered is not None))
+        lines = recovered.report if recovered is not None else []
+        self.report(EngineStarted(prepared.name, str(prepared.folder), lines, recovered is not None))
         _notify_systemd("READY=1")
 
     def _start_engine(self, engine: Engine) -> None:
@@ -171,7 +160,7 @@ class _SessionProcess:
         if self.ending:
             return
         self.ending = True
-        self.engine.end(reason, stop=True if self.engine.busy else None)
+        self.engine.end(reason)
         self.loop.call_later(END_SECONDS, self.engine.end_now, reason)
         self.loop.call_later(END_SECONDS + RECORD_SECONDS, self._abandon)
 
@@ -193,10 +182,10 @@ def report_to_pipe(descriptor: int) -> ReportStartup:
     :param descriptor: the pipe's; it is closed after the last report.
     """
 
-    def write(message: StartupReport | StartupProgress) -> None:
+    def write(message: StartupProgress | StartOutcome) -> None:
         with suppress(OSError):  # nobody waits any more; the session goes on
             os.write(descriptor, encode(message) + b"\n")
-        if isinstance(message, StartupReport):
+        if not isinstance(message, StartupProgress):
             os.close(descriptor)
 
     return write

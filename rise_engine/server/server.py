@@ -25,7 +25,7 @@ from msgspec.structs import replace
 
 from rise_engine.engine.engine import versions
 from rise_engine.kernel.inputs import Submit
-from rise_engine.kernel.records import ActionRecord, MistakeRecord, TaskRecord, TimingRecord
+from rise_engine.kernel.records import ActionRecord, AnyRecord, MistakeRecord, TaskRecord, TimingRecord
 from rise_engine.kernel.view import TaskView
 from rise_engine.lag_meter import LagMeter
 from rise_engine.protocol.client import Heartbeat, JournalStatus, Reply, Update
@@ -77,23 +77,18 @@ SLICE_BYTES = 65_536
 class SessionServer:
     """Listens for clients of one session. All methods belong to the engine's loop."""
 
-    def __init__(self, hub: SessionHub, path: str | os.PathLike[str], *, allowed: frozenset[int] | None = None) -> None:
+    def __init__(self, hub: SessionHub, path: str | os.PathLike[str]) -> None:
         """
         :param hub: the session.
         :param path: of the socket; nothing is there yet.
-        :param allowed: the users whose programs may connect; None: this process's own and root.
         """
         self.hub = hub
         self.path = Path(path)
-        self.allowed = allowed if allowed is not None else frozenset({os.getuid(), 0})
         self.connections: dict[ClientConnection, Attachment | None] = {}
         """Every connection, the oldest first; None for one that has not attached."""
-        self.lag: LagMeter | None = None
+        self.lag: LagMeter
         self._server: asyncio.AbstractServer | None = None
-        self._attach_timers: dict[ClientConnection, asyncio.TimerHandle] = {}
         self._attached: set[Attachment] = set()
-        self._behind: set[Attachment] = set()
-        """Those that get no records until they have taken what waits for them."""
         self._waiting_connections: deque[ClientConnection] = deque()
         """Those that have sent something that was not taken yet."""
         self._messages = TimeSlicer(self._take_message, SLICE_SECONDS, most=SLICE_BYTES)
@@ -123,7 +118,7 @@ class SessionServer:
             listening.close()
             raise
         self.lag = LagMeter(self._loop)
-        self._heartbeat = self._loop.call_later(HEARTBEAT_SECONDS, self._send_heartbeat)
+        self._heartbeat = self._loop.call_later(HEARTBEAT_SECONDS, self._on_heartbeat)
 
     async def close(self) -> None:
         """Say that the session is over, if it is, and end all connections. Waits a moment for clients that read."""
@@ -139,40 +134,40 @@ class SessionServer:
             reason = f"the engine stopped: {engine.failure or type(engine.failure).__name__}"
             last = encode_line(EndedMessage(reason, failed=True))
         elif engine.ended:
-            last = encode_line(EndedMessage(self.hub.end_reason))
+            last = encode_line(EndedMessage(self.hub.view.end_reason))
         for connection in tuple(self.connections):
             connection.finish(last)
-        with suppress(TimeoutError):
-            await asyncio.wait_for(self._all_gone.wait() if self.connections else asyncio.sleep(0), LINGER_SECONDS)
+        if self.connections:
+            with suppress(TimeoutError):
+                await asyncio.wait_for(self._all_gone.wait(), LINGER_SECONDS)
         for connection in tuple(self.connections):
             connection.abort()
         for slicer in (self._messages, self._state_portions):
             slicer.cancel()
-        if self.lag is not None:
-            self.lag.close()
+        self.lag.close()
         self._heartbeat.cancel()
         self._server = None
 
     def summary(self) -> SessionSummary:
         """The session in a few words, and how late its loop is."""
-        lag = self.lag
-        assert lag is not None
-        return replace(
-            self.hub.summary(), program=f"rise-tui {versions()['rise-tui']}", lag=lag.recent, lag_max=lag.max
-        )
+        program = f"rise-tui {versions()['rise-tui']}"
+        return replace(self.hub.summary(), program=program, lag=self.lag.recent, lag_max=self.lag.max)
 
     # --- connections ------------------------------------------------------------------------------------------------
 
     def connection_opened(self, connection: ClientConnection) -> None:
         self.connections[connection] = None
-        if connection.user is not None and connection.user not in self.allowed:
+        if connection.user not in (None, os.getuid(), 0):  # root may do everything anyway
             _refuse(connection, "this session belongs to another user")
         elif len(self.connections) > MAX_CLIENTS and not self._close_idle(connection):
             _refuse(connection, f"{MAX_CLIENTS} clients are connected to this session already")
-        else:
-            self._attach_timers[connection] = self._loop.call_later(
-                ATTACH_SECONDS, _refuse, connection, f"you have not attached within {ATTACH_SECONDS:g} seconds"
-            )
+
+    def _refuse_unattached(self) -> None:
+        """Refuse those that have had their time. Timers of their own would hold on to many that have gone."""
+        oldest = self._loop.time() - ATTACH_SECONDS
+        for connection, attachment in self.connections.items():
+            if attachment is None and connection.opened_at < oldest:
+                _refuse(connection, f"you have not attached within {ATTACH_SECONDS:g} seconds")
 
     def _close_idle(self, newcomer: ClientConnection) -> bool:
         """Refuse the oldest connection that has not attached, so that such ones keep no console out."""
@@ -194,20 +189,13 @@ class SessionServer:
             self._send_state_again(attachment)
 
     def connection_closed(self, connection: ClientConnection) -> None:
-        self._stop_attach_timer(connection)
         attachment = self.connections.pop(connection, None)
         if attachment is not None:
             attachment.close()
             self._attached.discard(attachment)
-            self._behind.discard(attachment)
             self.hub.detach(attachment.client)
         if not self.connections and self._server is not None and not self._server.is_serving():
             self._all_gone.set()
-
-    def _stop_attach_timer(self, connection: ClientConnection) -> None:
-        timer = self._attach_timers.pop(connection, None)
-        if timer is not None:
-            timer.cancel()
 
     # --- in: one message of each client in turn ---------------------------------------------------------------------
 
@@ -247,7 +235,10 @@ class SessionServer:
         attachment = self.connections[connection]
         match message:
             case AttachMessage():
-                self._attach(connection, message)
+                try:
+                    self._attach(connection, message)
+                except NotAdmitted as refusal:
+                    _refuse(connection, str(refusal))
             case AskSummaryMessage():
                 connection.finish(encode_line(self.summary()))
             case _ if attachment is not None:
@@ -259,79 +250,67 @@ class SessionServer:
         self, attachment: Attachment, message: SendMessage | ControlMessage | EndMessage, size: int
     ) -> None:
         client = attachment.client
+        attachment.unanswered += 1
+        answer = partial(self._queue_reply, attachment, message.id)
         match message:
-            case SendMessage(id=id) if size > MAX_MESSAGE_BYTES:
-                self._reply(attachment, id, Reply(False, f"a message may have {MAX_MESSAGE_BYTES:,} bytes at most"))
-            case SendMessage(id=id, message=input) if attachment.unanswered >= MAX_UNANSWERED and not _is_stop(input):
-                self._reply(
-                    attachment, id, Reply(False, f"{MAX_UNANSWERED} of your messages are not answered yet; wait")
-                )
-            case SendMessage(id=id, message=input):
-                attachment.unanswered += 1
-                self.hub.submit(client, input, partial(self._answer, attachment, id))
-            case ControlMessage(id=id, verb=verb):
-                attachment.unanswered += 1
-                self.hub.change_control(client, verb, partial(self._answer, attachment, id))
-            case EndMessage(id=id, reason=reason):
-                self.hub.end_session(client, reason, partial(self._reply, attachment, id))
+            case SendMessage() if size > MAX_MESSAGE_BYTES:
+                answer(Reply(False, f"a message may have {MAX_MESSAGE_BYTES:,} bytes at most"))
+            case SendMessage(message=input) if attachment.unanswered > MAX_UNANSWERED and not _is_stop(input):
+                answer(Reply(False, f"{MAX_UNANSWERED} of your messages are not answered yet; wait"))
+            case SendMessage(message=input):
+                self.hub.submit(client, input, answer)
+            case ControlMessage(verb=verb):
+                self.hub.change_control(client, verb, answer)
+            case EndMessage(reason=reason):
+                self.hub.end_session(client, reason, answer)
 
     def _attach(self, connection: ClientConnection, message: AttachMessage) -> None:
+        """Raises NotAdmitted."""
         if message.version != VERSION:
-            _refuse(
-                connection,
+            raise NotAdmitted(
                 f"this session speaks version {VERSION} of the protocol, and you speak version {message.version}; "
-                "use the same release of rise-tui for both",
+                "use the same release of rise-tui for both"
             )
-            return
         if self.connections[connection] is not None:
-            _refuse(connection, "you are attached already")
-            return
-        try:
-            client = self.hub.attach(message.name, message.role)
-        except NotAdmitted as problem:
-            _refuse(connection, str(problem))
-            return
-        self._stop_attach_timer(connection)
+            raise NotAdmitted("you are attached already")
+        client = self.hub.attach(message.name, message.role)
         self._flush_records()  # the state has them already
         attachment = self.connections[connection] = Attachment(connection, client, resyncs=message.resync)
         self._attached.add(attachment)
         # Everything that can still change is encoded now; the tasks that cannot, some at a time.
-        changing, all_tasks = self.hub.tasks()
+        changing = self.hub.changing_tasks()
         scenario = self._scenario_line if message.scenario else b""
-        first = encode_line(self._hello(client)) + scenario + encode_line(TasksMessage(changing))
-        self._begin_state(attachment, first, _in_portions(all_tasks, {task.id for task in changing}))
+        first = encode_line(self._make_hello(client)) + scenario + encode_line(TasksMessage(changing))
+        self._begin_state(attachment, first, _in_portions(self.hub.all_tasks(), {task.id for task in changing}))
 
     # --- out: everything of one turn together -----------------------------------------------------------------------
 
     def _on_update(self, update: Update) -> None:
-        if self._behind and (task := _task_of(update)) is not None:
-            for attachment in self._behind:
-                if attachment.missed_tasks is not None:
-                    attachment.missed_tasks.add(task)
         if not self._attached or isinstance(update, Heartbeat):
             return
         if isinstance(update, JournalStatus):
             self._flush_records()
             self._broadcast(encode_line(JournalStatusMessage(update)))
         else:
+            task = _task_of(update)
+            for attachment in self._attached:
+                if task is not None and attachment.missed_tasks is not None:
+                    attachment.missed_tasks.add(task)
             self._records.append(encode_record(update))
             self._flush_soon()
 
-    def _send_heartbeat(self) -> None:
+    def _on_heartbeat(self) -> None:
         """Signs of life, for those that are attached."""
-        self._heartbeat = self._loop.call_later(HEARTBEAT_SECONDS, self._send_heartbeat)
+        self._heartbeat = self._loop.call_later(HEARTBEAT_SECONDS, self._on_heartbeat)
+        self._refuse_unattached()
         if self._attached:
-            assert self.lag is not None
             seen = self.hub.engine.robot_seen
             heartbeat = Heartbeat(None if seen is None else round(seen, 1), round(self.lag.recent, 3))
             self._flush_records()
             self._broadcast(encode_line(HeartbeatMessage(heartbeat)))
 
-    def _answer(self, attachment: Attachment, id: int, reply: Reply) -> None:
+    def _queue_reply(self, attachment: Attachment, id: int, reply: Reply) -> None:
         attachment.unanswered -= 1
-        self._reply(attachment, id, reply)
-
-    def _reply(self, attachment: Attachment, id: int, reply: Reply) -> None:
         answer = encode_line(ReplyMessage(id, reply.accepted, reply.reason, reply.task))
         self._replies.setdefault(attachment, []).append(answer)
         self._flush_soon()
@@ -356,10 +335,9 @@ class SessionServer:
 
     def _broadcast(self, data: bytes) -> None:
         pieces = split_into_pieces(data)
-        for attachment in self._attached - self._behind:
-            attachment.send(pieces)
-            if attachment.missed_tasks is not None:
-                self._behind.add(attachment)
+        for attachment in self._attached:
+            if attachment.missed_tasks is None:
+                attachment.send(pieces)
 
     # --- the state, for clients that attach or lay behind -----------------------------------------------------------
 
@@ -382,15 +360,14 @@ class SessionServer:
     def _send_state_again(self, attachment: Attachment) -> None:
         """The state for one who lay behind, with the tasks that are not over or have changed meanwhile."""
         self._flush_records()
-        self._behind.discard(attachment)
-        changing, _ = self.hub.tasks()
+        changing = self.hub.changing_tasks()
         tasks = self.hub.view.tasks
         missed = (attachment.missed_tasks or set()) - {task.id for task in changing}
         changed = [tasks[id] for id in sorted(missed) if id in tasks]
-        first = encode_line(self._hello(attachment.client)) + encode_line(TasksMessage(changing))
+        first = encode_line(self._make_hello(attachment.client)) + encode_line(TasksMessage(changing))
         self._begin_state(attachment, first, _in_portions(changed, set()))
 
-    def _hello(self, client: AttachedClient) -> HelloMessage:
+    def _make_hello(self, client: AttachedClient) -> HelloMessage:
         hub = self.hub
         engine, scenario = hub.engine, hub.engine.scenario
         return HelloMessage(
@@ -428,9 +405,9 @@ def _is_stop(message: object) -> bool:
     return isinstance(message, Submit) and message.function == "stopAll"
 
 
-def _task_of(update: Update) -> int | None:
+def _task_of(record: AnyRecord) -> int | None:
     """The task that a record is about."""
-    match update:
+    match record:
         case TaskRecord(id=task) | ActionRecord(task=task) | MistakeRecord(task=task) | TimingRecord(task=task):
             return task
         case _:

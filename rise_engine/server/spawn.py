@@ -22,8 +22,14 @@ SILENCE_SECONDS = 30.0
 """Seconds for which an engine may be silent before it says whether it serves; one that recovers says how far it is."""
 
 
-class EngineStarted(Struct, frozen=True):
-    """An engine serves."""
+class StartupProgress(Struct, frozen=True, tag="progress"):
+    """How far an engine's process is, for who started it, while that takes long."""
+
+    sentence: str
+
+
+class EngineStarted(Struct, frozen=True, tag="started"):
+    """The last message of a process that serves."""
 
     name: str
     """Of the session, for `SocketClient`."""
@@ -35,10 +41,11 @@ class EngineStarted(Struct, frozen=True):
     """Whether a session that did not end goes on."""
 
 
-class EngineRefused(Struct, frozen=True):
-    """Nothing was started."""
+class EngineRefused(Struct, frozen=True, tag="refused"):
+    """The last message of one that does not: nothing was started."""
 
     code: int
+    """The exit status."""
     lines: list[str]
     unfinished: list[tuple[str, str]] = []
     """Sessions that could be recovered: folder, and a sentence about it."""
@@ -48,28 +55,10 @@ class EngineRefused(Struct, frozen=True):
     """Where the session is reached that runs already, if it is not reached by its name."""
 
 
-class StartupProgress(Struct, tag="progress"):
-    """How far an engine's process is, for who started it, while that takes long."""
-
-    sentence: str
-
-
-class StartupReport(Struct, tag="report"):
-    """Its last message: that it serves, or why not."""
-
-    code: int
-    """The exit status; 0: it serves."""
-    name: str = ""
-    folder: str = ""
-    lines: list[str] = []
-    unfinished: list[tuple[str, str]] = []
-    others: list[tuple[str, str]] = []
-    recovered: bool = False
-    socket: str = ""
-    """Of a refusal because the session runs: where it is reached."""
-
-
 StartOutcome: TypeAlias = EngineStarted | EngineRefused
+
+ReportStartup: TypeAlias = Callable[[StartupProgress | StartOutcome], None]
+"""How an engine's process tells whoever started it how far it is, and at last whether it serves."""
 
 
 class EngineProcess:
@@ -110,19 +99,17 @@ class EngineProcess:
 
         :param on_progress: gets sentences about how far it is.
         """
-        report = None if self._problem else self._read_report(on_progress)
+        outcome = self._read_outcome(on_progress) if self._process is not None else None
         os.close(self._report_pipe)
-        if report is None:
-            return self._report_from_log()
-        if report.code == exit_status.OK:
-            if self._process is not None:
-                self._process.returncode = 0  # it is nobody's child: no warning that it still runs
-            return EngineStarted(report.name, report.folder, report.lines, report.recovered)
-        if self._process is not None:
+        if outcome is None or self._process is None:
+            return self._refusal_from_log()
+        if isinstance(outcome, EngineStarted):
+            self._process.returncode = 0  # it is nobody's child: no warning that it still runs
+        else:
             self._process.wait()
-        return EngineRefused(report.code, report.lines, report.unfinished, report.others, report.socket)
+        return outcome
 
-    def _read_report(self, on_progress: Callable[[str], object]) -> StartupReport | None:
+    def _read_outcome(self, on_progress: Callable[[str], object]) -> StartOutcome | None:
         """Its last message; None when it has gone, or says nothing any more."""
         text = b""
         while True:
@@ -134,14 +121,14 @@ class EngineProcess:
                 return None
             *lines, text = (text + chunk).split(b"\n")
             for line in lines:
-                message = msgspec.convert(
-                    restore_all_surrogates(msgspec.json.decode(line)), StartupProgress | StartupReport
+                message: StartupProgress | StartOutcome = msgspec.convert(
+                    restore_all_surrogates(msgspec.json.decode(line)), StartupProgress | EngineStarted | EngineRefused
                 )
-                if isinstance(message, StartupReport):
+                if not isinstance(message, StartupProgress):
                     return message
                 on_progress(message.sentence)
 
-    def _report_from_log(self) -> EngineRefused:
+    def _refusal_from_log(self) -> EngineRefused:
         """A refusal with what it left in its log instead of a report."""
         if self._process is None:
             return EngineRefused(exit_status.FAILED, [self._problem])

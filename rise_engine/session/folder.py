@@ -36,7 +36,7 @@ from rise_engine.session.journal_format import FORMAT
 from rise_engine.session.lock import LockHolder, is_journal_locked, read_holder, user_name
 from rise_engine.text import escape_all_surrogates, restore_all_surrogates
 
-_ANY_WIRE = RosConnection()
+_ANY_CONNECTION = RosConnection()
 INFO, JOURNAL, SCENARIO_COPY = "session.toml", "journal.jsonl", "scenario"
 
 
@@ -110,7 +110,7 @@ def create_session(
     seed: int,
     speed: float,
     faults: tuple[str, ...],
-    wire: RosConnection = _ANY_WIRE,
+    connection: RosConnection = _ANY_CONNECTION,
     participant: str = "",
     condition: str = "",
     wizard: str = "",
@@ -128,8 +128,8 @@ def create_session(
         started=started.isoformat(timespec="milliseconds"),
         speed=speed,
         faults=faults,
-        ros=wire.transport,
-        ros_args=wire.arguments,
+        ros=connection.transport,
+        ros_args=connection.arguments,
         participant=participant,
         condition=condition,
         wizard=wizard,

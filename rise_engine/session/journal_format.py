@@ -64,12 +64,12 @@ def encode_header(program: str) -> bytes:
     return with_checksum(msgspec.json.encode(JournalHeader(FORMAT, program)))
 
 
-def encode_input(number: int, fact: AnyInput) -> bytes:
+def encode_input(number: int, input: AnyInput) -> bytes:
     """The line of input `number`, with its line end.
 
     Raises UnicodeEncodeError when a text in it holds half characters, which no file can.
     """
-    return with_checksum(b'{"n":%d,' % number + msgspec.json.encode(fact)[1:])
+    return with_checksum(b'{"n":%d,' % number + msgspec.json.encode(input)[1:])
 
 
 def encode_record(record: AnyRecord) -> bytes:

@@ -10,6 +10,7 @@ from typing import Protocol
 
 from rise_engine.exit_status import USAGE
 from rise_engine.protocol.messages import SessionSummary
+from rise_tui.cli.options import CommandLine
 from rise_tui.config.paths import abbreviate_home
 from rise_tui.config.settings import NothingStarted
 from rise_tui.model.control import short_name
@@ -29,7 +30,7 @@ class Prompter(Protocol):
 
     def print_line(self, line: str) -> None: ...
 
-    def ask(self, question: str) -> str | None:
+    def read_answer(self, question: str) -> str | None:
         """None when nobody answers any more."""
         ...
 
@@ -52,7 +53,7 @@ def choose_session(
     names = list(found)
     if len(names) == 1:
         return names[0]
-    rows = _rows(found)
+    rows = _session_rows(found)
     if not terminal.interactive:
         raise NothingStarted(USAGE, "several sessions run, and without a terminal nobody can be asked:", *rows)
     terminal.print_line("These sessions run on this machine:")
@@ -60,7 +61,7 @@ def choose_session(
     for row in rows:
         terminal.print_line(row)
     terminal.print_line("")
-    while (answer := terminal.ask(f"Which one? 1 to {len(names)}, or q to leave")) is not None:
+    while (answer := terminal.read_answer(f"Which one? 1 to {len(names)}, or q to leave")) is not None:
         wanted = answer.strip().lower()
         if wanted in ("q", "quit"):
             raise NothingStarted(0)
@@ -69,7 +70,7 @@ def choose_session(
     raise NothingStarted(USAGE, "nothing was chosen")
 
 
-def _rows(found: Mapping[str, SessionSummary | None]) -> list[str]:
+def _session_rows(found: Mapping[str, SessionSummary | None]) -> list[str]:
     rows: list[tuple[str, ...]] = []
     for number, (name, about) in enumerate(found.items(), 1):
         if about is None:
@@ -84,34 +85,19 @@ def _rows(found: Mapping[str, SessionSummary | None]) -> list[str]:
     return ["  " + "  ".join((*map(str.ljust, row[:5], widths), row[5])).rstrip() for row in rows]
 
 
-def check_matches(
-    name: str,
-    about: SessionSummary | None,
-    *,
-    new: bool = False,
-    robot: str | None = None,
-    mode: str | None = None,
-    participant: str | None = None,
-    condition: str | None = None,
-    only_for_new: Sequence[str] = (),
-) -> None:
-    """Whether a session that runs is the one that was asked for. Raises NothingStarted when it is not.
-
-    `only_for_new`: options that were given and say only how a new session begins.
-    """
+def check_matches(name: str, about: SessionSummary | None, options: CommandLine) -> None:
+    """Whether a session that runs is the one that was asked for. Raises NothingStarted when it is not."""
     title = clean(about.title) if about is not None else name
     end = "attach with `rise-tui` and end it first (ctrl+c)"
-    if new:
+    if options.new:
         raise NothingStarted(USAGE, f"{title} is running already; to begin a new session, {end}")
-    if only_for_new:
+    if options.only_for_new:
+        given = " and ".join(options.only_for_new)
         raise NothingStarted(
-            USAGE,
-            f"{title} is running already; {' and '.join(only_for_new)} can only be said of a session "
-            f"that begins: {end}",
+            USAGE, f"{title} is running already; {given} can only be said of a session that begins: {end}"
         )
-    asked = {"mode": mode, "robot": robot, "participant": participant, "condition": condition}
-    for what, wanted in asked.items() if about is not None else ():
-        is_now = getattr(about, what)
+    for what in ("mode", "robot", "participant", "condition") if about is not None else ():
+        wanted, is_now = getattr(options, what), getattr(about, what)
         if wanted is not None and wanted != is_now:
             which = f"with --{what} {clean(is_now)} and not {wanted}" if is_now else f"without --{what}"
             raise NothingStarted(USAGE, f"{title} is running already, {which}; for the other one, {end}")
@@ -166,7 +152,7 @@ def choose_recovery(
     )
     terminal.print_line("  q  quit. Nothing is started, nothing changes.")
     terminal.print_line("")
-    while (answer := terminal.ask("r, n or q?" if unfinished else "n or q?")) is not None:
+    while (answer := terminal.read_answer("r, n or q?" if unfinished else "n or q?")) is not None:
         wanted = answer.strip().lower()
         if wanted in ("q", "quit"):
             raise NothingStarted(0)

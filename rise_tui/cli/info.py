@@ -78,14 +78,14 @@ def _paths() -> Rows:
         ("layout, theme", state_folder()),
         ("records", sessions_folder()),
     ):
-        yield name, _path(path)
+        yield name, _path_text(path)
     try:
-        yield "sockets", _path(runtime_folder())
+        yield "sockets", _path_text(runtime_folder())
     except RegistryError as error:
         yield "sockets", f"cannot be used: {error}"
 
 
-def _path(path: Path) -> str:
+def _path_text(path: Path) -> str:
     state = "" if path.exists() else "  (not there)"
     return f"{abbreviate_home(str(path))}{state}"
 

@@ -88,11 +88,11 @@ def sections(scenario: Scenario | None) -> Iterator[KeyCardSection]:
     for function, title in KINDS.items() if scenario is not None else ():
         assert scenario is not None
         bindings = [binding for binding in scenario.keys.values() if binding.function == function]
-        entries = [_of_scenario(scenario, binding) for binding in bindings]
+        entries = [_scenario_entry(scenario, binding) for binding in bindings]
         if function.startswith("start"):
             known = scenario.acts if "RobotAct" in function else scenario.rules
             bound = {binding.behavior for binding in bindings}
-            entries += [KeyCardEntry((), name, marks=_marks(scenario, name)) for name in known if name not in bound]
+            entries += [KeyCardEntry((), name, marks=_act_marks(scenario, name)) for name in known if name not in bound]
         if entries:
             yield KeyCardSection(title, tuple(entries))
     for scope, title in KEY_SCOPES:
@@ -110,15 +110,15 @@ def sections(scenario: Scenario | None) -> Iterator[KeyCardSection]:
         yield KeyCardSection("In the command palette", rest)
 
 
-def _of_scenario(scenario: Scenario, binding: KeyBinding) -> KeyCardEntry:
-    marks = _marks(scenario, binding.behavior) if binding.function == "startCommunicationRobotAct" else ()
+def _scenario_entry(scenario: Scenario, binding: KeyBinding) -> KeyCardEntry:
+    marks = _act_marks(scenario, binding.behavior) if binding.function == "startCommunicationRobotAct" else ()
     behavior = clean(binding.behavior)
     return KeyCardEntry(
         (printed_key(binding.key),), f"{binding.title}  ({behavior})" if binding.title else behavior, marks=marks
     )
 
 
-def _marks(scenario: Scenario, act: str) -> tuple[str, ...]:
+def _act_marks(scenario: Scenario, act: str) -> tuple[str, ...]:
     settings = scenario.settings_of(act)
     return (HOLD,) * settings.hold + (FILLER,) * settings.filler
 

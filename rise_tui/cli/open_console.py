@@ -18,7 +18,6 @@ from rise_tui.cli.process_launcher import process_launcher
 from rise_tui.cli.terminal import login_name
 from rise_tui.config.display import choose_theme, detect_colors
 from rise_tui.config.keymap import KeyFile
-from rise_tui.config.launch import Launcher
 from rise_tui.config.paths import PREFERENCES_NAME, state_folder
 from rise_tui.config.preferences import Preferences, load_saved
 from rise_tui.console.app import ConsoleApp
@@ -26,7 +25,7 @@ from rise_tui.console.ui_state import UiState
 from rise_tui.rendering.text import clean
 
 
-def on_session(
+def run_on_session(
     name: str, settings: SessionOptions | None, options: CommandLine, keys: KeyFile | None, *, notice: str = ""
 ) -> int:
     """A console on a running session; returns the exit status. `notice`: what there is to say about the session."""
@@ -35,19 +34,17 @@ def on_session(
     if notice and remark:
         remark = remark.partition(",")[0]  # a line of 80 cells has no room for more
     notice = "; ".join(filter(None, (notice, remark)))
-    return on_client(client, settings, process_launcher(wizard, options.role), wizard, options, keys, notice)
+    return _run_console(client, settings, wizard, options, keys, notice)
 
 
-def on_replay(path: Path, options: CommandLine, keys: KeyFile | None) -> int:
+def run_on_replay(path: Path, options: CommandLine, keys: KeyFile | None) -> int:
     """A console on the record of a session; returns the exit status."""
-    client = ReplayClient(path, options.speed)
-    return on_client(client, None, process_launcher("wizard", "wizard"), "replay", options, keys)
+    return _run_console(ReplayClient(path, options.speed), None, "replay", options, keys)
 
 
-def on_client(
+def _run_console(
     client: Client,
     settings: SessionOptions | None,
-    launcher: Launcher,
     wizard: str,
     options: CommandLine,
     keys: KeyFile | None,
@@ -56,12 +53,11 @@ def on_client(
     """A console on what a client shows; returns the exit status."""
     kept, unused = (Preferences(), "") if options.fresh else load_saved(state_folder() / PREFERENCES_NAME, Preferences)
     app = ConsoleApp(
-        None,
-        settings,
+        client,
+        settings=settings,
         wizard=wizard,
         theme=choose_theme(options.display, detect_colors(options.display, os.environ), kept.theme),
-        launcher=launcher,
-        client=client,
+        launcher=process_launcher(wizard, options.role),
         notice=notice,
         keys=keys,
         in_browser=options.in_browser,

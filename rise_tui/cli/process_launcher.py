@@ -39,10 +39,10 @@ def process_launcher(who: str, role: Role) -> Launcher:
             )
         raise EngineGone("; ".join(found.lines))
 
-    def recover(hello: AttachReply, report: ReportProgress) -> RecoveredClient:
-        folder = hello.scenario.folder
+    def recover(attach_reply: AttachReply, report: ReportProgress) -> RecoveredClient:
+        folder = attach_reply.scenario.folder
         name = session_name(folder)
-        wanted = SessionOptions(folder, unfinished=hello.folder)
+        wanted = SessionOptions(folder, unfinished=attach_reply.folder)
         found = start_engine(wanted, report) if role == "wizard" else None
         if isinstance(found, EngineStarted):
             return RecoveredClient(SocketClient(found.name, who, role, resync=True), startup_notice(found))

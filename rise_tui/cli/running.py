@@ -16,7 +16,7 @@ from rise_tui.cli.terminal import PlainTerminal
 from rise_tui.config.settings import NothingStarted, scenario_path
 
 
-def running_session(options: CommandLine) -> str:
+def find_running_session(options: CommandLine) -> str:
     """The name, or the socket, of the running session that is meant. Raises NothingStarted."""
     try:
         if options.session is not None:
@@ -28,14 +28,14 @@ def running_session(options: CommandLine) -> str:
         name = session_name(scenario_path(options.settings))
         if name in running_names():
             return name
-        if elsewhere := reached_elsewhere(options.settings):
+        if elsewhere := find_elsewhere(options.settings):
             return elsewhere
     except RegistryError as error:
         raise NothingStarted(USAGE, str(error)) from None
     raise NothingStarted(USAGE, f"no session of {options.folder} is running")
 
 
-def reached_elsewhere(settings: SessionOptions) -> str:
+def find_elsewhere(settings: SessionOptions) -> str:
     """The socket of the scenario's session when it runs with another runtime folder; empty when none does."""
     holders = running_sessions(str(Path(scenario_path(settings)).absolute())).values()
     return next((holder.socket for holder in holders if holder is not None and holder.is_this_computer), "")

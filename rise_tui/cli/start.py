@@ -23,12 +23,12 @@ from rise_engine.server.spawn import EngineProcess, EngineRefused, start_engine
 from rise_engine.session.folder import SessionError, find_session, find_unfinished, participant_text
 from rise_tui.cli import choose_session
 from rise_tui.cli.options import CommandLine
-from rise_tui.cli.running import reached_elsewhere, running_session
+from rise_tui.cli.running import find_elsewhere, find_running_session
 from rise_tui.cli.terminal import PlainTerminal, ProgressLine, login_name, take_terminal
 from rise_tui.config import launch
 from rise_tui.config.display import prepare_textual, with_detected_colors
-from rise_tui.config.paths import key_file_path
-from rise_tui.config.settings import NothingStarted, engine_options, expand_home, scenario_path, why_no_scenario
+from rise_tui.config.paths import expand_home, key_file_path
+from rise_tui.config.settings import NothingStarted, engine_options, scenario_path, why_no_scenario
 
 if TYPE_CHECKING:
     from rise_tui.config.keymap import KeyFile
@@ -74,12 +74,10 @@ def _read_keys(options: CommandLine) -> KeyFile | None:
     return keys
 
 
-def _need_terminal(also: str = "") -> None:
+def _need_terminal(*also: str) -> None:
     if not PlainTerminal().interactive:
-        click.echo("the console needs a terminal; `rise-engine run` and `rise-engine serve` need none", err=True)
-        if also:
-            click.echo(also, err=True)
-        sys.exit(USAGE)
+        needs = "the console needs a terminal; `rise-engine run` and `rise-engine serve` need none"
+        raise NothingStarted(USAGE, needs, *also)
 
 
 # --- sessions that run ------------------------------------------------------------------------------------------------
@@ -88,7 +86,7 @@ def _need_terminal(also: str = "") -> None:
 def _serve_browsers(options: CommandLine) -> NoReturn:
     """Consoles for browsers, until somebody ends this process."""
     _read_keys(options)  # only to say now what is wrong with it
-    name = running_session(options)
+    name = find_running_session(options)
     try:
         from rise_tui.web.server import WebError, serve
     except ImportError as error:
@@ -112,25 +110,13 @@ def _arguments_in_browser(name: str, options: CommandLine) -> list[str]:
 
 def _attach(options: CommandLine, keys: KeyFile | None) -> NoReturn:
     """To a session that runs already."""
-    name = running_session(options)
-    _need_terminal()
-    _open(name, None, options, keys)
+    _open_console(find_running_session(options), options, keys)
 
 
 def _join(name: str, options: CommandLine, keys: KeyFile | None) -> NoReturn:
     """The session of the scenario that runs already, if it is what was asked for."""
-    choose_session.check_matches(
-        name,
-        ask_summary(name),
-        new=options.new,
-        robot=options.robot,
-        mode=options.mode,
-        participant=options.participant,
-        condition=options.condition,
-        only_for_new=options.only_for_new,
-    )
-    _need_terminal()
-    _open(name, None, options, keys)
+    choose_session.check_matches(name, ask_summary(name), options)
+    _open_console(name, options, keys)
 
 
 # --- new sessions -----------------------------------------------------------------------------------------------------
@@ -146,8 +132,10 @@ def _run(options: CommandLine, settings: SessionOptions, keys: KeyFile | None) -
             _join(name, options, keys)
     except RegistryError as error:
         _refuse_start(str(error))
-    if options.observe:
-        _observe(options, settings, keys)
+    if options.observe:  # none is started, but perhaps one runs with another runtime folder
+        if elsewhere := find_elsewhere(settings):
+            _join(elsewhere, options, keys)
+        _refuse_start(f"no session of {settings.folder} is running, and --observe starts none")
     _need_terminal_to_choose(options, settings)
     if keys is not None:
         _check_clashes(settings, keys)
@@ -163,12 +151,12 @@ def _run(options: CommandLine, settings: SessionOptions, keys: KeyFile | None) -
     from rise_tui.cli import open_console
 
     progress = ProgressLine()
-    found = engine.wait(progress.show)
+    found = engine.wait(progress.overwrite)
     progress.clear()
     if isinstance(found, EngineRefused) and (found.unfinished or found.others):
         named = participant_text(settings.participant, settings.condition)
         chosen = choose_session.choose_recovery(found.unfinished, PlainTerminal(), found.others, named)
-        found = start_engine(replace(wanted, unfinished=chosen), progress.show)
+        found = start_engine(replace(wanted, unfinished=chosen), progress.overwrite)
         progress.clear()
     if isinstance(found, EngineRefused) and found.code == ALREADY_RUNNING and (found.socket or name in running_names()):
         _join(found.socket or name, options, keys)  # somebody else has just started it, or elsewhere
@@ -178,14 +166,7 @@ def _run(options: CommandLine, settings: SessionOptions, keys: KeyFile | None) -
     notice = launch.startup_notice(found) + (
         f"; {' and '.join(unused)}: not used, it goes on as it was" if unused else ""
     )
-    sys.exit(open_console.on_session(found.name, settings, options, keys, notice=notice))
-
-
-def _observe(options: CommandLine, settings: SessionOptions, keys: KeyFile | None) -> NoReturn:
-    """A session that runs with another runtime folder, perhaps; none is started."""
-    if elsewhere := reached_elsewhere(settings):
-        _join(elsewhere, options, keys)
-    _refuse_start(f"no session of {settings.folder} is running, and --observe starts none")
+    sys.exit(open_console.run_on_session(found.name, settings, options, keys, notice=notice))
 
 
 def _need_terminal_to_choose(options: CommandLine, settings: SessionOptions) -> None:
@@ -193,7 +174,7 @@ def _need_terminal_to_choose(options: CommandLine, settings: SessionOptions) -> 
     if PlainTerminal().interactive:
         return
     asks = options.unfinished == "ask" and find_unfinished(str(Path(scenario_path(settings)).absolute()))
-    _need_terminal(choose_session.WITHOUT_TERMINAL if asks else "")
+    _need_terminal(*[choose_session.WITHOUT_TERMINAL] * bool(asks))
 
 
 def _first_inputs(options: CommandLine) -> tuple[Submit, ...]:
@@ -228,10 +209,12 @@ def _print_refusal(lines: list[str], folder: str, code: int = REFUSED) -> NoRetu
 # --- consoles ---------------------------------------------------------------------------------------------------------
 
 
-def _open(name: str, settings: SessionOptions | None, options: CommandLine, keys: KeyFile | None) -> NoReturn:
-    from rise_tui.cli import open_console
+def _open_console(name: str, options: CommandLine, keys: KeyFile | None) -> NoReturn:
+    """A console on a session that runs already."""
+    _need_terminal()
+    from rise_tui.cli import open_console  # see above
 
-    sys.exit(open_console.on_session(name, settings, options, keys))
+    sys.exit(open_console.run_on_session(name, None, options, keys))
 
 
 def _open_replay(options: CommandLine, keys: KeyFile | None) -> NoReturn:
@@ -241,6 +224,6 @@ def _open_replay(options: CommandLine, keys: KeyFile | None) -> NoReturn:
     except SessionError as error:
         _refuse_start(str(error))
     _need_terminal()
-    from rise_tui.cli import open_console  # as above
+    from rise_tui.cli import open_console  # see above
 
-    sys.exit(open_console.on_replay(path, options, keys))
+    sys.exit(open_console.run_on_replay(path, options, keys))

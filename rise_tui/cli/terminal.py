@@ -25,7 +25,7 @@ class PlainTerminal:
         """Write a line."""
         click.echo(line)
 
-    def ask(self, question: str) -> str | None:
+    def read_answer(self, question: str) -> str | None:
         """The answer; None when nobody answers any more."""
         try:
             return str(click.prompt(question, default="", show_default=False, prompt_suffix=" "))
@@ -40,7 +40,7 @@ class ProgressLine:
     def __init__(self) -> None:
         self._is_shown = False
 
-    def show(self, sentence: str) -> None:
+    def overwrite(self, sentence: str) -> None:
         """Write it over what the line said."""
         self._is_shown = True
         click.echo(f"\r\x1b[2K{clean(sentence)}", nl=False)

@@ -68,22 +68,22 @@ def with_detected_colors(display: DisplayOptions, environment: Mapping[str, str]
     return replace(display, colors=detect_colors(display, environment).system)
 
 
-def choose_theme(display: DisplayOptions, found: DetectedColors, remembered: str) -> str:
+def choose_theme(display: DisplayOptions, detected: DetectedColors, remembered: str) -> str:
     """The theme's name: what the command line says, or what the colours leave, or the one that was used last."""
-    if found.system == "mono":
+    if detected.system == "mono":
         return "mono"
     if display.theme:
         return display.theme
-    if found.system == "16" and remembered not in ("terminal", "mono"):
+    if detected.system == "16" and remembered not in ("terminal", "mono"):
         return "terminal"  # any other needs more colours to look like anything
     return remembered or "dark"
 
 
 def prepare_textual(display: DisplayOptions, environment: MutableMapping[str, str] = os.environ) -> DetectedColors:
     """Settle in the environment what Textual reads there when it is imported. Animations cost the link too much."""
-    found = detect_colors(display, environment)
+    detected = detect_colors(display, environment)
     environment.setdefault("TEXTUAL_ANIMATIONS", "none")
     environment["TEXTUAL_FPS"] = str(display.fps)
-    environment["TEXTUAL_COLOR_SYSTEM"] = _RICH_NAMES[found.system]
+    environment["TEXTUAL_COLOR_SYSTEM"] = _RICH_NAMES[detected.system]
     environment.pop("NO_COLOR", None)  # the theme follows it; Textual would turn the terminal's own colours to greys
-    return found
+    return detected

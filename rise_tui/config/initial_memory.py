@@ -16,7 +16,8 @@ from rise_engine.scenario.file_names import DEFAULT_PATHS
 from rise_engine.scenario.memory import LIST_KEY
 from rise_engine.scenario.model import Scenario
 from rise_engine.scenario.shipped_studies import shipped_name
-from rise_tui.config.memory_file import MemoryFileNotEditable, edit_memory_text, json_equal
+from rise_tui.config.memory_file import MemoryFileNotEditable, edit_memory_text
+from rise_tui.model.json_path import json_equal
 from rise_tui.rendering.text import format_value
 
 
@@ -50,15 +51,15 @@ def memory_file_text(memory: Mapping[str, Any]) -> str:
 
 def describe_changes(before: Mapping[str, Any], now: Mapping[str, Any]) -> list[str]:
     """What later sessions will begin with that this one did not, a key in each line."""
-    said = []
-    for key in (*before, *(key for key in now if key not in before)):
+    changes = []
+    for key in {**before, **now}:
         if key not in now:
-            said.append(f"{key}: {format_value(before[key])} → (no such key)")
+            changes.append(f"{key}: {format_value(before[key])} → (no such key)")
         elif key not in before:
-            said.append(f"{key}: (new) → {format_value(now[key])}")
-        elif not json_equal(before[key], now[key]):
-            said.append(f"{key}: {format_value(before[key])} → {format_value(now[key])}")
-    return said
+            changes.append(f"{key}: (new) → {format_value(now[key])}")
+        elif not json_equal(before[key], now[key], in_order=True):
+            changes.append(f"{key}: {format_value(before[key])} → {format_value(now[key])}")
+    return changes
 
 
 def save_memory(path: Path, before: Mapping[str, Any], now: Mapping[str, Any]) -> None:
@@ -69,7 +70,7 @@ def save_memory(path: Path, before: Mapping[str, Any], now: Mapping[str, Any]) -
     fresh = ""
     try:
         path = Path(os.path.realpath(path))
-        text = _text(path, before, now)
+        text = _changed_text(path, before, now)
         handle, fresh = tempfile.mkstemp(prefix=f".{path.name}.", dir=path.parent)
         with os.fdopen(handle, "w", encoding="utf-8", newline="") as file:
             file.write(text)
@@ -85,7 +86,7 @@ def save_memory(path: Path, before: Mapping[str, Any], now: Mapping[str, Any]) -
         raise MemoryNotWritable(f"{path}: {getattr(error, 'strerror', None) or error}") from error
 
 
-def _text(path: Path, before: Mapping[str, Any], now: Mapping[str, Any]) -> str:
+def _changed_text(path: Path, before: Mapping[str, Any], now: Mapping[str, Any]) -> str:
     """What the file is to hold. Raises OSError, UnicodeError and MemoryFileNotEditable."""
     if not path.exists():
         return memory_file_text(now)

@@ -13,8 +13,10 @@ from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
+from msgspec.structs import replace
+
 from rise_engine.nearest_name import did_you_mean
-from rise_engine.scenario.diagnostics import Diagnostic, Diagnostics
+from rise_engine.scenario.diagnostics import Diagnostics
 from rise_engine.scenario.keys import KeyRefusedError, key_name
 from rise_engine.scenario.model import SourceLocation
 from rise_engine.scenario.source_files import FileReader
@@ -35,33 +37,22 @@ def read_keys(path: Path) -> KeyFile:
     diagnostics = Diagnostics()
     source = FileReader(path.parent, diagnostics).read(path)
     file = read_toml(source, diagnostics) if source is not None else None
-    reader = _Reader(file, diagnostics) if file is not None else None
-    if reader is not None:
-        reader.read()
-    found = tuple(_with_full_path(path, diagnostic) for diagnostic in diagnostics.sorted())
-    return KeyFile(path, reader.own, found, reader.locations) if reader is not None else KeyFile(path, {}, found)
+    own, locations = _KeyFileReader(file, diagnostics).read() if file is not None else ({}, {})
+    # With the file's whole path, because nobody knows which folder is meant.
+    problems = tuple(replace(each, location=replace(each.location, file=str(path))) for each in diagnostics.sorted())
+    return KeyFile(path, own, problems, locations)
 
 
-def _with_full_path(path: Path, diagnostic: Diagnostic) -> Diagnostic:
-    """With the file's whole path, because nobody knows which folder is meant."""
-    location = diagnostic.location
-    return Diagnostic(
-        diagnostic.severity,
-        diagnostic.code,
-        diagnostic.message,
-        SourceLocation(str(path), location.line, location.column),
-    )
-
-
-class _Reader:
+class _KeyFileReader:
     """Checks a file table by table; nothing stops at the first mistake."""
 
     def __init__(self, file: TomlFile, diagnostics: Diagnostics) -> None:
-        self.file, self.diagnostics = file, diagnostics
+        self.file, self.error = file, diagnostics.error
         self.own: dict[str, tuple[str, ...]] = {}
         self.locations: dict[tuple[str, str], SourceLocation] = {}
 
-    def read(self) -> None:
+    def read(self) -> tuple[dict[str, tuple[str, ...]], dict[tuple[str, str], SourceLocation]]:
+        """The keys of each action, and where each is given."""
         for table in self.file.values:
             if table != "keys":
                 known = did_you_mean(table, ("keys",))
@@ -70,14 +61,12 @@ class _Reader:
         if not isinstance(keys, dict):
             self.error("wrong-type", self.file.key_location("keys"), "`keys` is a table: [keys]")
             keys = {}
-        for action, value in _flat(keys):
-            self.action(action, value)
-        self.conflicts()
+        for action, value in _flatten(keys):
+            self.read_action(action, value)
+        self.report_conflicts()
+        return self.own, self.locations
 
-    def error(self, code: str, location: SourceLocation, message: str) -> None:
-        self.diagnostics.error(code, location, message)
-
-    def action(self, parts: tuple[str, ...], value: Any) -> None:
+    def read_action(self, parts: tuple[str, ...], value: Any) -> None:
         name, location = ".".join(parts), self.file.key_location("keys", *parts)
         action = BY_ID.get(name)
         if action is None:
@@ -89,7 +78,7 @@ class _Reader:
         if not isinstance(written, list) or not all(isinstance(one, str) for one in written):
             self.error("wrong-type", at, f'a key is a text: {name} = "f5", or several: {name} = ["f5", "ctrl+f"]')
             return
-        keys = [key for one in written if (key := self.key(action, one, at))]
+        keys = [key for one in written if (key := self.read_key(action, one, at))]
         if not written and name == "stop":
             self.error("no-stop-key", at, "`stop` cannot be without a key: somebody will need it at once")
             return
@@ -97,7 +86,7 @@ class _Reader:
             self.own[name] = tuple(dict.fromkeys(keys))
             self.locations.update({(name, key): at for key in keys})
 
-    def key(self, action: ConsoleAction, written: str, at: SourceLocation) -> str:
+    def read_key(self, action: ConsoleAction, written: str, at: SourceLocation) -> str:
         """Textual's name of a key, or empty after a finding."""
         if written in action.keys:
             return written
@@ -111,45 +100,45 @@ class _Reader:
         if key in FIXED:
             self.error("key-refused", at, f"`{written}` cannot be given to an action: {FIXED[key]}")
             return ""
-        if action.scope == "everywhere" and not _beside_typing(key):
+        if action.scope == "everywhere" and not _works_while_typing(key):
             reason = "it works while you type too, so a function key or ctrl and a letter"
             self.error("key-refused", at, f"`{written}` cannot be given to `{action.id}`: {reason}")
             return ""
         return key
 
-    def conflicts(self) -> None:
+    def report_conflicts(self) -> None:
         """Keys that mean two things at one time, with whatever has its usual keys."""
         for action in ACTIONS:
             if action.id not in self.own:
                 continue
             for key in self.own[action.id]:
-                others = [each.id for each in ACTIONS if each is not action and self.clash(action, each, key)]
+                others = [each.id for each in ACTIONS if each is not action and self.clashes(action, each, key)]
                 if others:
                     names = " and ".join(f"`{other}`" for other in others)
                     which = f"`{key_label(key)}` is given to `{action.id}`, and {names} has it too"
                     self.error("key-twice", self.locations[action.id, key], f"{which}; give that another key, or []")
 
-    def clash(self, action: ConsoleAction, other: ConsoleAction, key: str) -> bool:
-        if key not in self.own.get(other.id, other.keys) or not _overlap(action, other):
+    def clashes(self, action: ConsoleAction, other: ConsoleAction, key: str) -> bool:
+        if key not in self.own.get(other.id, other.keys) or not _overlaps(action, other):
             return False
         first = next(each.id for each in ACTIONS if each.id in (action.id, other.id))
         return other.id not in self.own or first == action.id  # of two in the file, it is told once
 
 
-def _flat(keys: Mapping[str, Any], parts: tuple[str, ...] = ()) -> Iterator[tuple[tuple[str, ...], Any]]:
+def _flatten(keys: Mapping[str, Any], parts: tuple[str, ...] = ()) -> Iterator[tuple[tuple[str, ...], Any]]:
     """`acts.start = "x"` is a table in TOML, and an action here."""
     for name, value in keys.items():
         if isinstance(value, dict):
-            yield from _flat(value, (*parts, name))
+            yield from _flatten(value, (*parts, name))
         else:
             yield (*parts, name), value
 
 
-def _overlap(one: ConsoleAction, other: ConsoleAction) -> bool:
+def _overlaps(one: ConsoleAction, other: ConsoleAction) -> bool:
     """Whether the keys of both work at one time."""
     common = ("everywhere", "console")
     return one.scope in common or other.scope in common or one.scope == other.scope
 
 
-def _beside_typing(key: str) -> bool:
+def _works_while_typing(key: str) -> bool:
     return key.startswith("ctrl+") or (key[0] == "f" and key[1:].isdigit())

@@ -9,7 +9,7 @@ from msgspec import Struct
 
 from rise_engine.scenario.diagnostics import Diagnostic
 from rise_engine.scenario.model import KeyBinding, SourceLocation
-from rise_tui.actions import unbound_key
+from rise_tui.actions import textual_keys
 from rise_tui.config.paths import USUAL_KEYS
 from rise_tui.key_labels import key_label
 
@@ -32,8 +32,8 @@ class KeyFile(Struct, frozen=True):
             Diagnostic(
                 "error",
                 "key-twice",
-                f"`{key_label(key)}` is given to `{action}` here, and {_meaning(keys[key])} in the scenario "
-                f"({keys[key].location})",
+                f"`{key_label(key)}` is given to `{action}` here, and to {keys[key].function} {keys[key].behavior} "
+                f"in the scenario ({keys[key].location})",
                 location,
             )
             for (action, key), location in self.locations.items()
@@ -43,13 +43,9 @@ class KeyFile(Struct, frozen=True):
 
 def textual_keymap(keys: KeyFile) -> dict[str, str]:
     """As `App.set_keymap` takes them."""
-    return {action: ",".join(own) or unbound_key(action) for action, own in keys.keys.items()}
+    return {action: textual_keys(action, own) for action, own in keys.keys.items()}
 
 
 def how_to_mend(path: Path | None) -> str:
     """What to do when a console does not start because of a key file."""
     return f"no console was started: mend {path}, or start with the usual keys: rise-tui --keys {USUAL_KEYS} ..."
-
-
-def _meaning(binding: KeyBinding) -> str:
-    return f"to {binding.function} {binding.behavior}"

@@ -71,15 +71,15 @@ class Launcher:
     """Goes on with a session whose engine has gone; tells how far it has come. May block. Raises EngineGone."""
 
 
-def settings_of_session(hello: AttachReply) -> SessionOptions:
+def settings_of_session(attach_reply: AttachReply) -> SessionOptions:
     """What a session that runs already was started with."""
-    session = hello.view.session
+    session = attach_reply.view.session
     return SessionOptions(
-        hello.scenario.folder,
-        hello.robot,
-        hello.mode,
-        hello.seed,
-        paths=dict(hello.scenario.paths),
+        attach_reply.scenario.folder,
+        attach_reply.robot,
+        attach_reply.mode,
+        attach_reply.seed,
+        paths=dict(attach_reply.scenario.paths),
         participant=session.participant if session is not None else "",
         condition=session.condition if session is not None else "",
     )

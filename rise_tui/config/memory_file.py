@@ -9,6 +9,7 @@ from typing import Any, NamedTuple
 from rise_engine.errors import RiseError
 from rise_engine.json_codec import JsonArray, JsonError, JsonMember, JsonObject, read_json, to_plain
 from rise_engine.scenario.memory import LIST_KEY
+from rise_tui.model.json_path import json_equal
 
 
 class MemoryFileNotEditable(RiseError):
@@ -33,13 +34,13 @@ def edit_memory_text(text: str, before: Mapping[str, Any], now: Mapping[str, Any
 
     Keys that do not differ between the two stay in the file as they are there. Raises MemoryFileNotEditable.
     """
-    document = _read(text)
-    members = _members(document)
+    document = _read_document(text)
+    members = _memory_members(document)
     wanted = {member.key: to_plain(member.value) for member in members}
     for key in (*before, *now):
         if key not in now:
             wanted.pop(key, None)
-        elif key not in before or not json_equal(before[key], now[key]):
+        elif key not in before or not json_equal(before[key], now[key], in_order=True):
             wanted[key] = now[key]
     listed = document.get(LIST_KEY)
     if isinstance(listed, JsonArray):
@@ -48,22 +49,17 @@ def edit_memory_text(text: str, before: Mapping[str, Any], now: Mapping[str, Any
         edits = _object_edits(text, document, wanted)
     for edit in sorted(edits, reverse=True):
         text = text[: edit.start] + edit.text + text[edit.end :]
-    if not json_equal({member.key: to_plain(member.value) for member in _members(_read(text))}, wanted, in_order=False):
+    if not json_equal({member.key: to_plain(member.value) for member in _memory_members(_read_document(text))}, wanted):
         raise MemoryFileNotEditable("it is written in a way that cannot be changed here; change it with an editor")
     return text
 
 
-def json_equal(one: Any, other: Any, *, in_order: bool = True) -> bool:
-    """Whether two values are the same in a file: 2 and 2.0 are not, nor are 1 and true."""
-    return json.dumps(one, sort_keys=not in_order) == json.dumps(other, sort_keys=not in_order)
-
-
-def _read(text: str) -> JsonObject:
-    def twice(key: str, offset: int, first: int) -> None:
+def _read_document(text: str) -> JsonObject:
+    def refuse_duplicate(key: str, offset: int, first: int) -> None:
         raise MemoryFileNotEditable(f'the key "{key}" stands in it twice')
 
     try:
-        found = read_json(text, twice)
+        found = read_json(text, refuse_duplicate)
     except JsonError as error:
         line = text.count("\n", 0, error.offset) + 1
         raise MemoryFileNotEditable(f"line {line}: {error}") from None
@@ -72,7 +68,7 @@ def _read(text: str) -> JsonObject:
     return found
 
 
-def _members(document: JsonObject) -> list[JsonMember]:
+def _memory_members(document: JsonObject) -> list[JsonMember]:
     """The memory's keys, in either form. Raises MemoryFileNotEditable."""
     listed = document.get(LIST_KEY)
     if not isinstance(listed, JsonArray):
@@ -89,40 +85,40 @@ def _members(document: JsonObject) -> list[JsonMember]:
 def _list_edits(text: str, items: JsonArray, wanted: Mapping[str, Any]) -> list[_Edit]:
     """RISE's form: an object for each key."""
     edits, gone = [], set()
-    for at, item in enumerate(items):
+    for index, item in enumerate(items):
         keys = {member.key for member in item.members}
         if keys and not keys & wanted.keys():
-            gone.add(at)
+            gone.add(index)
         else:
             edits += _object_edits(text, item, {key: wanted[key] for key in item if key in wanted})
     there = {key for item in items for key in item}
     new = [_dumps({key: value}) for key, value in wanted.items() if key not in there]
-    spans = [_Span(at, _end(text, at)) for at in items.items_at]
+    spans = [_Span(offset, _find_end(text, offset)) for offset in items.items_at]
     return [*edits, *_entry_edits(text, items.at, spans, gone, new)]
 
 
 def _object_edits(text: str, object: JsonObject, wanted: Mapping[str, Any]) -> list[_Edit]:
     edits: list[_Edit] = []
     gone = set()
-    for at, member in enumerate(object.members):
+    for index, member in enumerate(object.members):
         if member.key in wanted:
             edits += _value_edits(text, member.value_at, member.value, wanted[member.key])
         else:
-            gone.add(at)
+            gone.add(index)
     new = [f"{_dumps(key)}: {_dumps(value)}" for key, value in wanted.items() if key not in object]
-    spans = [_Span(member.key_at, _end(text, member.value_at)) for member in object.members]
+    spans = [_Span(member.key_at, _find_end(text, member.value_at)) for member in object.members]
     return [*edits, *_entry_edits(text, object.at, spans, gone, new)]
 
 
-def _value_edits(text: str, at: int, old: Any, new: Any) -> list[_Edit]:
-    if json_equal(to_plain(old), new):
+def _value_edits(text: str, offset: int, old: Any, new: Any) -> list[_Edit]:
+    if json_equal(to_plain(old), new, in_order=True):
         return []
     if isinstance(old, JsonObject) and isinstance(new, dict):
         return _object_edits(text, old, new)
     if isinstance(old, JsonArray) and isinstance(new, list | tuple) and len(old) == len(new):
         pairs = zip(old.items_at, old, new, strict=True)
         return [edit for offset, one, other in pairs for edit in _value_edits(text, offset, one, other)]
-    return [_Edit(at, _end(text, at), _dumps(new))]
+    return [_Edit(offset, _find_end(text, offset), _dumps(new))]
 
 
 def _entry_edits(text: str, opening: int, spans: Sequence[_Span], gone: set[int], new: Sequence[str]) -> list[_Edit]:
@@ -133,17 +129,17 @@ def _entry_edits(text: str, opening: int, spans: Sequence[_Span], gone: set[int]
         return [_Edit(opening + 1, opening + 1, ", ".join(new))]
     indent = text[opening + 1 : spans[0].start]
     between = text[spans[-2].end : spans[-1].start] if len(spans) > 1 else "," + (indent if "\n" in indent else " ")
-    kept = [at for at in range(len(spans)) if at not in gone]
+    kept = [index for index in range(len(spans)) if index not in gone]
     if not kept:
         return [_Edit(spans[0].start, spans[-1].end, between.join(new))]
-    edits = [_Edit(spans[at].start, spans[at + 1].start, "") for at in sorted(gone) if at < kept[-1]]
+    edits = [_Edit(spans[index].start, spans[index + 1].start, "") for index in sorted(gone) if index < kept[-1]]
     tail = _Edit(spans[kept[-1]].end, spans[-1].end, "".join(between + entry for entry in new))
     return [*edits, tail] if tail.start < tail.end or tail.text else edits
 
 
-def _end(text: str, at: int) -> int:
+def _find_end(text: str, offset: int) -> int:
     """Where the value ends that begins here."""
-    return json.JSONDecoder().raw_decode(text, at)[1]
+    return json.JSONDecoder().raw_decode(text, offset)[1]
 
 
 def _dumps(value: Any) -> str:

@@ -14,12 +14,12 @@ USUAL_KEYS = "none"
 
 def config_folder() -> Path:
     """What people write: $XDG_CONFIG_HOME/rise-tui, or ~/.config/rise-tui. Nothing is made."""
-    return _folder("XDG_CONFIG_HOME", "~/.config")
+    return _xdg_folder("XDG_CONFIG_HOME", "~/.config")
 
 
 def state_folder() -> Path:
     """What consoles write: $XDG_STATE_HOME/rise-tui, or ~/.local/state/rise-tui. Nothing is made."""
-    return _folder("XDG_STATE_HOME", "~/.local/state")
+    return _xdg_folder("XDG_STATE_HOME", "~/.local/state")
 
 
 def key_file_path(named: str | None) -> Path | None:
@@ -27,7 +27,7 @@ def key_file_path(named: str | None) -> Path | None:
     if named == USUAL_KEYS:
         return None
     if named is not None:
-        return _expanded(named)
+        return expand_home(named)
     usual = config_folder() / KEY_FILE_NAME
     return usual if os.path.lexists(usual) else None
 
@@ -38,10 +38,11 @@ def abbreviate_home(folder: str) -> str:
     return f"~/{folder.removeprefix(home)}" if folder.startswith(home) else folder
 
 
-def _folder(variable: str, usual: str) -> Path:
+def expand_home(path: str) -> Path:
+    """With the home folder for `~`; never raises, unlike `Path.expanduser`, because people are still typing it."""
+    return Path(os.path.expanduser(path))  # noqa: PTH111
+
+
+def _xdg_folder(variable: str, usual: str) -> Path:
     named = os.environ.get(variable, "")
-    return (Path(named) if Path(named).is_absolute() else _expanded(usual)) / "rise-tui"
-
-
-def _expanded(path: str) -> Path:
-    return Path(os.path.expanduser(path))  # noqa: PTH111 - unlike Path.expanduser it never raises
+    return (Path(named) if Path(named).is_absolute() else expand_home(usual)) / "rise-tui"

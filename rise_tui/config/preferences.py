@@ -52,13 +52,13 @@ def load_saved(path: Path, kind: type[Saved]) -> tuple[Saved, str]:
     except FileNotFoundError:
         return kind(), ""
     except OSError as error:
-        return kind(), _unused(path, error.strerror or str(error))
+        return kind(), _unused_text(path, error.strerror or str(error))
     try:
         if os.fstat(descriptor).st_uid != os.getuid():
-            return kind(), _unused(path, "it belongs to another user")
+            return kind(), _unused_text(path, "it belongs to another user")
         return msgspec.json.decode(os.read(descriptor, MOST_BYTES), type=kind), ""
     except (OSError, ValueError) as error:  # msgspec's errors are ValueErrors
-        return kind(), _unused(path, f"it is not what a console writes ({error})")
+        return kind(), _unused_text(path, f"it is not what a console writes ({error})")
     finally:
         os.close(descriptor)
 
@@ -80,5 +80,5 @@ def write_saved(path: Path, kept: Preferences | SavedLayout) -> str:
     return ""
 
 
-def _unused(path: Path, why: str) -> str:
+def _unused_text(path: Path, why: str) -> str:
     return f"{path} was not used: {why}"

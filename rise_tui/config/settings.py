@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 from pathlib import Path
 
 from msgspec.structs import replace
@@ -11,6 +10,7 @@ from rise_engine.errors import RiseError
 from rise_engine.protocol.session_options import SessionOptions
 from rise_engine.scenario.file_names import DEFAULT_PATHS, SCENARIO_FILE
 from rise_engine.scenario.shipped_studies import resolve_study
+from rise_tui.config.paths import expand_home
 
 
 class NothingStarted(RiseError):
@@ -44,11 +44,6 @@ def why_no_scenario(settings: SessionOptions) -> str:
     if folder.is_dir() and not any(settings.paths.values()) and not any(path.exists() for path in usual):
         return f"there is no scenario in {folder}: no scenario.toml, no acts, no rules"
     return ""
-
-
-def expand_home(folder: str) -> Path:
-    """With the home folder for `~`; never raises, unlike `Path.expanduser`, because people are still typing it."""
-    return Path(os.path.expanduser(folder))  # noqa: PTH111
 
 
 def find_scenario(folder: str) -> Path:

@@ -18,6 +18,7 @@ from rise_engine.scenario.study import condition_problem
 from rise_tui.actions import bindings_in
 from rise_tui.config.keymap import KeyFile, how_to_mend, textual_keymap
 from rise_tui.config.launch import Launcher, settings_of_session
+from rise_tui.config.preferences import Preferences
 from rise_tui.console import exit_dialogs
 from rise_tui.console.screen import ConsoleScreen
 from rise_tui.console.session import ConsoleSession
@@ -46,31 +47,31 @@ class ConsoleApp(TerminalApp):
 
     def __init__(
         self,
-        scenario: Scenario | None = None,
-        settings: SessionOptions | None = None,
+        client: Client,
         *,
+        launcher: Launcher,
+        settings: SessionOptions | None = None,
         wizard: str = "wizard",
         theme: str = themes.DEFAULT,
-        launcher: Launcher,
-        client: Client | None = None,
         notice: str = "",
         keys: KeyFile | None = None,
         ui_state: UiState | None = None,
         in_browser: bool = False,
     ) -> None:
-        """Either with a `client` of a session that runs, or with what the launcher is to start.
+        """`client`: of a session that runs. `launcher`: starts another one, or the engine of this one again.
 
-        `notice`: what there is to say about the session to begin with. Without `ui_state` nothing is restored or kept.
+        `settings`: with which the session was started; None: those that it tells itself. `notice`: what there is to say
+        about the session to begin with. Without `ui_state` nothing is restored or kept.
         """
         super().__init__()
         self.animation_level = "none"
         for known in themes.THEMES:
             self.register_theme(known)
         self.theme = themes.full_name(theme)
-        self._launcher = launcher
-        self._scenario, self._settings, self._wizard = scenario, settings, wizard
-        self._client, self._first_notice = client, notice
-        self._keys, self._ui_state, self._in_browser = keys or KeyFile(), ui_state, in_browser
+        self._launcher, self._settings, self._wizard = launcher, settings, wizard
+        self._client, self._notice = client, notice
+        self._keys, self._in_browser = keys or KeyFile(), in_browser
+        self._ui_state = ui_state or UiState(Preferences(), fresh=True, keeps_changes=False)
         use_own_keys(self._keys.keys)
         self.set_keymap(textual_keymap(self._keys))
         self._session: ConsoleSession | None = None
@@ -95,10 +96,7 @@ class ConsoleApp(TerminalApp):
         if self.terminal_writer is not None:
             self.terminal_writer.on_gone = lambda: self._on_signal(loop, signal.SIGHUP)
         self.set_interval(SAVE_SECONDS, self._save_ui_state)
-        if self._client is not None:
-            await self._show_session(self._client)
-        elif self._scenario is not None and self._settings is not None:
-            await self._start_session(self._scenario, self._settings)
+        await self._show_session(self._client, self._notice)
 
     def on_unmount(self) -> None:
         if self._signal is None:  # else they stay: a second signal must not cut the end short
@@ -122,52 +120,49 @@ class ConsoleApp(TerminalApp):
         try:
             client = await asyncio.to_thread(self._launcher.start, scenario, settings)
         except (EngineGone, ValueError) as error:
-            self._exit_without_session(error)
+            self._exit_without_session(f"the session could not start: {error}")
             return
         self._settings = settings
         await self._show_session(client)
 
-    async def _show_session(self, client: Client) -> None:
+    async def _show_session(self, client: Client, notice: str = "") -> None:
         try:
             session = await ConsoleSession.attach(client, self._wizard, in_browser=self._in_browser)
         except (EngineGone, ValueError) as error:
-            self._exit_without_session(error)
+            self._exit_without_session(f"the session could not be reached: {error}")
             return
         if clashes := self._keys.clashes(session.store.scenario.keys):
             await session.close(end_session=False)
-            self.exit_message = "\n".join((*map(str, clashes), how_to_mend(self._keys.path)))
-            self.exit(return_code=2)
+            self._exit_without_session("\n".join((*map(str, clashes), how_to_mend(self._keys.path))), code=2)
             return
         self._session = session
         if self._settings is None:
-            self._settings = settings_of_session(session.store.hello)
+            self._settings = settings_of_session(session.store.attach_reply)
         screen = ConsoleScreen(session)
         await self.push_screen(screen)
-        notice = self._ui_state.restore(screen, themes.short_name(self.theme)) if self._ui_state is not None else ""
-        if notice or self._first_notice:
-            session.show_notice(Notice(self._first_notice or notice, "wait"))
-            self._first_notice = ""
-        if self._ui_state is not None and self._ui_state.tour_is_due:
-            self.call_after_refresh(screen.offer_tour, self._note_tour_seen)
+        remark = self._ui_state.restore(screen, themes.short_name(self.theme))
+        if notice := notice or remark:
+            session.show_notice(Notice(notice, "wait"))
+        if self._ui_state.tour_is_due:
+            self.call_after_refresh(screen.offer_tour, self._save_tour_seen)
 
-    def _note_tour_seen(self) -> None:
-        if self._ui_state is not None:
-            self.run_worker(asyncio.to_thread(save_all, self._ui_state.mark_tour_seen()), group="keep")
+    def _save_tour_seen(self) -> None:
+        self.run_worker(asyncio.to_thread(save_all, self._ui_state.mark_tour_seen()), group="keep")
 
     def _save_ui_state(self, *, at_once: bool = False) -> None:
         """What has changed on the screen is written, beside the loop: a disk may be slow."""
         console = self.console_screen
-        if self._ui_state is None or console is None:
+        if console is None:
             return
-        if changed := self._ui_state.changes(console, themes.short_name(self.theme)):
+        if changed := self._ui_state.collect_changes(console, themes.short_name(self.theme)):
             if at_once:
                 save_all(changed)
             else:
                 self.run_worker(asyncio.to_thread(save_all, changed), group="keep")
 
-    def _exit_without_session(self, error: Exception) -> None:
-        self.exit_message = f"the session could not {'start' if self._client is None else 'be reached'}: {error}"
-        self.exit(return_code=1)
+    def _exit_without_session(self, message: str, code: int = 1) -> None:
+        self.exit_message = message
+        self.exit(return_code=code)
 
     @on(ConsoleScreen.OpenSettings)
     def _open_settings(self) -> None:
@@ -204,7 +199,9 @@ class ConsoleApp(TerminalApp):
 
     def _is_recoverable(self, session: ConsoleSession) -> bool:
         store = session.store
-        return bool(store.gone_reason and not store.ended_in_order and store.hello.folder and self._launcher.recover)
+        return bool(
+            store.gone_reason and not store.ended_in_order and store.attach_reply.folder and self._launcher.recover
+        )
 
     async def _recover(self, session: ConsoleSession) -> None:
         """Start the engine of this session again and attach to it."""
@@ -219,14 +216,13 @@ class ConsoleApp(TerminalApp):
                 loop.call_soon_threadsafe(session.show_notice, Notice(sentence, "wait"))
 
         try:
-            recovered = await asyncio.to_thread(recover, session.store.hello, report)
+            recovered = await asyncio.to_thread(recover, session.store.attach_reply, report)
         except (EngineGone, RegistryError) as error:
             session.show_notice(Notice(f"it is not recovered: {error}", "fault"))
             return
         await self._leave_session(session, end=False)
         await self._close_console_screen()
-        self._first_notice = recovered.notice
-        await self._show_session(recovered.client)
+        await self._show_session(recovered.client, recovered.notice)
 
     def _check_may_end(self, session: ConsoleSession) -> bool:
         """Ending needs control, which may have gone while the question was open."""
@@ -249,7 +245,7 @@ class ConsoleApp(TerminalApp):
 
     # --- keys and actions that work everywhere ----------------------------------------------------------------------
 
-    def observe_key(self, event: events.Key, together: bool | None) -> None:
+    def observe_key(self, event: events.Key, together: bool) -> None:
         if (console := self.console_screen) is not None:
             console.observe_key(event, together)
 
@@ -273,7 +269,7 @@ class ConsoleApp(TerminalApp):
             return
         session = self._session
         recoverable = session is not None and self._is_recoverable(session)
-        if session is None or session.store.hello.replay or (session.store.gone_reason and not recoverable):
+        if session is None or session.store.attach_reply.replay or (session.store.gone_reason and not recoverable):
             await self._leave_and_exit(0)
             return
         dialog = (
@@ -281,7 +277,7 @@ class ConsoleApp(TerminalApp):
         )
         dialog.add_class("-quit")
 
-        def answered(key: str | None) -> None:
+        def carry_out(key: str | None) -> None:
             if key == "r":
                 self.run_worker(self._recover(session), exclusive=True, group="restart")
             elif key in ("d", "l"):
@@ -289,17 +285,17 @@ class ConsoleApp(TerminalApp):
             elif key == exit_dialogs.END_KEY:
                 self._confirm_end(session)
 
-        self.push_screen(dialog, answered)
+        self.push_screen(dialog, carry_out)
 
     def _confirm_end(self, session: ConsoleSession) -> None:
         question = end_session_dialog(session.store)
         question.add_class("-quit")
 
-        def answered(yes: bool | None) -> None:
+        def end_if_confirmed(yes: bool | None) -> None:
             if yes and self._check_may_end(session):
                 self.run_worker(self._leave_and_exit(0, end=True))
 
-        self.push_screen(question, answered)
+        self.push_screen(question, end_if_confirmed)
 
     # --- the end ------------------------------------------------------------------------------------------------------
 

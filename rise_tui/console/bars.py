@@ -11,6 +11,7 @@ from textual.widgets import Input
 from rise_tui.actions import BY_ID, ConsoleAction, actions_in
 from rise_tui.console.layout import Layout
 from rise_tui.key_labels import why_blocked, why_unavailable
+from rise_tui.model.input_lock import LOCKED_ACTIONS
 from rise_tui.model.store import Store
 from rise_tui.widgets.alarm import AlarmBar, AttentionBar, FailureBar
 from rise_tui.widgets.bars import KeyHints, NoticeLine, StatusLine
@@ -32,24 +33,24 @@ class ConsoleBars:
     def __init__(self, store: Store, panes: Layout) -> None:
         """`panes`: what stands between the bars; the hints are those of the pane that has the focus."""
         self._store, self._panes = store, panes
-        self.status_line, self.speech_band = StatusLine(), SpeechBand()
-        self.alarm_bar, self.attention_bar, self.failure_bar = AlarmBar(), AttentionBar(), FailureBar()
-        self.notice_line, self.mistake_line, self.note_line = NoticeLine(), MistakeLine(), NoteLine()
-        self.speech_input, self.key_strip, self.key_hints = SpeechInput(store), KeyStrip(), KeyHints()
+        self.status_line, self.speech_band = StatusLine(store), SpeechBand(store)
+        self.alarm_bar, self.attention_bar, self.failure_bar = AlarmBar(store), AttentionBar(store), FailureBar(store)
+        self.notice_line, self.mistake_line, self.note_line = NoticeLine(store), MistakeLine(store), NoteLine()
+        self.speech_input, self.key_strip, self.key_hints = SpeechInput(store), KeyStrip(store), KeyHints()
 
-    def above(self) -> Iterator[Widget]:
+    def widgets_above(self) -> Iterator[Widget]:
         """Those above the panes, from the top."""
         yield from (self.status_line, self.speech_band, self.alarm_bar, self.attention_bar, self.failure_bar)
 
-    def below(self) -> Iterator[Widget]:
+    def widgets_below(self) -> Iterator[Widget]:
         """Those below them."""
         yield from (self.notice_line, self.mistake_line, self.note_line)
         yield from (self.speech_input, self.key_strip, self.key_hints)
 
     def fit_terminal(self, size: Size) -> None:
         """Take the rows that a terminal of this size has for the bars whose height depends on it."""
-        self.speech_band.fit_terminal(self._store, size)
-        self.key_strip.fit_terminal(self._store, size)
+        self.speech_band.fit_terminal(size)
+        self.key_strip.fit_terminal(size)
 
     @property
     def is_typing(self) -> bool:
@@ -60,31 +61,23 @@ class ConsoleBars:
         """Ask what was wrong about a task, where the notice stands."""
         self.notice_line.display = False
         self.mistake_line.open(task)
-        self.mistake_line.draw(self._store)
+        self.mistake_line.draw()
 
     def open_note(self, text: str) -> None:
         """Ask for a note, beginning with `text`, where the notice stands."""
         self.notice_line.display = False
         self.note_line.open(text)
 
-    def draw_speech(self) -> None:
-        """What the robot says, what comes next, and the keys by which the wizard answers."""
-        self.speech_band.draw(self._store)
-        self.key_strip.draw(self._store)
-
-    def draw_failure(self) -> None:
-        self.failure_bar.draw(self._store)
-
     def draw_open_lines(self) -> None:
         """The lines in which something is typed or chosen; the say line is one while it is closed, too."""
         self.speech_input.draw()
-        self.mistake_line.draw(self._store)
+        self.mistake_line.draw()
 
     def draw_hints(self) -> None:
         """What keys do now, by what has the focus."""
         focused, store = self._panes.screen.focused, self._store
         if store.input_mode == "LOCKED":
-            self.key_hints.draw((), (), store)
+            self.key_hints.draw((), [BY_ID[id] for id in LOCKED_ACTIONS], store)
         elif isinstance(focused, SpeechField):
             self.key_hints.draw_saying(store, self.speech_input.effect, why_blocked(store, "start"))
         elif isinstance(focused, Input):

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from rise_engine.protocol.client import ControlVerb
 from rise_tui.actions import BY_ID
-from rise_tui.console.console_actions import ConsoleActions
+from rise_tui.console.console_host import ConsoleHost
 from rise_tui.key_labels import key_name, keys_of
 from rise_tui.model.control import control_question
 from rise_tui.screens.dialog import Dialog, DialogChoice
@@ -13,7 +13,7 @@ from rise_tui.screens.dialog import Dialog, DialogChoice
 class Confirmations:
     """Belongs to one console."""
 
-    def __init__(self, console: ConsoleActions) -> None:
+    def __init__(self, console: ConsoleHost) -> None:
         self._console = console
         self._control_shown: tuple[str | None, str | None] = (None, None)
         """Who had control and who asked for it when the question about it was opened."""
@@ -48,11 +48,11 @@ class Confirmations:
         dialog.add_class("-control")
         console.app.push_screen(dialog, lambda key: console.request_control(verbs[key]) if key else None)
 
-    def stop_pressed(self) -> None:
+    def close_release_question(self) -> None:
         """The stop that a question is about is not the last one any more."""
         self._withdraw("-release", "stopped again: the question whether to release the stop was closed")
 
-    def control_may_have_changed(self) -> None:
+    def close_outdated_control_question(self) -> None:
         """Close the question about control when somebody else has it by now, or asks for it."""
         if self._holder_and_asker() != self._control_shown:
             self._withdraw("-control", "control has just changed: the question about it was closed")

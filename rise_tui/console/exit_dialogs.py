@@ -36,10 +36,13 @@ def leave_dialog(store: Store) -> Dialog:
 def engine_gone_dialog(store: Store) -> Dialog:
     """What can be done when the engine has gone in the midst of a session."""
     lines = [f"Recover  {line}" if line is RECOVERY_LINES[0] else f"         {line}" for line in RECOVERY_LINES]
-    if store.hello.role == "observer":
+    if store.attach_reply.role == "observer":
         lines = ["Watch    goes on, once somebody has recovered the session."]
     lines = [session_title(store), f"Its record came as far as {format_clock(store.view.t)}.", "", *lines]
-    choices = DialogChoice("r", "Watch" if store.hello.role == "observer" else "Recover"), DialogChoice("l", "Leave")
+    choices = (
+        DialogChoice("r", "Watch" if store.attach_reply.role == "observer" else "Recover"),
+        DialogChoice("l", "Leave"),
+    )
     return Dialog("The engine has gone", lines, *choices, no="Stay")
 
 
@@ -48,7 +51,7 @@ def exit_message(store: Store, *, end: bool, in_time: bool, patience: float, sig
 
     `patience`: seconds that it had to end. `signal_name`: of the signal that ended the console, if one did.
     """
-    if store.hello.replay:
+    if store.attach_reply.replay:
         return ""
     title, lead = store.scenario.title, f"{signal_name}: " if signal_name else ""
     if store.gone_reason and not store.ended_in_order:
@@ -57,6 +60,6 @@ def exit_message(store: Store, *, end: bool, in_time: bool, patience: float, sig
     if end and not in_time:
         return f"{lead}{title} did not end within {patience:g} s: look at the robot; rise-tui shows what runs"
     if end or store.ended_in_order:
-        kept = store.hello.folder
+        kept = store.attach_reply.folder
         return f"{lead}ended: the record is in {abbreviate_home(kept)}" if kept else f"{lead}ended: {title}"
     return f"{lead}detached: {title} goes on; come back with: rise-tui"

@@ -10,7 +10,6 @@ from collections.abc import Callable
 from time import monotonic
 from typing import Protocol
 
-from rise_engine.scenario.model import KeyBinding
 from rise_tui.actions import BY_ID
 from rise_tui.key_labels import key_name, keys_of, why_blocked, why_task_blocked
 from rise_tui.model.failures import unanswered_failures
@@ -30,14 +29,10 @@ from rise_tui.model.task_messages import task_label
 
 TOGETHER_SECONDS = 0.012
 """Two different keys nearer than this cannot come from two fingers' intent."""
-SETTLE_SECONDS = 0.025
-"""A press waits this long for a key that would make it part of a paste."""
 PASTE_QUIET_SECONDS = 0.3
 """After a paste, keys count again once nothing has come for this long."""
 ARMED_SECONDS = 2.0
 """How long the first press of a `hold` act stays armed."""
-OPENING_SECONDS = 2.0
-"""For so long a line for letters may take to open; keys meanwhile are meant for it."""
 
 LINE_OPENERS = ("say", "note", "mistake")
 """Actions that open a line in which letters are not the scenario's keys."""
@@ -80,8 +75,8 @@ class InputActions(Protocol):
 class InputController:
     """All keys of one console: which count, and what they ask of the engine.
 
-    - Keys that arrive together are a paste, or a link that stalled: none of them counts. A terminal's driver may know
-      that (they came in one read) or know the opposite; where it does not, the time between two keys tells.
+    - Keys that arrive together are a paste, or a link that stalled: none of them counts. The terminal's reader knows
+      that (they came in one read); and no two fingers are so quick as the pieces of a paste that came in several.
     - A press within the debounce time of the last one of the same kind counts once; a held key counts once.
     - A `hold` act needs a second press, or Enter, and a key that repeats because it is held down is not a second press.
     """
@@ -98,51 +93,37 @@ class InputController:
         """When the key was pressed that caused what happens now. None: it was the mouse."""
         self._last_key = ""
         self._last_at = float("-inf")
-        self._came_alone = False
-        """The driver is sure that the last key came alone, and has waited long enough for others."""
         self._paste_until = float("-inf")
-        self._opening_at = float("-inf")
-        """When a key was pressed that opens a line for letters, until that is done."""
         self._pressed: dict[tuple[str, str], float] = {}
         """By function and behavior: the last press, whether it counted or not."""
         self._pending: tuple[KeyAction, float, RunningTimer] | None = None
-        """A press that counts unless something comes meanwhile."""
+        """The second press of an act that needs two: it counts unless it turns out to be a held key."""
         self._armed: KeyAction | None = None
+        """The `hold` act whose first press was seen."""
         self._disarm_timer: RunningTimer | None = None
         self._typed = ""
         """The speech that is being pressed, as it stands in its field."""
 
     @property
-    def armed(self) -> KeyAction | None:
-        """The `hold` act whose first press was seen."""
-        return self._armed
-
-    @property
-    def pasting(self) -> bool:
+    def is_pasting(self) -> bool:
         """Whether the last key was part of a paste."""
         return self._last_at < self._paste_until
 
     # --- what came from the terminal --------------------------------------------------------------------------------
 
-    def observe_key(
-        self, key: str, at: float, *, typing: bool = False, on_console: bool = True, together: bool | None = None
-    ) -> None:
+    def observe_key(self, key: str, at: float, *, typing: bool = False, together: bool = False) -> None:
         """Every key, before anything acts on it.
 
-        `typing`: it goes into a text field. `on_console`: no dialog is open above the console. `together`: whether it
-        came in one piece with others; None: nobody knows.
+        `typing`: it goes into a text field. `together`: whether it came in one piece with others.
         """
         self._key_at = at
         near = at - self._last_at < TOGETHER_SECONDS and key != self._last_key
-        # A fast typist's keys may come near each other; where the driver knows that they came alone, they are no paste.
-        if together or (near and not (typing and together is False)) or at < self._paste_until:
+        if together or (near and not typing) or at < self._paste_until:  # in a field, a typist's keys may come near
             if at >= self._paste_until and not typing:
                 self._actions.show_notice(PASTED_KEYS)
             self._paste_until = at + PASTE_QUIET_SECONDS
-            self.reset()
-        self._last_key, self._last_at, self._came_alone = key, at, together is False
-        if on_console and not typing and line_opener(key):
-            self._opening_at = at
+            self.disarm()
+        self._last_key, self._last_at = key, at
 
     def observe_mouse(self) -> None:
         """A press of the mouse: what happens now has no key."""
@@ -154,7 +135,7 @@ class InputController:
         Text that is pasted where nobody types is no row of commands and answers. While it is LOCKED only stopping,
         leaving and unlocking go on, and the answer to the question about leaving (`leaving`: it is open).
         """
-        if self.pasting and not typing and (printable or key == "enter"):
+        if self.is_pasting and not typing and (printable or key == "enter"):
             return False
         if any(key in keys_of(BY_ID[id]) for id in LOCKED_ACTIONS):
             return True
@@ -168,10 +149,6 @@ class InputController:
             self._actions.show_notice(f"LOCKED: {key_name('lock')} unlocks")
         return False
 
-    def action_carried_out(self) -> None:
-        """An action of the registry was carried out: a line that it opens is open."""
-        self._opening_at = float("-inf")
-
     def handle_key(self, key: str, at: float, *, selected_act: str) -> bool:
         """A key that no field has taken: one of the scenario, Enter for an armed act, Esc. False: none of these.
 
@@ -181,21 +158,15 @@ class InputController:
             if selected_act == self._armed.behavior:
                 self.press(self._armed, at)
             else:
-                self.confirm()
+                self.confirm_armed()
         elif key == "escape":
             if not self.disarm():
                 self._actions.leave_transient()
         elif (binding := self._store.scenario.keys.get(key)) is not None:
-            self._handle_study_key(binding, at)
+            self.start(action_of_key(self._store.scenario, binding), at)
         else:
             return False
         return True
-
-    def _handle_study_key(self, key: KeyBinding, at: float) -> None:
-        if at - self._opening_at < OPENING_SECONDS:  # meant for the line that is just being opened
-            self._actions.show_notice(f"{key.label} came before the line was open: it did nothing")
-        else:
-            self.start(action_of_key(self._store.scenario, key), at)
 
     # --- what is asked for ------------------------------------------------------------------------------------------
 
@@ -206,7 +177,7 @@ class InputController:
         else:
             self.press(action, self._now_or_key if at is None else at)
 
-    def say(self, typed: str, text: str, *, at_once: bool) -> None:
+    def speak(self, typed: str, text: str, *, at_once: bool) -> None:
         """Free speech: `typed` as it stands in its field, `text` with the memory's values."""
         if reason := why_blocked(self._store, "start"):
             self._actions.show_notice(f"not said: {reason}", "wait")
@@ -224,13 +195,12 @@ class InputController:
 
     def go_on_without_failed_act(self) -> None:
         """Put the failure away that is shown."""
-        failed = next(iter(unanswered_failures(self._store)), None)
-        if failed is not None and not self.pasting:
+        if (failed := next(iter(unanswered_failures(self._store)), None)) is not None and not self.is_pasting:
             self.send("goOn", str(failed.id))
 
     def mark_mistake(self) -> None:
         """Mark what the wizard did last as wrong at once, and ask for the better word."""
-        if self.pasting:
+        if self.is_pasting:
             return
         task = newest_markable(self._store.view.tasks, self._store.person)
         if task is None:
@@ -252,7 +222,7 @@ class InputController:
         self._switch(toggle_lock(self._store.input_mode))
 
     def _switch(self, mode: InputMode) -> None:
-        self.reset()
+        self.disarm()
         self._store.input_mode = mode
         self._actions.show_notice(mode_notice(mode, key_name))
         self._actions.show_mode()
@@ -268,27 +238,25 @@ class InputController:
             return False
         if self._armed is not None and (self._armed.function, self._armed.behavior) == same:
             # A held key repeats: wait long enough to see whether another of its kind follows.
-            if at - last < HELD_KEY_SECONDS:
-                self._drop_pending()
-            else:
-                self._hold_back(action, at, HELD_KEY_SECONDS)
+            self._drop_pending()
+            if at - last >= HELD_KEY_SECONDS:
+                self._pending = action, at, self._set_timer(HELD_KEY_SECONDS, self._accept_pending)
         elif at - last < action.debounce:
             if self._pending is None and at - last >= HELD_KEY_SECONDS:
                 what = action.behavior or task_label(action.function, "")
                 self._actions.show_notice(f"{what}: pressed twice within {action.debounce:g} s, taken once")
         else:
-            self._hold_back(action, at, self._settle_seconds)
+            self._accept_at_once(action, at)
         return True
 
-    def confirm(self) -> bool:
-        """Enter, while an act is armed: starts it. False when none is."""
-        if self._armed is None or self.pasting:
-            return False
-        self._hold_back(self._armed, self._last_at, self._settle_seconds)
-        return True
+    def confirm_armed(self) -> None:
+        """Enter, while an act is armed: starts it."""
+        if self._armed is not None and not self.is_pasting:
+            self._accept_at_once(self._armed, self._last_at)
 
     def disarm(self) -> bool:
-        """Forget the first of two presses. True when there was one."""
+        """Forget the presses of an act that needs two. True when there was one."""
+        self._drop_pending()
         was, self._armed = self._armed, None
         if self._disarm_timer is not None:
             self._disarm_timer.stop()
@@ -297,38 +265,25 @@ class InputController:
             self._actions.show_armed("")
         return was is not None
 
-    def reset(self) -> None:
-        """Forget everything that was pressed and does not count yet."""
-        self._drop_pending()
-        self.disarm()
-
-    @property
-    def _settle_seconds(self) -> float:
-        return 0.0 if self._came_alone else SETTLE_SECONDS
-
-    def _hold_back(self, action: KeyAction, at: float, seconds: float) -> None:
-        """Let a press count after this time, unless something comes meanwhile."""
+    def _accept_at_once(self, action: KeyAction, at: float) -> None:
         if self._pending is not None and self._pending[0] != action:
             self._pending[2].stop()
-            self._count_pending()  # another key, not near enough to be a paste: the one before it counts
+            self._accept_pending()  # another key, not near enough to be a paste: the one before it counts
         self._drop_pending()
-        if seconds > 0:
-            self._pending = action, at, self._set_timer(seconds, self._count_pending)
-        else:
-            self._count(action, at)
+        self._accept_press(action, at)
 
-    def _count_pending(self) -> None:
+    def _accept_pending(self) -> None:
         if self._pending is not None:
             action, at, _ = self._pending
             self._pending = None
-            self._count(action, at)
+            self._accept_press(action, at)
 
     def _drop_pending(self) -> None:
         if self._pending is not None:
             self._pending[2].stop()
             self._pending = None
 
-    def _count(self, action: KeyAction, at: float) -> None:
+    def _accept_press(self, action: KeyAction, at: float) -> None:
         """A press counts: it arms an act that needs two, or else is carried out."""
         armed = self._armed is not None and self._armed.behavior == action.behavior
         self.disarm()

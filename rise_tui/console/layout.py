@@ -89,15 +89,11 @@ class Layout(Container):
         self._active = {"upper": "rule", "lower": "log"}
         self._front = "rule"
         self._layout_kind: LayoutKind = "one"
-        self._narrow = True
         self._zoomed = ""
-        self._placed: tuple[str, ...] = ()
-        rules = len(store.scenario.rules)
-        self.panes["rules"].styles.height = max(4, rules + 1)
+        self.panes["rules"].styles.height = max(4, len(store.scenario.rules) + 1)
 
     def compose(self) -> ComposeResult:
-        self._layout_kind, self._narrow = layout_for(*self.app.size), is_narrow(self.app.size.width)
-        self._place()  # now: a class that came later would have everything styled and laid out twice
+        self._arrange()  # now: a class that came later would have everything styled and laid out twice
         with self._groups["control"]:
             yield from (self.panes[name] for name in START_LISTS)
         with self._groups["monitoring"]:
@@ -115,9 +111,7 @@ class Layout(Container):
             pane.mount_contents()
 
     def on_resize(self, event: events.Resize) -> None:
-        size = self.app.size
-        self._layout_kind, self._narrow = layout_for(size.width, size.height), is_narrow(size.width)
-        self._place_all()
+        self._arrange_and_repaint()
 
     def focused_pane(self) -> Pane | None:
         """The list or pane that has the focus."""
@@ -125,7 +119,7 @@ class Layout(Container):
 
     def visible_panes(self) -> Iterator[Pane]:
         """Those that can be seen now."""
-        return (pane for name, pane in self.panes.items() if self._shows(name))
+        return (pane for name, pane in self.panes.items() if self._is_shown(name))
 
     def focus_pane(self, name: str) -> None:
         """Bring a pane to the front and give it the focus."""
@@ -135,7 +129,7 @@ class Layout(Container):
             self._active["lower"] = self._front = name
         if self._zoomed:
             self._zoomed = name
-        self._place_all()
+        self._arrange_and_repaint()
         self.screen.set_focus(self.panes[name].row_view)  # `Widget.focus` would repaint the whole list
 
     def focus_next_list(self) -> None:
@@ -153,7 +147,7 @@ class Layout(Container):
         """Give the focused pane all the room, or give it back."""
         here = self.focused_pane()
         self._zoomed = "" if self._zoomed or here is None else here.SCOPE
-        self._place_all()
+        self._arrange_and_repaint()
 
     @property
     def is_zoomed(self) -> bool:
@@ -175,13 +169,11 @@ class Layout(Container):
         focus = state.get("focus", "")
         self.focus_pane(focus if focus in self.panes else "acts")
 
-    def unzoom(self) -> bool:
-        if not self._zoomed:
-            return False
-        self.toggle_zoom()
-        return True
+    def unzoom(self) -> None:
+        if self._zoomed:
+            self.toggle_zoom()
 
-    def _shows(self, name: str) -> bool:
+    def _is_shown(self, name: str) -> bool:
         if self._zoomed:
             return name == self._zoomed
         if name in START_LISTS or self._layout_kind == "all":
@@ -201,30 +193,24 @@ class Layout(Container):
         title = self.panes[name].TITLE
         return f"{title} · zoomed, esc goes back" if self._zoomed else title
 
-    def _place_all(self) -> None:
-        """Show and hide by layout, tabs and zoom; costs nothing when nothing of these has changed."""
-        if self._placing != self._placed:
-            self._place()
-            self.call_after_refresh(self._repaint_visible)
+    def _arrange_and_repaint(self) -> None:
+        self._arrange()
+        self.call_after_refresh(self._repaint_visible)
 
-    @property
-    def _placing(self) -> tuple[str, ...]:
-        """All that decides what is shown where."""
-        return (self._layout_kind, str(self._narrow), self._zoomed, *self._active.values(), self._front)
-
-    def _place(self) -> None:
-        self._placed = self._placing
+    def _arrange(self) -> None:
+        """Show and hide by the size of the terminal, tabs and zoom."""
+        self._layout_kind = layout_for(*self.app.size)
         self.set_class(self._layout_kind == "two", "-two")
         self.set_class(self._layout_kind == "all", "-all")
-        self.set_class(self._narrow, "-narrow")
+        self.set_class(is_narrow(self.app.size.width), "-narrow")
         self.set_class(bool(self._zoomed), "-zoom")
         for name, pane in self.panes.items():
-            pane.display = self._shows(name)
+            pane.display = self._is_shown(name)
             if pane.display and pane.is_mounted:
                 pane.mount_contents()
             pane.title.show_tabs(tuple((tab, self._title(tab)) for tab in self._tabs(name)))
         for group, names in (("control", START_LISTS), ("monitoring", MONITORING), ("upper", UPPER), ("lower", LOWER)):
-            self._groups[group].display = any(self._shows(name) for name in names)
+            self._groups[group].display = any(self._is_shown(name) for name in names)
 
     def _repaint_visible(self) -> None:
         for pane in self.visible_panes():

@@ -9,7 +9,7 @@ from textual.geometry import Region
 from textual.screen import Screen
 
 from rise_tui.actions import KeyScope
-from rise_tui.console.console_actions import ConsoleActions
+from rise_tui.console.console_host import ConsoleHost
 from rise_tui.console.layout import Layout
 from rise_tui.model.store import Store
 from rise_tui.rendering.text import crop
@@ -21,53 +21,50 @@ from rise_tui.screens.too_small import TooSmallScreen, is_too_small
 from rise_tui.screens.tour import TourScreen
 
 
-def open_help(console: ConsoleActions, scope: KeyScope | None) -> None:
+def open_help(console: ConsoleHost, scope: KeyScope | None) -> None:
     """Every key and word; those of the focused pane (`scope`) first."""
     console.app.push_screen(HelpScreen(console.store, scope))
 
 
-def open_palette(console: ConsoleActions, scope: KeyScope | None) -> None:
+def open_palette(console: ConsoleHost, scope: KeyScope | None) -> None:
     """Everything that can be done, with the focused pane's actions first."""
     commands = [*palette_commands(console.store, scope, console.action_do, console.start), *_theme_commands(console)]
     _open_palette(console, commands, "command, act, rule, event or theme")
 
 
-def open_theme_palette(console: ConsoleActions) -> None:
+def open_theme_palette(console: ConsoleHost) -> None:
     """The palette with the themes alone."""
     _open_palette(console, _theme_commands(console), "theme")
 
 
-def _theme_commands(console: ConsoleActions) -> list[PaletteCommand]:
-    def use(name: str) -> None:
+def _theme_commands(console: ConsoleHost) -> list[PaletteCommand]:
+    def use_theme(name: str) -> None:
         console.app.theme = name
 
-    return list(theme_commands(use))
+    return list(theme_commands(use_theme))
 
 
-def _open_palette(console: ConsoleActions, commands: Sequence[PaletteCommand], placeholder: str) -> None:
-    def run_chosen(number: str | None) -> None:
-        if not number:
-            return
-        command = commands[int(number)]
-        if command.blocked_text:
+def _open_palette(console: ConsoleHost, commands: Sequence[PaletteCommand], placeholder: str) -> None:
+    def run_chosen(command: PaletteCommand | None) -> None:
+        if command is not None and command.blocked_text:
             console.show_notice(f"{command.title}: not now, {command.blocked_text}")
-        else:
+        elif command is not None:
             command.run()
 
-    console.app.push_screen(Palette(commands, placeholder=placeholder), run_chosen)
+    console.app.push_screen(Palette(commands, placeholder), run_chosen)
 
 
-def open_jump_mode(console: ConsoleActions, panes: Layout, hints: Region) -> None:
+def open_jump_mode(console: ConsoleHost, panes: Layout, hints: Region) -> None:
     """Letters over the title bars; what the letters are is said where the key hints stand."""
 
     def focus_pane(name: str | None) -> None:
         if name:
             panes.focus_pane(name)
 
-    console.app.push_screen(JumpScreen(_labels(panes), hints), focus_pane)
+    console.app.push_screen(JumpScreen(_title_labels(panes), hints), focus_pane)
 
 
-def _labels(panes: Layout) -> Iterator[TitleLabels]:
+def _title_labels(panes: Layout) -> Iterator[TitleLabels]:
     """Over each title bar that can be seen; over that of a zoomed pane, all there are."""
     for pane in panes.visible_panes():
         names = tuple(panes.panes) if panes.is_zoomed else tuple(name for name, _ in pane.title.tabs)
@@ -76,16 +73,12 @@ def _labels(panes: Layout) -> Iterator[TitleLabels]:
 
 
 def open_tour(
-    console: ConsoleActions, panes: Layout, part_of: Callable[[str], Region], seen: Callable[[], None] | None
+    console: ConsoleHost, panes: Layout, part_of: Callable[[str], Region], on_end: Callable[[], None] | None
 ) -> None:
-    """`part_of`: where something stands that the tour points at. `seen` is called when it has ended."""
-
-    def ended(_: None) -> None:
-        if seen is not None:
-            seen()
-
+    """`part_of`: where something stands that the tour points at. `on_end` is called when it has ended."""
     panes.unzoom()
-    console.app.push_screen(TourScreen(part_of, lambda: panes.region), ended)
+    tour = TourScreen(part_of, lambda: panes.region)
+    console.app.push_screen(tour, lambda _: on_end() if on_end is not None else None)
 
 
 def show_when_too_small(app: App[object], store: Store) -> None:

@@ -54,9 +54,10 @@ class RefreshScheduler:
         """Whether there was anything in the log and in the memory when the hints were drawn."""
         self._draw_by_parts: tuple[tuple[frozenset[StorePart], Callable[[], None]], ...] = (
             (frozenset({"status", "stop", "cue"}), self._draw_status),
-            (frozenset({"acts", "rules", "memory", "status", "stop", "cue"}), bars.draw_speech),
+            (frozenset({"acts", "rules", "memory", "status", "stop", "cue"}), bars.speech_band.draw),
+            (frozenset({"acts", "rules", "memory", "status", "stop", "cue"}), bars.key_strip.draw),
             (frozenset({"status", "stop"}), self._draw_alarms),
-            (frozenset({"acts", "tasks", "status", "stop", "memory"}), bars.draw_failure),
+            (frozenset({"acts", "tasks", "status", "stop", "memory"}), bars.failure_bar.draw),
             (frozenset({"notice", "cue", "acts"}), self._draw_notice),
         )
         """What of the store each bar shows."""
@@ -86,11 +87,11 @@ class RefreshScheduler:
     def draw_every_second(self) -> None:
         """Once a second."""
         bars, store = self._bars, self._store
-        bars.status_line.draw(store)
-        bars.speech_band.draw(store)
+        bars.status_line.draw()
+        bars.speech_band.draw()
         bars.speech_input.draw()
         if store.cut_since is not None or bars.alarm_bar.counts:
-            bars.alarm_bar.draw(store)
+            bars.alarm_bar.draw()
         self.repaint_panes("memory")
         if self._notice is not None and monotonic() - self._notice_at > NOTICE_SECONDS:
             self.clear_notice()
@@ -102,7 +103,7 @@ class RefreshScheduler:
             self.repaint_panes("acts", "act", "scheduler")
             bars.speech_input.draw()
         if changes_by_tenths(self._store):
-            bars.speech_band.draw(self._store)
+            bars.speech_band.draw()
 
     def _draw_every_tenth(self) -> None:
         """Ten times a second, and only while somebody waits for an answer."""
@@ -110,7 +111,7 @@ class RefreshScheduler:
         self._draw_status()
         self._draw_notice()
 
-    def _count_cue(self) -> None:
+    def _draw_in_a_tenth(self) -> None:
         """Come back in a tenth of a second if a cue is counted."""
         store = self._store
         counts = counts_tenths(store.view.cue, store.now()) and not store.gone_reason and store.cut_since is None
@@ -159,15 +160,15 @@ class RefreshScheduler:
         self._spent = monotonic() - self._painted
 
     def _draw_status(self) -> None:
-        self._bars.status_line.draw(self._store)
-        self._count_cue()
+        self._bars.status_line.draw()
+        self._draw_in_a_tenth()
 
     def _draw_alarms(self) -> None:
         self._control_lost_at = (self._control_lost_at or monotonic()) if self._store.control_lost is not None else 0.0
-        self._bars.alarm_bar.draw(self._store)
-        self._bars.attention_bar.draw(self._store)
+        self._bars.alarm_bar.draw()
+        self._bars.attention_bar.draw()
 
     def _draw_notice(self) -> None:
         if self._store.notice is not self._notice:
             self._notice, self._notice_at = self._store.notice, monotonic()
-        self._bars.notice_line.draw(self._store)
+        self._bars.notice_line.draw()

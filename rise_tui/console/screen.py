@@ -29,7 +29,7 @@ from rise_tui.model.notice import Level, Notice
 from rise_tui.model.store import Store, StorePart
 from rise_tui.rendering.terminal_app import TerminalApp
 from rise_tui.screens.tour import is_tour_due
-from rise_tui.widgets.mistake_line import MistakeLine
+from rise_tui.widgets.mistake_line import MistakeLine, is_mark_key
 from rise_tui.widgets.note_line import NoteLine
 from rise_tui.widgets.speech_input import SpeechInput
 from rise_tui.widgets.static_lines import StaticLines
@@ -67,9 +67,9 @@ class ConsoleScreen(Screen[None]):
 
     def compose(self) -> ComposeResult:
         self.bars.fit_terminal(self.app.size)
-        yield from self.bars.above()
+        yield from self.bars.widgets_above()
         yield self.pane_layout
-        yield from self.bars.below()
+        yield from self.bars.widgets_below()
 
     def on_mount(self) -> None:
         self.session.on_change = self._store_changed
@@ -81,7 +81,7 @@ class ConsoleScreen(Screen[None]):
     def _store_changed(self, parts: frozenset[StorePart] | set[StorePart]) -> None:
         self.refresh_scheduler.schedule(parts)
         if "status" in parts:
-            self.confirmations.control_may_have_changed()
+            self.confirmations.close_outdated_control_question()
 
     def on_resize(self) -> None:
         self.bars.fit_terminal(self.app.size)
@@ -107,11 +107,10 @@ class ConsoleScreen(Screen[None]):
     def _is_typing(self) -> bool:
         return isinstance(self.app.focused, Input)
 
-    def observe_key(self, event: events.Key, together: bool | None) -> None:
+    def observe_key(self, event: events.Key, together: bool) -> None:
         """Every key, whatever has the focus, before anything acts on it. `together`: whether it came with others."""
         self.refresh_scheduler.dismiss_read_notices()
-        on_console = self.app.screen is self
-        self.input.observe_key(event.key, event.time, typing=self._is_typing, on_console=on_console, together=together)
+        self.input.observe_key(event.key, event.time, typing=self._is_typing, together=together)
 
     def admits(self, event: events.Event) -> bool:
         """Whether an event of the keyboard or the mouse may go on; all of them come by here, dialogs or not."""
@@ -125,20 +124,21 @@ class ConsoleScreen(Screen[None]):
         return self.input.admits_other(leaving=leaving, says_why=isinstance(event, events.MouseDown | events.Paste))
 
     def handle_key_first(self, event: events.Key) -> bool:
-        """Do at once what a scenario's key asks for, without its way through the focused list and all around it.
+        """Open a line in which letters mean something else: the next key is the line's, however soon it comes.
 
-        So are lines opened in which letters mean something else: the next key is theirs, however soon it comes. Only
-        when no dialog, field or first press of two is there that the key could be meant for.
+        The scenario's keys are carried out here too, so that none overtakes another. Only when no dialog and no field
+        is there that the key could be meant for.
         """
-        opener = line_opener(event.key)
-        if not (opener or event.key in self.store.scenario.keys) or self.input.armed is not None:
+        if self.app.screen is not self or isinstance(self.focused, Input):
             return False
-        if self.app.screen is not self or isinstance(self.focused, Input | MistakeLine):
+        if self.bars.mistake_line.is_open and is_mark_key(event.key):
             return False
-        if opener:
+        if opener := line_opener(event.key):
             self.action_do(opener)
-        else:
+        elif event.key in self.store.scenario.keys:
             self.on_key(event)
+        else:
+            return False
         return True
 
     def on_key(self, event: events.Key) -> None:
@@ -159,11 +159,11 @@ class ConsoleScreen(Screen[None]):
     # --- what keys make happen: InputActions ------------------------------------------------------------------------
 
     def submit(self, action: KeyAction, pressed: float | None) -> None:
-        self._run(self.session.submit(action.function, action.behavior, action.calling_type, pressed))
+        self._run_beside(self.session.submit(action.function, action.behavior, action.calling_type, pressed))
 
     def submit_speech(self, action: KeyAction, typed: str, pressed: float | None) -> None:
         self.bars.speech_input.accept(typed)
-        self._run(self._submit_speech(action, typed, pressed))
+        self._run_beside(self._submit_speech(action, typed, pressed))
 
     async def _submit_speech(self, action: KeyAction, typed: str, pressed: float | None) -> None:
         if not await self.session.submit(action.function, action.behavior, action.calling_type, pressed):
@@ -190,7 +190,7 @@ class ConsoleScreen(Screen[None]):
 
     # --- what panes and hints ask -----------------------------------------------------------------------------------
 
-    def _run(self, work: Coroutine[Any, Any, object]) -> None:
+    def _run_beside(self, work: Coroutine[Any, Any, object]) -> None:
         """Something for the engine: it is sent, and answered, while the console goes on."""
         self.run_worker(work, group="send")
 
@@ -204,7 +204,7 @@ class ConsoleScreen(Screen[None]):
 
     def request_control(self, verb: ControlVerb) -> None:
         """Take, ask for, give or release control, without waiting."""
-        self.run_worker(self.session.change_control(verb), group="send")
+        self._run_beside(self.session.change_control(verb))
 
     def show_notice(self, text: str, level: Level = "info") -> None:
         """Tell the wizard something."""
@@ -242,7 +242,6 @@ class ConsoleScreen(Screen[None]):
 
     def action_do(self, action: str) -> None:
         """Carry out an action of the registry, or say why not."""
-        self.input.action_carried_out()
         if reason := why_unavailable(BY_ID[action], self.store):
             self.show_notice(f"{BY_ID[action].title}: not now, {reason}")
             return
@@ -255,7 +254,7 @@ class ConsoleScreen(Screen[None]):
         """What carries out each action that belongs to no pane."""
         return {
             "stop": self.stop_all,
-            "quit": lambda: self.app.run_action("quit"),
+            "quit": lambda: self.app.run_worker(self.app.run_action("quit")),
             "palette": lambda: overlays.open_palette(self, self._focused_scope),
             "help": lambda: overlays.open_help(self, self._focused_scope),
             "jump": lambda: overlays.open_jump_mode(self, self.pane_layout, self.bars.key_hints.region),
@@ -265,12 +264,12 @@ class ConsoleScreen(Screen[None]):
             "next-pane": self.pane_layout.focus_next_pane,
             "previous-pane": lambda: self.pane_layout.focus_next_pane(-1),
             "zoom": self.pane_layout.toggle_zoom,
-            "filter": self._filter,
+            "filter": self._open_filter,
             "settings": lambda: self.post_message(self.OpenSettings()),
             "theme": lambda: overlays.open_theme_palette(self),
             "release": self.confirmations.ask_to_release_stop,
             "control": self.confirmations.ask_about_control,
-            "note": self._note,
+            "note": lambda: self.bars.open_note(self._kept_note),
             "say": self.bars.speech_input.open,
             "cue": lambda: self.start(MARK_CUE),
             "filler": lambda: self.start(NEXT_FILLER),
@@ -283,9 +282,9 @@ class ConsoleScreen(Screen[None]):
 
     def stop_all(self) -> None:
         """The stop key: no question, no condition, from any screen."""
-        self.input.reset()
+        self.input.disarm()
         self.send("stopAll")
-        self.confirmations.stop_pressed()
+        self.confirmations.close_release_question()
 
     def switch_lock(self) -> None:
         """Lock the keyboard, or unlock it."""
@@ -329,19 +328,16 @@ class ConsoleScreen(Screen[None]):
             case _:
                 return Region(hints.x + hints.width // 3, hints.y, 2 * hints.width // 3, hints.height)
 
-    def _filter(self) -> None:
+    def _open_filter(self) -> None:
         pane = self.pane_layout.focused_pane()
         if pane is not None:
             pane.open_filter()
 
     # --- lines that open ----------------------------------------------------------------------------------------------
 
-    def _note(self) -> None:
-        self.bars.open_note(self._kept_note)
-
     @on(SpeechInput.Speak)
     def _speak(self, event: SpeechInput.Speak) -> None:
-        self.input.say(event.typed, event.text, at_once=event.at_once)
+        self.input.speak(event.typed, event.text, at_once=event.at_once)
 
     @on(SpeechInput.ReturnFocus)
     def _return_focus(self, event: SpeechInput.ReturnFocus) -> None:
@@ -368,7 +364,7 @@ class ConsoleScreen(Screen[None]):
         self.bars.notice_line.display = True
         self._focus_back(event.back)
         if event.text:
-            self.run_worker(self._send_note(event.text), group="send")
+            self._run_beside(self._send_note(event.text))
 
     async def _send_note(self, text: str) -> None:
         self._kept_note = "" if await self.session.add_note(text) else text

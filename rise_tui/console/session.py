@@ -39,13 +39,14 @@ class ConsoleSession:
         """Called after every change of the store; the screen repaints from it, at its own pace."""
         self._task_numbers = count(1)
         self._is_closed = False
-        self._reclaiming: set[asyncio.Task[None]] = set()
+        self._reclaiming: asyncio.Task[None] | None = None
+        """Kept here, because the loop holds a task only weakly."""
 
     @classmethod
     async def attach(cls, client: Client, wizard: str, *, in_browser: bool = False) -> ConsoleSession:
         """Raises EngineGone."""
-        hello = await client.attach()
-        return cls(client, Store(hello, wizard, client.now, in_browser))
+        attach_reply = await client.attach()
+        return cls(client, Store(attach_reply, wizard, client.now, in_browser))
 
     async def receive_records(self) -> None:
         """Take records in until the session ends or its engine has gone; attach again when only the link was cut."""
@@ -58,9 +59,7 @@ class ConsoleSession:
                 if self._is_closed or not await self._reattach():
                     return
                 if self.store.reclaims_control:
-                    reclaiming = asyncio.create_task(self._reclaim_control())
-                    self._reclaiming.add(reclaiming)
-                    reclaiming.add_done_callback(self._reclaiming.discard)
+                    self._reclaiming = asyncio.create_task(self._reclaim_control())
             except EngineGone as gone:
                 self._note_engine_gone(str(gone), over=self.store.view.ended)
                 return
@@ -80,7 +79,7 @@ class ConsoleSession:
         self.on_change(ALL_PARTS)
         while True:
             try:
-                self._attached_again(await self.client.attach())
+                self._adopt_snapshot(await self.client.attach())
             except LinkLost:
                 await asyncio.sleep(REATTACH_SECONDS)
             except EngineGone as gone:
@@ -90,10 +89,10 @@ class ConsoleSession:
                 self.on_change(ALL_PARTS)
                 return True
 
-    def _attached_again(self, hello: AttachReply) -> None:
+    def _adopt_snapshot(self, attach_reply: AttachReply) -> None:
         """The truth is in the new snapshot; what was sent meanwhile is not known."""
         stopping = self.store.stopping
-        self.store.reattach(hello)
+        self.store.reattach(attach_reply)
         again = f"{BACK_STOPPING}: press {key_name('stop')} again unless it says STOPPED"
         self.store.notice = Notice(again, "fault") if stopping else Notice(BACK, "wait")
 
@@ -171,7 +170,7 @@ class ConsoleSession:
         reason = why_blocked(self.store, "remark")
         if not reason:
             try:
-                reply = await self.client.control(verb)
+                reply = await self.client.change_control(verb)
                 reason = "" if reply.accepted else reply.reason
             except LinkLost:
                 return  # the next snapshot says who has it

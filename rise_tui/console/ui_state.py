@@ -29,44 +29,39 @@ class UiState:
         """
         self.preferences = preferences
         self._fresh, self._is_saved, self._remark = fresh, keeps_changes, remark
-        self._theme = ""
         self._path: Path | None = None
         self._layout = SavedLayout()
-        self._rules_own = False
+        self._shown: dict[str, object] = {}
+        """What of the preferences the screen shows, as it was at the last look."""
 
     def restore(self, screen: ConsoleScreen, theme: str) -> str:
         """Put the console as it was left; returns a sentence when something was not used."""
-        self._theme = theme
         self._path = state_folder() / f"{session_name(screen.session.store.scenario.folder)}.json"
         remark, self._remark = self._remark, ""
         if not self._fresh:
             layout, problem = load_saved(self._path, SavedLayout)
             remark = remark or problem
-            if layout.session and layout.session == screen.session.store.hello.folder:
+            if layout.session and layout.session == screen.session.store.attach_reply.folder:
                 screen.pane_layout.restore_state(layout.layout)
                 for name, text in layout.filters.items():
                     if text and name in screen.pane_layout.panes:
                         screen.pane_layout.panes[name].set_filter(text)
             screen.pane_layout.log_pane.show_own_rows(self.preferences.rules_own)
-        self._layout = _layout_of(screen)
-        self._rules_own = screen.pane_layout.log_pane.own_rows_shown
+        self._layout, self._shown = _layout_of(screen), _shown_preferences(screen, theme)
         return remark
 
-    def changes(self, screen: ConsoleScreen, theme: str) -> list[tuple[Path, Preferences | SavedLayout]]:
+    def collect_changes(self, screen: ConsoleScreen, theme: str) -> list[tuple[Path, Preferences | SavedLayout]]:
         """What has changed since the last look."""
         changed: list[tuple[Path, Preferences | SavedLayout]] = []
         if self._path is None or not self._is_saved:
             return changed
-        layout = _layout_of(screen)
+        layout, before = _layout_of(screen), self._shown
         if layout != self._layout:
             self._layout = layout
             changed.append((self._path, layout))
-        if theme != self._theme:
-            self._theme = theme
-            changed.append(self._changed_preferences(theme=theme))
-        if screen.pane_layout.log_pane.own_rows_shown != self._rules_own:
-            self._rules_own = screen.pane_layout.log_pane.own_rows_shown
-            changed.append(self._changed_preferences(rules_own=self._rules_own))
+        self._shown = _shown_preferences(screen, theme)
+        if other := dict(self._shown.items() - before.items()):
+            changed.append(self._changed_preferences(**other))
         return changed
 
     @property
@@ -91,6 +86,10 @@ def save_all(changed: Iterable[tuple[Path, Preferences | SavedLayout]]) -> None:
         write_saved(path, contents)
 
 
+def _shown_preferences(screen: ConsoleScreen, theme: str) -> dict[str, object]:
+    return {"theme": theme, "rules_own": screen.pane_layout.log_pane.own_rows_shown}
+
+
 def _layout_of(screen: ConsoleScreen) -> SavedLayout:
     filters = {name: pane.filter_text for name, pane in screen.pane_layout.panes.items() if pane.filter_text}
-    return SavedLayout(screen.pane_layout.layout_state(), filters, screen.session.store.hello.folder)
+    return SavedLayout(screen.pane_layout.layout_state(), filters, screen.session.store.attach_reply.folder)

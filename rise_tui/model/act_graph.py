@@ -26,7 +26,7 @@ class ActRow(NamedTuple):
     """Counting from 1: it can begin when the levels before have ended."""
     first: bool
     """It is the first of its level."""
-    rails: str
+    rails: str = ""
     """As many cells in every row."""
     untold: tuple[str, ...] = ()
     """Ids of actions for which it waits and from which no line leads here, because there are too many."""
@@ -34,22 +34,21 @@ class ActRow(NamedTuple):
 
 def act_rows(act: Act, most: int) -> list[ActRow]:
     """All actions of an act with at most `most` lines beside each other."""
-    positions = {action.id: at for at, action in enumerate(act.actions)}
-    waits = [
-        list(dict.fromkeys(positions[one] for one in action.wait_for if one in positions)) for action in act.actions
-    ]
-    open_ends = [sum(at in each for each in waits) for at in range(len(act.actions))]
+    positions = {action.id: position for position, action in enumerate(act.actions)}
+    waits = [dict.fromkeys(positions[id] for id in action.wait_for if id in positions) for action in act.actions]
+    open_ends = [sum(position in each for each in waits) for position in range(len(act.actions))]
     lanes: dict[int, int] = {}
     """Which action's line is in which lane."""
-    drawn: list[tuple[int, int, bool, dict[int, str], tuple[str, ...]]] = []
+    drawn: list[tuple[ActRow, dict[int, str]]] = []
+    """Each row, and what is in its lanes."""
     for number, level in enumerate(action_levels(act), 1):
-        for at in level:
+        for position in level:
             cells = dict.fromkeys(lanes, "│")
-            enters = sorted(lane for lane, owner in lanes.items() if owner in waits[at])
+            enters = sorted(lane for lane, owner in lanes.items() if owner in waits[position])
             free = next(lane for lane in range(len(lanes) + 1) if lane not in lanes)
-            begins = free if open_ends[at] and free < most else -1
+            begins = free if open_ends[position] and free < most else -1
             touched = sorted([*enters, *([begins] if begins >= 0 else [])])
-            untold = tuple(act.actions[one].id for one in waits[at] if one not in lanes.values())
+            untold = tuple(act.actions[before].id for before in waits[position] if before not in lanes.values())
             for lane in enters:
                 owner = lanes[lane]
                 open_ends[owner] -= 1
@@ -58,14 +57,14 @@ def act_rows(act: Act, most: int) -> list[ActRow]:
                     del lanes[lane]
             if begins >= 0:
                 cells[begins] = "╭" if begins == touched[0] else "┬"
-                lanes[begins] = at
+                lanes[begins] = position
             for lane in range(touched[0] if touched else most, most):
                 cells.setdefault(lane, "─")
-            drawn.append((at, number, at == level[0], cells, untold))
-    width = 1 + max((lane for row in drawn for lane, cell in row[3].items() if cell != "─"), default=-1)
-    return [ActRow(at, number, first, _text(cells, width), untold) for at, number, first, cells, untold in drawn]
+            drawn.append((ActRow(position, number, position == level[0], untold=untold), cells))
+    width = 1 + max((lane for _, cells in drawn for lane, cell in cells.items() if cell != "─"), default=-1)
+    return [row._replace(rails=_rails_text(cells, width)) for row, cells in drawn]
 
 
-def _text(cells: dict[int, str], width: int) -> str:
+def _rails_text(cells: dict[int, str], width: int) -> str:
     tied = any(cell not in "│─" for cell in cells.values())
     return "".join(cells.get(lane, " ") for lane in range(width)) + ("─" if tied else "╶")

@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from graphlib import TopologicalSorter
 from typing import Any
 
+from rise_engine.kernel.view import ActionView
 from rise_engine.scenario import expected_seconds, fill_parameters
 from rise_engine.scenario.model import Act, Action, ActionCall, Scenario
 from rise_engine.scenario.template import MissingValueError
@@ -12,47 +14,37 @@ from rise_engine.scenario.template import MissingValueError
 
 def action_levels(act: Act) -> list[list[int]]:
     """An act's graph by levels: indexes of actions, each level one after all that it waits for."""
-    index = {action.id: at for at, action in enumerate(act.actions)}
-    waits = [{index[one] for one in action.wait_for if one in index} for action in act.actions]
-    depth = [0] * len(act.actions)
-    followers: list[list[int]] = [[] for _ in act.actions]
-    for at, before in enumerate(waits):
-        for one in before:
-            followers[one].append(at)
-    ready = [at for at, before in enumerate(waits) if not before]
-    open_ends = [len(before) for before in waits]
-    while ready:
-        at = ready.pop()
-        for one in followers[at]:
-            depth[one] = max(depth[one], depth[at] + 1)
-            open_ends[one] -= 1
-            if open_ends[one] == 0:
-                ready.append(one)
-    found: list[list[int]] = [[] for _ in range(max(depth, default=-1) + 1)]
-    for at in range(len(act.actions)):
-        found[depth[at]].append(at)
-    return found
+    index_of = {action.id: index for index, action in enumerate(act.actions)}
+    sorter = TopologicalSorter(
+        {index: [index_of[id] for id in action.wait_for if id in index_of] for index, action in enumerate(act.actions)}
+    )
+    sorter.prepare()
+    levels = []
+    while sorter.is_active():
+        ready = sorter.get_ready()
+        levels.append(sorted(ready))
+        sorter.done(*ready)
+    return levels
+
+
+def actions_in_order(act: Act) -> list[Action]:
+    """An act's actions, each after those that it waits for."""
+    return [act.actions[index] for level in action_levels(act) for index in level]
 
 
 def estimate_act_seconds(scenario: Scenario, act: Act) -> float:
     """Seconds, with the memory's start values; what needs a value that is not there counts by its declaration."""
     ends: dict[str, float] = {}
-    for level in action_levels(act):
-        for index in level:
-            action = act.actions[index]
-            begin = max((ends.get(before, 0.0) for before in action.wait_for), default=0.0)
-            ends[action.id] = begin + _seconds(scenario, action)
+    for action in actions_in_order(act):
+        begin = max((ends.get(before, 0.0) for before in action.wait_for), default=0.0)
+        ends[action.id] = begin + _mean_seconds(scenario, action)
     return max(ends.values(), default=0.0)
 
 
-def _seconds(scenario: Scenario, action: Action) -> float:
+def _mean_seconds(scenario: Scenario, action: Action) -> float:
     """The mean of an action's variants."""
-    known = [
-        expected
-        for call in action.calls
-        if (expected := estimate_call_seconds(scenario, call, scenario.memory)) is not None
-    ]
-    return sum(known) / max(1, len(action.calls))
+    estimates = (estimate_call_seconds(scenario, call, scenario.memory) for call in action.calls)
+    return sum(seconds or 0.0 for seconds in estimates) / max(1, len(action.calls))
 
 
 def estimate_call_seconds(scenario: Scenario, call: ActionCall, memory: Mapping[str, Any]) -> float | None:
@@ -65,3 +57,9 @@ def estimate_call_seconds(scenario: Scenario, call: ActionCall, memory: Mapping[
     except (MissingValueError, ValueError):
         parameters = {}
     return expected_seconds(spec, parameters)
+
+
+def estimate_action_seconds(scenario: Scenario, action: ActionView) -> float | None:
+    """The same for an action with the parameters that it was sent with."""
+    spec = scenario.robot.actions.get(action.type)
+    return expected_seconds(spec, action.parameters) if spec is not None else None

@@ -7,13 +7,13 @@ from typing import Any, NamedTuple
 from rich.cells import cell_len
 
 from rise_engine.kernel.view import ActionView, TaskView
-from rise_engine.scenario import expected_seconds
 from rise_engine.scenario.model import Act, Action, ActionCall
 from rise_engine.scenario.template import MissingValueError, Template, spoken_text
 from rise_tui.model.act_graph import ActRow, act_rows
-from rise_tui.model.act_levels import estimate_call_seconds
+from rise_tui.model.act_levels import estimate_action_seconds, estimate_call_seconds
 from rise_tui.model.states import READY, act_progress, action_state, newest_task, task_state
 from rise_tui.model.store import Store
+from rise_tui.model.task_text import field_lines
 from rise_tui.rendering.text import (
     ListRow,
     StyledLine,
@@ -25,13 +25,10 @@ from rise_tui.rendering.text import (
     format_duration,
     format_seconds,
     heading_line,
-    wrap,
 )
 
 NARROW = 56
 """Below this width, sources and expected times stay out, and the graph has few lines."""
-NAME = 13
-"""Cells for a parameter's name."""
 
 
 class ShownAct(NamedTuple):
@@ -47,14 +44,16 @@ def shown_act(store: Store) -> ShownAct | None:
     if act is not None:
         return ShownAct(act, newest_task(store, act.name))
     ids = [id for id in store.view.running if store.view.tasks[id].function == "say"]
-    said = store.view.tasks.get(max(ids, default=store.newest_speech))
-    return ShownAct(act_of_speech(said.behavior), said) if said is not None and said.started is not None else None
+    speech = store.view.tasks.get(max(ids, default=store.newest_speech))
+    if speech is None or speech.started is None:
+        return None
+    return ShownAct(act_of_speech(speech.behavior), speech)
 
 
 def running_action(store: Store) -> str:
     """The id of the action that began last and has not ended; empty when none runs."""
-    what = shown_act(store)
-    actions = what.task.actions if what is not None and what.task is not None else {}
+    shown = shown_act(store)
+    actions = shown.task.actions if shown is not None and shown.task is not None else {}
     return next((id for id, action in reversed(actions.items()) if action.ended is None), "")
 
 
@@ -69,30 +68,31 @@ class ActText:
     def __init__(self, store: Store) -> None:
         self._store = store
 
-    def rows(self, what: ShownAct, width: int) -> list[ListRow]:
-        act, task = what
-        rows = [ListRow("", self._head(act, task, width), selectable=False)]
+    def rows(self, shown: ShownAct, width: int) -> list[ListRow]:
+        act, task = shown
+        rows = [ListRow("", self._head_line(act, task, width), selectable=False)]
         if task is not None and task.reason:
-            tone: TextRole = "fault" if task.status == "ABORTED" else "wait"
-            rows.append(ListRow("", crop(((f" {task.reason}", tone),), width), selectable=False))
-        of = {action.id: task.actions.get(action.id) if task is not None else None for action in act.actions}
+            role: TextRole = "fault" if task.status == "ABORTED" else "wait"
+            rows.append(ListRow("", crop(((f" {task.reason}", role),), width), selectable=False))
+        views = {action.id: task.actions.get(action.id) if task is not None else None for action in act.actions}
         ids = min(16, max((cell_len(action.id) for action in act.actions), default=1))
-        kinds = max((cell_len(self._kind(action, of[action.id])) for action in act.actions), default=1)
+        kinds = max((cell_len(self._type_text(action, views[action.id])) for action in act.actions), default=1)
         columns = ids, min(kinds, 16 if width >= NARROW else 9)
         for row in act_rows(act, 4 if width < NARROW else 12):
             action = act.actions[row.position]
-            done = of[action.id]
+            begun = views[action.id]
             lead: StyledLine = (
                 (f" {row.level if row.first else '':>2} ", "muted"),
-                (row.rails, "accent" if done is not None and done.ended is None else "muted"),
+                (row.rails, "accent" if begun is not None and begun.ended is None else "muted"),
                 (" ", "plain"),
             )
-            rows.append(ListRow(action.id, crop((*lead, *self._line(action, row, done, columns, width)), width)))
+            line = (*lead, *self._action_line(action, row, begun, columns, width))
+            rows.append(ListRow(action.id, crop(line, width)))
         return rows
 
-    def _head(self, act: Act, task: TaskView | None, width: int) -> StyledLine:
+    def _head_line(self, act: Act, task: TaskView | None, width: int) -> StyledLine:
         state = task_state(task) if task is not None else READY
-        name: StyledSpan = (f"{state.glyph} {state.word}", state.tone)
+        name: StyledSpan = (f"{state.glyph} {state.word}", state.role)
         typical = self._store.typical_seconds(act.name)
         if task is None or task.started is None:
             usually = f"usually {format_duration(typical)} " if typical is not None and width >= NARROW else ""
@@ -106,110 +106,98 @@ class ActText:
         source = f"  {task.source} " if width >= NARROW else " "
         return heading_line(act.name, name, ((count, "muted"), (took, "plain"), (source, "muted")), width)
 
-    def _line(
-        self, action: Action, row: ActRow, done: ActionView | None, columns: tuple[int, int], width: int
+    def _action_line(
+        self, action: Action, row: ActRow, begun: ActionView | None, columns: tuple[int, int], width: int
     ) -> StyledLine:
-        state = action_state(done)
-        after = ", ".join(action.wait_for if done is None else row.untold)
+        state = action_state(begun)
+        after = ", ".join(action.wait_for if begun is None else row.untold)
         wide = width >= NARROW
         tail: StyledLine = ((f"after {after}  ", "muted"),) if after else ()
-        reason = done.reason if done is not None else ""
-        tail = (*tail, (reason, "fault") if reason else (self._summary(action, done), "muted"))
+        reason = begun.reason if begun is not None else ""
+        tail = (*tail, (reason, "fault") if reason else (self._parameters_text(action, begun), "muted"))
         head: StyledLine = (
-            fixed_span(action.id, columns[0], "strong" if done is not None and done.ended is None else "plain"),
+            fixed_span(action.id, columns[0], "strong" if begun is not None and begun.ended is None else "plain"),
             (" ", "plain"),
-            fixed_span(self._kind(action, done), columns[1], "plain"),
-            (f" {state.glyph} ", state.tone),
+            fixed_span(self._type_text(action, begun), columns[1], "plain"),
+            (f" {state.glyph} ", state.role),
         )
-        if done is None and after and not wide:
-            return (*head, ("waits ", state.tone), (f"for {after}", "muted"))
+        if begun is None and after and not wide:
+            return (*head, ("waits ", state.role), (f"for {after}", "muted"))
         return (
             *head,
-            fixed_span("waits" if done is None and action.wait_for else state.word, 9 if wide else 7, state.tone),
-            fixed_span(self._time(action, done, wide=wide), 9 if wide else 5, "plain" if done else "muted", right=True),
+            fixed_span("waits" if begun is None and action.wait_for else state.word, 9 if wide else 7, state.role),
+            fixed_span(
+                self._time_text(action, begun, wide=wide), 9 if wide else 5, "plain" if begun else "muted", right=True
+            ),
             ("  ", "plain"),
             *tail,
         )
 
-    def _kind(self, action: Action, done: ActionView | None) -> str:
+    def _type_text(self, action: Action, begun: ActionView | None) -> str:
         """The action's name, and what the robot does instead of it."""
-        if done is not None:
-            return f"{done.type}→{done.sent_as}" if done.sent_as else done.type
+        if begun is not None:
+            return f"{begun.type}→{begun.sent_as}" if begun.sent_as else begun.type
         call = action.calls[0]
         if len(action.calls) > 1:
             return f"1 of {len(action.calls)}"
-        instead = self._instead(call)
-        return f"{call.type}→{instead}" if instead else call.type
+        substitute = self._substitute(call)
+        return f"{call.type}→{substitute}" if substitute else call.type
 
-    def _instead(self, call: ActionCall) -> str:
+    def _substitute(self, call: ActionCall) -> str:
+        """What the robot does instead of an action that it has not; empty for one that it has."""
         spec = self._store.scenario.robot.actions.get(call.type)
         return spec.substitute or "" if spec is not None and not spec.supported else ""
 
-    def _time(self, action: Action, done: ActionView | None, *, wide: bool) -> str:
+    def _time_text(self, action: Action, begun: ActionView | None, *, wide: bool) -> str:
         """How long it took, `1.2/3.0` while it runs, or `~3.0` as long as it has not begun."""
-        expected = self._expected(action, done)
-        if done is None:
+        expected = self._estimate_seconds(action, begun)
+        if begun is None:
             return f"~{format_seconds(expected)}" if wide and expected is not None else ""
-        took = format_seconds((done.ended if done.ended is not None else self._store.now()) - done.since)
-        return f"{took}/{format_seconds(expected)}" if wide and done.ended is None and expected is not None else took
+        took = format_seconds((begun.ended if begun.ended is not None else self._store.now()) - begun.since)
+        return f"{took}/{format_seconds(expected)}" if wide and begun.ended is None and expected is not None else took
 
-    def _expected(self, action: Action, done: ActionView | None) -> float | None:
-        if done is None:
+    def _estimate_seconds(self, action: Action, begun: ActionView | None) -> float | None:
+        if begun is None:
             return estimate_call_seconds(self._store.scenario, action.calls[0], self._store.memory)
-        spec = self._store.scenario.robot.actions.get(done.type)
-        return expected_seconds(spec, done.parameters) if spec is not None else None
+        return estimate_action_seconds(self._store.scenario, begun)
 
-    def _summary(self, action: Action, done: ActionView | None) -> str:
-        parts = [(name, spoken_text(value)) for name, value in self._values(action, done)]
+    def _parameters_text(self, action: Action, begun: ActionView | None) -> str:
+        parts = [(name, spoken_text(value)) for name, value in self._parameter_values(action, begun)]
         if len(parts) == 1:
             return parts[0][1]
         return "  ".join(f"{name} {value}" for name, value in parts)
 
-    def _values(self, action: Action, done: ActionView | None) -> list[tuple[str, Any]]:
-        if done is not None:
-            return list(done.parameters.items())
-        return [(name, self._filled(template)) for name, template in action.calls[0].parameters.items()]
+    def _parameter_values(self, action: Action, begun: ActionView | None) -> list[tuple[str, Any]]:
+        if begun is not None:
+            return list(begun.parameters.items())
+        return [(name, self._fill(template)) for name, template in action.calls[0].parameters.items()]
 
-    def _filled(self, template: Template) -> str:
+    def _fill(self, template: Template) -> str:
         try:
             return template.fill(self._store.memory)
         except MissingValueError as missing:
             return f"({missing.key} is not set)"
 
-    def details(self, what: ShownAct, action_id: str, width: int) -> list[StyledLine]:
+    def details(self, shown: ShownAct, action_id: str, width: int) -> list[StyledLine]:
         """The parameters of one action: as they were sent, or as they would be now."""
-        action = next((one for one in what.act.actions if one.id == action_id), None)
+        action = next((each for each in shown.act.actions if each.id == action_id), None)
         if action is None:
             return []
-        done = what.task.actions.get(action.id) if what.task is not None else None
-        if done is not None:
-            lines = _titled(
-                f"{self._kind(action, done)} {action.id}", f"sent {format_clock(done.since, tenths=True)}", width
-            )
-            lines += _parameter("reason", done.reason, "fault", width) if done.reason else []
-            for name, value in done.parameters.items():
-                lines += _parameter(name, spoken_text(value), "plain", width)
+        begun = shown.task.actions.get(action.id) if shown.task is not None else None
+        when = f"sent {format_clock(begun.since, tenths=True)}" if begun is not None else "not sent; as it would be now"
+        lines = [crop(((f" {self._type_text(action, begun)} {action.id}  ", "strong"), (when, "muted")), width)]
+        if begun is not None:
+            lines += field_lines("reason", begun.reason, width, "fault") if begun.reason else []
+            for name, value in begun.parameters.items():
+                lines += field_lines(name, spoken_text(value), width)
             return lines
-        lines = _titled(f"{self._kind(action, None)} {action.id}", "not sent; as it would be now", width)
         for number, call in enumerate(action.calls, 1):
             prefix = f"{number}. " if len(action.calls) > 1 else ""
-            if instead := self._instead(call):
-                lines += _parameter("", f"the robot has no {call.type}: it does {instead} instead", "wait", width)
+            if substitute := self._substitute(call):
+                lines += field_lines("", f"the robot has no {call.type}: it does {substitute} instead", width, "wait")
             for name, template in call.parameters.items():
-                filled = self._filled(template)
-                lines += _parameter(prefix + name, filled, "wait" if filled.endswith("is not set)") else "plain", width)
+                text = self._fill(template)
+                lines += field_lines(prefix + name, text, width, "wait" if text.endswith("is not set)") else "plain")
                 if template.constant is None:
-                    lines += _parameter("", f"written: {template.text}", "muted", width)
+                    lines += field_lines("", f"written: {template.text}", width, "muted")
         return lines
-
-
-def _titled(name: str, when: str, width: int) -> list[StyledLine]:
-    return [crop(((f" {name}  ", "strong"), (when, "muted")), width)]
-
-
-def _parameter(name: str, value: str, tone: TextRole, width: int) -> list[StyledLine]:
-    """A parameter and its value, over as many lines as it needs."""
-    lines = wrap(value, max(10, width - NAME - 2))
-    return [
-        (fixed_span(f" {name if at == 0 else ''}", NAME, "muted"), (f" {line}", tone)) for at, line in enumerate(lines)
-    ]

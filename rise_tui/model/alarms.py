@@ -36,7 +36,7 @@ def alarm_lines(found: Sequence[Alarm]) -> tuple[StyledLine, ...]:
     if not others:
         return worst.head, worst.second, worst.third
     # Of two more lines the second tells more; but who has not confirmed a stop is in the third.
-    middle = worst.third if any(tone == "fault" for _, tone in worst.third) else worst.second
+    middle = worst.third if any(role == "fault" for _, role in worst.third) else worst.second
     gap: StyledLine = (("  ", "plain"),)
     named = others[0].head if len(others) == 1 else sum((other.head[:1] + gap for other in others), ())
     return worst.head, middle, named
@@ -45,13 +45,13 @@ def alarm_lines(found: Sequence[Alarm]) -> tuple[StyledLine, ...]:
 def current_alarms(store: Store, key_name: KeyNames) -> list[Alarm]:
     """All of them, the worst first."""
     if store.gone_reason:
-        return [_gone(store, key_name)]
+        return [_gone_alarm(store, key_name)]
     if store.cut_since is not None and (store.stop_unsent or monotonic() - store.cut_since >= CUT_SECONDS):
-        return [_cut(store, store.cut_since)]
-    return [*_stop(store, key_name), *_record(store, key_name), *_robot(store, key_name)]
+        return [_cut_alarm(store, store.cut_since)]
+    return [*_stop_alarms(store, key_name), *_recording_alarms(store, key_name), *_robot_alarms(store, key_name)]
 
 
-def _gone(store: Store, key_name: KeyNames) -> Alarm:
+def _gone_alarm(store: Store, key_name: KeyNames) -> Alarm:
     leave: StyledSpan = (f"   {key_name('quit')}", "key")
     if store.ended_in_order:
         return Alarm(
@@ -59,8 +59,8 @@ def _gone(store: Store, key_name: KeyNames) -> Alarm:
             (("   keys do nothing any more; what is shown is how it ended", "plain"),),
             (leave, (" leaves", "plain")),
         )
-    again = "recovers the session, or leaves" if store.hello.folder else "leaves"
-    if store.hello.role == "observer":
+    again = "recovers the session, or leaves" if store.attach_reply.folder else "leaves"
+    if store.attach_reply.role == "observer":
         again = "watches again once it is recovered, or leaves"
     stop = key_name("stop")
     return Alarm(
@@ -70,7 +70,7 @@ def _gone(store: Store, key_name: KeyNames) -> Alarm:
     )
 
 
-def _cut(store: Store, since: float) -> Alarm:
+def _cut_alarm(store: Store, since: float) -> Alarm:
     head = " ✗ STOP NOT SENT " if store.stop_unsent else " ✗ CONNECTION CUT "
     return Alarm(
         ((head, "alarm"), (f"  cut {format_age(monotonic() - since)} ago; the console is attaching again", "strong")),
@@ -80,14 +80,13 @@ def _cut(store: Store, since: float) -> Alarm:
     )
 
 
-def _stop(store: Store, key_name: KeyNames) -> Iterator[Alarm]:
+def _stop_alarms(store: Store, key_name: KeyNames) -> Iterator[Alarm]:
     stop = store.view.stop
-    _, _, middle = store.journal_status.trouble.partition("; ")
-    if store.journal_status.trouble and middle:
-        # Asked for while nothing can be recorded: the engine tells it here, and records it later.
-        sent, _, confirmed = middle.partition(", ")
+    _, _, unrecorded = store.journal_status.trouble.partition("; ")
+    if unrecorded:  # asked for while nothing can be recorded: the engine tells it here, and records it later
+        sent, _, confirmed = unrecorded.partition(", ")
         answer = confirmed.replace("confirmed by ", "") or "the robot has not answered yet"
-        yield Alarm(((" ■ STOP ", "alarm"), (f"  {sent}", "strong")), _labelled("confirmed", answer))
+        yield Alarm(((" ■ STOP ", "alarm"), (f"  {sent}", "strong")), _confirmed_line(answer))
     elif not stop.latched:
         if store.stopping:
             yield Alarm(((" ■ STOP sent ", "alarm"), ("  waiting for the engine", "strong")))
@@ -109,18 +108,18 @@ def _stop(store: Store, key_name: KeyNames) -> Iterator[Alarm]:
         yield Alarm(
             ((" ■ STOPPED ", "alarm"), ("  nothing starts until it is released", "strong"), *release),
             (
-                *_labelled("confirmed", group_parts(stop.confirmed) or "nobody"),
+                *_confirmed_line(group_parts(stop.confirmed) or "nobody"),
                 (f"   by {short_name(stop.source)}", "muted"),
             ),
             missing,
         )
 
 
-def _labelled(label: str, said: str) -> StyledLine:
-    return (f"   {label:<15}", "plain"), (said, "strong")
+def _confirmed_line(parts: str) -> StyledLine:
+    return (f"   {'confirmed':<15}", "plain"), (parts, "strong")
 
 
-def _record(store: Store, key_name: KeyNames) -> Iterator[Alarm]:
+def _recording_alarms(store: Store, key_name: KeyNames) -> Iterator[Alarm]:
     why = store.journal_status.trouble.partition("; ")[0]
     if why:
         yield Alarm(
@@ -130,7 +129,7 @@ def _record(store: Store, key_name: KeyNames) -> Iterator[Alarm]:
         )
 
 
-def _robot(store: Store, key_name: KeyNames) -> Iterator[Alarm]:
+def _robot_alarms(store: Store, key_name: KeyNames) -> Iterator[Alarm]:
     robot = store.view.robot
     if robot is None or robot.status != "lost":
         return
@@ -140,7 +139,7 @@ def _robot(store: Store, key_name: KeyNames) -> Iterator[Alarm]:
     until = "acts fail until the robot is back; rules and memory go on"
     was = f"broken off: {', '.join(broken)}; " if broken else ""
     switch = f"look at the robot and its network; {key_name('stop')} may not reach it, its own switch does"
-    then = "this is a replay: it was so then" if store.hello.replay else switch
+    then = "this is a replay: it was so then" if store.attach_reply.replay else switch
     yield Alarm(
         ((" ✗ ROBOT LOST ", "alarm"), (f"{since}: {robot.detail}" if robot.detail else since, "strong")),
         ((f"   {was}{until}", "plain"),),
@@ -165,8 +164,8 @@ def degraded_text(store: Store) -> str:
 
 def group_parts(names: Sequence[str]) -> str:
     """Parts of robots, each robot named once: `pepper: arms, gaze`."""
-    found: dict[str, list[str]] = {}
+    by_robot: dict[str, list[str]] = {}
     for name in names:
         robot, _, part = name.rpartition("/")
-        found.setdefault(robot, []).append(part)
-    return "; ".join(f"{robot}: {', '.join(of)}" if robot else ", ".join(of) for robot, of in found.items())
+        by_robot.setdefault(f"{robot}: " if robot else "", []).append(part)
+    return "; ".join(robot + ", ".join(parts) for robot, parts in by_robot.items())

@@ -16,7 +16,7 @@ _PIECE = re.compile(r'"(?:[^"\\]|\\.)*"|\'(?:[^\'\\]|\\.)*\'|[()]|&&|\|\||[^\W\d
 _JOINTS = {"and": ("and", "&&"), "or": ("or", "||")}
 
 
-def holds(condition: Expression | None, memory: Mapping[str, Any]) -> bool:
+def is_met(condition: Expression | None, memory: Mapping[str, Any]) -> bool:
     """Whether a condition holds with these values; one that cannot be worked out does not, and none always does."""
     if condition is None:
         return True
@@ -33,13 +33,13 @@ class ConditionParts(NamedTuple):
 
 
 @lru_cache(512)
-def parts_of(condition: Expression) -> ConditionParts:
+def split_condition(condition: Expression) -> ConditionParts:
     """The parts that `and`, or else `or`, joins at the top; `xor` is not taken apart."""
     root = condition.root
     if not isinstance(root, Logic) or root.operator not in _JOINTS:
         return ConditionParts("", (condition,))
     try:
-        texts = _written(condition.text, _JOINTS[root.operator])
+        texts = _split_text(condition.text, _JOINTS[root.operator])
         found = tuple(Expression.parse(text) for text in texts)
         if tuple(part.root for part in found) != root.operands:  # written in a way that is not taken apart by eye
             found = tuple(Expression.parse(with_all_brackets(operand)) for operand in root.operands)
@@ -48,10 +48,10 @@ def parts_of(condition: Expression) -> ConditionParts:
     return ConditionParts("and" if root.operator == "and" else "or", found)
 
 
-def _written(text: str, joints: tuple[str, ...]) -> list[str]:
+def _split_text(text: str, joints: tuple[str, ...]) -> list[str]:
     """The text between these words where they stand outside of brackets and quotes."""
     bare = text.strip()
-    while bare.startswith("(") and _closing(bare) == len(bare) - 1:
+    while bare.startswith("(") and _find_closing(bare) == len(bare) - 1:
         bare = bare[1:-1].strip()
     pieces, depth, start = [], 0, 0
     for found in _PIECE.finditer(bare):
@@ -62,7 +62,7 @@ def _written(text: str, joints: tuple[str, ...]) -> list[str]:
     return [*pieces, bare[start:].strip()]
 
 
-def _closing(text: str) -> int:
+def _find_closing(text: str) -> int:
     """Where the bracket with which a text begins is closed."""
     depth = 0
     for found in _PIECE.finditer(text):

@@ -83,15 +83,15 @@ def control_question(
     if not is_own and holder is None:
         return ["Nobody has control: only stopping works, from every console."], [ControlChoice("take", "t", "Take it")]
     if not is_own and asker == own_name:
-        said = [f"{short_name(holder)} has control and sees that you ask for it."]
-        return said, [ControlChoice("release", "r", "Ask no longer"), ControlChoice("take", "t", "Take it")]
+        lines = [f"{short_name(holder)} has control and sees that you ask for it."]
+        return lines, [ControlChoice("release", "r", "Ask no longer"), ControlChoice("take", "t", "Take it")]
     if not is_own:
-        said = [
+        lines = [
             f"{short_name(holder)} has control. You watch: {key_name('stop')} stops everything, notes can be added.",
             "Taking it works at once; they are told, and it is recorded.",
         ]
-        return said, [ControlChoice("ask", "a", "Ask for it"), ControlChoice("take", "t", "Take it")]
+        return lines, [ControlChoice("ask", "a", "Ask for it"), ControlChoice("take", "t", "Take it")]
     if asker is not None:
-        said = [f"{short_name(asker)} asks for control. You have it until you give it."]
-        return said, [release, ControlChoice("give", "g", f"Give it to {short_name(asker)}")]
+        lines = [f"{short_name(asker)} asks for control. You have it until you give it."]
+        return lines, [release, ControlChoice("give", "g", f"Give it to {short_name(asker)}")]
     return ["You have control.", "Released, nobody has it until somebody takes it. What runs goes on."], [release]

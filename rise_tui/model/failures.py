@@ -6,9 +6,9 @@ from collections.abc import Iterator, Mapping
 from typing import Any, NamedTuple
 
 from rise_engine.kernel.view import ActionView, TaskView
-from rise_engine.scenario.model import Act, Action, Scenario
+from rise_engine.scenario.model import Action, Scenario
 from rise_engine.scenario.template import MemorySlot, MissingValueError, Template
-from rise_tui.model.act_levels import action_levels
+from rise_tui.model.act_levels import actions_in_order
 from rise_tui.model.act_text import act_of_speech
 from rise_tui.model.blocked import KeyNames, blocked_text
 from rise_tui.model.control import short_name
@@ -24,7 +24,7 @@ WIDE = 60
 """Cells from which on there is room to say where the rest is."""
 
 
-class Unsaid(NamedTuple):
+class UnsaidText(NamedTuple):
     """A text that the robot was to say and did not say to its end, as far as it reported."""
 
     text: str
@@ -39,55 +39,51 @@ def unanswered_failures(store: Store) -> list[TaskView]:
     return [store.view.tasks[id] for id in store.view.failed if id in store.view.tasks]
 
 
-def unsaid_texts(scenario: Scenario, task: TaskView, memory: Mapping[str, Any]) -> list[Unsaid]:
+def unsaid_texts(scenario: Scenario, task: TaskView, memory: Mapping[str, Any]) -> list[UnsaidText]:
     """What a failed act was to say and did not, in the order in which it would have come."""
-    act = act_of_speech(task.behavior) if task.function == "say" else scenario.acts.get(task.behavior)
-    if act is None:
-        return []
-    return [found for action in _in_order(act) if (found := _unsaid(scenario, action, task, memory)) is not None]
+    actions = _actions_in_order(scenario, task)
+    return [unsaid for action in actions if (unsaid := _find_unsaid(scenario, action, task, memory)) is not None]
 
 
 def has_speech(scenario: Scenario, task: TaskView) -> bool:
     """Whether the act was to say anything at all."""
+    calls = (call for action in _actions_in_order(scenario, task) for call in action.calls)
+    return any(message_of(scenario, call) is not None for call in calls)
+
+
+def _actions_in_order(scenario: Scenario, task: TaskView) -> list[Action]:
+    """The actions of a task's act, each after those that it waits for; none for an act that the scenario has not."""
     act = act_of_speech(task.behavior) if task.function == "say" else scenario.acts.get(task.behavior)
-    return act is not None and any(
-        message_of(scenario, call) is not None for action in act.actions for call in action.calls
-    )
+    return actions_in_order(act) if act is not None else []
 
 
-def _in_order(act: Act) -> list[Action]:
-    return [act.actions[at] for level in action_levels(act) for at in level]
-
-
-def _unsaid(scenario: Scenario, action: Action, task: TaskView, memory: Mapping[str, Any]) -> Unsaid | None:
-    done = task.actions.get(action.id)
-    if done is not None and done.status == "succeeded":
+def _find_unsaid(scenario: Scenario, action: Action, task: TaskView, memory: Mapping[str, Any]) -> UnsaidText | None:
+    begun = task.actions.get(action.id)
+    if begun is not None and begun.status == "succeeded":
         return None
-    if done is not None and _was_sent(done):
-        words = words_of(scenario, done)
-        return Unsaid(words, begun=True) if words is not None else None
-    said = next((said for call in action.calls if (said := message_of(scenario, call)) is not None), None)
-    return Unsaid(_filled(said, memory), begun=False, ways=len(action.calls)) if said is not None else None
+    if begun is not None and _was_sent(begun):
+        words = words_of(scenario, begun)
+        return UnsaidText(words, begun=True) if words is not None else None
+    messages = (message_of(scenario, call) for call in action.calls)
+    first = next((message for message in messages if message is not None), None)
+    return UnsaidText(_fill_known(first, memory), begun=False, ways=len(action.calls)) if first is not None else None
 
 
-def _was_sent(done: ActionView) -> bool:
+def _was_sent(begun: ActionView) -> bool:
     """What fails in the moment in which it begins was never sent: the robot was not there, or a value was missing."""
-    return done.status != "skipped" and done.ended != done.since
+    return begun.status != "skipped" and begun.ended != begun.since
 
 
-def _filled(template: Template, memory: Mapping[str, Any]) -> str:
+def _fill_known(template: Template, memory: Mapping[str, Any]) -> str:
     """With the memory's values as they are now; what has none stays as it is written."""
-    pieces = []
-    for part in template.parts:
-        if isinstance(part, MemorySlot):
-            alone = Template("", (part,))
-            try:
-                pieces.append(alone.fill(memory))
-            except (MissingValueError, OverflowError, RecursionError):
-                pieces.append(f"{{{part.key}}}")
-        else:
-            pieces.append(part)
-    return "".join(pieces)
+
+    def fill(part: str | MemorySlot) -> str:
+        try:
+            return Template("", (part,)).fill(memory)
+        except (MissingValueError, OverflowError, RecursionError):
+            return f"{{{part.key}}}" if isinstance(part, MemorySlot) else part
+
+    return "".join(map(fill, template.parts))
 
 
 # --- the bar ---------------------------------------------------------------------------------------------------------
@@ -99,43 +95,43 @@ def failure_lines(store: Store, width: int, most: int, key_name: KeyNames) -> li
     if not failed or store.gone_reason:
         return []
     task = failed[0]
-    which = f"  {len(failed) - 1} more " if len(failed) > 1 else " "
+    others = f"  {len(failed) - 1} more " if len(failed) > 1 else " "
     head: StyledLine = ((" ✗ ACT FAILED ", "alarm"), (f"  {act_label(task.function, task.behavior)}", "strong"))
-    shown: list[StyledLine] = [align_at_both_ends(head, ((which, "fault"),), width)]
+    shown: list[StyledLine] = [align_at_both_ends(head, ((others, "fault"),), width)]
     reasons = wrap(task.reason or "the robot gave no reason", max(20, width - 4))
     if len(reasons) > REASON_LINES:
         reasons = [*reasons[: REASON_LINES - 1], " ".join(reasons[REASON_LINES - 1 :])]
     shown += [crop(((f"   {reason}", "fault"),), width) for reason in reasons]
-    texts = list(_texts(store, task, width))
+    texts = list(_unsaid_lines(store, task, width))
     room = max(1, most - len(shown) - 1)
     if len(texts) > room:
-        texts = [*texts[: room - 1], _cut(texts[room - 1], width)]
-    return [*shown, *texts, _keys(store, task, width, key_name)]
+        texts = [*texts[: room - 1], _mark_cut(texts[room - 1], width)]
+    return [*shown, *texts, _keys_line(store, task, width, key_name)]
 
 
-def _cut(line: StyledLine, width: int) -> StyledLine:
+def _mark_cut(line: StyledLine, width: int) -> StyledLine:
     """A line after which others have no room: it says so, and where they are."""
     tail: StyledSpan = ("…  all of it: act pane" if width >= WIDE else "…", "muted")
     return (*crop(line, width - line_width((tail,)) - 1), (" ", "plain"), tail)
 
 
-def _texts(store: Store, task: TaskView, width: int) -> Iterator[StyledLine]:
+def _unsaid_lines(store: Store, task: TaskView, width: int) -> Iterator[StyledLine]:
     """Word for word, each over as many lines as it needs."""
     scenario = store.scenario
-    found = unsaid_texts(scenario, task, store.memory)
-    if not found:
-        said = "all of its words were said" if has_speech(scenario, task) else "it has no words to say"
-        yield ((f"   {said}", "plain"),)
-    for text, begun, ways in found:
+    unsaid = unsaid_texts(scenario, task, store.memory)
+    if not unsaid:
+        remark = "all of its words were said" if has_speech(scenario, task) else "it has no words to say"
+        yield ((f"   {remark}", "plain"),)
+    for text, begun, ways in unsaid:
         label = "perhaps begun" if begun else "not said"
         label = f"one of {ways}" if ways > 1 else label
         for at, piece in enumerate(wrap(f"“{text}”", max(10, width - LABEL - 2))):
             yield (f"   {label if at == 0 else '':<{LABEL - 3}}", "wait"), (f" {piece}", "strong")
 
 
-def _keys(store: Store, task: TaskView, width: int, key_name: KeyNames) -> StyledLine:
+def _keys_line(store: Store, task: TaskView, width: int, key_name: KeyNames) -> StyledLine:
     """What can be done about it; for who has no control, who can."""
-    if store.hello.replay:
+    if store.attach_reply.replay:
         return (("   this is a replay: it was so then", "plain"),)
     if store.cut_since is not None:
         return (("   the connection is cut", "plain"),)
@@ -145,7 +141,7 @@ def _keys(store: Store, task: TaskView, width: int, key_name: KeyNames) -> Style
         )
         return crop(((f"   {who}: repeat it, or go on without it", "plain"),), width)
     go_on: tuple[StyledSpan, ...] = ((f"   {key_name('go-on')}", "key"), (" go on without it", "plain"))
-    if why := _comes_again(store, task):
+    if why := _restart_text(store, task):
         return crop((("   ► ", "accent"), (why, "strong"), *go_on), width)
     repeat: tuple[StyledSpan, ...] = ((f"   {key_name('repeat')}", "key"), (" repeat the whole act", "plain"))
     if reason := blocked_text(store.blocked_reason("start"), key_name):
@@ -154,15 +150,11 @@ def _keys(store: Store, task: TaskView, width: int, key_name: KeyNames) -> Style
     return crop((*repeat, *go_on), width)
 
 
-def _comes_again(store: Store, task: TaskView) -> str:
-    """Whether it has been started again, and has not ended."""
-    same = [
-        store.view.tasks[id]
-        for id in (*store.view.running, *store.view.waiting)
-        if (store.view.tasks[id].function, store.view.tasks[id].behavior) == (task.function, task.behavior)
-    ]
-    if any(each.status == "ACTIVE" for each in same):
+def _restart_text(store: Store, task: TaskView) -> str:
+    """That it has been started again, and has not ended; empty when that is not so."""
+    restarted = (task.function, task.behavior)
+    if any((each.function, each.behavior) == restarted for each in store.running_tasks):
         return "it runs again"
-    if same:
+    if any((each.function, each.behavior) == restarted for each in store.waiting_tasks):
         return "it waits to run again"
     return "sent again" if store.is_sent((task.function,), task.behavior) else ""

@@ -14,6 +14,7 @@ from __future__ import annotations
 import re
 import warnings
 from collections.abc import Iterator
+from contextlib import suppress
 
 import regex
 
@@ -60,8 +61,8 @@ class Filter:
         for lead in ("re:", "/"):
             if rest.startswith(lead):
                 at = text.index(lead) + len(lead)
-                found = _expression(rest.removeprefix(lead), at, slash=lead == "/")
-                self._terms += [(found, not refused)] if found is not None else []
+                expression = _compile_expression(rest.removeprefix(lead), at, slash=lead == "/")
+                self._terms += [(expression, not refused)] if expression is not None else []
                 return
         words = [(word.removeprefix("!"), not word.startswith("!")) for word in bare.split()]
         self._terms += [(_Word(word, loose=wanted), wanted) for word, wanted in words if word]
@@ -93,7 +94,7 @@ class _Word:
         flags = re.NOFLAG if any(letter.isupper() for letter in word) else re.IGNORECASE
         self._exact = re.compile(re.escape(word), flags)
         short = not LEAST_LETTERS <= len(word) <= MOST_LETTERS
-        self._loose = re.compile(_PART + "".join(_letters(word)), flags) if loose and not short else None
+        self._loose = re.compile(_PART + "".join(_letter_patterns(word)), flags) if loose and not short else None
 
     def found_in(self, text: str) -> bool:
         return self._exact.search(text) is not None or (
@@ -108,8 +109,8 @@ class _Word:
             yield from (found.span(letter) for letter in range(1, self._loose.groups + 1))
 
 
-def _letters(word: str) -> Iterator[str]:
-    """A pattern for letters in their order within one name. Each gap can be taken in one way only, so it is quick.
+def _letter_patterns(word: str) -> Iterator[str]:
+    """Patterns that find letters in their order within one name. Each gap can be taken in one way only, so it is quick.
 
     Digits stand together: `topic2` does not find `topic12`.
     """
@@ -126,14 +127,10 @@ class _Expression:
         self._pattern = pattern
 
     def found_in(self, text: str) -> bool:
-        try:
-            return self._pattern.search(text, 0, MOST_CHARACTERS, timeout=PATIENCE) is not None
-        except TimeoutError:
-            pass  # perhaps something else came in between: once more
-        try:
-            return self._pattern.search(text, 0, MOST_CHARACTERS, timeout=PATIENCE) is not None
-        except TimeoutError:
-            raise InvalidFilter(TOO_LONG) from None
+        for _ in range(2):  # perhaps something else came in between: once more
+            with suppress(TimeoutError):
+                return self._pattern.search(text, 0, MOST_CHARACTERS, timeout=PATIENCE) is not None
+        raise InvalidFilter(TOO_LONG)
 
     def spans(self, text: str) -> Iterator[tuple[int, int]]:
         try:
@@ -144,7 +141,7 @@ class _Expression:
             raise InvalidFilter(TOO_LONG) from None
 
 
-def _expression(pattern: str, at: int, *, slash: bool) -> _Expression | None:
+def _compile_expression(pattern: str, at: int, *, slash: bool) -> _Expression | None:
     """A regular expression that stands at `at` of what is typed. None while nothing of it is typed."""
     if slash and len(pattern) > 1 and pattern.endswith("/") and not pattern.endswith("\\/"):
         pattern = pattern[:-1]
@@ -157,7 +154,7 @@ def _expression(pattern: str, at: int, *, slash: bool) -> _Expression | None:
             re.compile(pattern)
             return _Expression(regex.compile(pattern, 0 if minds_capitals else regex.IGNORECASE))
     except re.error as error:
-        reason = next((said for known, said in _REASONS if known in error.msg), error.msg)
+        reason = next((reason for known, reason in _REASONS if known in error.msg), error.msg)
         raise InvalidFilter(f"at {at + (error.pos or 0) + 1}: {reason}") from error
     except regex.error as error:  # what only `re` takes
         raise InvalidFilter(str(error)) from error

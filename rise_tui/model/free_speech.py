@@ -16,14 +16,14 @@ KEPT = 200
 
 def scenario_sentences(scenario: Scenario) -> tuple[str, ...]:
     """Everything that the scenario's acts say, as written, in file order, each once."""
-    found = {
+    sentences = {
         call.parameters["message"].text.strip(): None
         for act in scenario.acts.values()
         for action in act.actions
         for call in action.calls
         if call.type == "Speech" and "message" in call.parameters
     }
-    return tuple(text for text in found if text)
+    return tuple(text for text in sentences if text)
 
 
 class SpeechHistory:
@@ -123,11 +123,11 @@ def speech_effect(scenario: Scenario, view: SessionView) -> SpeechEffect:
         *in_turn,
         *(act_label(task.function, task.behavior) for task in waiting if task.calling_type != "None"),
     ]
-    stopped = f"interrupts {_names([*in_turn, *beside])}" if in_turn or beside else ""
-    return SpeechEffect(f"waits for {_names(before)}" if before else stopped, stopped)
+    stopped = f"interrupts {_names_text([*in_turn, *beside])}" if in_turn or beside else ""
+    return SpeechEffect(f"waits for {_names_text(before)}" if before else stopped, stopped)
 
 
-def _names(names: Sequence[str]) -> str:
+def _names_text(names: Sequence[str]) -> str:
     """One name, or the first and how many more."""
     if not names:
         return ""

@@ -20,13 +20,7 @@ LOCKED_ACTIONS = ("stop", "quit", "lock")
 
 def toggle_safe(mode: InputMode) -> InputMode:
     """The mode after the key that changes between LIVE and SAFE; a locked keyboard stays locked."""
-    match mode:
-        case "LIVE":
-            return "SAFE"
-        case "SAFE":
-            return "LIVE"
-        case "LOCKED":
-            return "LOCKED"
+    return "SAFE" if mode == "LIVE" else "LIVE" if mode == "SAFE" else mode
 
 
 def toggle_lock(mode: InputMode) -> InputMode:

@@ -1,7 +1,8 @@
-"""Values within values: `person.name`, `list.0`. Pure; nothing that is given is changed."""
+"""Values within values: `person.name`, `list.0`; and which are the same. Pure; nothing that is given is changed."""
 
 from __future__ import annotations
 
+import json
 from collections.abc import Iterator
 from typing import Any, TypeAlias
 
@@ -31,11 +32,10 @@ def children(value: Any) -> Iterator[tuple[str | int, Any]]:
 def value_at(value: Any, path: JsonPath) -> Any:
     """What lies at `path` within the value. Raises NoSuchPath."""
     for step in path:
-        fits = isinstance(value, dict if isinstance(step, str) else (list, tuple))
-        try:
-            value = value[step] if fits else _raise_no_such(path)
-        except (KeyError, IndexError):
-            _raise_no_such(path)
+        parts = dict(children(value))
+        if step not in parts:
+            raise NoSuchPath(path_text(path))
+        value = parts[step]
     return value
 
 
@@ -58,5 +58,6 @@ def with_removed(value: Any, path: JsonPath) -> Any:
     return with_replaced(value, path[:-1], copied)
 
 
-def _raise_no_such(path: JsonPath) -> Any:
-    raise NoSuchPath(path_text(path))
+def json_equal(one: Any, other: Any, *, in_order: bool = False) -> bool:
+    """Whether two values are the same in JSON: 2 and 2.0 are not, nor are 1 and true. `in_order`: and read the same."""
+    return json.dumps(one, sort_keys=not in_order) == json.dumps(other, sort_keys=not in_order)

@@ -13,7 +13,7 @@ from rise_engine.scenario.model import KeyBinding, Scenario
 from rise_tui.model.states import EXPECTED, RUNNING, SENT
 from rise_tui.model.store import Store
 from rise_tui.model.study_keys import ACT, RULE, StudyKeys, key_title
-from rise_tui.rendering.text import StyledLine, StyledSpan, cell_width, clean, fit
+from rise_tui.rendering.text import StyledLine, StyledSpan, cell_width, shorten
 
 TITLE, TITLE_NARROW = 24, 16
 """Cells for what a key is called."""
@@ -43,7 +43,7 @@ def key_strip_height(scenario: Scenario, keys: StudyKeys, width: int, height: in
     every = [*keys.answer_keys, *keys.other_keys]
     if height >= TALL or not every:
         every += keys.act_keys
-    return 1 if len(_placed(every, width, 1)) == len(every) else MOST
+    return 1 if len(_place_keys(every, width, 1)) == len(every) else MOST
 
 
 def key_strip_lines(store: Store, width: int, rows: int) -> KeyStripLines:
@@ -51,20 +51,20 @@ def key_strip_lines(store: Store, width: int, rows: int) -> KeyStripLines:
     keys, awaited = store.study_keys, store.expected_keys()
     ordered = [
         *(key for key in keys.answer_keys if key.key in awaited),
-        *(key for key in keys.act_keys if key.key in awaited and _idle(store, key)),
+        *(key for key in keys.act_keys if key.key in awaited and _is_idle(store, key)),
         *(key for key in keys.answer_keys if key.key not in awaited),
         *keys.other_keys,
     ]
     ordered += [key for key in keys.act_keys if key not in ordered]
-    places = _placed(ordered, width, rows)
+    positions = _place_keys(ordered, width, rows)
     lines: list[list[StyledSpan]] = [[] for _ in range(rows)]
     pieces = []
-    for key, (line, start) in zip(ordered, places, strict=False):
-        spans = _spans(key, store, width, key.key in awaited)
+    for key, (line, start) in zip(ordered, positions, strict=False):
+        spans = _key_spans(key, store, width, key.key in awaited)
         lines[line] += spans
-        pieces.append(KeyStripPiece(key, line, start, start + _width(key, width)))
-    if rows and (left := len(ordered) - len(places)):
-        text = _more(left)
+        pieces.append(KeyStripPiece(key, line, start, start + _key_width(key, width)))
+    if rows and (hidden := len(ordered) - len(positions)):
+        text = _more_text(hidden)
         start = sum(cell_width(text) for text, _ in lines[-1])
         gap = max(0, width - start - cell_width(text) - 1)
         lines[-1] += [(" " * gap, "plain"), (text[:-1], "muted"), ("?", "key")]
@@ -72,46 +72,43 @@ def key_strip_lines(store: Store, width: int, rows: int) -> KeyStripLines:
     return KeyStripLines(tuple(tuple(line) for line in lines), tuple(pieces))
 
 
-def _more(left: int) -> str:
-    return f"+{left} more ?"
+def _more_text(hidden: int) -> str:
+    return f"+{hidden} more ?"
 
 
-def _placed(keys: Sequence[KeyBinding], width: int, rows: int) -> list[tuple[int, int]]:
+def _place_keys(keys: Sequence[KeyBinding], width: int, rows: int) -> list[tuple[int, int]]:
     """Line and cell of each key that there is room for, in order; the last line keeps room to say how many are left."""
-    places: list[tuple[int, int]] = []
+    positions: list[tuple[int, int]] = []
     line = column = 0
-    for at, key in enumerate(keys):
-        needed = _width(key, width)
-        last = at == len(keys) - 1
-        room = width - (cell_width(_more(len(keys))) + 1 if line == rows - 1 and not last else 0)
-        if column + needed > room:
+    for key in keys:
+        needed = _key_width(key, width)
+        kept = 0 if key is keys[-1] else cell_width(_more_text(len(keys))) + 1
+        if column + needed > width - (kept if line == rows - 1 else 0):
             line, column = line + 1, 0
-            room = width - (cell_width(_more(len(keys))) + 1 if line == rows - 1 and not last else 0)
-            if line >= rows or needed > room:
+            if line >= rows or needed > width - (kept if line == rows - 1 else 0):
                 break
-        places.append((line, column))
+        positions.append((line, column))
         column += needed
-    return places
+    return positions
 
 
-def _title(key: KeyBinding, width: int) -> str:
-    text = clean(key_title(key))
-    return fit(text, min(cell_width(text), TITLE_NARROW if width < NARROW else TITLE)).rstrip()
+def _title_text(key: KeyBinding, width: int) -> str:
+    return shorten(key_title(key), TITLE_NARROW if width < NARROW else TITLE)
 
 
-def _width(key: KeyBinding, width: int) -> int:
-    return 1 + cell_width(key.label) + 1 + cell_width(_title(key, width)) + 1
+def _key_width(key: KeyBinding, width: int) -> int:
+    return 1 + cell_width(key.label) + 1 + cell_width(_title_text(key, width)) + 1
 
 
-def _spans(key: KeyBinding, store: Store, width: int, awaited: bool) -> list[StyledSpan]:
+def _key_spans(key: KeyBinding, store: Store, width: int, awaited: bool) -> list[StyledSpan]:
     off = store.task_blocked(key.function) is not None
-    title = _title(key, width)
+    title = _title_text(key, width)
     if store.is_sent((key.function,), key.behavior):
-        mark: StyledSpan = (SENT.glyph, SENT.tone)
-    elif key.function in (ACT, RULE) and _runs(store, key):
-        mark = (RUNNING.glyph, RUNNING.tone)
+        mark: StyledSpan = (SENT.glyph, SENT.role)
+    elif key.function in (ACT, RULE) and _is_running(store, key):
+        mark = (RUNNING.glyph, RUNNING.role)
     elif awaited:
-        mark = (EXPECTED.glyph, "muted" if off else EXPECTED.tone)
+        mark = (EXPECTED.glyph, "muted" if off else EXPECTED.role)
     else:
         mark = (" ", "plain")
     return [
@@ -121,10 +118,10 @@ def _spans(key: KeyBinding, store: Store, width: int, awaited: bool) -> list[Sty
     ]
 
 
-def _runs(store: Store, key: KeyBinding) -> bool:
+def _is_running(store: Store, key: KeyBinding) -> bool:
     return bool(store.act(key.behavior).running) if key.function == ACT else store.rule(key.behavior).running
 
 
-def _idle(store: Store, key: KeyBinding) -> bool:
+def _is_idle(store: Store, key: KeyBinding) -> bool:
     act = store.act(key.behavior)
     return not act.running and not act.waiting

@@ -42,6 +42,8 @@ class LogRows:
         self.all: list[int] = []
         self.main: list[int] = []
         """Without the rules' own. Grows at its end in place; for any other change it becomes another list."""
+        self.rebuild_count = 0
+        """With another number, these are other lists: the console attached again, or the view has forgotten some."""
         self._remarks: dict[int, TaskView] = {}
 
     @property
@@ -51,6 +53,7 @@ class LogRows:
 
     def rebuild(self, view: SessionView) -> None:
         """Begin anew with what a session has so far."""
+        self.rebuild_count += 1
         self._remarks.clear()
         self.all = [row_of(id) for id in view.tasks]
         self.main = [row_of(id) for id, task in view.tasks.items() if not is_rules_own(task)]
@@ -82,7 +85,7 @@ class LogRows:
             row += 1
         if row % ROWS_PER_TASK == 0:
             return  # more than anybody writes between two tasks
-        self._remarks[row] = _shown(remark)
+        self._remarks[row] = _as_task(remark)
         for rows in (self.all, self.main):
             if not in_order or not rows or rows[-1] < row:
                 rows.append(row)
@@ -95,7 +98,8 @@ class LogRows:
         return view.tasks.get(task) if task is not None else self._remarks.get(row)
 
 
-def _shown(remark: RemarkView) -> TaskView:
+def _as_task(remark: RemarkView) -> TaskView:
+    """A remark in the form in which the log shows tasks."""
     status = "ABORTED" if remark.kind == FAULT or remark.status in ("lost", "degraded") else "SUCCEEDED"
     text, reason = remark.text, ""
     if remark.kind == ROBOT:

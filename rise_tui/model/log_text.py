@@ -10,16 +10,15 @@ from rise_tui.model.task_messages import FUNCTION_LABELS
 from rise_tui.rendering.text import (
     StyledLine,
     TextRole,
-    cell_width,
     crop,
-    fit,
     fixed_span,
     format_clock,
     format_seconds,
     line_width,
+    shorten,
 )
 
-CALLING = {"Blocking": "block", "None": "none", "": ""}
+CALLING = {"Blocking": "block", "None": "none"}
 NARROW = 56
 """Below this width a row has fewer columns: time, function, what was done, state."""
 TIME, FUNCTION, STATE = 7, 8, 11
@@ -35,103 +34,108 @@ WIDE = 96
 def log_line(task: TaskView, state: StateLabel, width: int) -> StyledLine:
     """One row in one line of at most `width` cells. `state`: what became of the task, as it is shown."""
     narrow = width < NARROW
-    head = _narrow_head(task) if narrow else _head(task, width)
+    head = _narrow_head(task) if narrow else _wide_head(task, width)
     if task.function == NOTE:
-        who: StyledLine = ((f"{short_name(task.source)}: ", "muted"),) if narrow else ()
-        return crop((*head, *who, (task.behavior, "strong")), width)
-    return _narrow_line(head, task, state, width) if narrow else _line(head, task, state, width)
+        author: StyledLine = ((f"{short_name(task.source)}: ", "muted"),) if narrow else ()
+        return crop((*head, *author, (task.behavior, "strong")), width)
+    return _narrow_line(head, task, state, width) if narrow else _wide_line(head, task, state, width)
 
 
 def search_text(task: TaskView, state: StateLabel) -> str:
     """What a filter looks at: all that the widest row could show."""
     return (
-        f"{format_clock(task.submitted, tenths=True)} {task.source} {_function(task)} {task.calling_type} "
+        f"{format_clock(task.submitted, tenths=True)} {task.source} {_function_label(task)} {task.calling_type} "
         f"{task.behavior} {state.word} {mistake_text(task)}{task.reason}"
     )
 
 
 def _source_width(width: int) -> int:
-    return min(20, max(12, _after_time(width) // 3))
+    return min(20, max(12, _free_width(width) // 3))
 
 
-def _after_time(width: int) -> int:
+def _free_width(width: int) -> int:
     """Cells for who and what, beside the columns whose width is fixed."""
     return width - (47 if width >= WIDE else 38)
 
 
-def _head(task: TaskView, width: int) -> StyledLine:
+def _wide_head(task: TaskView, width: int) -> StyledLine:
     """When, who, and which function."""
     wide = width >= WIDE
     return (
         fixed_span(f" {format_clock(task.submitted, tenths=wide)}", 12 if wide else 10, "muted"),
         fixed_span(task.source, _source_width(width) - 1, "muted"),
         (" ", "plain"),
-        fixed_span(_function(task), 10, _function_tone(task)),
+        fixed_span(_function_label(task), 10, _function_role(task)),
     )
 
 
-def _line(head: StyledLine, task: TaskView, state: StateLabel, width: int) -> StyledLine:
+def _wide_line(head: StyledLine, task: TaskView, state: StateLabel, width: int) -> StyledLine:
     wide = width >= WIDE
     if wide:
         head = (*head, fixed_span(CALLING.get(task.calling_type, task.calling_type), 7, "muted"))
     took = format_seconds(task.ended - task.started) if task.ended is not None and task.started is not None else ""
-    room = min(40, _after_time(width) - _source_width(width) - (20 if wide else 0))
+    room = min(40, _free_width(width) - _source_width(width) - (20 if wide else 0))
     mistake: StyledLine = ((" ", "plain"), fixed_span(mistake_text(task), 8, "wait")) if task.mark else ()
     line: StyledLine = (
         *head,
-        fixed_span(_name(task), max(6, room - (9 if mistake else 0))),
+        fixed_span(_task_name(task), max(6, room - (9 if mistake else 0))),
         *mistake,
-        (f" {state.glyph} ", state.tone),
-        fixed_span(state.word, 9, state.tone),
+        (f" {state.glyph} ", state.role),
+        fixed_span(state.word, 9, state.role),
         fixed_span(took, 6, right=True),
     )
     if not task.reason:
         return line
     if width - line_width(line) >= REASON:
-        return crop((*line, (f"  {task.reason}", state.tone)), width)
-    return crop((*head, *_failure(task, state, width - line_width(head))), width) if _is_bad(task, state) else line
+        return crop((*line, (f"  {task.reason}", state.role)), width)
+    return (
+        crop((*head, *_failure_spans(task, state, width - line_width(head))), width) if _is_bad(task, state) else line
+    )
 
 
 def _narrow_head(task: TaskView) -> StyledLine:
     """When, and which function or mistake; not who it was."""
-    word = BRIEF.get(task.function, _function(task))
-    what = (
+    word = BRIEF.get(task.function, _function_label(task))
+    label = (
         fixed_span(mistake_text(task), FUNCTION, "wait")
         if task.mark
-        else fixed_span(word, FUNCTION, _function_tone(task))
+        else fixed_span(word, FUNCTION, _function_role(task))
     )
-    return fixed_span(f" {short_clock(task.submitted)}", TIME, "muted"), what
+    return fixed_span(f" {short_clock(task.submitted)}", TIME, "muted"), label
 
 
 def _narrow_line(head: StyledLine, task: TaskView, state: StateLabel, width: int) -> StyledLine:
     """Of what went wrong the reason follows, as far as there is room."""
     room = width - TIME - FUNCTION
     if _is_bad(task, state):
-        return crop((*head, *_failure(task, state, room)), width)
-    name = fixed_span(_name(task) or short_name(task.source), room - STATE)
-    return (*head, name, (f" {state.glyph} ", state.tone), fixed_span(state.word, STATE - 3, state.tone))
+        return crop((*head, *_failure_spans(task, state, room)), width)
+    name = fixed_span(_task_name(task) or short_name(task.source), room - STATE)
+    return (*head, name, (f" {state.glyph} ", state.role), fixed_span(state.word, STATE - 3, state.role))
 
 
-def _failure(task: TaskView, state: StateLabel, room: int) -> StyledLine:
+def _failure_spans(task: TaskView, state: StateLabel, room: int) -> StyledLine:
     """What went wrong and why, where a reason has no column of its own."""
-    word, name = f"{state.glyph} {state.word}", _name(task) or short_name(task.source)
-    shown = fit(name, min(cell_width(name), max(6, room - len(word) - 1))).rstrip()
-    return ((f"{shown} ", "plain"), (word, state.tone), (f": {task.reason}", state.tone))
+    word, name = f"{state.glyph} {state.word}", _task_name(task) or short_name(task.source)
+    return (
+        (f"{shorten(name, max(6, room - len(word) - 1))} ", "plain"),
+        (word, state.role),
+        (f": {task.reason}", state.role),
+    )
 
 
 def _is_bad(task: TaskView, state: StateLabel) -> bool:
-    return bool(task.reason) and state.tone in ("fault", "wait")
+    return bool(task.reason) and state.role in ("fault", "wait")
 
 
-def _function(task: TaskView) -> str:
+def _function_label(task: TaskView) -> str:
     return FUNCTION_LABELS.get(task.function, task.function)
 
 
-def _function_tone(task: TaskView) -> TextRole:
+def _function_role(task: TaskView) -> TextRole:
     return "fault" if task.function == "stopAll" else "plain"
 
 
-def _name(task: TaskView) -> str:
+def _task_name(task: TaskView) -> str:
     """What was done; of the robot its link, whose state says the rest."""
     return "link" if task.function == ROBOT else task.behavior
 

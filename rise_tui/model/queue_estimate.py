@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable
 from typing import NamedTuple
 
 
@@ -22,22 +22,23 @@ class QueuedTask(NamedTuple):
         return None if self.typical_seconds is None else self.typical_seconds - self.elapsed_seconds
 
 
-def estimate_starts(running: Iterable[QueuedTask], waiting: Sequence[QueuedTask]) -> list[float | None]:
+def estimate_starts(running: Iterable[QueuedTask], waiting: Iterable[QueuedTask]) -> list[float | None]:
     """Seconds until each waiting task probably starts, in order; None where something before it has no typical time.
 
     A task that is overdue may end at any moment. A None act that waits starts when what runs has ended, or before.
     """
-    at: float | None = 0.0
-    for turn in running:
-        if turn.in_turn:
-            at = _sum(at, turn.seconds_left)
-    found: list[float | None] = []
-    for turn in waiting:
-        found.append(at)
-        if turn.in_turn:
-            at = _sum(at, turn.seconds_left)
-    return found
+    start: float | None = 0.0
+    for task in running:
+        start = _next_start(start, task)
+    starts = []
+    for task in waiting:
+        starts.append(start)
+        start = _next_start(start, task)
+    return starts
 
 
-def _sum(at: float | None, left: float | None) -> float | None:
-    return None if at is None or left is None else at + max(0.0, left)
+def _next_start(start: float | None, task: QueuedTask) -> float | None:
+    """When the next task starts, if this one starts then or runs already."""
+    if not task.in_turn:
+        return start
+    return None if start is None or task.seconds_left is None else start + max(0.0, task.seconds_left)

@@ -11,9 +11,9 @@ from typing import Any, Literal, NamedTuple
 
 from rise_engine.kernel.records import ENDINGS, ActionRecord
 from rise_engine.kernel.view import ActionView, SessionView, TaskView
-from rise_engine.scenario import expected_seconds
 from rise_engine.scenario.model import Action, Scenario
 from rise_engine.scenario.template import MissingValueError, Template
+from rise_tui.model.act_levels import estimate_action_seconds
 from rise_tui.model.speech_actions import message_of, words_of
 
 LOOK_BACK = 2_000
@@ -35,7 +35,6 @@ class CurrentSentence(NamedTuple):
     it ended; `unsaid`: after how long it was broken off."""
     share: float = 0.0
     """`says`: how much of it is probably over, 0 to 1."""
-    reason: str = ""
     replaced_by: str = ""
     """What the robot does in place of speaking, when it cannot."""
     others: int = 0
@@ -60,9 +59,8 @@ class SentenceTracker:
         self._durations.clear()
         self._expected = self._measured = 0.0
         latest = float("-inf")
-        ids = list(view.tasks)[-LOOK_BACK:]
-        for task in (view.tasks[id] for id in ids):
-            for action in self._sentences(task):
+        for task in list(view.tasks.values())[-LOOK_BACK:]:
+            for action in self._sentences_of(task):
                 if action.ended is None:
                     continue
                 if action.status == "succeeded":
@@ -83,11 +81,7 @@ class SentenceTracker:
     def current(self, view: SessionView, at: float) -> CurrentSentence:
         """What to show at this session time."""
         running = [
-            action
-            for id in view.running
-            if (task := view.tasks.get(id)) is not None
-            for action in self._sentences(task)
-            if action.ended is None
+            action for id in view.running for action in self._sentences_of(view.tasks[id]) if action.ended is None
         ]
         if running:
             action = max(running, key=lambda each: (each.status == "accepted", each.since))
@@ -95,75 +89,71 @@ class SentenceTracker:
             left = None if usual is None else usual - elapsed
             share = min(1.0, elapsed / usual) if usual else 0.0
             kind: Kind = "says" if action.status == "accepted" else "sent"
-            return CurrentSentence(kind, self._words(action), left, share, "", action.sent_as or "", len(running) - 1)
+            return CurrentSentence(kind, self._words_of(action), left, share, action.sent_as or "", len(running) - 1)
         task = view.tasks.get(self._ended_last[0]) if self._ended_last is not None else None
         if task is None or self._ended_last is None:
             return CurrentSentence("nothing")
         ended = task.actions[self._ended_last[1]]
         if ended.status == "succeeded":
-            return CurrentSentence("said", self._words(ended), at - (ended.ended if ended.ended is not None else at))
-        unsaid = [action for action in self._sentences(task) if action.status != "succeeded"]
+            return CurrentSentence("said", self._words_of(ended), at - (ended.ended if ended.ended is not None else at))
+        unsaid = [action for action in self._sentences_of(task) if action.status != "succeeded"]
         first = unsaid[0]
-        began = first.status != "skipped" and first.ended is not None
-        after = first.ended - first.since if began and first.ended is not None else None
-        reason = first.reason or task.reason
+        after = first.ended - first.since if first.status != "skipped" and first.ended is not None else None
         ending: Kind = "unknown" if first.status in UNKNOWN else "unsaid"
-        return CurrentSentence(ending, self._words(first), after, 0.0, reason, "", len(unsaid) - 1)
+        return CurrentSentence(ending, self._words_of(first), after, others=len(unsaid) - 1)
 
     def usual_seconds(self, action: ActionView) -> float | None:
         """Seconds that a sentence takes: as before, else the estimate at this robot's pace; None when nobody knows."""
-        if (known := self._durations.get(self._words(action))) is not None:
+        if (known := self._durations.get(self._words_of(action))) is not None:
             return known[0]
-        spec = self._scenario.robot.actions.get(action.type)
-        if spec is None:
-            return None
+        estimate = estimate_action_seconds(self._scenario, action)
         pace = self._measured / self._expected if self._expected > 0 else 1.0
-        return expected_seconds(spec, action.parameters) * pace
+        return estimate * pace if estimate is not None else None
 
-    def _sentences(self, task: TaskView) -> Iterator[ActionView]:
+    def _sentences_of(self, task: TaskView) -> Iterator[ActionView]:
         """Those of a task that have begun, ended, or been left out, in that order."""
         return (action for action in task.actions.values() if words_of(self._scenario, action) is not None)
 
-    def _words(self, action: ActionView) -> str:
+    def _words_of(self, action: ActionView) -> str:
         return words_of(self._scenario, action) or ""
 
     def _measure(self, action: ActionView) -> None:
         if action.ended is None:
             return
         took = action.ended - action.since
-        mean, times = self._durations.get(self._words(action), (0.0, 0))
-        self._durations[self._words(action)] = mean + (took - mean) / (times + 1), times + 1
-        if (spec := self._scenario.robot.actions.get(action.type)) is not None:
-            self._expected += expected_seconds(spec, action.parameters)
+        mean, times = self._durations.get(self._words_of(action), (0.0, 0))
+        self._durations[self._words_of(action)] = mean + (took - mean) / (times + 1), times + 1
+        if (estimate := estimate_action_seconds(self._scenario, action)) is not None:
+            self._expected += estimate
             self._measured += took
 
 
-def still_to_say(scenario: Scenario, view: SessionView, memory: Mapping[str, Any]) -> list[str]:
+def remaining_sentences(scenario: Scenario, view: SessionView, memory: Mapping[str, Any]) -> list[str]:
     """The sentences that the running acts have not begun yet, as they would be now, in the order of the file."""
-    found: list[str] = []
-    for id in view.running:
-        task = view.tasks.get(id)
-        act = scenario.acts.get(task.behavior) if task is not None and task.function != "say" else None
-        if act is not None and task is not None:
-            open_ends = (action for action in act.actions if action.id not in task.actions)
-            found += [text for action in open_ends if (text := _text(scenario, action, memory))]
-    return found
+    tasks = [view.tasks[id] for id in view.running]
+    return [
+        text
+        for task in tasks
+        if task.function != "say" and task.behavior in scenario.acts
+        for action in scenario.acts[task.behavior].actions
+        if action.id not in task.actions and (text := _sentence_text(scenario, action, memory))
+    ]
 
 
-def _text(scenario: Scenario, action: Action, memory: Mapping[str, Any]) -> str:
+def _sentence_text(scenario: Scenario, action: Action, memory: Mapping[str, Any]) -> str:
     """One sentence; of variants, all that it may be; empty for an action that says nothing."""
     said = (message_of(scenario, call) for call in action.calls)
-    return " / ".join(_filled(words, memory) for words in said if words is not None)
+    return " / ".join(_fill_or_quote(words, memory) for words in said if words is not None)
 
 
 def longest_sentence(scenario: Scenario, memory: Mapping[str, Any]) -> str:
     """The longest one of all acts, with these values."""
     calls = (call for act in scenario.acts.values() for action in act.actions for call in action.calls)
     said = (message_of(scenario, call) for call in calls)
-    return max((_filled(words, memory) for words in said if words is not None), key=len, default="")
+    return max((_fill_or_quote(words, memory) for words in said if words is not None), key=len, default="")
 
 
-def _filled(said: Template, memory: Mapping[str, Any]) -> str:
+def _fill_or_quote(said: Template, memory: Mapping[str, Any]) -> str:
     """With the memory's values; as it is written when one is missing."""
     try:
         return said.fill(memory).strip()

@@ -37,12 +37,12 @@ class RowSearch:
     def matching(self) -> list[int]:
         """All that was found so far. It grows at its end in place; for any other change it becomes another list."""
         if self._earlier:
-            self._matching = [*(one for part in reversed(self._earlier) for one in part), *self._matching]
+            self._matching = [*(row for part in reversed(self._earlier) for row in part), *self._matching]
             self._earlier.clear()
         return self._matching
 
     @property
-    def done(self) -> bool:
+    def is_complete(self) -> bool:
         """Whether all rows have been looked at."""
         return self._from == 0 and self._to == len(self.ids)
 
@@ -50,31 +50,30 @@ class RowSearch:
         """Look at a few rows more; gives how many, 0 at the end. Raises InvalidFilter."""
         if self._to < len(self.ids):
             start, end = self._to, min(self._to + ROWS_OF_STEP, len(self.ids))
-            found = self._pick(start, end)
+            self._matching += self._find_matching(start, end)
             self._to = end
-            self._matching += found
         else:
             start, end = max(0, self._from - ROWS_OF_STEP), self._from
-            found = self._pick(start, end)
+            found = self._find_matching(start, end)
             self._from = start
             if found:
                 self._earlier.append(found)
         return end - start
 
-    def look_again(self) -> None:
+    def recheck_live(self) -> None:
         """What had not ended when it was looked at, may match by now, or no longer. Raises InvalidFilter."""
-        for one in self._live:
+        for row in self._live:
             matching = self.matching
-            index = bisect_left(matching, one)
-            there = index < len(matching) and matching[index] == one
-            if self._matches(one) == there:
+            index = bisect_left(matching, row)
+            listed = index < len(matching) and matching[index] == row
+            if self._matches(row) == listed:
                 continue
             self._matching = list(matching)
-            if there:
+            if listed:
                 del self._matching[index]
             else:
-                insort(self._matching, one)
-        self._live = [one for one in self._live if self._is_live(one)]
+                insort(self._matching, row)
+        self._live = [row for row in self._live if self._is_live(row)]
 
     def expect_change(self, id: int) -> None:
         """This row has changed, although its task had ended."""
@@ -82,15 +81,15 @@ class RowSearch:
         if self._from <= index < self._to and id not in self._live:
             self._live.append(id)
 
-    def _pick(self, start: int, end: int) -> list[int]:
-        picked = []
+    def _find_matching(self, start: int, end: int) -> list[int]:
+        found = []
         for index in range(start, end):
-            one = self.ids[index]
-            if self._matches(one):
-                picked.append(one)
-            if self._is_live(one):
-                self._live.append(one)
-        return picked
+            row = self.ids[index]
+            if self._matches(row):
+                found.append(row)
+            if self._is_live(row):
+                self._live.append(row)
+        return found
 
     def _matches(self, id: int) -> bool:
         text = self._text_of(id)

@@ -21,24 +21,12 @@ def session_title(store: Store) -> str:
     return " · ".join(filter(None, (participant_text(store) or "no participant named", clean(store.scenario.title))))
 
 
-def running_names(store: Store) -> list[str]:
-    """Rules with their states, acts that run and acts that wait, each in a few words."""
-    view = store.view
-    found = [f"rule {name}: in {view.rules[name].state}" for name in view.running_rules()]
-    found += [f"act {_act(store, id)}" for id in view.running]
-    found += [f"act {_act(store, id)}, waiting" for id in view.waiting]
-    return [clean(each) for each in found]
-
-
 def running_lines(store: Store) -> list[str]:
-    """The same in lines for a question."""
-    found = running_names(store)
-    if not found:
+    """Rules with their states, acts that run and acts that wait, in lines for a question."""
+    running = [f"rule {name}: in {store.view.rules[name].state}" for name in store.view.running_rules()]
+    running += [f"act {act_label(task.function, task.behavior)}" for task in store.running_tasks]
+    running += [f"act {act_label(task.function, task.behavior)}, waiting" for task in store.waiting_tasks]
+    if not running:
         return ["Nothing runs now: no rule, no act."]
-    more = [f"  and {len(found) - SHOWN} more"] if len(found) > SHOWN else []
-    return ["Running now:", *(f"  {each}" for each in found[:SHOWN]), *more]
-
-
-def _act(store: Store, id: int) -> str:
-    task = store.view.tasks[id]
-    return act_label(task.function, task.behavior)
+    more = [f"  and {len(running) - SHOWN} more"] if len(running) > SHOWN else []
+    return ["Running now:", *(f"  {clean(each)}" for each in running[:SHOWN]), *more]

@@ -25,11 +25,11 @@ def parse_moment(text: str, now: float) -> float | None:
     if bare in ("now", "end"):
         return None
     ago = bare.startswith(("-", "−"))
-    seconds = _seconds(bare[1:] if ago or bare.startswith("+") else bare)
+    seconds = _parse_seconds(bare[1:] if ago or bare.startswith("+") else bare)
     return max(0.0, now - seconds) if ago else seconds
 
 
-def _seconds(text: str) -> float:
+def _parse_seconds(text: str) -> float:
     if (found := _CLOCK.fullmatch(text)) is not None:
         hours, minutes, seconds = found[1], float(found[2]), float(found[3])
         if seconds >= 60 or (hours is not None and minutes >= 60):

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from rise_engine.kernel.view import ActionView
-from rise_engine.scenario.model import ActionCall, ActionSpec, Scenario
+from rise_engine.scenario.model import ActionCall, Scenario
 from rise_engine.scenario.template import Template, spoken_text
 
 CHANNEL = "speech"
@@ -12,9 +12,10 @@ MESSAGE = "message"
 """The parameter with the words; without one of this name, the first that is a text."""
 
 
-def message_name(spec: ActionSpec) -> str:
-    """The parameter that holds what is said; empty for an action that says nothing."""
-    if CHANNEL not in spec.channels:
+def message_name(scenario: Scenario, action: str) -> str:
+    """The parameter of an action of the robot that holds what is said; empty for one that says nothing."""
+    spec = scenario.robot.actions.get(action)
+    if spec is None or CHANNEL not in spec.channels:
         return ""
     texts = [name for name, parameter in spec.parameters.items() if parameter.type == "text"]
     return MESSAGE if MESSAGE in texts else next(iter(texts), "")
@@ -22,12 +23,10 @@ def message_name(spec: ActionSpec) -> str:
 
 def message_of(scenario: Scenario, call: ActionCall) -> Template | None:
     """What a call says, as it is written; None when it says nothing."""
-    spec = scenario.robot.actions.get(call.type)
-    return call.parameters.get(message_name(spec)) if spec is not None else None
+    return call.parameters.get(message_name(scenario, call.type))
 
 
 def words_of(scenario: Scenario, action: ActionView) -> str | None:
     """What an action says, as it was sent, or for one that was left out as it is written; None when it says nothing."""
-    spec = scenario.robot.actions.get(action.type)
-    name = message_name(spec) if spec is not None else ""
+    name = message_name(scenario, action.type)
     return spoken_text(action.parameters[name]).strip() if name and name in action.parameters else None

@@ -10,15 +10,14 @@ from typing import Any, NamedTuple
 
 from rise_engine.scenario.model import KeyBinding, Scenario
 from rise_tui.model.blocked import KeyNames
-from rise_tui.model.robot_speech import CurrentSentence, longest_sentence, still_to_say
+from rise_tui.model.robot_speech import CurrentSentence, longest_sentence, remaining_sentences
 from rise_tui.model.store import Store
 from rise_tui.model.study_keys import RULE, key_title, short_title
-from rise_tui.model.upcoming import Upcoming, UpcomingContext, UpcomingStep, find_upcoming
+from rise_tui.model.upcoming import UpcomingStep, find_upcoming
 from rise_tui.model.wait_explanations import key_owner
 from rise_tui.rendering.text import (
     StyledLine,
     StyledSpan,
-    TextRole,
     align_at_both_ends,
     cell_width,
     clean,
@@ -43,15 +42,15 @@ LEAST_SENTENCE = 20
 """Cells that are left of a sentence beside what else comes next."""
 LABEL = " next  "
 GAP: StyledSpan = ("  ·  ", "muted")
-GLYPHS = {"nothing": "·", "sent": "↑", "says": "►", "said": "✓", "unsaid": "✗", "unknown": "✗"}
-TONES: dict[str, TextRole] = {
-    "nothing": "muted",
-    "sent": "wait",
-    "says": "strong",
-    "said": "muted",
-    "unsaid": "fault",
-    "unknown": "fault",
+LOOKS: dict[str, StyledSpan] = {
+    "nothing": ("·", "muted"),
+    "sent": ("↑", "wait"),
+    "says": ("►", "strong"),
+    "said": ("✓", "muted"),
+    "unsaid": ("✗", "fault"),
+    "unknown": ("✗", "fault"),
 }
+"""How a sentence looks, by its kind: the glyph before it, and its role."""
 
 
 def sentence_height(scenario: Scenario, memory: Mapping[str, Any], width: int, height: int) -> int:
@@ -60,13 +59,13 @@ def sentence_height(scenario: Scenario, memory: Mapping[str, Any], width: int, h
     longest, width = longest_sentence(scenario, memory), min(width, WIDEST)
     if not longest:
         return 1
-    return min(most, max(len(_wrapped(_quoted(longest), width)), 2 if height >= TALL else 1))
+    return min(most, max(len(_wrap_sentence(_quote(longest), width)), 2 if height >= TALL else 1))
 
 
 def speech_band_lines(store: Store, width: int, rows: int, key_name: KeyNames) -> tuple[StyledLine, ...]:
     """`rows` lines about the sentence and one about what comes next, each in exactly `width` cells."""
     sentence = store.current_sentence()
-    rest = [] if _why_nothing_comes(store, key_name) else still_to_say(store.scenario, store.view, store.memory)
+    rest = [] if _why_nothing_comes(store, key_name) else remaining_sentences(store.scenario, store.view, store.memory)
     lines = _sentence_lines(sentence, store, min(width, WIDEST), rows)
     rest_shown = len(lines) < rows and bool(rest)
     if rest_shown:
@@ -79,39 +78,40 @@ def changes_by_tenths(store: Store) -> bool:
     """Whether something in it changes by tenths of a second."""
     if store.gone_reason or store.cut_since is not None:
         return False
-    return bool(store.view.running) or any(step.when in ("timer", "filler") for step in _upcoming(store).steps)
+    return bool(store.view.running) or any(step.when in ("timer", "filler") for step in find_upcoming(store).steps)
 
 
 # --- the sentence --------------------------------------------------------------------------------------------------
 
 
 def _sentence_lines(sentence: CurrentSentence, store: Store, width: int, rows: int) -> list[StyledLine]:
-    tone, note = TONES[sentence.kind], _note(sentence, store)
+    (glyph, role), note = LOOKS[sentence.kind], _status_note(sentence)
     if sentence.kind == "nothing":
         return [align_at_both_ends(((" · the robot has said nothing yet", "muted"),), (), width)]
     if store.gone_reason and sentence.kind in ("says", "sent"):
-        tone, note = "fault", ("not known", "fault")
-    prefix = _prefix(sentence, store)
+        role, note = "fault", ("not known", "fault")
+    prefix = _ending_prefix(sentence)
     more = f" and {sentence.others} more" if sentence.others and sentence.kind in ("unsaid", "unknown") else ""
-    text = f"{prefix}{_quoted(sentence.text)}{more}"
-    shown, first = _wrapped(text, width), 0
+    text = f"{prefix}{_quote(sentence.text)}{more}"
+    shown, first = _wrap_sentence(text, width), 0
     if len(shown) > rows:
-        shown, first = _window(text, width, rows, sentence.share)
+        shown, first = _window_lines(text, width, rows, sentence.share)
     lines: list[StyledLine] = []
     for at, text in enumerate(shown):
-        glyph = f" {GLYPHS[sentence.kind]} " if at == 0 and first == 0 else " … " if at == 0 else "   "
-        line: StyledLine = ((glyph, "accent" if sentence.kind == "says" else tone), (text, tone))
+        lead = "   " if at else " … " if first else f" {glyph} "
+        line: StyledLine = ((lead, "accent" if sentence.kind == "says" else role), (text, role))
         lines.append(align_at_both_ends(line, (note, (" ", "plain")), width) if at == 0 else line)
     return lines
 
 
-def _prefix(sentence: CurrentSentence, store: Store) -> str:
+def _ending_prefix(sentence: CurrentSentence) -> str:
+    """What goes before a sentence that did not come to its end."""
     if sentence.kind == "unsaid":
         return "NOT SAID TO THE END: " if sentence.seconds else "NOT SAID: "
     return "PERHAPS NOT SAID: " if sentence.kind == "unknown" else ""
 
 
-def _note(sentence: CurrentSentence, store: Store) -> StyledSpan:
+def _status_note(sentence: CurrentSentence) -> StyledSpan:
     """How it stands, in at most NOTE cells."""
     more = f" +{sentence.others}" if sentence.others else ""
     match sentence.kind:
@@ -134,11 +134,11 @@ def _note(sentence: CurrentSentence, store: Store) -> StyledSpan:
             return "", "muted"
 
 
-def _quoted(text: str) -> str:
+def _quote(text: str) -> str:
     return f"“{clean(text)}”"
 
 
-def _wrapped(text: str, width: int) -> list[str]:
+def _wrap_sentence(text: str, width: int) -> list[str]:
     """Over as many lines as it needs; the first leaves room for the note."""
     first, others = max(10, width - GLYPH - NOTE - 2), max(10, width - GLYPH - 1)
     text = " ".join(clean(text).split())
@@ -147,7 +147,7 @@ def _wrapped(text: str, width: int) -> list[str]:
     return [head, *wrap(rest, others)] if rest else [head]
 
 
-def _window(text: str, width: int, rows: int, share: float) -> tuple[list[str], int]:
+def _window_lines(text: str, width: int, rows: int, share: float) -> tuple[list[str], int]:
     """The lines around what is probably being said, and the number of the first."""
     every = wrap(text, max(10, width - GLYPH - NOTE - 2))
     here = min(len(every) - 1, int(share * len(every)))
@@ -159,7 +159,7 @@ def _window(text: str, width: int, rows: int, share: float) -> tuple[list[str], 
 
 
 def _quoted_line(texts: Sequence[str]) -> StyledLine:
-    return tuple((f"{'  ' if at else ''}{_quoted(text)}", "muted") for at, text in enumerate(texts))
+    return tuple((f"{'  ' if at else ''}{_quote(text)}", "muted") for at, text in enumerate(texts))
 
 
 # --- what comes next -----------------------------------------------------------------------------------------------
@@ -175,7 +175,7 @@ class _Piece(NamedTuple):
 
 def upcoming_line(store: Store, rest: Sequence[str], width: int, key_name: KeyNames) -> StyledLine:
     """`rest`: the sentences of this act that come first, if they are not told elsewhere."""
-    pieces = [_Piece(((_quoted(rest[0]), "plain"),), LEAST_SENTENCE)] if rest else []
+    pieces = [_Piece(((_quote(rest[0]), "plain"),), LEAST_SENTENCE)] if rest else []
     room = width - cell_width(LABEL)
     return crop(((LABEL, "muted"), *_fit_pieces([*pieces, *_rule_pieces(store, room, key_name)], room)), width)
 
@@ -202,32 +202,11 @@ def _joined_width(widths: Sequence[int]) -> int:
     return sum(widths) + cell_width(GAP[0]) * (len(widths) - 1)
 
 
-def _upcoming(store: Store) -> Upcoming:
-    known = UpcomingContext(store.scenario, store.view, store.memory, store.study_keys, store.now())
-    return find_upcoming(known, _seconds_left(store))
-
-
-def _seconds_left(store: Store) -> float | None:
-    """Seconds until the acts that run one after the other will probably have ended."""
-    longest = 0.0
-    for id in store.view.running:
-        task = store.view.tasks[id]
-        if task.function == "say":
-            left = store.current_sentence().seconds
-        else:
-            usual = store.typical_seconds(task.behavior)
-            left = None if usual is None or task.started is None else usual - (store.now() - task.started)
-        if left is None:
-            return None
-        longest = max(longest, left)
-    return longest if store.view.running else None
-
-
 def _rule_pieces(store: Store, room: int, key_name: KeyNames) -> list[_Piece]:
     if why := _why_nothing_comes(store, key_name):
         return [_Piece(why)]
-    found = _upcoming(store)
-    pieces = [_Piece(_step_line(step, store)) for step in found.steps]
+    found = find_upcoming(store)
+    pieces = [_Piece(_step_line(step)) for step in found.steps]
     if found.keys:  # behind what comes first: what comes later matters less
         word = "then" if found.after_first else "or" if found.steps else "waits for"
         pieces.insert(1, _Piece(_keys_line(found.keys, f"{word} {key_owner(store)}: ", room)))
@@ -257,7 +236,7 @@ def _why_nothing_comes(store: Store, key_name: KeyNames) -> StyledLine:
     return ()
 
 
-def _step_line(step: UpcomingStep, store: Store) -> StyledLine:
+def _step_line(step: UpcomingStep) -> StyledLine:
     if step.when == "turn":
         more = f" and {len(step.starts) - 1} more" if len(step.starts) > 1 else ""
         return ((short_title(step.starts[0]), "plain"), (f" (waits{more})", "muted"))

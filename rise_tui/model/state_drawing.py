@@ -7,7 +7,7 @@ from typing import NamedTuple
 from rich.cells import cell_len
 
 from rise_tui.model.state_graph import GraphEdge, GraphLayout, GraphRow, edge_path
-from rise_tui.rendering.text import ListRow, StyledSpan, TextRole, clean, crop, fit, line_width
+from rise_tui.rendering.text import ListRow, StyledSpan, TextRole, clean, crop, line_width, shorten
 
 HERE = "here"
 """The id of the row of the present state."""
@@ -31,69 +31,65 @@ def draw_state_graph(layout: GraphLayout, now: GraphPosition) -> list[ListRow]:
     last = layout.edges.get(now.last) if now.last is not None else None
     ways = [edge for edge in layout.edges.values() if edge.source == now.state]
     follows = {edge.target for edge in ways if edge.way not in ("stays", "again")}
-    tones: dict[tuple[int, int], TextRole] = {}
+    roles: dict[tuple[int, int], TextRole] = {}
     for edge in ways:
-        tones.update(dict.fromkeys(edge_path(layout, edge), "plain"))
+        roles.update(dict.fromkeys(edge_path(layout, edge), "plain"))
     if last is not None:
-        tones.update(dict.fromkeys(edge_path(layout, last), "accent"))
+        roles.update(dict.fromkeys(edge_path(layout, last), "accent"))
     rows = []
-    for at, row in enumerate(layout.rows):
-        here = row.is_state and row.state == now.state
-        line: list[StyledSpan] = _toned(row.rails, at, tones)
+    for index, row in enumerate(layout.rows):
+        is_present = row.is_state and row.state == now.state
+        line: list[StyledSpan] = _rail_spans(row.rails, index, roles)
         if row.is_state:
-            marks = ["here"] if here else ["may follow"] if row.state in follows else []
-            line += _state(layout, row, [*marks, *row.notes])
+            marks = ["here"] if is_present else ["may follow"] if row.state in follows else []
+            line += _state_spans(layout, row, [*marks, *row.notes])
         if row.edge is not None:
-            line += _way(layout, row, row.edge, now, taken=row.edge is last, room=layout.width - line_width(line))
-        rows.append(ListRow(HERE if here else "", crop(tuple(line), layout.width), selectable=False))
+            line += _way_spans(layout, row, row.edge, now, taken=row.edge is last, room=layout.width - line_width(line))
+        rows.append(ListRow(HERE if is_present else "", crop(tuple(line), layout.width), selectable=False))
     return rows
 
 
-def _toned(rails: str, row: int, tones: dict[tuple[int, int], TextRole]) -> list[StyledSpan]:
-    """The rails, in as few pieces as their tones allow."""
+def _rail_spans(rails: str, row: int, roles: dict[tuple[int, int], TextRole]) -> list[StyledSpan]:
+    """The rails, in as few pieces as their roles allow."""
     spans: list[StyledSpan] = []
     for column, character in enumerate(rails):
-        tone = tones.get((row, column), "muted")
-        if spans and (character == " " or spans[-1][1] == tone):
+        role = roles.get((row, column), "muted")
+        if spans and (character == " " or spans[-1][1] == role):
             spans[-1] = (spans[-1][0] + character, spans[-1][1])
         else:
-            spans.append((character, tone))
+            spans.append((character, role))
     return spans
 
 
-def _state(layout: GraphLayout, row: GraphRow, marks: list[str]) -> list[StyledSpan]:
+def _state_spans(layout: GraphLayout, row: GraphRow, marks: list[str]) -> list[StyledSpan]:
     """The state's glyph, name and marks; the name gives way."""
     glyph: StyledSpan = (
         ("● ", "accent") if "here" in marks else ("◎ ", "plain") if "may follow" in marks else ("○ ", "muted")
     )
     words = "".join(f"  {mark}" for mark in marks)
     room = layout.names if layout.names and row.edge is not None else layout.width - layout.gutter - 2
-    name = clean(row.state)
-    if cell_len(name) + cell_len(words) > room:
-        name = fit(name, max(4, room - cell_len(words))).rstrip()
-    tone: TextRole = "accent" if "here" in marks else "plain"
+    name = shorten(row.state, max(4, room - cell_len(words)))
+    role: TextRole = "accent" if "here" in marks else "plain"
     padding = " " * max(0, room - cell_len(name) - cell_len(words)) if row.edge is not None else ""
-    return [glyph, (name, tone), (words, "accent" if "here" in marks else "muted"), (padding, "plain")]
+    return [glyph, (name, role), (words, "accent" if "here" in marks else "muted"), (padding, "plain")]
 
 
-def _way(
+def _way_spans(
     layout: GraphLayout, row: GraphRow, edge: GraphEdge, now: GraphPosition, *, taken: bool, room: int
 ) -> list[StyledSpan]:
     """A way's label, and what must be seen of it behind: its target where no rail shows it, and that it was taken."""
-    tone: TextRole = "accent" if taken else "plain" if edge.source == now.state else "muted"
+    role: TextRole = "accent" if taken else "plain" if edge.source == now.state else "muted"
     lead = " ↓ " if row.is_state else f"{row.node} " + " " * (INDENT if layout.names else 0)
     label, room = clean(edge.label), room - len(lead)
     tail: list[StyledSpan] = [("  taken last", "accent")] if taken else []
     if edge.way in ("stays", "again"):
         tail.insert(0, (f"  {edge.way}", "muted"))
-    elif edge.target is not None and (edge.way == "word" or _length(layout, edge) > FAR):
+    elif edge.target is not None and (edge.way == "word" or _rail_length(layout, edge) > FAR):
         free = room - line_width(tail) - 3
-        target = fit(edge.target, min(cell_len(clean(edge.target)), max(free // 2, free - cell_len(label))))
-        tail.insert(0, (f" → {target}", tone))
-    if cell_len(label) > room - line_width(tail):
-        label = fit(label, max(3, room - line_width(tail))).rstrip()
-    return [(lead, tone), (label, tone), *tail]
+        target = shorten(edge.target, max(free // 2, free - cell_len(label)))
+        tail.insert(0, (f" → {target}", role))
+    return [(lead, role), (shorten(label, max(3, room - line_width(tail))), role), *tail]
 
 
-def _length(layout: GraphLayout, edge: GraphEdge) -> int:
+def _rail_length(layout: GraphLayout, edge: GraphEdge) -> int:
     return abs(edge.row - layout.row_of[edge.target]) if edge.way == "rail" and edge.target is not None else 0

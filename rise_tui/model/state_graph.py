@@ -10,6 +10,7 @@ The layout depends on the rule and the width alone: a state never changes its pl
 from __future__ import annotations
 
 from collections.abc import Iterator
+from itertools import zip_longest
 from typing import Literal, NamedTuple, TypeAlias
 
 from rich.cells import cell_len
@@ -51,9 +52,9 @@ class GraphRow(NamedTuple):
     """Of a way's row: the state that it leaves."""
     is_state: bool
     edge: GraphEdge | None
-    rails: str
+    rails: str = ""
     """What stands left of the node."""
-    node: str
+    node: str = ""
     """The character of a way at the line of the states; empty for a state, whose mark changes."""
     notes: tuple[str, ...] = ()
     """What holds for a state at any time: `start`, `end`, `never reached`."""
@@ -87,10 +88,10 @@ def lay_out_graph(rule: Rule, width: int) -> GraphLayout:
     most = most_lanes(width)
     compact = sum(1 + len(state.transitions) for state in rule.states.values()) > LONG
     compact = compact and width - 2 * most - 3 >= ROOM_FOR_BOTH
-    plan = _plan(rule, order, compact)
-    row_of = {place.state: row for row, place in enumerate(plan) if place.is_state}
-    edges = {(place.edge.source, place.edge.number): place.edge for place in plan if place.edge is not None}
-    rails = _rails([edge for edge in edges.values() if edge.way == "rail"], row_of, most)
+    plan = _plan_rows(rule, order, compact)
+    row_of = {row.state: index for index, row in enumerate(plan) if row.is_state}
+    edges = {(row.edge.source, row.edge.number): row.edge for row in plan if row.edge is not None}
+    rails = _assign_lanes([edge for edge in edges.values() if edge.way == "rail"], row_of, most)
     lane_of = {row: rail.lane for rail in rails for row in rail.sources}
     for key, edge in edges.items():
         if edge.way == "rail":
@@ -99,7 +100,7 @@ def lay_out_graph(rule: Rule, width: int) -> GraphLayout:
     lanes = max((rail.lane + 1 for rail in rails), default=0)
     names = max(map(cell_len, rule.states)) + MARKS if compact else 0
     return GraphLayout(
-        tuple(_rows(rule, order, plan, edges, [_gutter(row, rails, lanes) for row in range(len(plan))])),
+        tuple(_draw_rows(rule, order, plan, edges, [_gutter_text(row, rails, lanes) for row in range(len(plan))])),
         edges,
         row_of,
         2 * lanes + 1,
@@ -115,9 +116,9 @@ def edge_path(layout: GraphLayout, edge: GraphEdge) -> Iterator[tuple[int, int]]
     arrow = layout.row_of[edge.target]
     column = layout.gutter - 2 * (edge.lane + 1)
     for row in (edge.row, arrow):
-        for at in range(column, layout.gutter):
-            if at == column or layout.rows[row].rails[at] != "│":
-                yield row, at
+        for cell in range(column, layout.gutter):
+            if cell == column or layout.rows[row].rails[cell] != "│":
+                yield row, cell
     for row in range(min(edge.row, arrow) + 1, max(edge.row, arrow)):
         yield row, column
 
@@ -127,37 +128,31 @@ def most_lanes(width: int) -> int:
     return min(max((width - 30) // 9, 2), 6)
 
 
-class _Place(NamedTuple):
-    """What a row is for, before the rails are known."""
-
-    state: str
-    is_state: bool
-    edge: GraphEdge | None
-
-
-def _rows(
-    rule: Rule, order: StateOrder, plan: list[_Place], edges: dict[tuple[str, int], GraphEdge], gutters: list[str]
+def _draw_rows(
+    rule: Rule, order: StateOrder, plan: list[GraphRow], edges: dict[tuple[str, int], GraphEdge], gutters: list[str]
 ) -> Iterator[GraphRow]:
+    """The rows of the plan with their rails and nodes."""
     reached = set(order.states[: order.reached])
     falling = {edge.source for edge in edges.values() if edge.way == "down"}
-    for row, place in enumerate(plan):
-        edge = edges[place.edge.source, place.edge.number] if place.edge is not None else None
-        if place.is_state:
-            true = {
-                "start": place.state == rule.initial,
-                "end": not rule.states[place.state].transitions,
-                "never reached": place.state not in reached,
+    for index, row in enumerate(plan):
+        edge = edges[row.edge.source, row.edge.number] if row.edge is not None else None
+        node, notes = "", {}
+        if row.is_state:
+            notes = {
+                "start": row.state == rule.initial,
+                "end": not rule.states[row.state].transitions,
+                "never reached": row.state not in reached,
             }
-            yield GraphRow(place.state, True, edge, gutters[row], "", tuple(note for note in true if true[note]))
         elif edge is not None:
-            last = (row + 1 == len(plan) or plan[row + 1].is_state) and place.state not in falling
-            yield GraphRow(place.state, False, edge, gutters[row], _node(edge, last=last))
+            is_last = index + 1 == len(plan) or plan[index + 1].is_state
+            node = _node_character(edge, last=is_last and row.state not in falling)
+        yield row._replace(edge=edge, rails=gutters[index], node=node, notes=tuple(filter(notes.get, notes)))
 
 
-def _plan(rule: Rule, order: StateOrder, compact: bool) -> list[_Place]:
-    plan: list[_Place] = []
-    for place, name in enumerate(order.states):
-        below = order.states[place + 1] if place + 1 < len(order.states) else None
+def _plan_rows(rule: Rule, order: StateOrder, compact: bool) -> list[GraphRow]:
+    """A row for each state and each way out, before the rails are known."""
+    plan: list[GraphRow] = []
+    for name, below in zip_longest(order.states, order.states[1:]):
         down: list[GraphEdge] = []
         other: list[GraphEdge] = []
         for index, transition in enumerate(rule.states[name].transitions):
@@ -174,13 +169,13 @@ def _plan(rule: Rule, order: StateOrder, compact: bool) -> list[_Place]:
                 label = f"{label} if {transition.condition.text}"
             (down if way == "down" else other).append(GraphEdge(name, index, target, label, way, 0))
         beside = down.pop(0)._replace(row=len(plan)) if compact and down else None
-        plan.append(_Place(name, True, beside))
+        plan.append(GraphRow(name, True, beside))
         for edge in (*other, *down):
-            plan.append(_Place(name, False, edge._replace(row=len(plan))))
+            plan.append(GraphRow(name, False, edge._replace(row=len(plan))))
     return plan
 
 
-def _rails(edges: list[GraphEdge], row_of: dict[str, int], most: int) -> list[_Rail]:
+def _assign_lanes(edges: list[GraphEdge], row_of: dict[str, int], most: int) -> list[_Rail]:
     """One rail for each target. Short ways come first: where there is no room, the farthest have none."""
     rails: dict[str, _Rail] = {}
     for edge in sorted(edges, key=lambda each: (abs(each.row - row_of[each.target or ""]), each.row)):
@@ -199,7 +194,7 @@ def _rails(edges: list[GraphEdge], row_of: dict[str, int], most: int) -> list[_R
     return list(rails.values())
 
 
-def _gutter(row: int, rails: list[_Rail], lanes: int) -> str:
+def _gutter_text(row: int, rails: list[_Rail], lanes: int) -> str:
     """The rails in one row, and the way from or to one of them."""
     cells = [" "] * (2 * lanes + 1)
     joined = -1
@@ -221,7 +216,7 @@ def _gutter(row: int, rails: list[_Rail], lanes: int) -> str:
     return "".join(cells)
 
 
-def _node(edge: GraphEdge, *, last: bool) -> str:
+def _node_character(edge: GraphEdge, *, last: bool) -> str:
     match edge.way:
         case "down":
             return "↓"

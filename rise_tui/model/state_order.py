@@ -29,17 +29,17 @@ def find_state_order(rule: Rule) -> StateOrder:
         for name, state in rule.states.items()
     }
     first = [rule.initial] if rule.initial in ways else []
-    course = _course(first, ways)
-    rest = _course((name for name in ways if name not in set(course)), ways, frozenset(course))
+    course = _find_course(first, ways)
+    rest = _find_course((name for name in ways if name not in set(course)), ways, frozenset(course))
     return StateOrder((*course, *rest), len(course))
 
 
-def _course(roots: Iterable[str], ways: Ways, known: frozenset[str] = frozenset()) -> list[str]:
+def _find_course(roots: Iterable[str], ways: Ways, known: frozenset[str] = frozenset()) -> list[str]:
     """Everything that the roots reach: a state comes after all that lead to it, loops left aside."""
     entries, loops, found = _explore(roots, ways, known)
     open_ways = dict.fromkeys(found, 0)
     for source in found:
-        for target in _onward(source, ways, loops, open_ways):
+        for target in _onward_states(source, ways, loops, open_ways):
             open_ways[target] += 1
     placed: list[str] = []
     ready = [root for root in reversed(entries) if not open_ways[root]]
@@ -47,7 +47,7 @@ def _course(roots: Iterable[str], ways: Ways, known: frozenset[str] = frozenset(
         state = ready.pop()
         placed.append(state)
         follow = []
-        for target in _onward(state, ways, loops, open_ways):
+        for target in _onward_states(state, ways, loops, open_ways):
             open_ways[target] -= 1
             if not open_ways[target]:
                 follow.append(target)
@@ -56,7 +56,7 @@ def _course(roots: Iterable[str], ways: Ways, known: frozenset[str] = frozenset(
     return placed
 
 
-def _onward(source: str, ways: Ways, loops: set[tuple[str, str]], among: Mapping[str, int]) -> Iterable[str]:
+def _onward_states(source: str, ways: Ways, loops: set[tuple[str, str]], among: Mapping[str, int]) -> Iterable[str]:
     return (target for target in ways[source] if target in among and (source, target) not in loops)
 
 

@@ -14,7 +14,7 @@ from rise_tui.rendering.text import TextRole
 class StateLabel(NamedTuple):
     glyph: str
     word: str
-    tone: TextRole
+    role: TextRole
 
 
 READY = StateLabel("·", "ready", "muted")
@@ -88,8 +88,8 @@ def rule_state(store: Store, name: str) -> StateLabel:
 
 def task_state(task: TaskView) -> StateLabel:
     if not task.id:  # a row of the log that is no task
-        what = task.behavior if task.function == "robot" else task.function
-        return REMARK_STATES.get(what, StateLabel("·", "", "plain"))
+        kind = task.behavior if task.function == "robot" else task.function
+        return REMARK_STATES.get(kind, StateLabel("·", "", "plain"))
     return TASK_STATES.get(task.status, StateLabel("?", task.status.lower(), "plain"))
 
 
@@ -102,11 +102,8 @@ def action_state(action: ActionView | None) -> StateLabel:
 def newest_task(store: Store, name: str) -> TaskView | None:
     """The task of an act that a screen should show: running, else waiting, else the last."""
     act = store.act(name)
-    for ids in (act.running[-1:], act.waiting[:1]):
-        for id in ids:
-            if id in store.view.tasks:
-                return store.view.tasks[id]
-    return act.last
+    ids = (*act.running[-1:], *act.waiting[:1])
+    return store.view.tasks[ids[0]] if ids else act.last
 
 
 def act_progress(act: Act, task: TaskView) -> tuple[int, int]:

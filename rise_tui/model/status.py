@@ -15,13 +15,11 @@ from rise_tui.rendering.text import (
     StyledSpan,
     TextRole,
     align_at_both_ends,
-    cell_width,
-    clean,
     crop,
-    fit,
     format_clock,
     format_duration,
     line_width,
+    shorten,
 )
 
 ROBOT_GLYPHS = {"connected": "●", "degraded": "◐", "lost": "✗"}
@@ -60,113 +58,108 @@ def status_line(store: Store, width: int) -> StyledLine:
     Who takes part and in which condition comes first, whatever else is there. Then the title, which has the room that
     is left. A part of that is the cue's while one is counted, so that nothing else moves when it comes and goes.
     """
-    who = _who(store, width)
+    participant = _participant_line(store, width)
     title: StyledLine = (
-        (f"  {store.scenario.title}" if who else f" {store.scenario.title}", "muted" if who else "strong"),
+        (f"  {store.scenario.title}", "muted") if participant else (f" {store.scenario.title}", "strong"),
     )
-    room = width - line_width(who) - 1
-    counts = not (store.gone_reason or store.cut_since is not None or store.hello.replay)
+    room = width - line_width(participant) - 1
+    counts = not (store.gone_reason or store.cut_since is not None or store.attach_reply.replay)
     best = sum(line_width(cell.variants[0]) for cell in _cells(store, padded=True))
     awaits = counts and store.key_state != "STOPPED"  # nobody answers then
     cue_room = (CUE if best + CUE <= room else CUE_SHORT if width >= NARROW else 0) if awaits else 0
     kept = max(TITLE if width >= USUAL else 0, cue_room)
     padded = best + max(kept, line_width(title)) <= room  # no blanks are kept while something is cut
-    right = _fitted(_cells(store, padded=padded), max(0, room - kept))
-    cue = _cue(store, room - line_width(right)) if counts else ()
-    who = crop(who, max(0, width - line_width(cue) - line_width(right) - 1))
-    room = width - line_width(who) - line_width(cue) - line_width(right) - 1
+    right = _fit_cells(_cells(store, padded=padded), max(0, room - kept))
+    cue = _cue_line(store, room - line_width(right)) if counts else ()
+    participant = crop(participant, max(0, width - line_width(cue) - line_width(right) - 1))
+    room = width - line_width(participant) - line_width(cue) - line_width(right) - 1
     shown = crop(title, room) if room >= min(LEAST_TITLE, line_width(title)) else ()
-    return align_at_both_ends((*who, *shown), (*cue, *right), width)
+    return align_at_both_ends((*participant, *shown), (*cue, *right), width)
 
 
-def _who(store: Store, width: int) -> StyledLine:
+def _participant_line(store: Store, width: int) -> StyledLine:
     """`P07 · hesitation`. Only in a terminal that has no room for it a long one is cut."""
-    participant, condition = (clean(text) for text in _participant(store))
-    half = max(8, width // 6)
-    parts = [fit(text, min(cell_width(text), half)).rstrip() for text in (participant, condition) if text]
+    session, half = store.view.session, max(8, width // 6)
+    texts = (session.participant, session.condition) if session is not None else ()
+    parts = [shorten(text, half) for text in texts if text]
     return ((f" {' · '.join(parts)}", "strong"),) if parts else ()
 
 
-def _fitted(made: list[StatusCell], width: int) -> StyledLine:
+def _fit_cells(cells: list[StatusCell], width: int) -> StyledLine:
     """The cells in the best variants that fit together."""
-    chosen = [0] * len(made)
-    while sum(line_width(cell.variants[at]) for cell, at in zip(made, chosen, strict=True)) > width:
-        open_ends = [index for index, cell in enumerate(made) if chosen[index] < len(cell.variants) - 1]
-        if not open_ends:
+    left = list(cells)
+    while sum(line_width(cell.variants[0]) for cell in left) > width:
+        shorter = [index for index, cell in enumerate(left) if len(cell.variants) > 1]
+        if not shorter:
             break
-        chosen[min(open_ends, key=lambda index: made[index].keep[chosen[index]])] += 1
-    return tuple(span for cell, at in zip(made, chosen, strict=True) for span in cell.variants[at])
+        first = min(shorter, key=lambda index: left[index].keep[0])
+        left[first] = StatusCell(left[first].variants[1:], left[first].keep[1:])
+    return tuple(span for cell in left for span in cell.variants[0])
 
 
 def _cells(store: Store, *, padded: bool) -> list[StatusCell]:
     """Those at the right."""
-    if store.gone_reason or store.cut_since is not None:
-        return [_mode(store), *_robot(store), _time(store), *_end(store, padded)]
-    return [_mode(store), *_robot(store), _recording(store), _time(store), *_end(store, padded)]
+    recording = [] if store.gone_reason or store.cut_since is not None else [_recording_cell(store)]
+    return [_mode_cell(store), *_robot_cells(store), *recording, _time_cell(store), *_control_cells(store, padded)]
 
 
-def _participant(store: Store) -> tuple[str, str]:
-    session = store.view.session
-    return (session.participant, session.condition) if session is not None else ("", "")
+def _mode_cell(store: Store) -> StatusCell:
+    attach_reply = store.attach_reply
+    mode: StyledSpan = (attach_reply.mode.upper(), "wait" if attach_reply.mode == "real" else "accent")
+    if attach_reply.replay:
+        mode = (" REPLAY ", "call")
+    elif attach_reply.mode == "real" and store.scenario.robot.driver == "simulated":
+        mode = ("REAL (simulated!)", "fault")
+    return StatusCell(((GAP, mode),))
 
 
-def _mode(store: Store) -> StatusCell:
-    hello = store.hello
-    what: StyledSpan = (hello.mode.upper(), "wait" if hello.mode == "real" else "accent")
-    if hello.replay:
-        what = (" REPLAY ", "call")
-    elif hello.mode == "real" and store.scenario.robot.driver == "simulated":
-        what = ("REAL (simulated!)", "fault")
-    return StatusCell(((("  ", "plain"), what),))
-
-
-def _robot(store: Store) -> list[StatusCell]:
+def _robot_cells(store: Store) -> list[StatusCell]:
     """Its name, its link in a word, and how long ago it was heard of."""
-    hello, robot = store.hello, store.view.robot
-    if hello.replay:
+    attach_reply, robot = store.attach_reply, store.view.robot
+    if attach_reply.replay:
         return []
     status = robot.status if robot is not None else "no link"
-    tone: TextRole = "plain" if status == "connected" else "wait" if status in ("degraded", "no link") else "fault"
+    role: TextRole = "plain" if status == "connected" else "wait" if status in ("degraded", "no link") else "fault"
     seen = store.heartbeat.robot_seen
     if seen is not None and robot is not None and status == "connected":
         seen = max(seen, robot.t)  # that it is back is a sign of life, and pulses come once a second
     age = None if seen is None or store.gone_reason or store.cut_since is not None else max(0.0, store.now() - seen)
-    if age is not None and age >= OLD and tone == "plain":
-        tone = "wait"
+    if age is not None and age >= OLD and role == "plain":
+        role = "wait"
     link = f"{ROBOT_GLYPHS.get(status, '○')} {status}"
     links = (link, link.replace("connected", "ok"))
-    simulated = hello.mode != "real"
-    name = fit(hello.robot, min(len(hello.robot), NAME))
+    simulated = attach_reply.mode != "real"
+    name = shorten(attach_reply.robot, NAME)
     names = (f"{name} (sim) ", f"{name} ") if simulated else (f"{name} ",)
     cells = [
-        StatusCell(tuple((GAP, (text, tone)) for text in names), (4,)),
-        StatusCell(tuple(((text, tone),) for text in dict.fromkeys(links)), (3,)),
+        StatusCell(tuple((GAP, (text, role)) for text in names), (4,)),
+        StatusCell(tuple(((text, role),) for text in dict.fromkeys(links)), (3,)),
     ]
     if age is not None:
         text = "<2 s" if age < FRESH else format_duration(age)
-        shown: StyledLine = ((" ", "plain"), (text, "muted" if age < FRESH else tone))
+        shown: StyledLine = ((" ", "plain"), (text, "muted" if age < FRESH else role))
         cells.append(StatusCell((shown, ()) if age < FRESH else (shown,), (7,)))
     return cells
 
 
-def _recording(store: Store) -> StatusCell:
-    if store.hello.replay:
+def _recording_cell(store: Store) -> StatusCell:
+    if store.attach_reply.replay:
         return StatusCell(((),))
     if store.journal_status.trouble:
         return StatusCell(((GAP, ("✗ NOT REC", "fault")),))
     if store.journal_status.behind > 1:
         late = f"{store.journal_status.behind:.0f} s behind"
-        return StatusCell(((GAP, (f"◐ disk {late}", "wait")), (("  ", "plain"), (f"disk {late}", "wait"))), (9,))
-    if not store.hello.folder:
+        return StatusCell(((GAP, (f"◐ disk {late}", "wait")), (GAP, (f"disk {late}", "wait"))), (9,))
+    if not store.attach_reply.folder:
         return StatusCell(((GAP, ("○ NO REC", "wait")), (GAP, ("NO REC", "wait"))), (9,))
-    return StatusCell(((GAP, ("● REC", "plain")), (("  ", "plain"), ("REC", "plain")), ()), (9, 12))
+    return StatusCell(((GAP, ("● REC", "plain")), (GAP, ("REC", "plain")), ()), (9, 12))
 
 
-def _time(store: Store) -> StatusCell:
+def _time_cell(store: Store) -> StatusCell:
     return StatusCell((((" ", "plain"), (format_clock(store.now()), "plain")), ()), (13,))
 
 
-def _cue(store: Store, room: int) -> StyledLine:
+def _cue_line(store: Store, room: int) -> StyledLine:
     """The time since the cue, while it is counted: the whole where there is room for it."""
     full, brief = (cue_line(store.view.cue, store.now(), short=short) for short in (False, True))
     if not full:
@@ -174,41 +167,37 @@ def _cue(store: Store, room: int) -> StyledLine:
     return (GAP, *full) if line_width(full) + line_width((GAP,)) <= room else ((" ", "plain"), *brief)
 
 
-def _end(store: Store, padded: bool) -> list[StatusCell]:
+def _control_cells(store: Store, padded: bool) -> list[StatusCell]:
     """Whether keys start anything, and who may press them."""
-    me = short_name(store.own_name)
-    name = fit(me, min(len(me), NAME))
-    own = StatusCell((((f" {store.hello.role} {name} ", "muted"),), ((f" {name} ", "muted"),), ()), (1, 10))
+    name = shorten(short_name(store.own_name), NAME)
+    own = StatusCell((((f" {store.attach_reply.role} {name} ", "muted"),), ((f" {name} ", "muted"),), ()), (1, 10))
     if store.gone_reason:
         return [StatusCell(((GAP, (" ENDED " if store.ended_in_order else " GONE ", "alarm"), (" ", "plain")),)), own]
     if store.cut_since is not None:
         return [StatusCell(((GAP, (" CUT, attaching again ", "alarm"), (" ", "plain")),))]
-    words = _state(store)
-    if store.has_control and not store.hello.replay:
+    words = _key_state_line(store)
+    if store.has_control and not store.attach_reply.replay:
         padding: StyledLine = ((" " * max(0, STATE - line_width(words)), "plain"),) if padded else ()
         return [StatusCell(((GAP, *words, *padding),)), own]
-    if store.hello.replay:
+    if store.attach_reply.replay:
         return [StatusCell(((*((GAP, *words) if words else ()), (" ", "plain")),))]
-    holder = short_name(store.view.control)
-    holder = fit(holder, min(len(holder), NAME))
-    who = f"{holder} has control"
-    if store.view.control is not None or store.hello.role != "wizard":
-        who = f"WATCHING · {who}"
-    shown: StyledLine = (GAP, (f" {who} ", "call"))
+    control = f"{shorten(short_name(store.view.control), NAME)} has control"
+    if store.view.control is not None or store.attach_reply.role != "wizard":
+        control = f"WATCHING · {control}"
+    shown: StyledLine = (GAP, (f" {control} ", "call"))
     # Where there is little room the red bar says the first of these.
     return [StatusCell(((GAP, *words), ()) if words else ((),), (10,)), StatusCell((shown,))]
 
 
-def _state(store: Store) -> StyledLine:
+def _key_state_line(store: Store) -> StyledLine:
     """LIVE is not said of a console that only watches."""
-    stopped = store.key_state == "STOPPED"
     words: list[StyledSpan] = []
-    if stopped:
+    if store.key_state == "STOPPED":
         words.append((" STOPPED ", "alarm"))
     elif store.journal_status.trouble:
         words.append((" PAUSED ", "alarm"))
     if store.input_mode != "LIVE":  # also beside a stop: it still holds when that is released
         words.append((f" {store.input_mode} ", "call"))
-    elif not words and store.has_control and not store.hello.replay:
+    elif not words and store.has_control and not store.attach_reply.replay:
         words.append((" LIVE ", "strong"))
     return tuple(words)

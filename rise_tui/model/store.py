@@ -1,6 +1,6 @@
 """What the console knows: the engine's view, and what it has asked for that the engine has not yet answered.
 
-A read model without any screen. Panes read it; only `Session` and the screens change it.
+A read model without any screen. Panes read it; only `ConsoleSession` and the screens change it.
 """
 
 from __future__ import annotations
@@ -8,7 +8,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from os import urandom
-from typing import Any, Literal, TypeAlias
+from typing import Any, Literal, TypeAlias, get_args
 
 from msgspec import Struct
 
@@ -19,21 +19,19 @@ from rise_engine.kernel.records import (
     EventRecord,
     MemoryRecord,
     MistakeRecord,
-    NoteRecord,
     RobotRecord,
     RuleRecord,
     SessionRecord,
     StopRecord,
     TaskRecord,
-    TimingRecord,
 )
-from rise_engine.kernel.view import ActView, RuleView, SessionView
+from rise_engine.kernel.view import ActView, RuleView, SessionView, TaskView
 from rise_engine.protocol.client import AttachReply, Heartbeat, JournalStatus, Resync, UpdateOrResync
 from rise_engine.scenario.model import KeyBinding, Scenario
 from rise_tui.model import control
 from rise_tui.model.act_levels import estimate_act_seconds
 from rise_tui.model.blocked import BlockedReason, Deed
-from rise_tui.model.expected_inputs import ExpectedInputFinder, ExpectedInputs
+from rise_tui.model.expected_inputs import ExpectedInputs, find_expected_inputs
 from rise_tui.model.input_lock import STARTING_FUNCTIONS, InputMode
 from rise_tui.model.log_rows import LogRows
 from rise_tui.model.notice import Notice
@@ -46,7 +44,7 @@ from rise_tui.model.unhandled_events import UnhandledEvents
 StorePart: TypeAlias = Literal["acts", "rules", "memory", "tasks", "status", "stop", "cue", "notice"]
 """What a batch of records changed; a pane says which of these it shows."""
 
-ALL_PARTS: frozenset[StorePart] = frozenset({"acts", "rules", "memory", "tasks", "status", "stop", "cue", "notice"})
+ALL_PARTS: frozenset[StorePart] = frozenset(get_args(StorePart))
 
 _PARTS_OF_RECORD: dict[type, frozenset[StorePart]] = {
     MemoryRecord: frozenset({"memory"}),
@@ -54,16 +52,12 @@ _PARTS_OF_RECORD: dict[type, frozenset[StorePart]] = {
     StopRecord: frozenset({"stop", "status"}),
     RobotRecord: frozenset({"status"}),
     SessionRecord: frozenset({"status"}),
-    EventRecord: frozenset(),
     ActionRecord: frozenset({"acts"}),
-    NoteRecord: frozenset(),
     ControlRecord: frozenset({"status"}),
     CueRecord: frozenset({"cue"}),
     MistakeRecord: frozenset({"tasks", "acts"}),
-    TimingRecord: frozenset(),
 }
 """Of tasks, and of events that nobody took, `apply` finds it out."""
-_NO_PARTS: frozenset[StorePart] = frozenset()
 _LIST_PARTS: frozenset[StorePart] = frozenset({"acts", "rules", "memory", "tasks"})
 """Whatever may show that something was sent."""
 _PARTS_OF_TASK: dict[str, frozenset[StorePart]] = {
@@ -71,7 +65,6 @@ _PARTS_OF_TASK: dict[str, frozenset[StorePart]] = {
     "say": frozenset({"tasks", "acts"}),
     "startInteractionRule": frozenset({"tasks", "rules"}),
 }
-_PARTS_OF_OTHER_TASKS: frozenset[StorePart] = frozenset({"tasks"})
 
 RECORDS_LEFT_OUT = (
     "so much happens at once that this console leaves some of it out; what it shows is the state as it is"
@@ -92,7 +85,7 @@ class SentTask(Struct, frozen=True):
 class Store:
     """One console's knowledge of one session."""
 
-    hello: AttachReply
+    attach_reply: AttachReply
     wizard: str
     now: Callable[[], float]
     """Session time in seconds."""
@@ -109,7 +102,7 @@ class Store:
     gone_reason: str = ""
     """Why the session is over or the engine has gone; empty while it lives."""
     ended_in_order: bool = False
-    """The session came to its end in order. With `gone` and not this, the engine has gone without one."""
+    """The session came to its end in order. With `gone_reason` and not this, the engine has gone without one."""
     cut_since: float | None = None
     """Since when this connection has been cut, on a clock of the console's own; None while it holds."""
     stop_unsent: bool = False
@@ -123,10 +116,6 @@ class Store:
     """Control was taken from this console, and the wizard has pressed no key since that showed."""
     reclaims_control: bool = False
     """It had control when the connection was cut, and nobody else has it now, but perhaps its own cut connection."""
-    attach_count: int = 0
-    """How often this console has attached again; lists that were built step by step start anew."""
-    trim_count: int = 0
-    """How often the oldest tasks were forgotten; lists that were built step by step start anew then, too."""
     armed_act: str = ""
     """The act whose first of two keys was pressed."""
     newest_speech: int = 0
@@ -147,48 +136,45 @@ class Store:
     study_keys: StudyKeys = field(init=False)
     sentences: SentenceTracker = field(init=False)
     _unhandled_events: UnhandledEvents = field(init=False)
-    _expected_input_finder: ExpectedInputFinder = field(init=False)
-    _keys: dict[tuple[str, str], KeyBinding] = field(default_factory=dict)
     _estimates: dict[str, float] = field(default_factory=dict)
     _left_out_at: float = -LEFT_OUT_SECONDS
     """Session time at which it was said that records are left out."""
 
     def __post_init__(self) -> None:
-        self._unhandled_events, self._expected_input_finder = (
-            UnhandledEvents(self.unhandled_tasks),
-            ExpectedInputFinder(self.scenario),
-        )
+        self._unhandled_events = UnhandledEvents(self.unhandled_tasks)
         self.study_keys, self.sentences = StudyKeys(self.scenario), SentenceTracker(self.scenario)
-        for key in reversed(self.scenario.keys.values()):  # of several, the first of the file
-            self._keys[key.function, key.behavior.strip().lstrip("/")] = key
-        self._rebuild(self.hello)
+        self._rebuild(self.attach_reply)
         self.shown_act = self.view.tasks[self.view.running[-1]].behavior if self.view.running else ""
         self.shown_rule = next(iter(self.view.running_rules()), "")
 
-    def reattach(self, hello: AttachReply) -> None:
+    def reattach(self, attach_reply: AttachReply) -> None:
         """The connection was cut and is back: the truth is in the new snapshot."""
-        had, self.cut_since, self.stop_unsent = self.has_control, None, False
-        ghost = self.own_name
+        had_control, former_name = self.has_control, self.own_name
+        self.cut_since, self.stop_unsent = None, False
         self.sent.clear()
-        self.attach_count += 1
-        self._rebuild(hello)
-        self.reclaims_control = had and not self.has_control and self.view.control in (None, ghost)
-        if had and not self.has_control and not self.reclaims_control:
+        self._rebuild(attach_reply)
+        lost = had_control and not self.has_control
+        self.reclaims_control = lost and self.view.control in (None, former_name)
+        if lost and not self.reclaims_control:
             self.control_lost = control.ControlLost(self.view.control, None)
 
-    def _rebuild(self, hello: AttachReply) -> None:
-        self.hello, self.view, self.journal_status = hello, hello.view, hello.journaling
+    def _rebuild(self, attach_reply: AttachReply) -> None:
+        self.attach_reply, self.view, self.journal_status = attach_reply, attach_reply.view, attach_reply.journaling
         self.log.rebuild(self.view)
-        self.newest_speech = next((id for id in reversed(self.view.tasks) if self.view.tasks[id].function == "say"), 0)
         self.unhandled_tasks.clear()
         self.marked_tasks.clear()
+        self._restart_trackers()
+
+    def _restart_trackers(self) -> None:
+        """What follows the session record by record begins anew with the view."""
+        self.newest_speech = next((id for id in reversed(self.view.tasks) if self.view.tasks[id].function == "say"), 0)
         self.undo_stack.clear()
         self._unhandled_events.clear()
         self.sentences.rebuild(self.view)
 
     @property
     def scenario(self) -> Scenario:
-        return self.hello.scenario
+        return self.attach_reply.scenario
 
     @property
     def memory(self) -> Mapping[str, Any]:
@@ -208,7 +194,7 @@ class Store:
     @property
     def own_name(self) -> str:
         """How the session calls this console."""
-        return self.hello.you or f"wizard:{self.wizard}"
+        return self.attach_reply.you or f"wizard:{self.wizard}"
 
     @property
     def person(self) -> str:
@@ -218,7 +204,7 @@ class Store:
     @property
     def has_control(self) -> bool:
         """Whether this console may act. A replay names nobody, and nobody can act in it."""
-        return not self.hello.you or self.view.control == self.hello.you
+        return not self.attach_reply.you or self.view.control == self.attach_reply.you
 
     @property
     def asker(self) -> str | None:
@@ -231,10 +217,10 @@ class Store:
             return BlockedReason("over" if self.ended_in_order else "gone", self.gone_reason)
         if self.cut_since is not None:
             return BlockedReason("cut")
-        if deed != "reach" and self.hello.replay:
+        if deed != "reach" and self.attach_reply.replay:
             return BlockedReason("replay")
         if deed in ("change", "start") and not self.has_control:
-            watches = self.hello.role == "observer"
+            watches = self.attach_reply.role == "observer"
             return BlockedReason("control", holder=control.short_name(self.view.control), watches=watches)
         return self._start_blocked() if deed == "start" else None
 
@@ -261,14 +247,26 @@ class Store:
 
     def expected_keys(self) -> frozenset[str]:
         """The study's keys that a running rule waits for, as Textual spells them."""
-        states = {name: rule.state for name, rule in self.view.rules.items() if rule.running}
-        busy = (self.view.tasks[id].behavior for id in (*self.view.running, *self.view.waiting))
-        return self.study_keys.expected_keys(states, self.memory, busy) if states else frozenset()
+        busy = [task.behavior for task in (*self.running_tasks, *self.waiting_tasks)]
+        return self.study_keys.expected_keys(self._rule_states(), self.memory, busy)
 
     def expected_inputs(self) -> ExpectedInputs:
         """What the running rules wait for now."""
-        states = {name: rule.state for name, rule in self.view.rules.items() if rule.running}
-        return self._expected_input_finder.find(states, self.memory) if states else ExpectedInputs()
+        return find_expected_inputs(self.study_keys, self._rule_states(), self.memory)
+
+    def _rule_states(self) -> dict[str, str | None]:
+        """The running rules, with the state in which each is."""
+        return {name: rule.state for name, rule in self.view.rules.items() if rule.running}
+
+    @property
+    def running_tasks(self) -> list[TaskView]:
+        """The tasks of acts and free speech that run, the oldest first."""
+        return [self.view.tasks[id] for id in self.view.running]
+
+    @property
+    def waiting_tasks(self) -> list[TaskView]:
+        """Those that wait for their turn, the next first."""
+        return [self.view.tasks[id] for id in self.view.waiting]
 
     def act(self, name: str) -> ActView:
         return self.view.acts.get(name) or ActView()
@@ -287,7 +285,7 @@ class Store:
 
     def key_of(self, function: str, behavior: str) -> KeyBinding | None:
         """The scenario's key that submits this, if there is one."""
-        return self._keys.get((function, behavior.strip().lstrip("/")))
+        return self.study_keys.key_of(function, behavior)
 
     def is_sent(self, functions: Sequence[str], behavior: str) -> bool:
         return any(sent.function in functions and sent.behavior == behavior for sent in self.sent.values())
@@ -298,7 +296,7 @@ class Store:
         noticed = self.notice
         for record in updates:
             if isinstance(record, JournalStatus):
-                changed |= self._take_journal_status(record)
+                changed |= self._apply_journal_status(record)
                 continue
             if isinstance(record, Heartbeat):
                 self.heartbeat = record  # the clock's next second shows it
@@ -308,13 +306,13 @@ class Store:
                 changed |= ALL_PARTS
                 continue
             if isinstance(record, TaskRecord):
-                changed |= self._take_task(record)
-            holder, remarks = self.view.control, self.view.remarks[-1] if self.view.remarks else None
+                changed |= self._apply_task(record)
+            holder, newest_remark = self.view.control, self.view.remarks[-1] if self.view.remarks else None
             forgotten = self.view.forgotten
             self.view.apply(record)
             if self.view.forgotten != forgotten:
                 self._trim()
-            if self.view.remarks and self.view.remarks[-1] is not remarks:
+            if self.view.remarks and self.view.remarks[-1] is not newest_remark:
                 self.log.add_remark(self.view.remarks[-1])
                 changed.add("tasks")
             if not (isinstance(record, TaskRecord) and record.id in self.view.failed):  # the bar about it says it
@@ -322,8 +320,8 @@ class Store:
             if isinstance(record, StopRecord) and record.status == "released":
                 live = f": {self.input_mode}" if self.has_control or self.input_mode != "LIVE" else ""
                 self.notice = Notice(f"the stop is released{live}")
-            if isinstance(record, ControlRecord) and self.hello.you:
-                notice, lost = control.control_notice(record, holder, self.hello.you)
+            if isinstance(record, ControlRecord) and self.attach_reply.you:
+                notice, lost = control.control_notice(record, holder, self.attach_reply.you)
                 # A sentence about who had control before would now be wrong.
                 self.notice = notice or (None if lost else self.notice)
                 self.control_lost = lost or (None if self.has_control else self.control_lost)
@@ -341,7 +339,7 @@ class Store:
                 self.sentences.record_action(record, self.view)
             elif isinstance(record, MistakeRecord):
                 self.marked_tasks.append(record.task)
-            changed |= _PARTS_OF_RECORD.get(type(record), _NO_PARTS)
+            changed |= _PARTS_OF_RECORD.get(type(record), frozenset())
         if self.notice is not noticed:
             changed.add("notice")
         return changed
@@ -354,16 +352,13 @@ class Store:
 
     def _resync(self, resync: Resync) -> None:
         """This console lay so far behind that records were left out: the truth is in the new state."""
-        had = self.has_control
+        had_control = self.has_control
         self.view.merge_resync(resync.view, resync.tasks)
         for task in resync.view.tasks.values():
             if task.ref is not None:
                 self.sent.pop(task.ref, None)
-        self.newest_speech = next((id for id in reversed(self.view.tasks) if self.view.tasks[id].function == "say"), 0)
-        self.undo_stack.clear()
-        self._unhandled_events.clear()
-        self.sentences.rebuild(self.view)
-        if had and not self.has_control:
+        self._restart_trackers()
+        if had_control and not self.has_control:
             self.control_lost = control.ControlLost(self.view.control, None)
         self._trim()
         if self.view.t > self._left_out_at + LEFT_OUT_SECONDS:
@@ -378,9 +373,8 @@ class Store:
         self.log.rebuild(self.view)
         for id in self.unhandled_tasks:
             self.log.show_own_row(id)
-        self.trim_count += 1
 
-    def _take_journal_status(self, now: JournalStatus) -> frozenset[StorePart]:
+    def _apply_journal_status(self, now: JournalStatus) -> frozenset[StorePart]:
         """How the record stands; nothing is painted for what nobody would see."""
         before, self.journal_status = self.journal_status, now
         if before.trouble and not now.trouble:
@@ -388,8 +382,8 @@ class Store:
         shown = before.trouble != now.trouble or int(before.behind) != int(now.behind)
         return frozenset({"status"}) if shown else frozenset()
 
-    def _take_task(self, record: TaskRecord) -> frozenset[StorePart]:
-        changed = _PARTS_OF_TASK.get(record.function, _PARTS_OF_OTHER_TASKS)
+    def _apply_task(self, record: TaskRecord) -> frozenset[StorePart]:
+        changed = _PARTS_OF_TASK.get(record.function, frozenset({"tasks"}))
         if record.id not in self.view.tasks:
             self.log.add_task(record)
             self.newest_speech = record.id if record.function == "say" else self.newest_speech

@@ -7,8 +7,8 @@ from functools import lru_cache
 from typing import Any
 
 from rise_engine.expression import Assignment, Environment, EvaluationError, Expression, LanguageError, assigned_entry
-from rise_engine.scenario.model import KeyBinding, Rule, Scenario, Transition, normal_topic
-from rise_tui.model.conditions import holds
+from rise_engine.scenario.model import KeyBinding, Scenario, Transition, normal_topic
+from rise_tui.model.conditions import is_met
 from rise_tui.model.rule_text import events_raised_by, functions_of_rule, parse_engine_event
 from rise_tui.rendering.text import format_value
 
@@ -24,7 +24,7 @@ def key_title(binding: KeyBinding) -> str:
     name = binding.behavior.strip()
     match binding.function:
         case "assignValue":
-            return _set_title(name)
+            return _assignment_title(name)
         case "raiseEventTopic":
             return normal_topic(name).replace("_", " ").replace("/", " ")
         case "stopCommunicationRobotAct" | "stopInteractionRule":
@@ -38,9 +38,9 @@ def short_title(name: str) -> str:
     return name.removeprefix("R_").replace("_", " ") or name
 
 
-def _set_title(text: str) -> str:
+def _assignment_title(text: str) -> str:
     """`understood = true` is `understood`, `mood = 'good'` is `mood good`."""
-    assignment = _assignment(text)
+    assignment = _parse_assignment(text)
     if assignment is None:
         return text
     try:
@@ -59,28 +59,32 @@ class StudyKeys:
     """Knows of each key of a scenario what it could bring about."""
 
     def __init__(self, scenario: Scenario) -> None:
-        self._scenario = scenario
-        self._raised = {name: events_raised_by(rule) for name, rule in scenario.rules.items()}
+        self.scenario = scenario
+        self.events_of_rule = {name: events_raised_by(rule) for name, rule in scenario.rules.items()}
+        """By the name of a rule: every topic that it raises anywhere, without its slash."""
+        self._by_task: dict[tuple[str, str], KeyBinding] = {}
+        """Of several keys for one task, the first of the file."""
         self._by_topic: dict[str, list[KeyBinding]] = {}
         """Keys that raise a topic: themselves, or by a rule that they start."""
-        self._starts: dict[tuple[str, str], KeyBinding] = {}
-        self._sets: list[KeyBinding] = []
-        for key in scenario.keys.values():
+        keys = list(scenario.keys.values())
+        for key in keys:
+            self._by_task.setdefault((key.function, normal_topic(key.behavior)), key)
             if key.function == EVENT:
                 self._by_topic.setdefault(normal_topic(key.behavior), []).append(key)
-            elif key.function in (ACT, RULE):
-                self._starts.setdefault((key.function, key.behavior), key)
-                for topic in self._raised.get(key.behavior, ()) if key.function == RULE else ():
-                    self._by_topic.setdefault(topic, []).append(key)
-            elif key.function == SET:
-                self._sets.append(key)
-        answers = self._answers()
-        keys = list(scenario.keys.values())
+            for topic in self.events_of_rule.get(key.behavior, ()) if key.function == RULE else ():
+                self._by_topic.setdefault(topic, []).append(key)
+        assignments = ((key, _parse_assignment(key.behavior)) for key in keys if key.function == SET)
+        self._assignments = [(key, assignment) for key, assignment in assignments if assignment is not None]
+        answers = self._find_answers()
         self.answer_keys = tuple(key for key in keys if key.key in answers)
         """Those that some state of a rule may wait for, in the order of the file."""
         self.other_keys = tuple(key for key in keys if key.key not in answers and key.function != ACT)
         """The other keys that start no act."""
         self.act_keys = tuple(key for key in keys if key.key not in answers and key.function == ACT)
+
+    def key_of(self, function: str, behavior: str) -> KeyBinding | None:
+        """The key that submits this, if there is one."""
+        return self._by_task.get((function, normal_topic(behavior)))
 
     def keys_for(
         self, transition: Transition, memory: Mapping[str, Any], running: Iterable[str] = ()
@@ -90,15 +94,15 @@ class StudyKeys:
             if transition.after is None and transition.condition is not None:
                 yield from self.keys_setting(transition.condition, memory)
             return
-        if not holds(transition.condition, memory):
+        if not is_met(transition.condition, memory):
             return
         for key in self.keys_raising(transition.event):
             if key.function != RULE or key.behavior not in running:
                 yield key
-        found = parse_engine_event(self._scenario, transition.event)
+        found = parse_engine_event(self.scenario, transition.event)
         if found is not None and found[1] in _STARTS and found[0] not in running:
             for function in (ACT, RULE):
-                if (starter := self._starts.get((function, found[0]))) is not None:
+                if (starter := self.key_of(function, found[0])) is not None:
                     yield starter
 
     def keys_raising(self, topic: str | None) -> Sequence[KeyBinding]:
@@ -107,15 +111,11 @@ class StudyKeys:
 
     def keys_setting(self, condition: Expression, memory: Mapping[str, Any]) -> Iterator[KeyBinding]:
         """The keys that set a value with which a condition holds that does not hold now."""
-        if holds(condition, memory):
+        if is_met(condition, memory):
             return
-        heads = {key.partition(".")[0] for key in condition.keys}
-        for key in self._sets:
-            assignment = _assignment(key.behavior)
-            if assignment is None or assignment.key.partition(".")[0] not in heads:
-                continue
+        for key, assignment in self._assignments_for(condition):
             try:
-                value = assignment.evaluate(Environment(memory), self._scenario.known_keys)
+                value = assignment.evaluate(Environment(memory), self.scenario.known_keys)
                 changed, value = assigned_entry(memory, assignment.key, value)
                 if condition.as_condition({**memory, changed: value}):
                     yield key
@@ -130,34 +130,38 @@ class StudyKeys:
         return frozenset(
             key.key
             for name, state in states.items()
-            for transition in transitions_of(self._scenario, name, state)
+            for transition in transitions_of(self.scenario, name, state)
             for key in self.keys_for(transition, memory, busy)
         )
 
-    def _answers(self) -> set[str]:
-        """Keys that could be awaited in some state, whatever the memory holds."""
-        started = {name for rule in self._scenario.rules.values() for name in _acts_started(rule)}
-        found: set[str] = set()
-        for rule in self._scenario.rules.values():
-            for state in rule.states.values():
-                for transition in state.transitions:
-                    found |= {key.key for key in self._possible(rule.name, transition, started)}
-        return found
+    def _assignments_for(self, condition: Expression) -> list[tuple[KeyBinding, Assignment]]:
+        """The keys that assign a value which a condition reads, or a part of one."""
+        heads = {key.partition(".")[0] for key in condition.keys}
+        return [(key, each) for key, each in self._assignments if each.key.partition(".")[0] in heads]
 
-    def _possible(self, rule: str, transition: Transition, started: set[str]) -> Iterator[KeyBinding]:
+    def _find_answers(self) -> set[str]:
+        """Keys that could be awaited in some state, whatever the memory holds."""
+        rules = self.scenario.rules.values()
+        started = {function.argument for rule in rules for function in functions_of_rule(rule) if function.name == ACT}
+        return {
+            key.key
+            for rule in rules
+            for state in rule.states.values()
+            for transition in state.transitions
+            for key in self._possible_keys(rule.name, transition, started)
+        }
+
+    def _possible_keys(self, rule: str, transition: Transition, started: set[str]) -> Iterator[KeyBinding]:
+        """The keys that could make this rule take this way. `started`: acts that rules start by themselves."""
         if transition.event is not None:
             raising = self.keys_raising(transition.event)
             yield from (key for key in raising if key.function != RULE or key.behavior != rule)
-            found = parse_engine_event(self._scenario, transition.event)
-            starter = self._starts.get((ACT, found[0])) if found is not None and found[1] in _STARTS else None
+            found = parse_engine_event(self.scenario, transition.event)
+            starter = self.key_of(ACT, found[0]) if found is not None and found[1] in _STARTS else None
             if starter is not None and starter.behavior not in started:
                 yield starter
         elif transition.after is None and transition.condition is not None:
-            heads = {key.partition(".")[0] for key in transition.condition.keys}
-            for key in self._sets:
-                assignment = _assignment(key.behavior)
-                if assignment is not None and assignment.key.partition(".")[0] in heads:
-                    yield key
+            yield from (key for key, _ in self._assignments_for(transition.condition))
 
 
 def transitions_of(scenario: Scenario, rule: str, state: str | None) -> tuple[Transition, ...]:
@@ -167,12 +171,8 @@ def transitions_of(scenario: Scenario, rule: str, state: str | None) -> tuple[Tr
     return found.transitions if found is not None else ()
 
 
-def _acts_started(rule: Rule) -> Iterator[str]:
-    return (function.argument for function in functions_of_rule(rule) if function.name == ACT)
-
-
 @lru_cache(256)
-def _assignment(text: str) -> Assignment | None:
+def _parse_assignment(text: str) -> Assignment | None:
     try:
         return Assignment.parse(text)
     except LanguageError:

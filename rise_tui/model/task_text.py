@@ -11,6 +11,7 @@ from rise_tui.model.task_messages import FUNCTION_LABELS
 from rise_tui.rendering.text import ListRow, StyledLine, TextRole, fixed_span, format_clock, format_duration, wrap
 
 LABEL = 13
+"""Cells for the name of a field."""
 CALLING = {
     "Blocking": "Blocking: waits its turn",
     "None": "None: runs beside others",
@@ -22,46 +23,46 @@ MARKS = {"wrong": "the wrong act", "late": "too late", "early": "too early", "do
 def task_rows(task: TaskView, state: StateLabel, now: float, width: int) -> list[ListRow]:
     """All that is known of a task at session time `now`, in rows of at most `width` cells."""
     lines: list[StyledLine] = [
-        *field_rows(FUNCTION_LABELS.get(task.function, task.function), task.behavior, width, "strong")
+        *field_lines(FUNCTION_LABELS.get(task.function, task.function), task.behavior, width, "strong")
     ]
     if state.word:
-        lines += field_rows("state", f"{state.glyph} {state.word}", width, state.tone)
+        lines += field_lines("state", f"{state.glyph} {state.word}", width, state.role)
     if task.reason:
-        lines += field_rows("reason", task.reason, width, state.tone)
+        lines += field_lines("reason", task.reason, width, state.role)
     if task.mark:
-        lines += field_rows("mistake", f"! {task.mark}: {MARKS.get(task.mark, task.mark)}", width, "wait")
-    lines += field_rows("from", task.source, width)
+        lines += field_lines("mistake", f"! {task.mark}: {MARKS.get(task.mark, task.mark)}", width, "wait")
+    lines += field_lines("from", task.source, width)
     if task.calling_type:
-        lines += field_rows("calling type", CALLING.get(task.calling_type, task.calling_type), width)
+        lines += field_lines("calling type", CALLING.get(task.calling_type, task.calling_type), width)
     if task.id:
-        lines += field_rows("task", f"{task.id} · {task.function}", width, "muted")
-    lines += [(), *_times(task, now, width)]
+        lines += field_lines("task", f"{task.id} · {task.function}", width, "muted")
+    lines += [(), *_time_lines(task, now, width)]
     for action in task.actions.values():
-        lines += [(), *_action(action, now, width)]
-    return [ListRow(str(at), line) for at, line in enumerate(lines)]
+        lines += [(), *_action_lines(action, now, width)]
+    return [ListRow(str(index), line) for index, line in enumerate(lines)]
 
 
 def value_rows(name: str, value: str, kind: str, about: str, width: int) -> list[ListRow]:
     """A memory value in full."""
     lines = [
-        *field_rows("key", name, width, "strong"),
-        *field_rows("type", kind, width),
-        *field_rows("changed", about, width),
+        *field_lines("key", name, width, "strong"),
+        *field_lines("type", kind, width),
+        *field_lines("changed", about, width),
         (),
     ]
     lines += [((f" {line}", "plain"),) for line in wrap(value, width - 2)]
-    return [ListRow(str(at), line) for at, line in enumerate(lines)]
+    return [ListRow(str(index), line) for index, line in enumerate(lines)]
 
 
-def field_rows(name: str, value: str, width: int, tone: TextRole = "plain") -> list[StyledLine]:
+def field_lines(name: str, value: str, width: int, role: TextRole = "plain") -> list[StyledLine]:
     """A name and what belongs to it, over as many lines as that needs."""
     lines = wrap(value, max(10, width - LABEL - 2))
     return [
-        (fixed_span(f" {name if at == 0 else ''}", LABEL + 1, "muted"), (line, tone)) for at, line in enumerate(lines)
+        (fixed_span(f" {name if at == 0 else ''}", LABEL, "muted"), (f" {line}", role)) for at, line in enumerate(lines)
     ]
 
 
-def _times(task: TaskView, now: float, width: int) -> list[StyledLine]:
+def _time_lines(task: TaskView, now: float, width: int) -> list[StyledLine]:
     """What happened when, each with the time since what came before it."""
     happened = [
         ("cue", task.cue_at, "the participant's turn had ended"),
@@ -73,7 +74,7 @@ def _times(task: TaskView, now: float, width: int) -> list[StyledLine]:
     ]
     lines: list[StyledLine] = []
     before: float | None = None
-    for name, when, said in happened:
+    for name, when, remark in happened:
         if when is None:
             continue
         since = f"+{format_duration(when - before)}" if before is not None else ""
@@ -82,19 +83,19 @@ def _times(task: TaskView, now: float, width: int) -> list[StyledLine]:
                 fixed_span(f" {name}", LABEL + 1, "muted"),
                 (format_clock(when, tenths=True), "plain"),
                 fixed_span(since, 10, "plain", right=True),
-                (f"  {said}", "muted"),
+                (f"  {remark}", "muted"),
             )
         )
         before = when
     if task.started is not None:
         end = task.ended if task.ended is not None else now
-        lines += field_rows("took" if task.ended is not None else "so far", format_duration(end - task.started), width)
+        lines += field_lines("took" if task.ended is not None else "so far", format_duration(end - task.started), width)
     elif task.ended is None:
-        lines += field_rows("waits for", format_duration(now - task.submitted), width)
+        lines += field_lines("waits for", format_duration(now - task.submitted), width)
     return lines
 
 
-def _action(action: ActionView, now: float, width: int) -> list[StyledLine]:
+def _action_lines(action: ActionView, now: float, width: int) -> list[StyledLine]:
     state = action_state(action)
     took = format_duration((action.ended if action.ended is not None else now) - action.since)
     kind = f"{action.type} → {action.sent_as}" if action.sent_as else action.type
@@ -102,11 +103,11 @@ def _action(action: ActionView, now: float, width: int) -> list[StyledLine]:
         (
             fixed_span(f" {action.action}", LABEL + 1, "strong"),
             (f"{kind}  ", "plain"),
-            (f"{state.glyph} {state.word}  ", state.tone),
+            (f"{state.glyph} {state.word}  ", state.role),
             (f"{format_clock(action.since, tenths=True)}  {took}", "muted"),
         )
     ]
     for name, value in action.parameters.items():
         text = spoken_text(value) if not isinstance(value, (dict, list)) else json.dumps(value, ensure_ascii=False)
-        lines += field_rows(f"  {name}", text, width)
-    return lines + (field_rows("  reason", action.reason, width, "fault") if action.reason else [])
+        lines += field_lines(f"  {name}", text, width)
+    return lines + (field_lines("  reason", action.reason, width, "fault") if action.reason else [])

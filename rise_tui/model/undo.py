@@ -10,20 +10,11 @@ from msgspec import Struct
 
 from rise_engine.kernel.records import MemoryRecord
 from rise_engine.kernel.view import MemoryView
+from rise_tui.model.json_path import json_equal
 from rise_tui.rendering.text import format_value
 
 MOST = 200
 """Changes that are remembered."""
-
-
-class MemoryChange(Struct, frozen=True):
-    """One change of one key."""
-
-    key: str
-    before: Any
-    after: Any
-    created: bool = False
-    deleted: bool = False
 
 
 class UndoStep(Struct, frozen=True):
@@ -39,9 +30,9 @@ class UndoStack:
     """The changes, newest last, and the one that is just being taken back."""
 
     def __init__(self) -> None:
-        self._changes: list[MemoryChange] = []
-        self._undoing: MemoryChange | None = None
-        self._warned: tuple[MemoryChange, Any] | None = None
+        self._changes: list[MemoryRecord] = []
+        self._undoing: MemoryRecord | None = None
+        self._warned: tuple[MemoryRecord, Any] | None = None
         """A change that somebody else has changed since, and to what: undoing it was asked about."""
 
     def __len__(self) -> int:
@@ -54,7 +45,7 @@ class UndoStack:
             self._undoing = None
             self._changes = [change for change in self._changes if change is not undoing]
             return
-        self._changes.append(MemoryChange(record.key, record.old, record.value, record.created, record.deleted))
+        self._changes.append(record)
         del self._changes[:-MOST]
 
     def clear(self) -> None:
@@ -69,28 +60,23 @@ class UndoStack:
         change = self._changes[-1]
         entry = memory.get(change.key)
         present = (entry.value,) if entry is not None else ()
-        expected = () if change.deleted else (change.after,)
-        asked = self._warned is not None and self._warned[0] is change and _same(self._warned[1], present)
-        if not asked and not _same(present, expected):
+        expected = () if change.deleted else (change.value,)
+        asked = self._warned is not None and self._warned[0] is change and json_equal(self._warned[1], present)
+        if not asked and not json_equal(present, expected):
             self._warned = change, present
-            now = f"{format_value(entry.value)}, by {entry.source}" if entry is not None else "deleted"
-            back = "deletes it" if change.created else f"makes it {format_value(change.before)} again"
-            return UndoStep("ask", f"{change.key} has changed since, to {now}: undo again {back}, or leave it")
+            present_text = f"{format_value(entry.value)}, by {entry.source}" if entry is not None else "deleted"
+            back = "deletes it" if change.created else f"makes it {format_value(change.old)} again"
+            return UndoStep("ask", f"{change.key} has changed since, to {present_text}: undo again {back}, or leave it")
         self._warned, self._undoing = None, change
         if change.created:
             if entry is None:
                 self._changes.pop()
                 return UndoStep("nothing", f"{change.key} is gone already")
             return UndoStep("do", f"undoing: {change.key} is deleted again", "deleteValue", change.key)
-        was = "deleted" if change.deleted else format_value(change.after)
-        said = f"undoing: {change.key} is {format_value(change.before)} again, was {was}"
-        return UndoStep("do", said, "assignValue", json.dumps({change.key: change.before}, ensure_ascii=False))
+        former = "deleted" if change.deleted else format_value(change.value)
+        said = f"undoing: {change.key} is {format_value(change.old)} again, was {former}"
+        return UndoStep("do", said, "assignValue", json.dumps({change.key: change.old}, ensure_ascii=False))
 
 
-def _restores(record: MemoryRecord, change: MemoryChange) -> bool:
-    return record.deleted if change.created else not record.deleted and _same(record.value, change.before)
-
-
-def _same(one: Any, other: Any) -> bool:
-    """Equal also in type: for JSON, 1 is not true, and not 1.0."""
-    return json.dumps(one, sort_keys=True) == json.dumps(other, sort_keys=True)
+def _restores(record: MemoryRecord, change: MemoryRecord) -> bool:
+    return record.deleted if change.created else not record.deleted and json_equal(record.value, change.old)

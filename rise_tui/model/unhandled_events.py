@@ -28,19 +28,19 @@ class UnhandledEvents:
 
     def record_outcome(self, record: EventRecord, view: SessionView) -> Notice | None:
         """An event found its rule, or nobody; what to tell the wizard about it."""
-        which = normal_topic(record.topic), record.source
-        ids = self._raised.get(which, [])
+        event = normal_topic(record.topic), record.source
+        ids = self._raised.get(event, [])
         task = ids.pop(0) if ids else None
         if not ids:
-            self._raised.pop(which, None)
+            self._raised.pop(event, None)
         if record.taken_by is not None:
             return None
         if task is not None:
             self._unhandled.append(task)
-        return Notice(f"{record.topic}: nobody was waiting for it", "wait") if _by_wizard(record, view) else None
+        return Notice(f"{record.topic}: nobody was waiting for it", "wait") if _is_by_wizard(record, view) else None
 
 
-def _by_wizard(record: EventRecord, view: SessionView) -> bool:
+def _is_by_wizard(record: EventRecord, view: SessionView) -> bool:
     """Whether a wizard raised it: directly, or by a rule that a wizard has just started."""
     kind, _, name = record.source.partition(":")
     if kind != "rule":

@@ -6,15 +6,15 @@ rule that would take the event. Nothing here guesses at what a person will do.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
-from typing import Any, NamedTuple
+from collections.abc import Iterable, Iterator
+from typing import NamedTuple
 
-from rise_engine.kernel.view import SessionView, TaskView
 from rise_engine.scenario.fillers import next_filler
-from rise_engine.scenario.model import KeyBinding, Rule, Scenario, State, Transition
-from rise_tui.model.conditions import holds
+from rise_engine.scenario.model import KeyBinding, Transition
+from rise_tui.model.conditions import is_met
 from rise_tui.model.rule_text import functions_in, wait_text
-from rise_tui.model.study_keys import ACT, StudyKeys, transitions_of
+from rise_tui.model.store import Store
+from rise_tui.model.study_keys import ACT, transitions_of
 from rise_tui.model.task_messages import act_label
 
 
@@ -52,128 +52,124 @@ class Upcoming(NamedTuple):
     """Whether any rule runs."""
 
 
-class UpcomingContext(NamedTuple):
-    """What this needs of a console's store."""
-
-    scenario: Scenario
-    view: SessionView
-    memory: Mapping[str, Any]
-    keys: StudyKeys
-    now: float
-
-
-def find_upcoming(context: UpcomingContext, seconds_left: float | None) -> Upcoming:
-    """What comes by itself and what is waited for.
-
-    `seconds_left`: until the acts that run will probably have ended; None when nobody knows, or none runs.
-    """
-    view, scenario = context.view, context.scenario
+def find_upcoming(store: Store) -> Upcoming:
+    """What comes by itself and what is waited for."""
+    view, scenario = store.view, store.scenario
     stack = view.running_rules()
-    steps = [*_timers(context, stack), *_filler(context)]
-    running = [view.tasks[id] for id in view.running if id in view.tasks]
-    if running and (taken := _after_acts(context, stack, running)) is not None:
-        steps.append(taken._replace(seconds=seconds_left))
-    waiting = [view.tasks[id] for id in view.waiting if id in view.tasks]
-    if waiting:
-        names = tuple(act_label(task.function, task.behavior) for task in waiting)
-        steps.append(UpcomingStep("turn", seconds_left, starts=names))
-    steps = [step for step in steps if not _stays(context, step)]
+    steps = [*_timer_steps(store, stack), *_filler_steps(store), *_steps_after_acts(store, stack)]
+    steps = [step for step in steps if not _reenters_state(store, step)]
     # Of what comes at one time the task that waits is first: it was there before anything that a rule starts then.
     steps.sort(key=lambda step: (float("inf") if step.seconds is None else step.seconds, step.when != "turn"))
     first = steps[0] if steps else None
     if first is not None and first.target and not (first.starts or first.may_start or first.ends_rule):
         transitions = transitions_of(scenario, first.rule, first.target)
-        keys = _keys(context, transitions, ())
-        return Upcoming(tuple(steps), keys, True, "" if keys else _other_wait(context, transitions), bool(stack))
-    busy = [task.behavior for task in (*running, *waiting)]
+        keys = _find_keys(store, transitions, ())
+        return Upcoming(tuple(steps), keys, True, "" if keys else _other_wait_text(store, transitions), bool(stack))
+    busy = [task.behavior for task in (*store.running_tasks, *store.waiting_tasks)]
     every = [transition for name in stack for transition in transitions_of(scenario, name, view.rules[name].state)]
-    keys = _keys(context, every, (*busy, *stack))
-    return Upcoming(tuple(steps), keys, False, "" if keys or steps else _other_wait(context, every), bool(stack))
+    keys = _find_keys(store, every, (*busy, *stack))
+    return Upcoming(tuple(steps), keys, False, "" if keys or steps else _other_wait_text(store, every), bool(stack))
 
 
-def _stays(context: UpcomingContext, step: UpcomingStep) -> bool:
+def _reenters_state(store: Store, step: UpcomingStep) -> bool:
     """Whether a rule only enters anew the state in which it is, as one does that follows somebody with its gaze."""
-    return step.when == "end" and step.target == context.view.rules[step.rule].state
+    return step.when == "end" and step.target == store.view.rules[step.rule].state
 
 
-def _timers(context: UpcomingContext, stack: list[str]) -> Iterator[UpcomingStep]:
+def _timer_steps(store: Store, stack: list[str]) -> Iterator[UpcomingStep]:
     for name in stack:
-        view = context.view.rules[name]
-        for transition in transitions_of(context.scenario, name, view.state):
+        view = store.view.rules[name]
+        for transition in transitions_of(store.scenario, name, view.state):
             if transition.after is None:
                 continue
-            seconds_left = view.since + transition.after - context.now
+            seconds_left = view.since + transition.after - store.now()
             if seconds_left > -1.0:  # later than that it was not taken, because its condition did not hold
                 condition = transition.condition.text if transition.condition is not None else ""
-                yield _step(context, name, transition, "timer")._replace(
-                    seconds=max(0.0, seconds_left), condition=condition
-                )
+                yield _rule_step(store, name, transition, "timer", max(0.0, seconds_left))._replace(condition=condition)
 
 
-def _filler(context: UpcomingContext) -> Iterator[UpcomingStep]:
+def _filler_steps(store: Store) -> Iterator[UpcomingStep]:
     """One that starts by itself after a cue."""
-    after, cue = context.scenario.fillers.auto_after, context.view.cue
-    if after is None or cue is None or cue.answered is not None or cue.filled is not None or context.view.running:
+    after, cue = store.scenario.fillers.auto_after, store.view.cue
+    if after is None or cue is None or cue.answered is not None or cue.filled is not None or store.view.running:
         return
-    acts = context.scenario.acts
-    last = context.view.latest_act_of(name for name in acts if context.scenario.settings_of(name).filler)
-    filler, seconds_left = next_filler(context.scenario, last), cue.t + after - context.now
+    acts = store.scenario.acts
+    last = store.view.latest_act_of(name for name in acts if store.scenario.settings_of(name).filler)
+    filler, seconds_left = next_filler(store.scenario, last), cue.t + after - store.now()
     if filler is not None and seconds_left > -1.0:
         yield UpcomingStep("filler", max(0.0, seconds_left), starts=(filler,))
 
 
-def _after_acts(context: UpcomingContext, stack: list[str], running: list[TaskView]) -> UpcomingStep | None:
-    """What a rule does when the act that started last ends as it should."""
-    for task in reversed(running):
+def _steps_after_acts(store: Store, stack: list[str]) -> Iterator[UpcomingStep]:
+    """What a rule does when the act that started last ends as it should, and the task whose turn it then is."""
+    seconds_left = _seconds_left(store)
+    if (ending := _transition_at_end(store, stack)) is not None:
+        yield _rule_step(store, *ending, "end", seconds_left)
+    if waiting := store.waiting_tasks:
+        names = tuple(act_label(task.function, task.behavior) for task in waiting)
+        yield UpcomingStep("turn", seconds_left, starts=names)
+
+
+def _transition_at_end(store: Store, stack: list[str]) -> tuple[str, Transition] | None:
+    """The rule, and its transition, that takes the end of the act that started last."""
+    memory = store.memory
+    for task in reversed(store.running_tasks):
         name = "say" if task.function == "say" else task.behavior
         for event in (f"{name}_succeeded", f"{name}_end"):
             for rule in stack:
-                for transition in transitions_of(context.scenario, rule, context.view.rules[rule].state):
-                    if transition.event == event and holds(transition.condition, context.memory):
-                        return _step(context, rule, transition, "end")
+                for transition in transitions_of(store.scenario, rule, store.view.rules[rule].state):
+                    if transition.event == event and is_met(transition.condition, memory):
+                        return rule, transition
     return None
 
 
-def _step(context: UpcomingContext, rule: str, transition: Transition, when: str) -> UpcomingStep:
-    found: Rule | None = context.scenario.rules.get(rule)
-    target = found.states.get(transition.target or "") if found is not None else None
-    left_state = found.states.get(context.view.rules[rule].state or "") if found is not None else None
+def _seconds_left(store: Store) -> float | None:
+    """Seconds until all acts that run will probably have ended; None when nobody knows, or none runs."""
+    longest = 0.0
+    for task in store.running_tasks:
+        if task.function == "say":
+            left = store.current_sentence().seconds
+        else:
+            usual = store.typical_seconds(task.behavior)
+            left = None if usual is None or task.started is None else usual - (store.now() - task.started)
+        if left is None:
+            return None
+        longest = max(longest, left)
+    return longest if store.view.running else None
+
+
+def _rule_step(store: Store, name: str, transition: Transition, when: str, seconds: float | None) -> UpcomingStep:
+    """What a transition of the state in which a rule is brings about."""
+    states = store.scenario.rules[name].states
+    target = states.get(transition.target or "")
     functions = list(functions_in(transition.block))
     if target is not None:
-        functions += [
-            *functions_in(left_state.on_exit if left_state is not None else ()),
-            *functions_in(target.on_entry),
-        ]
+        functions += functions_in(states[store.view.rules[name].state or ""].on_exit)
+        functions += functions_in(target.on_entry)
     acts = [(function.argument, sure) for function, sure in functions if function.name == ACT]
     return UpcomingStep(
         when,
-        None,
+        seconds,
         target.id if target is not None else "",
-        tuple(name for name, sure in acts if sure),
-        tuple(dict.fromkeys(name for name, sure in acts if not sure)),
-        rule,
-        _is_end(target),
+        tuple(act for act, sure in acts if sure),
+        tuple(dict.fromkeys(act for act, sure in acts if not sure)),
+        name,
+        target is not None and not target.transitions,
     )
 
 
-def _is_end(state: State | None) -> bool:
-    return state is not None and not state.transitions
+def _find_keys(store: Store, transitions: Iterable[Transition], busy: Iterable[str]) -> tuple[KeyBinding, ...]:
+    """The keys by which the wizard can bring one of these transitions about, each once."""
+    memory, busy = store.memory, frozenset(busy)
+    keys = (key for transition in transitions for key in store.study_keys.keys_for(transition, memory, busy))
+    return tuple({key.key: key for key in keys}.values())
 
 
-def _keys(
-    context: UpcomingContext, transitions: list[Transition] | tuple[Transition, ...], busy: tuple[str, ...]
-) -> tuple[KeyBinding, ...]:
-    found = {
-        key.key: key for transition in transitions for key in context.keys.keys_for(transition, context.memory, busy)
-    }
-    return tuple(found.values())
-
-
-def _other_wait(context: UpcomingContext, transitions: list[Transition] | tuple[Transition, ...]) -> str:
+def _other_wait_text(store: Store, transitions: Iterable[Transition]) -> str:
     """The first thing that is waited for and that no key brings about."""
     for transition in transitions:
         if transition.event is not None:
-            return wait_text(context.scenario, transition)
+            return wait_text(store.scenario, transition)
         if transition.after is None and transition.condition is not None:
             return transition.condition.text
     return ""

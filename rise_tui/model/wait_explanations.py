@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
+from itertools import takewhile
 from math import ceil
 from typing import Any
 
@@ -11,10 +12,11 @@ from rich.cells import cell_len
 from rise_engine.expression import Expression
 from rise_engine.kernel.view import RuleView
 from rise_engine.scenario.model import Rule, State, Transition
-from rise_tui.model.conditions import holds, parts_of
+from rise_tui.model.conditions import is_met, split_condition
 from rise_tui.model.rule_text import Truth, parse_engine_event, truth_of, wait_text
 from rise_tui.model.states import act_state, newest_task, rule_state
 from rise_tui.model.store import Store
+from rise_tui.model.study_keys import ACT, RULE, transitions_of
 from rise_tui.rendering.text import (
     ListRow,
     StyledLine,
@@ -55,17 +57,15 @@ class WaitExplanations:
             rows += self._transition_rows(index, transition, view, memory, width)
             if transition.condition is not None:
                 rows += self._condition_rows(index, transition.condition, memory, width)
-            if other := self._preempted_by(rule, state, index, memory):
+            if other := self._preempted_text(rule, state, index, memory):
                 rows.append(ListRow("", crop(((" " * 4, "plain"), (other, "wait")), width), selectable=False))
         return rows
 
     def changes_with_time(self, state: State) -> bool:
         """Whether what is said changes by the clock alone."""
-        for transition in state.transitions:
-            found = self._engine_event(transition)
-            if transition.after is not None or (found is not None and self._store.act(found[0]).running):
-                return True
-        return False
+        awaited = [found[0] for each in state.transitions if (found := self._engine_event(each)) is not None]
+        timed = any(transition.after is not None for transition in state.transitions)
+        return timed or any(self._store.act(name).running for name in awaited)
 
     def _engine_event(self, transition: Transition) -> tuple[str, str] | None:
         """The act or rule whose end is awaited, and which end."""
@@ -76,10 +76,10 @@ class WaitExplanations:
         self, index: int, transition: Transition, view: RuleView, memory: Mapping[str, Any], width: int
     ) -> list[ListRow]:
         waits: StyledLine = ((" waits for ", "muted"), (wait_text(self._store.scenario, transition), "wait"))
-        progress, you = self._progress(transition, view), self._keys(transition)
-        keys_line: StyledLine = ((f"  {key_owner(self._store)}: ", "muted"), (" ".join(you), "key")) if you else ()
+        progress, keys = self._progress_spans(transition, view), self._key_labels(transition)
+        keys_line: StyledLine = ((f"  {key_owner(self._store)}: ", "muted"), (" ".join(keys), "key")) if keys else ()
         condition = transition.condition
-        if transition.event is not None and not holds(condition, memory):
+        if transition.event is not None and not is_met(condition, memory):
             keys_line = (*keys_line, ("  not now", "wait"))
         target = clean(f"→ {transition.target}" if transition.target else "stays")
         line: StyledLine = (*waits, *progress, *keys_line)
@@ -91,7 +91,7 @@ class WaitExplanations:
             more = align_at_both_ends(more, (*progress, (" ", "plain")), width)
         return [ListRow(f"now:{index}", line), ListRow("", crop(more, width), selectable=False)]
 
-    def _progress(self, transition: Transition, view: RuleView) -> StyledLine:
+    def _progress_spans(self, transition: Transition, view: RuleView) -> StyledLine:
         """How far it is: the time left, or what the awaited act does."""
         now = self._store.now()
         if transition.after is not None:
@@ -103,25 +103,21 @@ class WaitExplanations:
         if found is None:
             return ()
         name, _ = found
-        if name not in self._store.scenario.acts:
-            state = rule_state(self._store, name)
-            return ((f"  {state.glyph} {state.word}", state.tone),)
-        state = act_state(self._store, name)
-        task = newest_task(self._store, name)
+        is_act = name in self._store.scenario.acts
+        state, task = (act_state if is_act else rule_state)(self._store, name), newest_task(self._store, name)
         took = ""
         if self._store.act(name).running and task is not None and task.started is not None:
             typical = self._store.typical_seconds(name)
-            took = f" {format_seconds(self._store.now() - task.started)}"
+            took = f" {format_seconds(now - task.started)}"
             took += f" of {format_duration(typical)}" if typical is not None else " s"
-        return ((f"  {state.glyph} {state.word}", state.tone), (took, "plain"))
+        return ((f"  {state.glyph} {state.word}", state.role), (took, "plain"))
 
-    def _keys(self, transition: Transition) -> list[str]:
+    def _key_labels(self, transition: Transition) -> list[str]:
         """The keys by which the wizard can bring the event about; an act that runs already needs none."""
         keys = list(dict.fromkeys(key.label for key in self._store.study_keys.keys_raising(transition.event)))
         found = self._engine_event(transition)
         if found is not None and not self._store.act(found[0]).running and not self._store.act(found[0]).waiting:
-            functions = ("startCommunicationRobotAct", "startInteractionRule")
-            binding = next((key for one in functions if (key := self._store.key_of(one, found[0])) is not None), None)
+            binding = self._store.key_of(ACT, found[0]) or self._store.key_of(RULE, found[0])
             if binding is not None and not self._store.rule(found[0]).running:
                 keys.append(binding.label)
         return keys
@@ -130,7 +126,7 @@ class WaitExplanations:
         self, index: int, condition: Expression, memory: Mapping[str, Any], width: int
     ) -> list[ListRow]:
         """Each part with the present values, its truth, and the keys that would make it true."""
-        joint, parts = parts_of(condition)
+        joint, parts = split_condition(condition)
         truths = [truth_of(part, memory) for part in parts]
         texts = max(cell_len(clean(truth.text)) for truth in truths)
         rows = []
@@ -141,8 +137,8 @@ class WaitExplanations:
                 else (" false ", "wait")
             )  # fmt: skip
             line: StyledLine = ((f"{joint if number else 'if':>{PART - 1}} ", "muted"), (clean(truth.text), "plain"))
-            more: StyledLine = ((truth.values, "muted"),) if truth.values and not _says_it(part, truth) else ()
-            if keys := [] if truth.holds else self._setting_keys(part, memory):
+            more: StyledLine = ((truth.values, "muted"),) if truth.values and not _repeats_value(part, truth) else ()
+            if keys := [key.label for key in self._store.study_keys.keys_setting(part, memory)]:
                 more = (*more, (f"{'  ' if more else ''}{key_owner(self._store)}: ", "muted"), (" ".join(keys), "key"))
             gap = " " * (texts - cell_len(clean(truth.text)) + 2) if more else ""
             both: StyledLine = (*line, (gap, "plain"), *more)
@@ -160,32 +156,21 @@ class WaitExplanations:
                 rows.append(ListRow("", crop(((" " * PART, "plain"), (truth.error, "fault")), width), selectable=False))
         return rows
 
-    def _setting_keys(self, part: Expression, memory: Mapping[str, Any]) -> list[str]:
-        """The scenario's keys that set a value with which this part holds."""
-        return [key.label for key in self._store.study_keys.keys_setting(part, memory)]
-
-    def _preempted_by(self, rule: Rule, state: State, index: int, memory: Mapping[str, Any]) -> str:
+    def _preempted_text(self, rule: Rule, state: State, index: int, memory: Mapping[str, Any]) -> str:
         """Who would take the event instead: one event is taken by one transition of one rule."""
-        known, event = self._store, state.transitions[index].event
+        event = state.transitions[index].event
         if event is None:
             return ""
-        for name in known.view.running_rules():
-            if name == rule.name:
-                break
-            other = known.scenario.rules.get(name)
-            where = other.states.get(known.rule(name).state or "") if other is not None else None
-            if where is not None and any(_takes(transition, event, memory) for transition in where.transitions):
+
+        def takes_event(transitions: Iterable[Transition]) -> bool:
+            return any(each.event == event and is_met(each.condition, memory) for each in transitions)
+
+        for name in takewhile(lambda name: name != rule.name, self._store.view.running_rules()):
+            if takes_event(transitions_of(self._store.scenario, name, self._store.rule(name).state)):
                 return f"rule {clean(name)} takes this event first: it is higher on the stack"
-        for transition in state.transitions[:index]:
-            if _takes(transition, event, memory):
-                return "the way above takes this event first"
-        return ""
+        return "the way above takes this event first" if takes_event(state.transitions[:index]) else ""
 
 
-def _says_it(part: Expression, truth: Truth) -> bool:
+def _repeats_value(part: Expression, truth: Truth) -> bool:
     """A part that is nothing but a key says with its truth what its value is."""
     return truth.values in (f"{part.bare_key} is true", f"{part.bare_key} is false")
-
-
-def _takes(transition: Transition, event: str, memory: Mapping[str, Any]) -> bool:
-    return transition.event == event and holds(transition.condition, memory)

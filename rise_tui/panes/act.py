@@ -42,18 +42,14 @@ class ActPane(ListPane):
     def body_widgets(self) -> Sequence[Widget]:
         return [self.row_list, self.details]
 
-    def carry_out(self, action: str) -> None:
-        """This pane has no actions of its own."""
-
     def make_rows(self, width: int) -> list[ListRow]:
-        what = shown_act(self.store)
-        return self._text.rows(what, width) if what is not None else []
+        shown = shown_act(self.store)
+        return self._text.rows(shown, width) if shown is not None else []
 
     def repaint(self) -> None:
         super().repaint()
-        if not self.row_list.has_focus and (
-            newest := running_action(self.store)
-        ):  # with the focus, the wizard looks around
+        newest = running_action(self.store)
+        if newest and not self.row_list.has_focus:  # with the focus, the wizard looks around
             self.row_list.select(newest)
         self._show_details()
 
@@ -63,9 +59,9 @@ class ActPane(ListPane):
         self._show_details()
 
     def _show_details(self) -> None:
-        what = shown_act(self.store)
+        shown = shown_act(self.store)
         width, height = self.details.size.width, self.details.size.height
-        lines = self._text.details(what, self.row_list.current_id, width) if what is not None and height else []
+        lines = self._text.details(shown, self.row_list.current_id, width) if shown is not None and height else []
         if len(lines) > height:
             lines[height - 1 :] = [((f" and {len(lines) - height + 1} more lines", "muted"),)]
         self.details.show(*(crop(line, width) for line in lines))

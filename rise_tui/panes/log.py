@@ -56,14 +56,14 @@ class LogPane(Pane):
         self.time_bar = PromptBar("go to ", EXAMPLES)
         self.save_bar = PromptBar("save as ", "name.tsv or name.jsonl")
         self._search: RowSearch | None = None
-        self._slicer = TimeSlicer(self._search_on, SLICE_SECONDS)
+        self._slicer = TimeSlicer(self._search_further, SLICE_SECONDS)
         self._painted = 0.0
         """When the log was last painted; monotonic."""
         self.own_rows_shown = False
         """Whether the rules' own rows are shown as well."""
         self._saving = False
-        self._restarts = store.attach_count, store.trim_count
-        """Of what is shown: with other numbers, the lists of the store are others."""
+        self._rebuild_count = store.log.rebuild_count
+        """Of what is shown."""
         self._checked_counts = 0, 0
         """How much is taken in of what may change a task after its end: missed events, mistake marks."""
         self._unhandled: set[int] = set()
@@ -77,7 +77,7 @@ class LogPane(Pane):
         return self.store.log.task_at(row, self.store.view)
 
     @property
-    def _rows(self) -> list[int]:
+    def _unfiltered_rows(self) -> list[int]:
         """Those that there are, before any filter."""
         return self.store.log.all if self.own_rows_shown else self.store.log.main
 
@@ -114,29 +114,28 @@ class LogPane(Pane):
     def subtitle(self) -> StyledLine:
         """What is hidden or filtered, and whether the newest row is followed."""
         log = self.task_log
-        tone: TextRole = "muted" if log.following else "wait"
+        role: TextRole = "muted" if log.following else "wait"
         state = "following" if log.following else f"paused, {log.unseen} new" if log.unseen else "paused"
         state += self.store.forgotten_text and f"  {self.store.forgotten_text}"
         if self._search is not None or self.filter_problem:
-            more = "" if self._search is None or self._search.done else "…"
-            note = self.filter_note(log.count, len(self._rows), more)
-            return note if self.filter_problem else (*note, (f"  {state}", tone))
+            more = "" if self._search is None or self._search.is_complete else "…"
+            note = self.filter_note(log.count, len(self._unfiltered_rows), more)
+            return note if self.filter_problem else (*note, (f"  {state}", role))
         brief, hidden = self.title.size.width < NARROW, self.store.log.own_count
         if not hidden:
-            return ((state if log.count else "nothing yet", tone),)
+            return ((state if log.count else "nothing yet", role),)
         shown = "shown" if self.own_rows_shown else "hidden"
         what = f"+{hidden} by rules" if brief else f"rules' own: {hidden} {shown}"
         own: StyledLine = ((f"{what} ", "muted"), ("←" if self.own_rows_shown else "→", "key"))
         if brief and log.following and log.count:
             return own
-        return (*own, ("  ", "plain"), (state if log.count else "nothing yet", tone))
+        return (*own, ("  ", "plain"), (state if log.count else "nothing yet", role))
 
     # --- what is shown ------------------------------------------------------------------------------------------------
 
     def repaint(self) -> None:
-        restarts = self.store.attach_count, self.store.trim_count
-        restart, self._restarts = self._restarts != restarts, restarts
-        rows = self._rows
+        restart, rows = self._rebuild_count != self.store.log.rebuild_count, self._unfiltered_rows
+        self._rebuild_count = self.store.log.rebuild_count
         self._slicer.cancel()
         if self.filter is None:
             self._search = None
@@ -144,7 +143,7 @@ class LogPane(Pane):
             self._search = RowSearch(self.filter, rows, self._searched_text, self._is_live)
         self._check_changed(restart=restart)
         more = self._slicer.run_slice()
-        self._show(restart=restart)
+        self._show_found_rows(restart=restart)
         if more:
             self._slicer.wake()
 
@@ -157,15 +156,15 @@ class LogPane(Pane):
         if len(self._unhandled) != len(missed) or restart:
             self._unhandled = set(missed)
         if self._search is not None:
-            for one in (*missed[self._checked_counts[0] :], *marks[self._checked_counts[1] :]):
-                self._search.expect_change(row_of(one))
+            for task_id in (*missed[self._checked_counts[0] :], *marks[self._checked_counts[1] :]):
+                self._search.expect_change(row_of(task_id))
             try:
-                self._search.look_again()
+                self._search.recheck_live()
             except InvalidFilter as broken:
                 self._give_up_search(broken)
         self._checked_counts = len(missed), len(marks)
 
-    def _search_on(self) -> int:
+    def _search_further(self) -> int:
         """A few rows more, so that a key never waits (console.md 9.2); gives how many, 0 at the end."""
         looked = 0
         if self._search is not None:
@@ -174,16 +173,18 @@ class LogPane(Pane):
             except InvalidFilter as broken:
                 self._give_up_search(broken)
         if self._slicer.busy and (not looked or monotonic() - self._painted > PAINT_SECONDS):
-            self._show()  # else whoever repaints does it
+            self._show_found_rows()  # else whoever repaints does it
         return looked
 
     def _give_up_search(self, broken: InvalidFilter) -> None:
-        self.refuse_filter(broken, None)
+        self.refuse_filter(broken)
         self._search = None
 
-    def _show(self, *, restart: bool = False) -> None:
+    def _show_found_rows(self, *, restart: bool = False) -> None:
         self._painted = monotonic()
-        self.task_log.show(self._search.matching if self._search is not None else self._rows, restart=restart)
+        self.task_log.show(
+            self._search.matching if self._search is not None else self._unfiltered_rows, restart=restart
+        )
         self.show_title()
 
     def _is_live(self, id: int) -> bool:
@@ -312,7 +313,6 @@ class LogPane(Pane):
         self.task_log.go_to(index)
         self.show_title()
         found = submitted(ids[index])
-        said = f"the row nearest to {format_clock(moment)} is at {format_clock(found, tenths=True)}"
-        self.post_message(
-            ShowNotice(f"{said}; {self.store.forgotten_text}" if index == 0 and self.store.forgotten_text else said)
-        )
+        notice = f"the row nearest to {format_clock(moment)} is at {format_clock(found, tenths=True)}"
+        missing = f"; {self.store.forgotten_text}" if index == 0 and self.store.forgotten_text else ""
+        self.post_message(ShowNotice(notice + missing))

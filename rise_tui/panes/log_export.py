@@ -35,21 +35,21 @@ class Saved(NamedTuple):
 
 def rows_of(store: Store, ids: Iterable[int]) -> Iterator[TaskView]:
     """What these rows of the log show, but for what is in the record only."""
-    found = (store.log.task_at(row, store.view) for row in list(ids))
-    return (task for task in found if task is not None)
+    tasks = (store.log.task_at(row, store.view) for row in ids)
+    return (task for task in tasks if task is not None)
 
 
 def copy_row(app: App[Any], task: TaskView) -> str:
     """Put one row on the clipboard of the terminal, without a table's head."""
-    return _copy(app, table_lines([task], head=False), "the row")
+    return _copy_lines(app, table_lines([task], head=False), "the row")
 
 
 def copy_rows(app: App[Any], store: Store, ids: Sequence[int]) -> str:
     """Put these rows on the clipboard of the terminal, as a table."""
-    return _copy(app, table_lines(rows_of(store, ids)), _rows_text(len(ids)), _missing_text(store))
+    return _copy_lines(app, table_lines(rows_of(store, ids)), _rows_text(len(ids)), _missing_text(store))
 
 
-def _copy(app: App[Any], lines: Iterator[str], what: str, missing: str = "") -> str:
+def _copy_lines(app: App[Any], lines: Iterator[str], what: str, missing: str = "") -> str:
     try:
         text = clipboard_text(lines)
     except ClipboardTooLarge as why:
@@ -67,7 +67,7 @@ async def save_rows(store: Store, name: str, ids: Sequence[int]) -> Saved:
     """Write these rows as they are now to a file of this name."""
     tasks = list(rows_of(store, ids))
     try:
-        path = await asyncio.to_thread(save_tasks, name, tasks, export_folder(store.hello.folder))
+        path = await asyncio.to_thread(save_tasks, name, tasks, export_folder(store.attach_reply.folder))
     except ExportFailed as why:
         return Saved(False, f"not saved: {why}")
     return Saved(True, f"saved {_rows_text(len(tasks))} to {abbreviate_home(str(path))}{_missing_text(store)}")
@@ -76,7 +76,9 @@ async def save_rows(store: Store, name: str, ids: Sequence[int]) -> Saved:
 def _missing_text(store: Store) -> str:
     """What is not among the rows, and how to get it."""
     return (
-        f"; {store.forgotten_text}: rise-engine export {Path(store.hello.folder).name}" if store.forgotten_text else ""
+        f"; {store.forgotten_text}: rise-engine export {Path(store.attach_reply.folder).name}"
+        if store.forgotten_text
+        else ""
     )
 
 

@@ -41,6 +41,10 @@ MOST_PARTS = 200
 """Parts of one value that are shown as rows."""
 
 
+def _row_id(path: JsonPath) -> str:
+    return "\0".join(map(str, path))
+
+
 class MemoryColumns(NamedTuple):
     key: int
     value: int
@@ -49,7 +53,7 @@ class MemoryColumns(NamedTuple):
     age: int
 
     @classmethod
-    def of(cls, width: int, longest: int = 0) -> MemoryColumns:
+    def from_width(cls, width: int, longest: int) -> MemoryColumns:
         """`longest`: cells of the longest key. Keys get what they need as long as values keep some room."""
         kind, when = 8, 6
         source = 0 if width < 56 else min(20, width // 5)
@@ -95,11 +99,11 @@ class MemoryPane(ListPane):
             rows += self._child_rows((key,), entry.value, columns)
         rows.append(ListRow(ADD, ((" + add a key", "muted"),)))
         if self.editor.is_open:
-            self.editor.check()
+            self.editor.draw()
         return rows
 
     def _columns(self, width: int) -> MemoryColumns:
-        return MemoryColumns.of(width, max(map(cell_width, self.store.view.memory), default=0))
+        return MemoryColumns.from_width(width, max(map(cell_width, self.store.view.memory), default=0))
 
     def _child_rows(self, path: JsonPath, value: Any, columns: MemoryColumns) -> Iterator[ListRow]:
         """The rows below an unfolded value."""
@@ -116,11 +120,11 @@ class MemoryPane(ListPane):
     def _row(self, path: JsonPath, value: Any, columns: MemoryColumns, entry: MemoryView | None = None) -> ListRow:
         """A key, or with no `entry` a part of its value."""
         name = path_text(path)
-        row_id = str(path[0]) if len(path) == 1 else "\0".join(map(str, path))
+        row_id = _row_id(path)
         self._paths[row_id] = path
         sent = entry is not None and self._is_sent(str(path[0]))
         kind = "↑ sent" if sent else json_type_name(value)
-        fold = " " if not any(True for _ in children(value)) else "▾" if path in self._unfolded else "▸"
+        fold = " " if not any(children(value)) else "▾" if path in self._unfolded else "▸"
         label = "  " * (len(path) - 1) + (name if len(path) == 1 else f".{path[-1]}")
         text = format_value(value)
         line: list[StyledSpan] = [
@@ -134,10 +138,10 @@ class MemoryPane(ListPane):
         source = entry.source if entry is not None else ""
         if columns.source:
             line.append(fixed_span(source, columns.source, "muted"))
-        line.append(fixed_span(self._age(entry), columns.age, "muted", right=True))
+        line.append(fixed_span(self._age_text(entry), columns.age, "muted", right=True))
         return ListRow(row_id, tuple(line), full=f"{name} {text} {kind} {source}")
 
-    def _age(self, entry: MemoryView | None) -> str:
+    def _age_text(self, entry: MemoryView | None) -> str:
         if entry is None:
             return ""
         return "start" if entry.source == "file" else format_age(self.store.now() - entry.changed)
@@ -205,7 +209,7 @@ class MemoryPane(ListPane):
         if not path:
             return
         value = self._value_at(path)
-        if not any(True for _ in children(value)) or path in self._unfolded:
+        if not any(children(value)) or path in self._unfolded:
             self._show_in_full(path)
             return
         self._unfolded.add(path)
@@ -217,7 +221,7 @@ class MemoryPane(ListPane):
             path = path[:-1]
         if path:
             self._unfolded = {each for each in self._unfolded if each[: len(path)] != path}
-            self.row_list.select(str(path[0]) if len(path) == 1 else "\0".join(map(str, path)))
+            self.row_list.select(_row_id(path))
             self.repaint()
 
     def _show_in_full(self, path: JsonPath) -> None:

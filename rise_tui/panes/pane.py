@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from abc import abstractmethod
 from collections.abc import Iterator, Sequence
 from typing import ClassVar
 
@@ -44,7 +45,8 @@ class TitleBar(StaticLines):
         self.tabs: tuple[PaneTab, ...] = ((pane, title),)
         self._pane = pane
         self._right: StyledLine = ()
-        self._places: list[tuple[int, int, str]] = []
+        self._tab_spans: list[tuple[int, int, str]] = []
+        """From which cell to which each pane's tab is."""
 
     def show_tabs(self, tabs: tuple[PaneTab, ...]) -> None:
         self.tabs = tabs
@@ -53,20 +55,19 @@ class TitleBar(StaticLines):
     def show_note(self, right: StyledLine) -> None:
         self._right = right
         spans: list[StyledSpan] = []
-        self._places.clear()
+        self._tab_spans.clear()
         column = 0
         for pane, title in self.tabs:
             own = pane == self._pane
             text = f" {title.upper()} " if own else f" {title.lower()} "
             spans.append((text, "accent" if own else "muted"))
-            self._places.append((column, column + len(text), pane))
+            self._tab_spans.append((column, column + len(text), pane))
             column += len(text)
         note: StyledLine = (*right, (" ", "plain")) if right else ()
-        if (
-            line_width(spans) + line_width(note) > self.size.width
-        ):  # tabs before notes, but not before what must be seen
-            if any(tone == "wait" for _, tone in right):
-                spans, self._places = [span for span in spans if span[1] == "accent"], []
+        if line_width(spans) + line_width(note) > self.size.width:
+            # Tabs before notes, but not before what must be seen.
+            if any(role == "wait" for _, role in right):
+                spans, self._tab_spans = [span for span in spans if span[1] == "accent"], []
             else:
                 note = ()
         self.show(align_at_both_ends(tuple(spans), note, self.size.width))
@@ -75,7 +76,7 @@ class TitleBar(StaticLines):
         self.show_note(self._right)
 
     def on_click(self, event: events.Click) -> None:
-        for start, end, pane in self._places:
+        for start, end, pane in self._tab_spans:
             if start <= event.x < end:
                 self.post_message(FocusPane(pane))
 
@@ -110,9 +111,9 @@ class Pane(Vertical):
         self.filter_bar = PromptBar("find ", "words, !not, /regular expression; esc clears")
 
     @property
+    @abstractmethod
     def row_view(self) -> RowView:
         """The list that takes the pane's focus."""
-        raise NotImplementedError
 
     def compose(self) -> ComposeResult:
         if self.display:
@@ -136,9 +137,9 @@ class Pane(Vertical):
         """Whether it may have to be repainted after this has changed."""
         return bool(changed & self.PARTS)
 
+    @abstractmethod
     def repaint(self) -> None:
         """Make the pane's rows anew from the store; only what differs reaches the terminal."""
-        raise NotImplementedError
 
     def subtitle(self) -> StyledLine:
         """What stands at the right of the title."""
@@ -148,8 +149,7 @@ class Pane(Vertical):
         self.title.show_note(self.subtitle())
 
     def carry_out(self, action: str) -> None:
-        """Carry out one of the pane's actions from the registry."""
-        raise NotImplementedError
+        """Carry out one of the pane's actions from the registry, where it has any."""
 
     def action_do(self, action: str) -> None:
         """As `carry_out`, but what ends or deletes something waits until the wizard can have seen the row it hits."""
@@ -188,9 +188,9 @@ class Pane(Vertical):
             self.filter_problem, self.filter = "", found or None
         self.repaint()
 
-    def refuse_filter(self, broken: InvalidFilter, before: Filter | None) -> None:
+    def refuse_filter(self, broken: InvalidFilter) -> None:
         """The filter has turned out to be unusable while it was used."""
-        self.filter_problem, self.filter = str(broken), before
+        self.filter_problem, self.filter = str(broken), None
 
     def filter_note(self, shown: int, total: int, more: str = "") -> StyledLine:
         """What the title says about the filter: `find word  3 of 12`; `more` follows the numbers."""
@@ -253,9 +253,9 @@ class ListPane(Pane):
     def row_view(self) -> RowList:
         return self.row_list
 
+    @abstractmethod
     def make_rows(self, width: int) -> list[ListRow]:
         """The rows in `width` cells."""
-        raise NotImplementedError
 
     def repaint(self) -> None:
         width = self.row_list.row_width
@@ -280,7 +280,7 @@ class ListPane(Pane):
             kept = [row for row in rows if row.selectable and self.filter.matches(row.full or plain_text(row.line))]
             return self.mark_matches(kept)
         except InvalidFilter as broken:
-            self.refuse_filter(broken, None)
+            self.refuse_filter(broken)
             return rows
 
     def mark_matches(self, rows: list[ListRow]) -> list[ListRow]:

@@ -62,7 +62,7 @@ class RulePane(ListPane):
         """The rule and state that was last brought into view; after that the wizard may scroll."""
 
     @property
-    def _rule(self) -> Rule | None:
+    def _shown_rule(self) -> Rule | None:
         """Before any has run, and as long as none is selected: the one that the study's first key for a rule starts."""
         rules = self.store.scenario.rules
         name = self.store.shown_rule or next(iter(self.store.view.running_rules()), "")
@@ -77,7 +77,7 @@ class RulePane(ListPane):
 
     def _repaint_by_clock(self) -> None:
         """Repaint what the clock alone changes, when it is to be seen and there is such a thing."""
-        rule = self._rule
+        rule = self._shown_rule
         if rule is None or not self.display or not self.size.height or self.store.gone_reason:
             return
         view = self.store.rule(rule.name)
@@ -87,18 +87,18 @@ class RulePane(ListPane):
 
     def make_rows(self, width: int) -> list[ListRow]:
         """What must always be in view: where the rule stands, and why it stays there."""
-        rule = self._rule
+        rule = self._shown_rule
         if rule is None:
             return []
         view = self.store.rule(rule.name)
-        rows = self._head(rule, view, width)
+        rows = self._head_rows(rule, view, width)
         if view.running and view.state in rule.states:
             rows += self._reasons.rows(rule, rule.states[view.state], view, width)
         return rows
 
     def repaint(self) -> None:
         super().repaint()
-        rule = self._rule
+        rule = self._shown_rule
         width = self.graph.row_width or self.row_list.row_width
         if rule is None or width <= 0:
             return
@@ -110,12 +110,12 @@ class RulePane(ListPane):
             self._in_view = position
             self._bring_into_view()
 
-    def _head(self, rule: Rule, view: RuleView, width: int) -> list[ListRow]:
+    def _head_rows(self, rule: Rule, view: RuleView, width: int) -> list[ListRow]:
         state = rule_state(self.store, rule.name)
         when: StyledLine = ((f"since {format_clock(view.since)} ", "muted"),) if view.status else ()
         rows = [
             ListRow(
-                "", heading_line(rule.name, (f"{state.glyph} {state.word}", state.tone), when, width), selectable=False
+                "", heading_line(rule.name, (f"{state.glyph} {state.word}", state.role), when, width), selectable=False
             )
         ]
         line: StyledLine = ()
@@ -147,7 +147,7 @@ class RulePane(ListPane):
     def _bring_into_view(self) -> None:
         """Scroll only when the present state, or what may follow right below it, would be out of sight."""
         height, top = self.graph.size.height, self.graph.scroll_offset.y
-        index = next((at for at in range(self.graph.count) if self.graph.row_at(at).id == HERE), 0)
+        index = next((row for row in range(self.graph.count) if self.graph.row_at(row).id == HERE), 0)
         ahead = min(ROWS_AHEAD, height // 3)
         if not top <= index < top + height - ahead:
             self.graph.scroll_to(y=0 if index < height - ahead else index - height // 3, animate=False)
@@ -174,7 +174,7 @@ class RulePane(ListPane):
 
     def carry_out(self, action: str) -> None:
         kind, _, index = self.row_list.current_id.partition(":")
-        rule = self._rule
+        rule = self._shown_rule
         if rule is None or kind != "now":
             self.post_message(ShowNotice("no transition is selected"))
             return

@@ -25,7 +25,7 @@ async def ask_to_save_start_values(pane: Pane) -> None:
     except MemoryNotWritable as why:
         pane.post_message(ShowNotice(f"not saved: {why}"))
         return
-    memory = {key: entry.value for key, entry in pane.store.view.memory.items()}
+    memory = pane.store.memory
     differing = describe_changes(scenario.memory, memory)
     if not differing:
         pane.post_message(ShowNotice("the memory is as it was at the start: nothing to save"))
@@ -46,7 +46,7 @@ async def ask_to_save_start_values(pane: Pane) -> None:
     pane.app.push_screen(Dialog("Save the memory as start values?", lines, DialogChoice("s", "Save")), save_if_chosen)
 
 
-async def _save(pane: Pane, path: Path, before: Mapping[str, Any], memory: dict[str, Any], changed: int) -> None:
+async def _save(pane: Pane, path: Path, before: Mapping[str, Any], memory: Mapping[str, Any], changed: int) -> None:
     try:
         await asyncio.to_thread(save_memory, path, before, memory)
     except MemoryNotWritable as why:

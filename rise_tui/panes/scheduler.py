@@ -32,35 +32,30 @@ class SchedulerPane(ListPane):
         return ((f"{len(view.running)} running, {len(view.waiting)} waiting", "muted"),)
 
     def make_rows(self, width: int) -> list[ListRow]:
-        view = self.store.view
-        running = [view.tasks[id] for id in view.running if id in view.tasks]
-        waiting = [view.tasks[id] for id in view.waiting if id in view.tasks]
-        expected = estimate_starts(map(self._queued_task, running), [self._queued_task(task) for task in waiting])
-        rows = [self._row(task, "now", self._time_left(task), width) for task in running]
-        for position, (task, at) in enumerate(zip(waiting, expected, strict=True)):
-            rows.append(
-                self._row(task, "next" if position == 0 else f"{position + 1}.", self._time_until(at, position), width)
-            )
+        running, waiting = self.store.running_tasks, self.store.waiting_tasks
+        expected = estimate_starts(map(self._queued_task, running), map(self._queued_task, waiting))
+        rows = [self._row(task, "now", self._time_left_span(task), width) for task in running]
+        for index, (task, start) in enumerate(zip(waiting, expected, strict=True)):
+            position = "next" if index == 0 else f"{index + 1}."
+            rows.append(self._row(task, position, self._time_until_span(start, index), width))
         return rows
 
     def _queued_task(self, task: TaskView) -> QueuedTask:
+        typical = None if task.function == "say" else self.store.typical_seconds(task.behavior)
         elapsed = self.store.now() - task.started if task.started is not None else 0.0
-        return QueuedTask(self._typical(task), max(0.0, elapsed), task.calling_type != "None")
+        return QueuedTask(typical, max(0.0, elapsed), task.calling_type != "None")
 
-    def _typical(self, task: TaskView) -> float | None:
-        return None if task.function == "say" else self.store.typical_seconds(task.behavior)
-
-    def _time_left(self, task: TaskView) -> StyledSpan:
+    def _time_left_span(self, task: TaskView) -> StyledSpan:
         """For a running task: how long it has run, of how long it usually takes, and what is left of that."""
         queued = self._queued_task(task)
         if queued.typical_seconds is None or queued.seconds_left is None:
             return f"for {format_duration(queued.elapsed_seconds)}", "plain"
-        of = f"{format_seconds(queued.elapsed_seconds)} of {format_duration(queued.typical_seconds)}"
+        elapsed = f"{format_seconds(queued.elapsed_seconds)} of {format_duration(queued.typical_seconds)}"
         if queued.seconds_left >= 0:
-            return f"{of}, {format_duration(queued.seconds_left)} left", "plain"
-        return f"{of}, {format_duration(-queued.seconds_left)} over", "wait"
+            return f"{elapsed}, {format_duration(queued.seconds_left)} left", "plain"
+        return f"{elapsed}, {format_duration(-queued.seconds_left)} over", "wait"
 
-    def _time_until(self, at: float | None, position: int) -> StyledSpan:
+    def _time_until_span(self, at: float | None, position: int) -> StyledSpan:
         """For a waiting task: when it will probably start."""
         if at is None:
             return "not known", "muted"
@@ -69,30 +64,30 @@ class SchedulerPane(ListPane):
         return f"in ~{at:.0f} s" if at < 90 else f"in ~{at / 60:.0f} min", "muted"
 
     def _row(self, task: TaskView, position: str, when: StyledSpan, width: int) -> ListRow:
-        glyph, word, tone = SENT if self._is_change_sent(task.id) else task_state(task)
+        glyph, word, role = SENT if self._is_change_sent(task.id) else task_state(task)
         now = task.started is not None
         lead = fixed_span(
             f" {position:<4}" if not position[0].isdigit() else f" {position:>4}", 6, "accent" if now else "muted"
         )
         act = self.store.scenario.acts.get(task.behavior) if task.function != "say" else None
-        done = "{}/{}".format(*act_progress(act, task)) if act is not None and now else ""
+        progress = "{}/{}".format(*act_progress(act, task)) if act is not None and now else ""
         source = min(18, width // 5) if width >= WIDE else 0
         narrow = width < NARROW
         room = 11 if narrow else 28
         text = when[0] if not narrow else when[0].rpartition(", ")[2]
         name = width - 6 - 11 - (0 if narrow else 5) - room - (source + 2 if source else 0) - 1
-        said = f"“{task.behavior}”" if task.function == "say" else task.behavior
+        label = f"“{task.behavior}”" if task.function == "say" else task.behavior
         line: StyledLine = (
             lead,
-            fixed_span(said, name, "strong" if now else "plain"),
-            (f" {glyph} ", tone),
-            fixed_span(word, 8, tone),
-            fixed_span(done, 0 if narrow else 5, "muted", right=True),
+            fixed_span(label, name, "strong" if now else "plain"),
+            (f" {glyph} ", role),
+            fixed_span(word, 8, role),
+            fixed_span(progress, 0 if narrow else 5, "muted", right=True),
             fixed_span(text, room, when[1], right=True),
         )
         if source:
             line = (*line, ("  ", "plain"), fixed_span(task.source, source, "muted"))
-        return ListRow(str(task.id), line, full=f"{position} {said} {word} {task.source}")
+        return ListRow(str(task.id), line, full=f"{position} {label} {word} {task.source}")
 
     def _is_change_sent(self, id: int) -> bool:
         changes = (sent for sent in self.store.sent.values() if sent.function in ("cancelTask", "moveTask"))
@@ -110,13 +105,13 @@ class SchedulerPane(ListPane):
         elif task not in waiting:
             self.post_message(ShowNotice("this task runs already; only waiting ones can be moved"))
         else:
-            here = waiting.index(task)
-            position = {"scheduler.earlier": here - 1, "scheduler.later": here + 1}.get(action, 0)
-            if 0 <= position < len(waiting) and position != here:
+            index = waiting.index(task)
+            position = {"scheduler.earlier": index - 1, "scheduler.later": index + 1}.get(action, 0)
+            if 0 <= position < len(waiting) and position != index:
                 self.post_message(SubmitTask("moveTask", f"{task} {position}"))
             else:
                 self.post_message(
-                    ShowNotice("it is the last one already" if position > here else "it starts next already")
+                    ShowNotice("it is the last one already" if position > index else "it starts next already")
                 )
 
     def _open_details(self, id: int) -> None:

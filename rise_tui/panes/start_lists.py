@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+from abc import abstractmethod
 from typing import ClassVar
 
 from rich.cells import cell_len
 from textual import on
+from textual.message import Message
 
 from rise_tui.actions import bindings_in
 from rise_tui.key_labels import why_blocked
@@ -36,6 +38,7 @@ from rise_tui.rendering.text import (
     fixed_span,
     format_duration,
     format_seconds,
+    shorten,
 )
 from rise_tui.widgets.row_list import RowView
 
@@ -46,7 +49,7 @@ WIDE = 46
 """From this width on there is room for an act's progress and typical duration, and a rule's state."""
 
 
-def _expected(state: StateLabel, is_expected: bool) -> StateLabel:
+def _mark_expected(state: StateLabel, is_expected: bool) -> StateLabel:
     """What a running rule waits for says so, unless there is something to say about it now."""
     return EXPECTED if is_expected and state not in (RUNNING, WAITING, SENT, ARMED) else state
 
@@ -64,9 +67,13 @@ class StartListPane(ListPane):
         labels = [key.label for key in store.scenario.keys.values() if key.function == self.FUNCTION]
         self.key_width = min(8, max((len(label) for label in labels), default=1)) + 1
 
+    @abstractmethod
     def expected_names(self) -> frozenset[str]:
         """The names of the list that a running rule waits for."""
-        raise NotImplementedError
+
+    @abstractmethod
+    def stop_message(self, name: str) -> Message:
+        """What stops an act or a rule, or says that there is nothing to stop."""
 
     def is_affected_by(self, changed: set[StorePart]) -> bool:
         if changed & (self.PARTS - self.EXPECTATION_PARTS):
@@ -79,8 +86,8 @@ class StartListPane(ListPane):
 
     def key_cell(self, name: str) -> StyledSpan:
         binding = self.store.key_of(self.FUNCTION, name)
-        tone: TextRole = "muted" if self.why_blocked(name) else "key"
-        return (f" {fit(binding.label if binding else '', self.key_width)}", tone)
+        role: TextRole = "muted" if self.why_blocked(name) else "key"
+        return (f" {fit(binding.label if binding else '', self.key_width)}", role)
 
     @on(RowView.CursorMoved)
     def _cursor_moved(self, event: RowView.CursorMoved) -> None:
@@ -89,6 +96,15 @@ class StartListPane(ListPane):
         self.post_message(ShowSelection(self.SCOPE, name))
         if name and (reason := self.why_blocked(name)):
             self.post_message(ShowNotice(f"{name} cannot be started: {reason}"))
+
+    def carry_out(self, action: str) -> None:
+        name = self.row_list.current_id
+        if not name:
+            self.post_message(ShowNotice(f"no {self.SCOPE.removesuffix('s')} is selected"))
+        elif action in ("acts.start", "rules.start"):
+            self.post_message(RequestStart(start_action(self.store.scenario, self.FUNCTION, name)))
+        else:
+            self.post_message(self.stop_message(name))
 
 
 class ActsPane(StartListPane):
@@ -117,7 +133,7 @@ class ActsPane(StartListPane):
         name = act_label(task.function, task.behavior)
         return (
             ("► ", "accent"),
-            (f"{fit(name, min(cell_len(name), RUNNING_NAME_WIDTH))} {elapsed} s", "accent"),
+            (f"{shorten(name, RUNNING_NAME_WIDTH)} {elapsed} s", "accent"),
             (more, "muted"),
         )
 
@@ -126,25 +142,27 @@ class ActsPane(StartListPane):
         name_width = width - (1 + self.key_width) - STATE_WIDTH - (16 if wide else 5) - 1
         expected = self._shown_expected = self.expected_names()
         return [
-            ListRow(name, self._line(name, name_width, wide, name in expected)) for name in self.store.scenario.acts
+            ListRow(name, self._act_line(name, name_width, wide, name in expected)) for name in self.store.scenario.acts
         ]
 
-    def _line(self, name: str, name_width: int, wide: bool, is_expected: bool) -> StyledLine:
-        state = _expected(act_state(self.store, name), is_expected)
+    def _act_line(self, name: str, name_width: int, wide: bool, is_expected: bool) -> StyledLine:
+        state = _mark_expected(act_state(self.store, name), is_expected)
         running = bool(self.store.act(name).running)
         spans: list[StyledSpan] = [
             self.key_cell(name),
             fixed_span(name, name_width, "strong" if running else "plain"),
             (" ", "plain"),
-            (f"{state.glyph} ", state.tone),
-            fixed_span(state.word, STATE_WIDTH - 2, state.tone),
+            (f"{state.glyph} ", state.role),
+            fixed_span(state.word, STATE_WIDTH - 2, state.role),
         ]
         if wide:
-            spans.append(fixed_span(self._progress(name), 5, "muted", right=True))
-        spans.append(fixed_span(self._time(name, wide), 11 if wide else 5, "plain" if running else "muted", right=True))
+            spans.append(fixed_span(self._progress_text(name), 5, "muted", right=True))
+        spans.append(
+            fixed_span(self._time_text(name, wide), 11 if wide else 5, "plain" if running else "muted", right=True)
+        )
         return tuple(spans)
 
-    def _progress(self, name: str) -> str:
+    def _progress_text(self, name: str) -> str:
         task = newest_task(self.store, name)
         if task is not None and task.status == "ACTIVE":
             done, total = act_progress(self.store.scenario.acts[name], task)
@@ -152,7 +170,7 @@ class ActsPane(StartListPane):
         settings = self.store.scenario.settings_of(name)
         return "hold" if settings.hold else "fill" if settings.filler else ""
 
-    def _time(self, name: str, wide: bool) -> str:
+    def _time_text(self, name: str, wide: bool) -> str:
         """Running: elapsed and typical; otherwise, where there is room, how long it typically takes."""
         task, typical = newest_task(self.store, name), self.store.typical_seconds(name)
         if task is not None and task.status == "ACTIVE":
@@ -160,20 +178,13 @@ class ActsPane(StartListPane):
             return f"{elapsed}/{format_seconds(typical)}" if wide and typical is not None else elapsed
         return f"~{format_duration(typical)}" if wide and typical is not None else ""
 
-    def carry_out(self, action: str) -> None:
-        name = self.row_list.current_id
-        if not name:
-            self.post_message(ShowNotice("no act is selected"))
-        elif action == "acts.start":
-            self.post_message(RequestStart(start_action(self.store.scenario, self.FUNCTION, name)))
-        elif action == "acts.stop":
-            act = self.store.act(name)
-            if not act.running and not act.waiting:
-                self.post_message(ShowNotice(f"{name} neither runs nor waits"))
-            elif act.running:
-                self.post_message(SubmitTask("stopCommunicationRobotAct", name))
-            else:
-                self.post_message(SubmitTask("cancelTask", str(act.waiting[0])))
+    def stop_message(self, name: str) -> Message:
+        act = self.store.act(name)
+        if act.running:
+            return SubmitTask("stopCommunicationRobotAct", name)
+        if act.waiting:
+            return SubmitTask("cancelTask", str(act.waiting[0]))
+        return ShowNotice(f"{name} neither runs nor waits")
 
 
 class RulesPane(StartListPane):
@@ -206,29 +217,21 @@ class RulesPane(StartListPane):
         rows = []
         expected = self._shown_expected = self.expected_names()
         for name in self.store.scenario.rules:
-            rule, state = self.store.rule(name), _expected(rule_state(self.store, name), name in expected)
-            at = (rule.state or "") if rule.running else rule.reason if rule.status == "faulted" else ""
+            rule, state = self.store.rule(name), _mark_expected(rule_state(self.store, name), name in expected)
+            remark = (rule.state or "") if rule.running else rule.reason if rule.status == "faulted" else ""
             lead = STATE_WIDTH - 2 if wide else 0
-            shown = at if wide or at else state.word
-            text = (fit_end if rule.running and at else fit)(shown, state_width - 2 - lead)
+            shown = remark if wide or remark else state.word
+            text = (fit_end if rule.running and remark else fit)(shown, state_width - 2 - lead)
             spans: StyledLine = (
                 self.key_cell(name),
                 fixed_span(name, name_width, "strong" if rule.running else "plain"),
                 (" ", "plain"),
-                (f"{state.glyph} ", state.tone),
-                (fit(state.word, lead) + text, state.tone),
+                (f"{state.glyph} ", state.role),
+                (fit(state.word, lead) + text, state.role),
             )
             rows.append(ListRow(name, spans))
         return rows
 
-    def carry_out(self, action: str) -> None:
-        name = self.row_list.current_id
-        if not name:
-            self.post_message(ShowNotice("no rule is selected"))
-        elif action == "rules.start":
-            self.post_message(RequestStart(start_action(self.store.scenario, self.FUNCTION, name)))
-        elif action == "rules.stop":
-            if self.store.rule(name).running:
-                self.post_message(SubmitTask("stopInteractionRule", name))
-            else:
-                self.post_message(ShowNotice(f"{name} does not run"))
+    def stop_message(self, name: str) -> Message:
+        running = self.store.rule(name).running
+        return SubmitTask("stopInteractionRule", name) if running else ShowNotice(f"{name} does not run")

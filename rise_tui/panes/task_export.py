@@ -35,8 +35,8 @@ def task_columns(task: TaskView) -> dict[str, Any]:
     took = task.ended - task.started if task.ended is not None and task.started is not None else None
     times = (task.submitted, task.started, task.ended, waited, took)
     values = (
-        *(task.id or None, *map(_rounded, times), task.source, task.function, task.calling_type, task.behavior),
-        *(task.status, task.reason, task.mark, *map(_rounded, (task.cue_at, task.key_at, task.robot_at))),
+        *(task.id or None, *map(_round, times), task.source, task.function, task.calling_type, task.behavior),
+        *(task.status, task.reason, task.mark, *map(_round, (task.cue_at, task.key_at, task.robot_at))),
     )
     return dict(zip(COLUMNS, values, strict=True))
 
@@ -46,7 +46,7 @@ def table_lines(tasks: Iterable[TaskView], *, head: bool = True) -> Iterator[str
     if head:
         yield "\t".join(COLUMNS)
     for task in tasks:
-        yield "\t".join(map(_cell, task_columns(task).values()))
+        yield "\t".join(map(_cell_text, task_columns(task).values()))
 
 
 def json_lines(tasks: Iterable[TaskView]) -> Iterator[str]:
@@ -58,8 +58,8 @@ def json_lines(tasks: Iterable[TaskView]) -> Iterator[str]:
                 "type": action.type,
                 "status": action.status,
                 "parameters": action.parameters,
-                "started": _rounded(action.since),
-                "ended": _rounded(action.ended),
+                "started": _round(action.since),
+                "ended": _round(action.ended),
                 "reason": action.reason,
             }
             for action in list(task.actions.values())
@@ -123,11 +123,11 @@ def save_tasks(name: str, tasks: Iterable[TaskView], folder: Path) -> Path:
     return path
 
 
-def _rounded(value: float | None) -> float | None:
+def _round(value: float | None) -> float | None:
     return None if value is None else round(value, 3)
 
 
-def _cell(value: Any) -> str:
+def _cell_text(value: Any) -> str:
     """A value that stays in its cell, whatever is in it."""
     if value is None or value == "":
         return "n/a"

@@ -53,7 +53,7 @@ class CellBuffer:
         row = self._rows[y]
         cells = cells_of(strip)[: max(0, len(row) - x)]
         before, row[x : x + len(cells)] = row[x : x + len(cells)], cells
-        return [CellRun(x + start, y, strip_of(cells[start:end])) for start, end in differing(before, cells)]
+        return [CellRun(x + start, y, strip_of(cells[start:end])) for start, end in differing_spans(before, cells)]
 
 
 def cells_of(strip: Iterable[Segment]) -> list[Cell]:
@@ -85,7 +85,7 @@ def strip_of(cells: Iterable[Cell]) -> Strip:
     )
 
 
-def differing(before: Sequence[Cell | None], after: Sequence[Cell]) -> list[tuple[int, int]]:
+def differing_spans(before: Sequence[Cell | None], after: Sequence[Cell]) -> list[tuple[int, int]]:
     """Where two rows differ, from and to; pieces that stand near each other are one."""
     found: list[tuple[int, int]] = []
     for x, (old, new) in enumerate(zip(before, after, strict=True)):

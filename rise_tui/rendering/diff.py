@@ -28,16 +28,20 @@ class DiffUpdate(CompositorUpdate):
         """The terminal's codes for the cells that differ."""
         self._cells.resize(*self._size)
         update = self._update
-        runs = _whole_lines(update, self._cells) if isinstance(update, LayoutUpdate) else _parts(update, self._cells)
+        runs = (
+            _runs_of_lines(update, self._cells)
+            if isinstance(update, LayoutUpdate)
+            else _runs_of_chops(update, self._cells)
+        )
         return "".join(Control.move_to(run.x, run.y).segment.text + run.strip.render(console) for run in runs)
 
 
-def _whole_lines(update: LayoutUpdate, cells: CellBuffer) -> Iterator[CellRun]:
+def _runs_of_lines(update: LayoutUpdate, cells: CellBuffer) -> Iterator[CellRun]:
     for y, line in enumerate(update.strips, update.region.y):
         yield from cells.put(update.region.x, y, Strip.join(line))
 
 
-def _parts(update: ChopsUpdate, cells: CellBuffer) -> Iterator[CellRun]:
+def _runs_of_chops(update: ChopsUpdate, cells: CellBuffer) -> Iterator[CellRun]:
     """A chop is a piece of a line between two borders of widgets; a span is what of the line is to be painted."""
     for y, start, end in update.spans:
         for (x, strip), chop_end in zip(update.chops[y].items(), update.chop_ends[y], strict=False):

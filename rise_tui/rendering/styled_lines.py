@@ -1,11 +1,10 @@
-"""How the tones of `rise_tui.rendering.text` look: one place where meaning becomes colour, by theme variables only.
+"""How the roles of `rise_tui.rendering.text` look: one place where meaning becomes colour, by theme variables only.
 
-Tones and grounds have attributes besides colours (`rise-<name>-style`): all that a theme without colours has.
+Roles and grounds have attributes besides colours (`rise-<name>-style`): all that a theme without colours has.
 """
 
 from __future__ import annotations
 
-from functools import lru_cache
 from typing import NamedTuple
 
 from rich.segment import Segment
@@ -42,7 +41,7 @@ CURSOR_BACKGROUND, UNFOCUSED_CURSOR_BACKGROUND = "rise-cursor", "rise-cursor-awa
 
 
 class StyledLines(Widget):
-    """A widget that paints lines of toned text.
+    """A widget that paints lines of styled text.
 
     The looks are not component classes: Textual works out each of those for each widget whenever it styles it, which
     was a third of the time that a console took to appear.
@@ -68,12 +67,12 @@ class StyledLines(Widget):
         variables = self.app.theme_variables
         styles: dict[TextRole, Style] = {}
         for role, spec in STYLE_SPECS.items():
-            background = _color(variables[spec.background]) if spec.background else self.background_colors[1]
-            style = Style(color=_color(variables[spec.color]).rich_color, bgcolor=background.rich_color)
-            style += self.styles.text_style + _attributes(variables.get(f"rise-{role}-style", "none"))
+            background = Color.parse(variables[spec.background]) if spec.background else self.background_colors[1]
+            style = Style(color=Color.parse(variables[spec.color]).rich_color, bgcolor=background.rich_color)
+            style += self.styles.text_style + Style.parse(variables.get(f"rise-{role}-style", "none"))
             if row_background and role not in ("alarm", "call"):
-                style += Style(bgcolor=_color(variables[row_background]).rich_color)
-                style += _attributes(variables.get(f"{row_background}-style", "none"))
+                style += Style(bgcolor=Color.parse(variables[row_background]).rich_color)
+                style += Style.parse(variables.get(f"{row_background}-style", "none"))
             styles[role] = style
         return styles
 
@@ -82,13 +81,3 @@ class StyledLines(Widget):
         styles = self.styles_on(background)
         segments = [Segment(clean(text), styles[role]) for text, role in line if text]
         return Strip(segments).adjust_cell_length(width, styles["plain"]).simplify()
-
-
-@lru_cache(64)
-def _color(value: str) -> Color:
-    return Color.parse(value)
-
-
-@lru_cache(64)
-def _attributes(definition: str) -> Style:
-    return Style.parse(definition)

@@ -17,7 +17,7 @@ from rise_tui.rendering.terminal_driver import TerminalDriver
 from rise_tui.rendering.terminal_reader import read_together
 from rise_tui.rendering.terminal_writer import TerminalWriter
 
-CATCH_UP = 0.05
+CATCH_UP_SECONDS = 0.05
 """Seconds between two looks whether a terminal that lay behind takes more."""
 
 
@@ -50,28 +50,27 @@ class TerminalApp(App[Any]):
     def _display(self, screen: Screen[Any], renderable: RenderableType | None) -> None:
         if not isinstance(renderable, LayoutUpdate | ChopsUpdate) or self._batch_count:
             super()._display(screen, renderable)
-        elif self.terminal_writer is not None and self.terminal_writer.is_behind:
-            self._skip_frame()
+        elif self._is_behind:  # the newest state is painted when the terminal has taken what came before
+            self._catching_up = self._catching_up or self.set_interval(CATCH_UP_SECONDS, self._catch_up)
         else:
             super()._display(screen, DiffUpdate(renderable, self._cells, self.size))  # type: ignore[arg-type]
 
-    def _skip_frame(self) -> None:
-        """What it would have shown is painted when the terminal has taken what came before."""
-        if self._catching_up is None:
-            self._catching_up = self.set_interval(CATCH_UP, self._catch_up)
+    @property
+    def _is_behind(self) -> bool:
+        return self.terminal_writer is not None and self.terminal_writer.is_behind
 
     def _catch_up(self) -> None:
-        if self._catching_up is not None and not (self.terminal_writer and self.terminal_writer.is_behind):
+        if self._catching_up is not None and not self._is_behind:
             self._catching_up.stop()
             self._catching_up = None
             self.screen.refresh()
 
     # --- keys -------------------------------------------------------------------------------------------------------
 
-    def observe_key(self, event: events.Key, together: bool | None) -> None:
+    def observe_key(self, event: events.Key, together: bool) -> None:
         """Called once for each key, before anything acts on it, also for those that a binding or a dialog takes.
 
-        `together`: whether it came in one piece with other keys, as a paste does; None: nobody knows (tests).
+        `together`: whether it came in one piece with other keys, as a paste does.
         """
 
     def admits(self, event: events.Event) -> bool:

@@ -20,10 +20,9 @@ POLL = constants.ESCAPE_DELAY + 0.005
 _TOGETHER = "_read_together"
 
 
-def read_together(event: events.Key) -> bool | None:
-    """Whether a key came in one piece with others, as a paste does; None when no terminal has brought it."""
-    found = event.__dict__.get(_TOGETHER)
-    return found if isinstance(found, bool) else None
+def read_together(event: events.Key) -> bool:
+    """Whether a key came in one piece with others, as a paste does."""
+    return event.__dict__.get(_TOGETHER, False) is True
 
 
 def mark_together(messages: Iterable[Message], together: bool) -> None:

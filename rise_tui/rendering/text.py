@@ -1,4 +1,4 @@
-"""Text for a screen: rows of toned pieces, fitted to cells. Pure; knows no widget."""
+"""Text for a screen: rows of styled pieces, fitted to cells. Pure; knows no widget."""
 
 from __future__ import annotations
 
@@ -19,6 +19,13 @@ TextRole: TypeAlias = Literal["plain", "strong", "muted", "accent", "wait", "fau
 
 StyledSpan: TypeAlias = tuple[str, TextRole]
 StyledLine: TypeAlias = tuple[StyledSpan, ...]
+
+
+JSON_TYPES = (
+    *((type(None), "null"), (bool, "boolean"), (int, "integer"), (float, "number")),
+    *((str, "string"), (list, "array"), (tuple, "array")),
+)
+"""From the narrowest: a boolean is an integer, too."""
 
 
 class ListRow(NamedTuple):
@@ -50,6 +57,11 @@ def fit(text: str, width: int, *, right: bool = False) -> str:
     return pad + text if right else text + pad
 
 
+def shorten(text: str, width: int) -> str:
+    """The text in at most `width` cells; what does not fit ends in `…`."""
+    return fit(text, width).rstrip()
+
+
 def fit_end(text: str, width: int) -> str:
     """As `fit`, but what does not fit is lost at the beginning: `…1, step 3`."""
     text = clean(text)
@@ -72,9 +84,9 @@ def fit_middle(text: str, width: int) -> str:
     return fit(f"{head}…{end}", width)
 
 
-def fixed_span(text: str, width: int, tone: TextRole = "plain", *, right: bool = False) -> StyledSpan:
+def fixed_span(text: str, width: int, role: TextRole = "plain", *, right: bool = False) -> StyledSpan:
     """A piece of fixed width, as one column of a row."""
-    return fit(text, width, right=right), tone
+    return fit(text, width, right=right), role
 
 
 def line_width(line: Iterable[StyledSpan]) -> int:
@@ -87,20 +99,20 @@ def plain_text(line: Iterable[StyledSpan]) -> str:
 
 
 def highlight_matches(line: StyledLine, matches: Iterable[tuple[int, int]]) -> StyledLine:
-    """The line with the characters of these places, in order, in the tone `match`."""
+    """The line with the characters of these places, in order, in the role `match`."""
     spans: list[StyledSpan] = []
     left = list(matches)
     column = 0
-    for text, tone in line:
+    for text, role in line:
         at = 0
         while left and left[0][0] < column + len(text):
             start, end = (min(max(0, edge - column), len(text)) for edge in left[0])
-            spans += [(text[at:start], tone), (text[start:end], "match")]
+            spans += [(text[at:start], role), (text[start:end], "match")]
             at = end
             if left[0][1] > column + len(text):
                 break  # it goes on in the next piece
             del left[0]
-        spans.append((text[at:], tone))
+        spans.append((text[at:], role))
         column += len(text)
     return tuple(span for span in spans if span[0])
 
@@ -111,12 +123,12 @@ def crop(line: StyledLine, width: int) -> StyledLine:
         return line
     kept: list[StyledSpan] = []
     room = width
-    for text, tone in line:
+    for text, role in line:
         text = clean(text)
         if cell_len(text) >= room:
-            kept.append((fit(text + " " * room, room), tone))
+            kept.append((fit(text + " " * room, room), role))
             break
-        kept.append((text, tone))
+        kept.append((text, role))
         room -= cell_len(text)
     return tuple(kept)
 
@@ -192,21 +204,7 @@ def format_value(value: Any) -> str:
 
 def json_type_name(value: Any) -> str:
     """The JSON type of a value, in the words that the console uses."""
-    match value:
-        case None:
-            return "null"
-        case bool():
-            return "boolean"
-        case int():
-            return "integer"
-        case float():
-            return "number"
-        case str():
-            return "string"
-        case list() | tuple():
-            return "array"
-        case _:
-            return "object"
+    return next((name for kind, name in JSON_TYPES if isinstance(value, kind)), "object")
 
 
 def parse_typed_value(text: str) -> tuple[Any, str, str]:
@@ -216,33 +214,35 @@ def parse_typed_value(text: str) -> tuple[Any, str, str]:
     """
     bare = text.strip()
     try:
-        value = json.loads(bare, parse_constant=_refuse, parse_float=_finite, object_pairs_hook=_unique)
+        value = json.loads(
+            bare, parse_constant=_refuse_constant, parse_float=_finite_number, object_pairs_hook=_unique_members
+        )
     except RecursionError:
         return text, "string", "nested too deeply for JSON"
     except ValueError as error:
         looks_json = bare[:1] in ("{", "[", '"')
-        return text, "string", f"not JSON: {_reason(error)}" if looks_json else ""
+        return text, "string", f"not JSON: {_reason_text(error)}" if looks_json else ""
     return value, json_type_name(value), ""
 
 
-def _reason(error: ValueError) -> str:
+def _reason_text(error: ValueError) -> str:
     if isinstance(error, json.JSONDecodeError):
         return f"{error.msg.lower()} at {error.pos + 1}"
     return str(error)
 
 
-def _refuse(name: str) -> None:
+def _refuse_constant(name: str) -> None:
     raise ValueError(f"{name} is no JSON")
 
 
-def _finite(text: str) -> float:
+def _finite_number(text: str) -> float:
     value = float(text)
     if value in (float("inf"), float("-inf")):
         raise ValueError("the number is too large")
     return value
 
 
-def _unique(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
+def _unique_members(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
     found = dict(pairs)
     if len(found) < len(pairs):
         raise ValueError("a key is given twice")

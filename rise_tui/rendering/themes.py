@@ -1,4 +1,4 @@
-"""The themes, and all that is theirs alone: colours, and for tones and grounds without colour their attributes.
+"""The themes, and all that is theirs alone: colours, and for roles and grounds without colour their attributes.
 
 One accent; red (orange where red and green look alike) only for stop and faults; amber for waiting. What a colour says
 stands in words too, so `mono` loses nothing.
@@ -23,7 +23,7 @@ ATTRIBUTES: Mapping[str, str] = MappingProxyType(
         "chosen": "bold",
     }
 )
-"""How tones and grounds look besides their colours. A theme variable `rise-<name>-style` changes one of them."""
+"""How roles and grounds look besides their colours. A theme variable `rise-<name>-style` changes one of them."""
 
 CSS = """
 TitleBar { text-style: $rise-bar-style; }
@@ -38,11 +38,11 @@ SettingsScreen Button.-chosen { text-style: $rise-chosen-style; }
 ground is white on black.)"""
 
 
-def _styles(names: Mapping[str, str]) -> dict[str, str]:
+def _style_variables(names: Mapping[str, str]) -> dict[str, str]:
     return {f"rise-{name}-style": style for name, style in names.items()}
 
 
-def _colored(
+def _colored_theme(
     name: str,
     *,
     dark: bool,
@@ -87,12 +87,12 @@ def _colored(
             "scrollbar": scrollbar,
             "scrollbar-background": background,
             "scrollbar-background-hover": background,
-            **_styles(ATTRIBUTES),
+            **_style_variables(ATTRIBUTES),
         },
     )
 
 
-DARK = _colored(
+DARK = _colored_theme(
     "dark",
     dark=True,
     text="#d7dce2",
@@ -110,7 +110,7 @@ DARK = _colored(
     selection="#8ab4f8 35%",
 )
 
-LIGHT = _colored(
+LIGHT = _colored_theme(
     "light",
     dark=False,
     text="#1f242b",
@@ -128,7 +128,7 @@ LIGHT = _colored(
     selection="#1b57b0 30%",
 )
 
-CONTRAST = _colored(
+CONTRAST = _colored_theme(
     "contrast",
     dark=True,
     text="#ffffff",
@@ -146,7 +146,7 @@ CONTRAST = _colored(
     selection="#6cd4ff 45%",
 )
 
-COLORBLIND = _colored(
+COLORBLIND = _colored_theme(
     "colorblind",
     dark=True,
     text="#e4e6e8",
@@ -166,7 +166,7 @@ COLORBLIND = _colored(
 """Blue, yellow and orange, which look different to everybody: no two of them differ only in red and green."""
 
 
-def _uncolored(name: str, wait: str, fault: str, on_alarm: str, styles: Mapping[str, str]) -> Theme:
+def _uncolored_theme(name: str, wait: str, fault: str, on_alarm: str, styles: Mapping[str, str]) -> Theme:
     """A theme on the terminal's own ground, whatever that is."""
     own = "ansi_default"
     grounds = ("cursor", "cursor-away", "bar", "bar-focused")
@@ -200,7 +200,7 @@ def _uncolored(name: str, wait: str, fault: str, on_alarm: str, styles: Mapping[
             "block-cursor-blurred-text-style": "underline",
             "input-cursor-text-style": "reverse",
             "button-focus-text-style": "bold reverse",
-            **_styles({**ATTRIBUTES, **styles}),
+            **_style_variables({**ATTRIBUTES, **styles}),
         },
     )
 
@@ -217,7 +217,7 @@ _PLAIN = {
     "chosen": "bold reverse",
 }
 
-MONO = _uncolored(
+MONO = _uncolored_theme(
     "mono",
     "ansi_default",
     "ansi_default",
@@ -226,7 +226,7 @@ MONO = _uncolored(
 )
 """No colours at all, on the terminal's own ground."""
 
-TERMINAL = _uncolored(
+TERMINAL = _uncolored_theme(
     "terminal",
     "ansi_magenta",
     "ansi_red",

@@ -31,7 +31,7 @@ class Dialog(SingleDismissModal[str]):
     Dialog {
         align: center middle; background: transparent;
         #box { width: 64; max-height: 80%; border-title-color: $foreground; }
-        #said { height: auto; margin: 0 0 1 0; }
+        #lines { height: auto; margin: 0 0 1 0; }
         #buttons { height: 1; align-horizontal: right; }
         Button { margin: 0 0 0 2; min-width: 12; }
     }
@@ -61,11 +61,11 @@ class Dialog(SingleDismissModal[str]):
         self._repeat_keys, self._repeated_at = repeat_keys, float("-inf")
         self._second_press: Timer | None = None
         self._title, self._lines, self._answers, self._no, self._default = title, lines, answers, no, default
-        self._answered = self._withdrawn = False
+        self._withdrawn = False
 
     def compose(self) -> ComposeResult:
         with TitledBox(self._title):
-            yield Static("\n".join(self._lines), id="said", markup=False)
+            yield Static("\n".join(self._lines), id="lines", markup=False)
             with Horizontal(id="buttons"):
                 yield Button(f"{self._no} (esc)", id="no", compact=True)
                 for answer in self._answers:
@@ -95,22 +95,20 @@ class Dialog(SingleDismissModal[str]):
 
     def action_answer(self, key: str) -> None:
         """The first answer counts; keys that were still on their way do nothing."""
-        if not self._answered:
-            self._answered = True
+        if not self._withdrawn:
             self.dismiss(key)
 
     def withdraw(self) -> bool:
-        """Close without an answer, at the latest when nothing lies above it. False when it was answered already."""
-        if self._answered:
+        """Close without an answer, at the latest when nothing lies above it. False when that was asked for already."""
+        if self._withdrawn:
             return False
-        self._answered = self._withdrawn = True
+        self._withdrawn = True
         self.on_screen_resume()
         return True
 
     def on_screen_resume(self) -> None:
-        if self._withdrawn and self.app.screen is self:  # `is_current` is true below a dialog too
-            self._withdrawn = False
-            self.dismiss("")
+        if self._withdrawn:
+            self.dismiss("")  # does something only once it lies on top
 
     @on(Button.Pressed)
     def _pressed(self, event: Button.Pressed) -> None:

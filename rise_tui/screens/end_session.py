@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import ClassVar
 
-from textual import events, on
+from textual import on
 from textual.app import ComposeResult
+from textual.binding import Binding, BindingType
 from textual.containers import Horizontal
 from textual.widgets import Input, Label, Static
 
@@ -23,12 +25,13 @@ class EndSessionDialog(SingleDismissModal[bool]):
     """Answers whether the session is to end; Esc leaves it and does nothing."""
 
     AUTO_FOCUS = "#word"
+    BINDINGS: ClassVar[list[BindingType]] = [Binding("escape", "dismiss(False)", show=False)]
 
     DEFAULT_CSS = """
     EndSessionDialog {
         align: center middle; background: transparent;
         #box { width: 68; max-height: 90%; border: round $error; border-title-color: $foreground; }
-        #said { height: auto; margin: 0 0 1 0; }
+        #lines { height: auto; margin: 0 0 1 0; }
         #typing { height: 1; }
         #typing Label { width: auto; padding: 0 1 0 0; }
         TextField, TextField:focus { width: 1fr; background: $rise-cursor; }
@@ -42,7 +45,7 @@ class EndSessionDialog(SingleDismissModal[bool]):
 
     def compose(self) -> ComposeResult:
         with TitledBox(self._title, "esc leaves, and nothing changes"):
-            yield Static("\n".join(self._lines), id="said", markup=False)
+            yield Static("\n".join(self._lines), id="lines", markup=False)
             with Horizontal(id="typing"):
                 yield Label(f"Type {CONFIRMING_WORD} and press enter:")
                 yield TextField(id="word", select_on_focus=False)
@@ -55,11 +58,6 @@ class EndSessionDialog(SingleDismissModal[bool]):
             self.dismiss(True)
         else:
             self.query_one("#answer", Static).update(f"that is not the word {CONFIRMING_WORD}: nothing has ended")
-
-    def on_key(self, event: events.Key) -> None:
-        if event.key == "escape":
-            event.stop()
-            self.dismiss(False)
 
 
 def end_session_dialog(store: Store, then: str = "") -> EndSessionDialog:

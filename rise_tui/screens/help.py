@@ -36,9 +36,9 @@ def help_entries(store: Store, scope: KeyScope | None = None) -> Iterator[HelpEn
     """All of them: the focused pane's first, then what works everywhere, the ideas, the scenario's keys, the rest."""
     titles = dict(KEY_SCOPES)
     if scope is not None:
-        yield from (_of_action(action, f"Here: {titles[scope]}", store) for action in actions_in(scope))
+        yield from (_action_entry(action, f"Here: {titles[scope]}", store) for action in actions_in(scope))
     for common in COMMON:
-        yield from (_of_action(action, titles[common], store) for action in actions_in(common))
+        yield from (_action_entry(action, titles[common], store) for action in actions_in(common))
     yield from (HelpEntry(IDEAS, word, "", text) for word, text in concepts())
     for key in store.scenario.keys.values():
         why, what = why_task_blocked(store, key.function), task_label(key.function, key.behavior)
@@ -48,10 +48,10 @@ def help_entries(store: Store, scope: KeyScope | None = None) -> Iterator[HelpEn
         yield HelpEntry(SCENARIO, key.label, key.title or what, text, bool(why))
     for other, title in KEY_SCOPES:
         if other != scope and other not in COMMON:
-            yield from (_of_action(action, title, store) for action in actions_in(other))
+            yield from (_action_entry(action, title, store) for action in actions_in(other))
 
 
-def _of_action(action: ConsoleAction, group: str, store: Store) -> HelpEntry:
+def _action_entry(action: ConsoleAction, group: str, store: Store) -> HelpEntry:
     why = why_unavailable(action, store)
     text = f"{action.help} Not now: {why}." if why else action.help
     keys = " ".join(key_label(key) for key in keys_of(action)) or key_text("palette")
@@ -81,7 +81,7 @@ def concepts() -> Iterator[tuple[str, str]]:
     yield "control", f"Of several consoles one may act. {control} takes it, asks for it, gives or releases it."
 
 
-class HelpScreen(SearchDialog):
+class HelpScreen(SearchDialog[None]):
     """Opens over the console; Esc closes it."""
 
     def __init__(self, store: Store, scope: KeyScope | None = None) -> None:
@@ -94,7 +94,7 @@ class HelpScreen(SearchDialog):
         self.list.show(help_rows(found, self.list.row_width, wanted))
         self.list.scroll_to(y=0, animate=False)
 
-    def take_key(self, key: str) -> bool:
+    def carry_out_key(self, key: str) -> bool:
         moves = {"up": -1, "down": 1, "pageup": 1 - self.list.size.height, "pagedown": self.list.size.height - 1}
         if key in moves:
             self.list.scroll_relative(y=moves[key], animate=False)
@@ -114,11 +114,11 @@ def help_rows(found: Sequence[HelpEntry], width: int, wanted: Filter | None = No
             made.append(ListRow("", (), selectable=False))
         made.append(ListRow("", ((f" {group}", "accent"),), selectable=False))
         for entry in members:
-            made += [ListRow(entry.title, line, selectable=False) for line in _lines(entry, width, wanted)]
+            made += [ListRow(entry.title, line, selectable=False) for line in _entry_lines(entry, width, wanted)]
     return made or [ListRow("", ((" nothing found; esc closes", "muted"),), selectable=False)]
 
 
-def _lines(entry: HelpEntry, width: int, wanted: Filter | None) -> Iterator[StyledLine]:
+def _entry_lines(entry: HelpEntry, width: int, wanted: Filter | None) -> Iterator[StyledLine]:
     keys, title = (12, 28) if width >= WIDE else (11, 25)
     title = title if entry.title else 0
     lead = keys + title
@@ -130,10 +130,10 @@ def _lines(entry: HelpEntry, width: int, wanted: Filter | None) -> Iterator[Styl
     )
     for at_line, text in enumerate(texts):
         line: StyledLine = (*(head if at_line == 0 else ((" " * lead, "plain"),)), (text, "muted"))
-        yield _marked(crop(line, width), wanted)
+        yield _highlight(crop(line, width), wanted)
 
 
-def _marked(line: StyledLine, wanted: Filter | None) -> StyledLine:
+def _highlight(line: StyledLine, wanted: Filter | None) -> StyledLine:
     try:
         return line if wanted is None else highlight_matches(line, wanted.match_spans(plain_text(line)))
     except InvalidFilter:

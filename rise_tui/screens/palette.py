@@ -22,7 +22,7 @@ KEY_WIDTH = 7
 """The longest are `space` and `bksp`."""
 
 
-class Palette(SearchDialog):
+class Palette(SearchDialog[PaletteCommand]):
     """Moving over a theme shows it; Esc leaves everything as it was."""
 
     DEFAULT_CSS = """
@@ -30,9 +30,7 @@ class Palette(SearchDialog):
     Palette FoundList { height: 16; }
     """
 
-    def __init__(
-        self, commands: Sequence[PaletteCommand], *, placeholder: str = "command, act, rule, event or theme"
-    ) -> None:
+    def __init__(self, commands: Sequence[PaletteCommand], placeholder: str) -> None:
         super().__init__("Command", "↑↓ choose · enter does it · esc closes", placeholder)
         self._commands = commands
         self._hits: list[PaletteHit] = []
@@ -45,13 +43,13 @@ class Palette(SearchDialog):
     def draw(self) -> None:
         self._hits = search_commands(self._commands, self.search.value)
         width = self.list.row_width
-        rows = [ListRow(f"{at}", _line(hit, width)) for at, hit in enumerate(self._hits)]
+        rows = [ListRow(f"{at}", _hit_line(hit, width)) for at, hit in enumerate(self._hits)]
         self.list.show(rows or [ListRow("", ((" nothing found", "muted"),), selectable=False)])
         self.list.move_cursor(0 if rows else -1, by_wizard=False)
         self.list.scroll_to(y=0, animate=False)
         self._preview()
 
-    def take_key(self, key: str) -> bool:
+    def carry_out_key(self, key: str) -> bool:
         moves: dict[str, Callable[[], None]] = {
             "up": lambda: self.list.action_step(-1),
             "down": lambda: self.list.action_step(1),
@@ -82,27 +80,21 @@ class Palette(SearchDialog):
         chosen = self.current
         if chosen is not None:
             self._theme_before = chosen.theme or self._theme_before
-            self.dismiss(str(self._commands.index(chosen)))
+            self.dismiss(chosen)
 
     def on_unmount(self) -> None:
         if self._theme_before and self.app.theme != self._theme_before:
             self.app.theme = self._theme_before
 
 
-def _line(hit: PaletteHit, width: int) -> StyledLine:
+def _hit_line(hit: PaletteHit, width: int) -> StyledLine:
     command = hit.command
     off = bool(command.blocked_text)
-    title: StyledLine = highlight_matches(
-        (fixed_span(command.title, TITLE_WIDTH, "muted" if off else "plain"),), _spans_shown(hit.spans)
-    )
+    shown = fixed_span(command.title, TITLE_WIDTH, "muted" if off else "plain")
+    title = highlight_matches((shown,), [span for span in hit.spans if span[1] < TITLE_WIDTH])
     key: StyledSpan = fixed_span(command.key, KEY_WIDTH, "muted" if off else "key")
     said: StyledSpan = (f"not now: {command.blocked_text}", "wait") if off else (command.help, "muted")
     kind: StyledLine = ((f" {command.kind} ", "muted"),) if command.kind else ()
     left: StyledLine = ((" ", "plain"), *title, (" ", "plain"), key, said)
     room = width - line_width(kind)
     return align_at_both_ends(crop(left, room - 1), kind, width)
-
-
-def _spans_shown(spans: Sequence[tuple[int, int]]) -> list[tuple[int, int]]:
-    """Those that the title's column has room for."""
-    return [(start, end) for start, end in spans if end < TITLE_WIDTH]

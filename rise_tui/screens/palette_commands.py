@@ -10,7 +10,7 @@ from functools import partial
 from typing import NamedTuple
 
 from rise_engine.scenario.model import KeyBinding, normal_topic
-from rise_tui.actions import ACTIONS, KEY_SCOPES, KeyScope
+from rise_tui.actions import ACTIONS, KEY_SCOPES, ConsoleAction, KeyScope
 from rise_tui.key_labels import first_key_label, why_blocked, why_task_blocked, why_unavailable
 from rise_tui.model.filtering import Filter, InvalidFilter
 from rise_tui.model.key_action import KeyAction, action_of_key, start_action
@@ -43,14 +43,15 @@ def palette_commands(
     titles = dict(KEY_SCOPES)
     own = [action for action in ACTIONS if action.scope == scope]
     rest = [action for action in ACTIONS if action.scope != scope and action.id != "palette"]
-    for action in own:
-        why = why_unavailable(action, store)
-        yield PaletteCommand(action.title, "here", first_key_label(action), action.help, why, partial(run, action.id))
+
+    def of_action(action: ConsoleAction, kind: str) -> PaletteCommand:
+        why, key = why_unavailable(action, store), first_key_label(action)
+        return PaletteCommand(action.title, kind, key, action.help, why, partial(run, action.id))
+
+    yield from (of_action(action, "here") for action in own)
     yield from _expected_events(store, start)
     for action in rest:
-        kind = "" if action.scope in ("everywhere", "console") else titles[action.scope].lower()
-        why = why_unavailable(action, store)
-        yield PaletteCommand(action.title, kind, first_key_label(action), action.help, why, partial(run, action.id))
+        yield of_action(action, "" if action.scope in ("everywhere", "console") else titles[action.scope].lower())
     yield from _scenario_commands(store, start)
 
 
@@ -62,7 +63,7 @@ def _expected_events(store: Store, start: Callable[[KeyAction], None]) -> Iterat
     for topic in sorted(topics - own):
         action = KeyAction("raiseEventTopic", topic)
         key = store.key_of(action.function, topic)
-        help = f"raise this event{_called(key)}: a running rule waits for it"
+        help = f"raise this event{_author_title(key)}: a running rule waits for it"
         yield PaletteCommand(topic, "event", key.label if key else "", help, why, partial(start, action))
 
 
@@ -75,7 +76,9 @@ def _scenario_commands(store: Store, start: Callable[[KeyAction], None]) -> Iter
     ):
         for name in names:
             action, key = start_action(scenario, function, name), store.key_of(function, name)
-            help = f"start this {kind}{_called(key)}" + ("; a running rule waits for it" if name in expected else "")
+            help = f"start this {kind}{_author_title(key)}" + (
+                "; a running rule waits for it" if name in expected else ""
+            )
             yield PaletteCommand(name, kind, key.label if key else "", help, why, partial(start, action))
     for key in scenario.keys.values():
         action = action_of_key(scenario, key)
@@ -89,7 +92,7 @@ def _scenario_commands(store: Store, start: Callable[[KeyAction], None]) -> Iter
             yield PaletteCommand(key_title(key), "set", key.label, key.behavior, why, partial(start, action))
 
 
-def _called(key: KeyBinding | None) -> str:
+def _author_title(key: KeyBinding | None) -> str:
     """What the author calls it, as words to be found by."""
     return f": {key.title}" if key is not None and key.title else ""
 

@@ -2,8 +2,12 @@
 
 from __future__ import annotations
 
+from abc import abstractmethod
+from typing import Generic
+
 from textual import events, on
 from textual.app import ComposeResult
+from textual.screen import ScreenResultType
 from textual.widgets import Input
 
 from rise_tui.model.filtering import Filter, InvalidFilter
@@ -25,8 +29,8 @@ class FoundList(RowList, can_focus=False):
         return CURSOR_BACKGROUND if index == self.cursor else ""
 
 
-class SearchDialog(SingleDismissModal[str]):
-    """Esc closes it; the result is what was chosen, or empty."""
+class SearchDialog(SingleDismissModal[ScreenResultType], Generic[ScreenResultType]):
+    """Esc closes it; the result is what was chosen, or None."""
 
     DEFAULT_CSS = """
     SearchDialog {
@@ -50,9 +54,9 @@ class SearchDialog(SingleDismissModal[str]):
     def on_mount(self) -> None:
         self.set_focus(self.search)
 
+    @abstractmethod
     def draw(self) -> None:
         """Show what fits to what is typed."""
-        raise NotImplementedError
 
     def typed_filter(self) -> Filter | None:
         """What is typed; None while that is nothing, or cannot be used yet."""
@@ -75,12 +79,12 @@ class SearchDialog(SingleDismissModal[str]):
 
     def on_key(self, event: events.Key) -> None:
         if event.key == "escape":
-            self.dismiss("")
-        elif not self.take_key(event.key):
+            self.dismiss(None)
+        elif not self.carry_out_key(event.key):
             return
         event.stop()
         event.prevent_default()
 
-    def take_key(self, key: str) -> bool:
-        """Do what a key asks for that is not typed."""
-        raise NotImplementedError
+    @abstractmethod
+    def carry_out_key(self, key: str) -> bool:
+        """Do what a key asks for that is not typed; False: it is typed."""

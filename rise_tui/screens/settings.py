@@ -2,21 +2,23 @@
 
 from __future__ import annotations
 
+import asyncio
 from collections.abc import Sequence
+from typing import ClassVar
 
 from msgspec.structs import replace
 from textual import events, on
 from textual.app import ComposeResult
+from textual.binding import Binding, BindingType
 from textual.containers import Horizontal, VerticalScroll
 from textual.message import Message
 from textual.widgets import Button, Input, Label, Static
-from textual.worker import Worker
 
 from rise_engine.protocol.session_options import SessionOptions
 from rise_engine.scenario.model import Scenario
 from rise_engine.scenario.study import condition_problem, study_conditions
 from rise_tui.config.launch import Launcher, ScenarioProblems, ScenarioSummary, list_robots, read_summary
-from rise_tui.config.settings import expand_home
+from rise_tui.config.paths import expand_home
 from rise_tui.model.session_summary import participant_text
 from rise_tui.model.store import Store
 from rise_tui.rendering.modal import SingleDismissModal
@@ -99,16 +101,22 @@ class SettingsScreen(SingleDismissModal[tuple[Scenario, SessionOptions] | None])
         Label { width: 12; color: $rise-muted; }
         TextField, TextField:focus { background: $surface; width: 1fr; }
         TextField:focus { background: $rise-cursor; }
-        #told { height: auto; max-height: 9; margin: 1 0 0 0; }
-        #told Static { width: 100%; height: auto; }
+        #report { height: auto; max-height: 9; margin: 1 0 0 0; }
+        #report Static { width: 100%; height: auto; }
         #buttons { height: 1; margin: 1 0 0 0; align-horizontal: right; }
         #buttons Button { margin: 0 0 0 2; min-width: 12; }
     }
     """
 
+    BINDINGS: ClassVar[list[BindingType]] = [
+        Binding("escape", "dismiss(None)", show=False),
+        Binding("left,up", "app.focus_previous", show=False),
+        Binding("right,down", "app.focus_next", show=False),
+    ]
+
     def __init__(self, settings: SessionOptions, store: Store, launcher: Launcher) -> None:
         super().__init__()
-        scenario, mode, robot = store.hello.scenario, store.hello.mode, store.hello.robot
+        scenario, mode, robot = store.attach_reply.scenario, store.attach_reply.mode, store.attach_reply.robot
         self._settings, self._store, self._launcher = settings, store, launcher
         names = list_robots(settings.folder)
         paths = {kind: settings.paths.get(kind) or scenario.paths.get(kind, "") for kind in PATH_KINDS}
@@ -119,7 +127,6 @@ class SettingsScreen(SingleDismissModal[tuple[Scenario, SessionOptions] | None])
         self._folder_read = settings.folder
         """The folder for which the fields were filled in."""
         self._apply_next = False
-        self._applied = settings
         self.changes, self.findings = Static("", markup=False), Static("", markup=False)
 
     def compose(self) -> ComposeResult:
@@ -129,14 +136,11 @@ class SettingsScreen(SingleDismissModal[tuple[Scenario, SessionOptions] | None])
                 yield from self._row(kind, TextField(self._current.paths[kind], id=kind, select_on_focus=False))
             yield from self._row("robot", ChoiceField(tuple(self._current.robots), self._current.robot, id="robot"))
             yield from self._row("mode", ChoiceField(MODES, self._current.mode, id="mode"))
-            yield from self._row(
-                "participant", self._empty_field("participant", "who takes part next; empty: nobody named")
-            )
-            known = study_conditions(self._store.scenario)
-            yield from self._row(
-                "condition", self._empty_field("condition", " or ".join(known) or "of the new session")
-            )
-            with VerticalScroll(id="told", can_focus=False):
+            conditions = " or ".join(study_conditions(self._store.scenario)) or "of the new session"
+            # These two begin empty: what was so in the session before would be wrong in a new one.
+            for name, hint in (("participant", "who takes part next; empty: nobody named"), ("condition", conditions)):
+                yield from self._row(name, TextField(placeholder=hint, id=name, select_on_focus=False))
+            with VerticalScroll(id="report", can_focus=False):
                 yield self.changes
                 yield self.findings
             with Horizontal(id="buttons"):
@@ -148,11 +152,6 @@ class SettingsScreen(SingleDismissModal[tuple[Scenario, SessionOptions] | None])
             yield Label(label)
             yield widget
 
-    @staticmethod
-    def _empty_field(name: str, placeholder: str) -> TextField:
-        """Empty: the memory of a new session begins anew, so the label of the one before would be wrong."""
-        return TextField(placeholder=placeholder, id=name, select_on_focus=False)
-
     def on_mount(self) -> None:
         self._show_changes()
 
@@ -160,7 +159,7 @@ class SettingsScreen(SingleDismissModal[tuple[Scenario, SessionOptions] | None])
     @on(ChoiceField.Changed)
     def _show_changes(self) -> None:
         """What applying would do, as long as nothing is applied."""
-        chosen = self.chosen()
+        chosen = self.chosen_options()
         lines = [f"  {what}: {before or '-'} → {after or '-'}" for what, before, after in self._differences(chosen)]
         of = participant_text(self._store)
         ends = f"Applying ends the session{f' of {of}' if of else ''} and starts a new one"
@@ -186,7 +185,7 @@ class SettingsScreen(SingleDismissModal[tuple[Scenario, SessionOptions] | None])
     def _is_running_folder(self, folder: str) -> bool:
         return bool(folder) and expand_home(folder) == expand_home(self._settings.folder)
 
-    def chosen(self) -> SessionOptions:
+    def chosen_options(self) -> SessionOptions:
         """What the fields say: exactly what is shown runs. Paths as the scenario has them stay the scenario's."""
         folder = self._folder
         paths = {kind: self.query_one(f"#{kind}", TextField).value.strip() for kind in PATH_KINDS}
@@ -205,18 +204,14 @@ class SettingsScreen(SingleDismissModal[tuple[Scenario, SessionOptions] | None])
 
     @on(Input.Changed, "#folder")
     def _folder_changed(self) -> None:
-        folder = self._folder
         self._apply_next = False
-        if folder != self._folder_read:
-            self.run_worker(
-                lambda: (folder, self._read_folder(folder)), thread=True, exclusive=True, group="say", name="say"
-            )
+        if self._folder != self._folder_read:
+            self.run_worker(self._fill_fields(self._folder), exclusive=True, group="fields")
 
-    def _read_folder(self, folder: str) -> ScenarioSummary | None:
-        return self._current if self._is_running_folder(folder) else read_summary(folder)
-
-    def _fill_fields(self, folder: str, found: ScenarioSummary | None) -> None:
+    async def _fill_fields(self, folder: str) -> None:
         """Another scenario has its own paths, robot and mode."""
+        running = self._is_running_folder(folder)
+        found = self._current if running else await asyncio.to_thread(read_summary, folder)
         if folder != self._folder:
             return  # it has changed again
         self._folder_read = folder
@@ -235,7 +230,7 @@ class SettingsScreen(SingleDismissModal[tuple[Scenario, SessionOptions] | None])
         self.query_one("#apply", Button).focus()
 
     @on(Button.Pressed, "#leave")
-    def _leave(self) -> None:
+    def _dismiss_unchanged(self) -> None:
         self.dismiss(None)
 
     @on(Button.Pressed, "#apply")
@@ -247,23 +242,18 @@ class SettingsScreen(SingleDismissModal[tuple[Scenario, SessionOptions] | None])
         self._apply_next = folder != self._folder_read  # then it is being read: first shown, then applied
         self.findings.update("reading …")
         if not self._apply_next:
-            settings = self._applied = self.chosen()
-            self.run_worker(lambda: self._launcher.load_scenario(settings), thread=True, exclusive=True, name="prepare")
+            self.run_worker(self._load(self.chosen_options()), exclusive=True, group="load")
 
-    def on_worker_state_changed(self, event: Worker.StateChanged) -> None:
-        if event.worker.name not in ("prepare", "say") or not event.worker.is_finished:
-            return
-        event.stop()
-        result = event.worker.result
-        if isinstance(result, tuple):
-            self._fill_fields(*result)
-        elif isinstance(result, ScenarioProblems):
-            self.findings.update("\n".join(["refused; nothing has changed:", *result.lines]))
-        elif isinstance(result, Scenario) and (problem := condition_problem(result, self._applied.condition)):
+    async def _load(self, settings: SessionOptions) -> None:
+        """Show what is wrong with the scenario; when nothing is, ask."""
+        found = await asyncio.to_thread(self._launcher.load_scenario, settings)
+        if isinstance(found, ScenarioProblems):
+            self.findings.update("\n".join(["refused; nothing has changed:", *found.lines]))
+        elif problem := condition_problem(found, settings.condition):
             self.findings.update(f"refused; nothing has changed:\n{problem}")
-        elif isinstance(result, Scenario):
+        else:
             self.findings.update("")
-            self._confirm(result, self._applied)
+            self._confirm(found, settings)
 
     def _confirm(self, scenario: Scenario, settings: SessionOptions) -> None:
         who = " · ".join(filter(None, (settings.participant, settings.condition))) or "nobody named"
@@ -271,19 +261,8 @@ class SettingsScreen(SingleDismissModal[tuple[Scenario, SessionOptions] | None])
         then = f"Then a new one starts for {who}: {scenario.title} · {scenario.mode.upper()} · robot {robot}"
         question = end_session_dialog(self._store, clean(then))
 
-        def answered(yes: bool | None) -> None:
+        def dismiss_if_confirmed(yes: bool | None) -> None:
             if yes:
                 self.dismiss((scenario, settings))
 
-        self.app.push_screen(question, answered)
-
-    def on_key(self, event: events.Key) -> None:
-        if event.key == "escape":
-            event.stop()
-            self.dismiss(None)
-        elif event.key in ("up", "down"):
-            event.stop()
-            self.focus_next() if event.key == "down" else self.focus_previous()
-        elif event.key in ("left", "right") and isinstance(self.focused, Button):
-            event.stop()
-            self.focus_next() if event.key == "right" else self.focus_previous()
+        self.app.push_screen(question, dismiss_if_confirmed)

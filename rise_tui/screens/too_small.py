@@ -48,10 +48,10 @@ class TooSmallScreen(SingleDismissModal[None]):
     def __init__(self, store: Store) -> None:
         super().__init__()
         self._store = store
-        self.said = StaticLines()
+        self.lines = StaticLines()
 
     def compose(self) -> ComposeResult:
-        yield self.said
+        yield self.lines
 
     def on_mount(self) -> None:
         self.set_interval(REFRESH_SECONDS, self._draw)
@@ -59,9 +59,9 @@ class TooSmallScreen(SingleDismissModal[None]):
     def _draw(self) -> None:
         size = self.app.size
         if is_too_small(*size):
-            self.said.show(*too_small_lines(size, self._store))
-        elif self.app.screen is self:  # not below a question, which is answered first
-            self.dismiss(None)
+            self.lines.show(*too_small_lines(size, self._store))
+        else:
+            self.dismiss(None)  # does nothing below a question, which is answered first
 
     def on_resize(self) -> None:
         self._draw()

@@ -9,6 +9,7 @@ from textual import events
 from textual.app import ComposeResult
 from textual.geometry import Offset, Region, Size
 
+from rise_tui.actions import ACTIONS
 from rise_tui.key_labels import key_name
 from rise_tui.model.store import Store
 from rise_tui.rendering.modal import SingleDismissModal
@@ -21,33 +22,46 @@ FOLLOW_SECONDS = 0.5
 """How soon a box follows what it points at, when an alarm moves that."""
 
 
-STEP_TEXTS = (
-    (
+class TourStep(NamedTuple):
+    """One box, and the id of the part of the screen at which it points."""
+
+    part: str
+    title: str
+    template: str
+    """Names keys by their actions: `{stop}`."""
+
+    @property
+    def text(self) -> str:
+        return self.template.format_map({action.id: key_name(action.id) for action in ACTIONS})
+
+
+STEPS = (
+    TourStep(
         "status",
         "The top line",
         "Who takes part and in which condition, DEBUG or REAL, the robot and its link, the time, and whether your keys "
         "start anything. LIVE: they do. {cue} marks the end of the participant's turn, and the time since then is "
         "counted here. Below it: what the robot says, word for word, and what comes next if nobody does anything.",
     ),
-    (
+    TourStep(
         "acts",
         "What you start",
         "Acts and rules, each with its key and its state in words. Press the key, or choose the row and press Enter. "
         "{safe} changes between LIVE and SAFE: in SAFE nothing starts while you look around. {lock} locks the keys.",
     ),
-    (
+    TourStep(
         "stop",
         "Stop",
         "{stop} stops the robot and everything else at once, also while you type or read this. A red bar says who has "
         "confirmed it. Nothing starts until {release} releases the stop.",
     ),
-    (
+    TourStep(
         "watching",
         "What you watch",
         "Rule shows where the study stands and why: what each way out waits for, and which of your keys brings it "
         "about. {next-pane} goes to the next pane, {jump} and a letter to any of them.",
     ),
-    (
+    TourStep(
         "hints",
         "Finding the rest",
         "Above this line are the keys of your study, those that it waits for first; this line names the console's. "
@@ -55,28 +69,13 @@ STEP_TEXTS = (
         "name, {quit} leaves: the session goes on without you, or ends if you say so.",
     ),
 )
-"""Part of the screen, title, and text with the keys of actions."""
-
-
-class TourStep(NamedTuple):
-    """One box, and the id of the part of the screen at which it points."""
-
-    part: str
-    title: str
-    text: str
-
-
-def tour_steps() -> tuple[TourStep, ...]:
-    """In the order of a wizard's questions."""
-    keys = {id: key_name(id) for id in ("cue", "safe", "lock", "stop", "release", "next-pane", "jump", "help")}
-    keys |= {id: key_name(id) for id in ("palette", "quit")}
-    return tuple(TourStep(part, title, text.format_map(keys)) for part, title, text in STEP_TEXTS)
+"""In the order of a wizard's questions."""
 
 
 def is_tour_due(store: Store) -> bool:
     """Whether a first run is the moment for it: a wizard's own session that has only just begun."""
-    quiet = not (store.gone_reason or store.hello.replay or store.view.tasks or store.view.stop.latched)
-    return quiet and store.has_control and store.hello.role == "wizard" and store.now() <= FRESH_SECONDS
+    quiet = not (store.gone_reason or store.attach_reply.replay or store.view.tasks or store.view.stop.latched)
+    return quiet and store.has_control and store.attach_reply.role == "wizard" and store.now() <= FRESH_SECONDS
 
 
 class TourScreen(SingleDismissModal[None]):
@@ -91,7 +90,7 @@ class TourScreen(SingleDismissModal[None]):
         """`part_of`: where a part stands on the screen. `room`: where a box may stand; an alarm is never covered."""
         super().__init__()
         self._part_of, self._room = part_of, room
-        self._steps, self._step_number = tour_steps(), 0
+        self._step_number = 0
         self._box, self._pointer = StaticLines(), StaticLines()
 
     def compose(self) -> ComposeResult:
@@ -109,9 +108,9 @@ class TourScreen(SingleDismissModal[None]):
         return self._box.text
 
     def _show_step(self) -> None:
-        step = self._steps[self._step_number]
+        step = STEPS[self._step_number]
         part, room = self._part_of(step.part), self._room()
-        lines = box_lines(step, self._step_number + 1, len(self._steps), min(WIDTH, room.width))
+        lines = box_lines(step, self._step_number + 1, min(WIDTH, room.width))
         size = Size(min(WIDTH, room.width), len(lines))
         at, pointer, arrow = place_box(part, size, room)
         self._box.styles.width, self._box.styles.height = size
@@ -122,7 +121,7 @@ class TourScreen(SingleDismissModal[None]):
     def on_key(self, event: events.Key) -> None:
         event.stop()
         event.prevent_default()
-        if event.key == "escape" or (event.key in ("enter", "right") and self._step_number == len(self._steps) - 1):
+        if event.key == "escape" or (event.key in ("enter", "right") and self._step_number == len(STEPS) - 1):
             self.dismiss(None)
         elif event.key in ("enter", "right", "left"):
             self._step_number = max(0, self._step_number + (-1 if event.key == "left" else 1))
@@ -132,16 +131,16 @@ class TourScreen(SingleDismissModal[None]):
         self._show_step()
 
 
-def box_lines(step: TourStep, number: int, of: int, width: int) -> tuple[StyledLine, ...]:
+def box_lines(step: TourStep, number: int, width: int) -> tuple[StyledLine, ...]:
     """Title, text, and what the keys do, in a frame."""
     inner = width - 4
-    keys = "enter next · ← back · esc ends the tour" if number < of else "enter ends the tour · ← back"
+    keys = "enter next · ← back · esc ends the tour" if number < len(STEPS) else "enter ends the tour · ← back"
     title: StyledLine = (
         fixed_span(step.title, inner - 7, "accent"),
-        fixed_span(f"{number} of {of}", 7, "muted", right=True),
+        fixed_span(f"{number} of {len(STEPS)}", 7, "muted", right=True),
     )
     empty: StyledLine = ((" " * inner, "plain"),)
-    texts: list[StyledLine] = [(fixed_span(text, inner),) for text in wrap(step.text, inner)]
+    texts: list[StyledLine] = [(fixed_span(line, inner),) for line in wrap(step.text, inner)]
     foot: StyledLine = (fixed_span(keys, inner, "muted"),)
     framed = [(("│ ", "key"), *line, (" │", "key")) for line in (title, empty, *texts, empty, foot)]
     edge = "─" * (width - 2)

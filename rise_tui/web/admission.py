@@ -19,8 +19,6 @@ MOST_WAITING_SECONDS = 10.0
 MOST_WAITING = 64
 MOST_WAITING_OF_USER = 16
 """Of those that wait, of one user of the machine who is not the one that serves."""
-MOST_ADMITTED = 256
-"""Connections that have shown the token. A browser opens about six for a page."""
 
 UserLookup = Callable[[tuple[str, int], tuple[str, int]], int | None]
 """The number of the user at the other end, by the addresses of both ends; None: nobody knows."""
@@ -33,7 +31,6 @@ class Admission:
         self._who_is = who_is or user_of_connection
         self._own = os.getuid() if own is None else own
         self._waiting: dict[PendingConnection, int | None] = {}
-        self._admitted: dict[PendingConnection, None] = {}
 
     @property
     def waiting(self) -> int:
@@ -52,17 +49,12 @@ class Admission:
 
     def admit(self, transport: asyncio.BaseTransport | None) -> None:
         """What has come on this connection had the token."""
-        visitor = next((each for each in self._waiting if each.transport is transport), None)
-        if visitor is None:
-            return
-        del self._waiting[visitor]
-        self._admitted[visitor] = None
-        if len(self._admitted) > MOST_ADMITTED:
-            self._reject(next(iter(self._admitted)))
+        if (visitor := next((each for each in self._waiting if each.transport is transport), None)) is not None:
+            self.remove(visitor)
 
     def remove(self, visitor: PendingConnection) -> None:
+        """It waits no longer."""
         self._waiting.pop(visitor, None)
-        self._admitted.pop(visitor, None)
 
     def time_out(self, visitor: PendingConnection) -> None:
         """Its time is over, unless it has shown the token."""

@@ -20,15 +20,15 @@ _PAGE = """<!DOCTYPE html>
 html, body {{ margin: 0; height: 100%; background: #12151a; color: #d7dce2;
   font: 16px "Roboto Mono", Menlo, monospace; overflow: hidden; }}
 .textual-terminal {{ position: absolute; inset: 0; }}
-.said {{ position: absolute; inset: 0; display: none; align-items: center; justify-content: center; z-index: 10;
+.notice {{ position: absolute; inset: 0; display: none; align-items: center; justify-content: center; z-index: 10;
   background: #12151ae0; text-align: center; }}
 body:not(.-first-byte):not(.-closed) .waiting, body.-closed .ended {{ display: flex; }}
 a {{ color: #8ab4f8; }}
 </style>
 </head>
 <body>
-<div class="said waiting"><p>{title}: the console comes</p></div>
-<div class="said ended"><p>This console has ended; the session is not touched by that.<br><br><a href="/">Open it
+<div class="notice waiting"><p>{title}: the console comes</p></div>
+<div class="notice ended"><p>This console has ended; the session is not touched by that.<br><br><a href="/">Open it
 again</a></p></div>
 <div id="terminal" class="textual-terminal" data-session-websocket-url="ws://{host}/ws" data-font-size="{size}"></div>
 </body>

@@ -48,7 +48,7 @@ def serve(name: str, arguments: Sequence[str], port: int) -> None:
     """
     listening = _listen(port)
     with suppress(KeyboardInterrupt):
-        asyncio.run(BrowserServer(name, _title(name), arguments).run(listening))
+        asyncio.run(BrowserServer(name, _session_title(name), arguments).run(listening))
 
 
 def _listen(port: int) -> socket.socket:
@@ -64,7 +64,7 @@ def _listen(port: int) -> socket.socket:
     return listening
 
 
-def _title(name: str) -> str:
+def _session_title(name: str) -> str:
     try:
         found = ask_summary(name)
     except RegistryError:
@@ -132,10 +132,10 @@ class BrowserServer:
         """Nothing is answered before it is certain who asks."""
         host = request.headers.get("Host")
         if host is None or not self.auth.is_local_host(host):
-            return _refused("this address is only for browsers on this machine, or at the end of a tunnel to it")
+            return _refusal("this address is only for browsers on this machine, or at the end of a tunnel to it")
         if "token" in request.query:
             if request.path != "/" or not self.auth.is_token(request.query["token"]):
-                return _refused("this is not the token: take the whole address that rise-tui --web has printed")
+                return _refusal("this is not the token: take the whole address that rise-tui --web has printed")
             self._admission.admit(request.transport)
             answer = web.Response(
                 text=token_page(_font_size(request)), content_type="text/html", headers=security_headers(host)
@@ -143,9 +143,9 @@ class BrowserServer:
             answer.set_cookie(self.auth.cookie, self.auth.token, httponly=True, samesite="Strict", path="/")
             return answer
         if not self.auth.is_token(request.cookies.get(self.auth.cookie)):
-            return _refused("open the whole address, with its token, that rise-tui --web has printed")
+            return _refusal("open the whole address, with its token, that rise-tui --web has printed")
         if request.path == "/ws" and not self.auth.is_own_origin(request.headers.get("Origin"), host):
-            return _refused("only a page of this server can open a console")
+            return _refusal("only a page of this server can open a console")
         self._admission.admit(request.transport)
         try:
             answer_to = await handler(request)
@@ -168,7 +168,7 @@ class BrowserServer:
             return browser
         self._browsers.add(browser)
         try:
-            width, height = (_number(request.query.get(side), 0) for side in ("width", "height"))
+            width, height = (_parse_number(request.query.get(side), 0) for side in ("width", "height"))
             terminal = await WebTerminal.open(self._arguments, width or 80, height or 24)
             shown = asyncio.create_task(_send_output(terminal, browser))
             try:
@@ -214,13 +214,13 @@ async def _receive_input(terminal: WebTerminal, browser: web.WebSocketResponse) 
 
 def _font_size(request: web.Request) -> int:
     least, usual, most = FONT_SIZES
-    return min(max(_number(request.query.get("fontsize"), usual), least), most)
+    return min(max(_parse_number(request.query.get("fontsize"), usual), least), most)
 
 
-def _number(text: str | None, otherwise: int) -> int:
+def _parse_number(text: str | None, otherwise: int) -> int:
     return int(text) if text is not None and text.isdecimal() and len(text) < 6 else otherwise
 
 
-def _refused(why: str) -> web.Response:
+def _refusal(why: str) -> web.Response:
     more: dict[str, Any] = {"Cache-Control": "no-store", "X-Content-Type-Options": "nosniff"}
     return web.Response(status=403, text=f"{why}\n", headers=more)

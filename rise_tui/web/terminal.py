@@ -24,9 +24,8 @@ _OTHERS = ("TMUX", "TMUX_PANE", "STY", "TERM_PROGRAM", "TERM_PROGRAM_VERSION", "
 class WebTerminal:
     """Bytes in, bytes out; knows nothing of browsers."""
 
-    def __init__(self, master: int, process: Process) -> None:
-        self._master, self._process = master, process
-        self._pending_input = bytearray()
+    def __init__(self, master: int, process: Process, keyboard: asyncio.WriteTransport) -> None:
+        self._master, self._process, self._keyboard = master, process, keyboard
 
     @classmethod
     async def open(cls, arguments: Sequence[str], width: int, height: int) -> WebTerminal:
@@ -44,12 +43,15 @@ class WebTerminal:
                 env={**environment, "TERM": "xterm-256color", "COLORTERM": "truecolor"},
                 start_new_session=True,
             )
+            keyboard, _ = await asyncio.get_running_loop().connect_write_pipe(
+                asyncio.BaseProtocol, os.fdopen(os.dup(master), "wb", buffering=0)
+            )
         except BaseException:
             os.close(master)
             raise
         finally:
             os.close(slave)
-        return cls(master, process)
+        return cls(master, process, keyboard)
 
     async def read_output(self) -> AsyncIterator[bytes]:
         """What the console writes, until it ends. Who takes it slowly slows the console down, and nobody else."""
@@ -73,20 +75,7 @@ class WebTerminal:
 
     def write_input(self, data: bytes) -> None:
         """What was typed; kept until the console takes it."""
-        self._pending_input += data
-        self._flush_input()
-
-    def _flush_input(self) -> None:
-        loop = asyncio.get_running_loop()
-        try:
-            while self._pending_input:
-                del self._pending_input[: os.write(self._master, self._pending_input[:_CHUNK])]
-        except BlockingIOError:
-            loop.add_writer(self._master, self._flush_input)
-            return
-        except OSError:
-            self._pending_input.clear()
-        loop.remove_writer(self._master)
+        self._keyboard.write(data)
 
     def resize(self, width: int, height: int) -> None:
         with suppress(OSError):
@@ -94,7 +83,7 @@ class WebTerminal:
 
     async def close(self) -> None:
         """Hang up, as a closed terminal does: the console detaches and ends. One that does not is killed."""
-        asyncio.get_running_loop().remove_writer(self._master)
+        self._keyboard.abort()
         os.close(self._master)
         try:
             await asyncio.wait_for(self._process.wait(), PATIENCE)

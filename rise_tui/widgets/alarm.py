@@ -11,7 +11,7 @@ from rise_tui.model.alarms import alarm_lines, current_alarms, degraded_text
 from rise_tui.model.control import control_lost_text, short_name
 from rise_tui.model.store import Store
 from rise_tui.rendering.text import StyledLine, crop, plain_text
-from rise_tui.widgets.static_lines import StaticLines
+from rise_tui.widgets.static_lines import StoreLines
 
 LEAST_ROWS = 5
 """Lines that a failed act may take on the smallest terminal: which, why, two for what was not said, the keys."""
@@ -19,7 +19,7 @@ ROW_SHARE = 4
 """Of the rows at most one in so many: the band above says the first sentence too, and the panes must be seen."""
 
 
-class AlarmBar(StaticLines):
+class AlarmBar(StoreLines):
     """Shown while something holds that every wizard must know."""
 
     DEFAULT_CSS = """
@@ -27,13 +27,11 @@ class AlarmBar(StaticLines):
     AlarmBar.-on { display: block; }
     """
 
-    def __init__(self) -> None:
-        super().__init__()
-        self.counts = False
-        """Whether what it shows changes with every second."""
+    counts = False
+    """Whether what it shows changes with every second."""
 
-    def draw(self, store: Store) -> None:
-        found = current_alarms(store, key_name)
+    def draw(self) -> None:
+        found = current_alarms(self.store, key_name)
         self.counts = any(alarm.counts_seconds for alarm in found)
         shown = alarm_lines(found)
         self.set_class(bool(shown), "-on")
@@ -41,7 +39,7 @@ class AlarmBar(StaticLines):
         self.show(*(crop(line, width) if width else line for line in shown))
 
 
-class AttentionBar(StaticLines):
+class AttentionBar(StoreLines):
     """Amber lines: somebody asks for control, or has taken it; a robot that works, but not wholly."""
 
     DEFAULT_CSS = """
@@ -50,16 +48,17 @@ class AttentionBar(StaticLines):
     AttentionBar.-two { height: 2; }
     """
 
-    def draw(self, store: Store) -> None:
-        shown = [] if store.gone_reason else [line for line in (_control(store), _degraded(store)) if line]
+    def draw(self) -> None:
+        store = self.store
+        shown = [] if store.gone_reason else [line for line in (_control_line(store), _degraded_line(store)) if line]
         self.set_class(bool(shown), "-on")
         self.set_class(len(shown) > 1, "-two")
         width = self.size.width
         self.show(*(crop(line, width) if width else line for line in shown))
 
 
-def _control(store: Store) -> StyledLine:
-    if store.hello.replay:
+def _control_line(store: Store) -> StyledLine:
+    if store.attach_reply.replay:
         return ()
     if store.control_lost is not None and not store.has_control:
         return ((f" {control_lost_text(store.control_lost, key_text('control'))} ", "call"),)
@@ -68,12 +67,12 @@ def _control(store: Store) -> StyledLine:
     return ()
 
 
-def _degraded(store: Store) -> StyledLine:
+def _degraded_line(store: Store) -> StyledLine:
     said = degraded_text(store)
     return ((f" {said} ", "wait"),) if said else ()
 
 
-class FailureBar(StaticLines):
+class FailureBar(StoreLines):
     """An act that failed, and what was not said: it stays until somebody answers it, or the act is done after all."""
 
     DEFAULT_CSS = """
@@ -81,12 +80,12 @@ class FailureBar(StaticLines):
     FailureBar.-on { display: block; }
     """
 
-    def draw(self, store: Store) -> None:
+    def draw(self) -> None:
         width, height = self.app.size
-        shown = failures.failure_lines(store, self.size.width or width, max(LEAST_ROWS, height // ROW_SHARE), key_name)
+        rows = max(LEAST_ROWS, height // ROW_SHARE)
+        shown = failures.failure_lines(self.store, self.size.width or width, rows, key_name)
         self.set_class(bool(shown), "-on")
-        if len(shown) != len(self.lines):
-            self.styles.height = max(1, len(shown))
+        self.styles.height = max(1, len(shown))
         self.show(*shown)
 
     def on_click(self, event: events.Click) -> None:

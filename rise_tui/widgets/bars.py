@@ -12,11 +12,10 @@ from rise_tui.key_labels import first_key_label, keys_of, why_unavailable
 from rise_tui.messages import RunAction
 from rise_tui.model.cue import filler_due, passed_text
 from rise_tui.model.free_speech import SpeechEffect
-from rise_tui.model.input_lock import LOCKED_ACTIONS
 from rise_tui.model.status import status_line
 from rise_tui.model.store import Store
 from rise_tui.rendering.text import StyledLine, StyledSpan, TextRole, crop, fit, line_width, wrap
-from rise_tui.widgets.static_lines import StaticLines
+from rise_tui.widgets.static_lines import StaticLines, StoreLines
 
 NARROW = 100
 NOTICE_LINES = 3
@@ -32,40 +31,39 @@ NOTICE_GLYPHS: dict[str, tuple[str, TextRole]] = {
 }
 
 
-class StatusLine(StaticLines):
+class StatusLine(StoreLines):
     """Always on top: what runs, in which mode, on which robot, since when, and whether keys start anything."""
 
     DEFAULT_CSS = """
     StatusLine { background: $rise-bar; }
     """
 
-    def draw(self, store: Store) -> None:
-        self.show(status_line(store, self.size.width))
+    def draw(self) -> None:
+        self.show(status_line(self.store, self.size.width))
 
 
-class NoticeLine(StaticLines):
+class NoticeLine(StoreLines):
     """One sentence: a rejection, a fault, an answer to a key; else that it is time for a filler.
 
     What has no room in one line takes two or three: nobody can ask for the end of a sentence that was cut off.
     """
 
-    def draw(self, store: Store) -> None:
-        notice, width = store.notice, self.size.width
+    def draw(self) -> None:
+        notice, width = self.store.notice, self.size.width
         if notice is None:
-            self._show_lines(crop(_filler_offer(store), width))
+            self._show_lines(crop(_filler_offer(self.store), width))
             return
-        glyph, tone = NOTICE_GLYPHS[notice.level]
+        glyph, role = NOTICE_GLYPHS[notice.level]
         pieces = wrap(notice.text, max(20, width - 3)) if width else [notice.text]
         if len(pieces) > NOTICE_LINES:
             pieces = [*pieces[: NOTICE_LINES - 1], " ".join(pieces[NOTICE_LINES - 1 :])]
         leads = [f" {glyph} ", *["   "] * (NOTICE_LINES - 1)]
         self._show_lines(
-            *(crop(((f"{lead}{piece}", tone),), width) for lead, piece in zip(leads, pieces, strict=False))
+            *(crop(((f"{lead}{piece}", role),), width) for lead, piece in zip(leads, pieces, strict=False))
         )
 
     def _show_lines(self, *lines: StyledLine) -> None:
-        if len(lines) != max(1, len(self.lines)):
-            self.styles.height = len(lines)
+        self.styles.height = len(lines)
         self.show(*lines)
 
 
@@ -81,8 +79,6 @@ class KeyHints(StaticLines):
         self._targets: list[tuple[int, int, str]] = []
 
     def draw(self, own: Sequence[ConsoleAction], common: Sequence[ConsoleAction], store: Store) -> None:
-        if store.input_mode == "LOCKED":
-            own, common = (), [BY_ID[id] for id in LOCKED_ACTIONS]
         if store.gone_reason:
             own = [action for action in own if not why_unavailable(action, store)]  # what is left is to read
             common = [BY_ID[id] for id in GONE_ACTIONS]
@@ -177,8 +173,8 @@ def _hint_word(action: ConsoleAction, store: Store, width: int) -> str:
 def _hint(action: ConsoleAction, store: Store, word: str) -> list[StyledSpan]:
     stop, off = action.id == "stop", bool(why_unavailable(action, store))
     key = "F9/^G" if stop else first_key_label(action)
-    tone: TextRole = "muted" if off else "fault" if stop else "key"
-    return [(f" {key}", tone), (f" {word} ", "muted" if off else "fault" if stop else "plain")]
+    role: TextRole = "muted" if off else "fault" if stop else "key"
+    return [(f" {key}", role), (f" {word} ", "muted" if off else "fault" if stop else "plain")]
 
 
 def _stop_hint(store: Store) -> list[StyledSpan]:

@@ -113,11 +113,7 @@ class RowEditor(Vertical):
         self.remove_class("-conflict")
         self.add_class("-open")
         (self._value if key else self._key).focus()
-        self._draw()
-
-    def check(self) -> None:
-        """The memory may have changed while the editor is open."""
-        self._draw()
+        self.draw()
 
     @property
     def _key_meant(self) -> str:
@@ -132,7 +128,8 @@ class RowEditor(Vertical):
         now = self._value_of(key)
         return None if now.text == self._before.text else now
 
-    def _draw(self) -> None:
+    def draw(self) -> None:
+        """Show what the value would be, and whether the memory has changed while the editor is open."""
         _, kind, remark = parse_typed_value(self._value.value)
         self.type_line.show(_type_line(kind, remark, self.type_line.size.width) if remark else ((kind, "accent"),))
         now = self._conflicting_value()
@@ -151,12 +148,12 @@ class RowEditor(Vertical):
     @on(StaticLines.DrawAgain)
     def _resized(self, event: StaticLines.DrawAgain) -> None:
         event.stop()
-        self._draw()
+        self.draw()
 
     @on(Input.Changed)
     def _draw_changed(self, event: Input.Changed) -> None:
         event.stop()
-        self._draw()
+        self.draw()
 
     @on(Input.Submitted)
     def _accept(self, event: Input.Submitted) -> None:
@@ -168,7 +165,7 @@ class RowEditor(Vertical):
         now = self._conflicting_value()
         if now is not None and now != self._shown_conflict:
             self._shown_conflict = now
-            self._draw()
+            self.draw()
             return
         self._close(key, parse_typed_value(self._value.value)[0])
 

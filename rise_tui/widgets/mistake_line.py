@@ -12,7 +12,7 @@ from textual.widget import Widget
 from rise_tui.model.mistakes import MISTAKE_MARKS, markable_name
 from rise_tui.model.store import Store
 from rise_tui.rendering.text import StyledLine, StyledSpan, clean, crop, fit, line_width
-from rise_tui.widgets.static_lines import StaticLines
+from rise_tui.widgets.static_lines import StoreLines
 
 WIDE = 100
 """Cells from which on the choices stand apart; below it the name of what was done needs the room."""
@@ -20,7 +20,12 @@ OPEN_SECONDS = 4.0
 """How long the line waits for a letter."""
 
 
-class MistakeLine(StaticLines, can_focus=True):
+def is_mark_key(key: str) -> bool:
+    """Whether the line takes a key for itself while it is open."""
+    return key == "escape" or any(choice.key == key for choice in MISTAKE_MARKS)
+
+
+class MistakeLine(StoreLines, can_focus=True):
     """Stands where the notice stands. A key that is none of its own closes it and does what it always does."""
 
     DEFAULT_CSS = """
@@ -42,8 +47,8 @@ class MistakeLine(StaticLines, can_focus=True):
         back: Widget | None
         """What had the focus before."""
 
-    def __init__(self) -> None:
-        super().__init__(id="mistake")
+    def __init__(self, store: Store) -> None:
+        super().__init__(store, id="mistake")
         self.marked = 0
         """The task that is asked about."""
         self._back: Widget | None = None
@@ -73,7 +78,8 @@ class MistakeLine(StaticLines, can_focus=True):
             self.remove_class("-open")
             self.post_message(self.EndMarking(self._back))
 
-    def draw(self, store: Store) -> None:
+    def draw(self) -> None:
+        store = self.store
         task = store.view.tasks.get(self.marked)
         if task is None or not self.is_open:
             return

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from abc import abstractmethod
 from collections.abc import Sequence
 from dataclasses import dataclass
 from time import monotonic
@@ -64,11 +65,13 @@ class RowView(ScrollView, StyledLines, can_focus=True):
         return monotonic() - self.displaced_at < DISPLACED_SECONDS
 
     @property
+    @abstractmethod
     def count(self) -> int:
-        raise NotImplementedError
+        """How many rows there are."""
 
+    @abstractmethod
     def row_at(self, index: int) -> ListRow:
-        raise NotImplementedError
+        """What is in a row."""
 
     @property
     def current_id(self) -> str:
@@ -108,21 +111,20 @@ class RowView(ScrollView, StyledLines, can_focus=True):
             if by_wizard:
                 self.displaced_at = float("-inf")
                 self.post_message(self.CursorMoved(self))
-        if index >= 0:
-            self.bring_into_view(index)
-
-    def bring_into_view(self, index: int) -> None:
         top, height = self.scroll_offset.y, self.size.height
-        if height and index < top:
+        if height and 0 <= index < top:
             self.scroll_to(y=index, animate=False)
         elif height and index >= top + height:
             self.scroll_to(y=index - height + 1, animate=False)
 
+    def _find_selectable(self, index: int, direction: int) -> int | None:
+        """The first row from `index` on that the cursor may stand on."""
+        indices = range(max(index, 0), self.count) if direction > 0 else range(index, -1, -1)
+        return next((at for at in indices if self.row_at(at).selectable), None)
+
     def action_step(self, direction: int) -> None:
-        index = self.cursor + direction
-        while 0 <= index < self.count and not self.row_at(index).selectable:
-            index += direction
-        if 0 <= index < self.count:
+        index = self._find_selectable(self.cursor + direction, direction)
+        if index is not None:
             self.move_cursor(index)
         else:  # nothing to select further on, but there may be more to read
             (self.continuation or self).scroll_relative(y=direction, animate=False)
@@ -140,13 +142,10 @@ class RowView(ScrollView, StyledLines, can_focus=True):
     def _move_to_nearest(self, index: int, direction: int) -> None:
         """The selectable row nearest to `index`, first looking further on, then back."""
         index = min(max(index, 0), self.count - 1)
-        for step in (direction, -direction):
-            at = index
-            while 0 <= at < self.count:
-                if self.row_at(at).selectable:
-                    self.move_cursor(at)
-                    return
-                at += step
+        nearest = self._find_selectable(index, direction)
+        nearest = self._find_selectable(index, -direction) if nearest is None else nearest
+        if nearest is not None:
+            self.move_cursor(nearest)
 
     def _refresh_row(self, index: int) -> None:
         if index >= 0:
@@ -190,7 +189,8 @@ class RowList(RowView):
         """Show these rows; only those that differ are repainted."""
         old, self._rows = self._rows, rows
         before, current = self.cursor, old[self.cursor].id if 0 <= self.cursor < len(old) else ""
-        self.cursor = self._find(current, before)
+        found = self._index_of(current) if current else None
+        self.cursor = self._nearest_index(before) if found is None else found
         if current and self.current_id != current:
             self.displaced_at = monotonic()
         self.virtual_size = Size(self.row_width, len(rows))
@@ -203,17 +203,12 @@ class RowList(RowView):
 
     def select(self, row_id: str) -> None:
         """Put the cursor on a row, if it is there."""
-        for index, row in enumerate(self._rows):
-            if row.id == row_id and row.selectable:
-                self.move_cursor(index, by_wizard=False)
-                return
+        if (index := self._index_of(row_id)) is not None:
+            self.move_cursor(index, by_wizard=False)
 
-    def _find(self, row_id: str, before: int) -> int:
-        if row_id:
-            for index, row in enumerate(self._rows):
-                if row.id == row_id and row.selectable:
-                    return index
-        selectable = [index for index, row in enumerate(self._rows) if row.selectable]
-        if not selectable:
-            return -1
-        return min(selectable, key=lambda index: abs(index - max(before, 0)))
+    def _index_of(self, row_id: str) -> int | None:
+        return next((index for index, row in enumerate(self._rows) if row.id == row_id and row.selectable), None)
+
+    def _nearest_index(self, before: int) -> int:
+        selectable = (index for index, row in enumerate(self._rows) if row.selectable)
+        return min(selectable, key=lambda index: abs(index - max(before, 0)), default=-1)

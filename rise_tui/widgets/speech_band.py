@@ -10,60 +10,51 @@ from rise_tui.messages import RequestStart, RunAction
 from rise_tui.model.key_action import action_of_key
 from rise_tui.model.key_strip import KeyStripPiece, key_strip_height, key_strip_lines
 from rise_tui.model.speech_band import sentence_height, speech_band_lines
-from rise_tui.model.store import Store
-from rise_tui.widgets.static_lines import StaticLines
+from rise_tui.widgets.static_lines import StoreLines
 
 
-class SpeechBand(StaticLines):
+class SpeechBand(StoreLines):
     """The sentence that the robot says, on every size, and what comes next if nobody does anything."""
 
     DEFAULT_CSS = """
     SpeechBand { height: 2; background: $surface; }
     """
 
-    def fit_terminal(self, store: Store, size: Size) -> None:
+    _sentence_rows = 1
+
+    def fit_terminal(self, size: Size) -> None:
         """Take as many lines as this session needs in a terminal of this size."""
-        rows = sentence_height(store.scenario, store.scenario.memory, size.width, size.height) + 1
-        if self.styles.height is None or self.styles.height.value != rows:
-            self.styles.height = rows
+        scenario = self.store.scenario
+        self._sentence_rows = sentence_height(scenario, scenario.memory, size.width, size.height)
+        self.styles.height = self._sentence_rows + 1
 
-    def draw(self, store: Store) -> None:
-        height = self.styles.height
-        rows = int(height.value) if height is not None else 2
-        self.show(*speech_band_lines(store, self.size.width, rows - 1, key_name))
+    def draw(self) -> None:
+        self.show(*speech_band_lines(self.store, self.size.width, self._sentence_rows, key_name))
 
 
-class KeyStrip(StaticLines):
+class KeyStrip(StoreLines):
     """The study's own keys; each can be clicked."""
 
     DEFAULT_CSS = """
     KeyStrip { height: 1; background: $surface; }
     """
 
-    def __init__(self) -> None:
-        super().__init__()
-        self._pieces: tuple[KeyStripPiece, ...] = ()
-        self._store: Store | None = None
+    _rows = 1
+    _pieces: tuple[KeyStripPiece, ...] = ()
 
-    def fit_terminal(self, store: Store, size: Size) -> None:
-        rows = key_strip_height(store.scenario, store.study_keys, size.width, size.height)
-        if self.styles.height is None or self.styles.height.value != rows:
-            self.styles.height = rows
-            self.display = rows > 0
+    def fit_terminal(self, size: Size) -> None:
+        """The same."""
+        self._rows = key_strip_height(self.store.scenario, self.store.study_keys, size.width, size.height)
+        self.styles.height = self._rows
+        self.display = self._rows > 0
 
-    def draw(self, store: Store) -> None:
-        self._store = store
-        height = self.styles.height
-        found = key_strip_lines(store, self.size.width, int(height.value) if height is not None else 1)
+    def draw(self) -> None:
+        found = key_strip_lines(self.store, self.size.width, self._rows)
         self._pieces = found.pieces
         self.show(*found.lines)
 
     def on_click(self, event: events.Click) -> None:
         for key, line, start, end in self._pieces:
-            if line != event.y or not start <= event.x < end or self._store is None:
-                continue
-            if key is None:
-                self.post_message(RunAction("help"))
-                return
-            self.post_message(RequestStart(action_of_key(self._store.scenario, key)))
-            return
+            if line == event.y and start <= event.x < end:
+                action = RequestStart(action_of_key(self.store.scenario, key)) if key is not None else RunAction("help")
+                self.post_message(action)

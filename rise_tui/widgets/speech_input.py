@@ -244,4 +244,4 @@ class SpeechInput(Vertical):
 
 
 def _state_line(state: StateLabel, more: str, text: str) -> StyledLine:
-    return ((f"{state.glyph} {state.word}{more}  ", state.tone), (f"“{text}”", "plain"))
+    return ((f"{state.glyph} {state.word}{more}  ", state.role), (f"“{text}”", "plain"))

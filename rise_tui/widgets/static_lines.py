@@ -2,17 +2,20 @@
 
 from __future__ import annotations
 
+from abc import abstractmethod
+
 from textual import events
 from textual.geometry import Region
 from textual.message import Message
 from textual.strip import Strip
 
+from rise_tui.model.store import Store
 from rise_tui.rendering.styled_lines import StyledLines
 from rise_tui.rendering.text import StyledLine, plain_text
 
 
 class StaticLines(StyledLines):
-    """One or more lines of toned text."""
+    """One or more lines of styled text."""
 
     DEFAULT_CSS = """
     StaticLines { height: 1; width: 1fr; }
@@ -48,3 +51,15 @@ class StaticLines(StyledLines):
 
     def on_resize(self, event: events.Resize) -> None:
         self.post_message(self.DrawAgain())
+
+
+class StoreLines(StaticLines):
+    """Lines that show a part of the store."""
+
+    def __init__(self, store: Store, *, id: str | None = None) -> None:
+        super().__init__(id=id)
+        self.store = store
+
+    @abstractmethod
+    def draw(self) -> None:
+        """Make the lines anew from the store."""

@@ -25,7 +25,8 @@ class TaskLog(RowView):
         super().__init__(id=id)
         self._make_line = make_line
         self.following = True
-        self._ids: Sequence[int] = ()
+        self.ids: Sequence[int] = ()
+        """The rows shown."""
         self._shown = 0
         self._seen = 0
         self._lines: dict[int, StyledLine] = {}
@@ -36,23 +37,18 @@ class TaskLog(RowView):
         return self._shown
 
     @property
-    def ids(self) -> Sequence[int]:
-        """The rows shown."""
-        return self._ids
-
-    @property
     def unseen(self) -> int:
         """Tasks that came while it was paused."""
         return max(0, self._shown - self._seen)
 
     def row_at(self, index: int) -> ListRow:
-        return ListRow(str(self._ids[index]), self._make_line(self._ids[index], self.row_width))
+        return ListRow(str(self.ids[index]), self._make_line(self.ids[index], self.row_width))
 
     def render_line(self, y: int) -> Strip:
         index = y + self.scroll_offset.y
         if not 0 <= index < self._shown:
             return self.to_strip((), self.size.width)
-        line = self._lines.get(index) or self._make_line(self._ids[index], self.row_width)
+        line = self._lines.get(index) or self._make_line(self.ids[index], self.row_width)
         return self.to_strip(line, self.size.width, self.background_of(index))
 
     def on_resize(self, event: events.Resize) -> None:
@@ -63,22 +59,22 @@ class TaskLog(RowView):
 
         Of another list, what was in view stays in view, and the cursor stays on its task.
         """
-        if restart or ids is not self._ids:
-            self._change(ids)
+        if restart or ids is not self.ids:
+            self._show_other_list(ids)
         else:
             self._shown = len(ids)
             self.virtual_size = Size(self.row_width, self._shown)
         top = self.scroll_offset.y
         if self.following:
-            self._to_end()
+            self._scroll_to_end()
         self._repaint_changed(scrolled=self.scroll_offset.y != top)
 
-    def _change(self, ids: Sequence[int]) -> None:
+    def _show_other_list(self, ids: Sequence[int]) -> None:
         """Another list. The one before may have been emptied by its owner."""
-        old, top, unseen = self._ids, self.scroll_offset.y, self.unseen
+        old, top, unseen = self.ids, self.scroll_offset.y, self.unseen
         selected = old[self.cursor] if 0 <= self.cursor < min(self._shown, len(old)) else None
         first = old[top] if 0 <= top < min(self._shown, len(old)) else None
-        self._ids, self._shown = ids, len(ids)
+        self.ids, self._shown = ids, len(ids)
         self.cursor = -1 if selected is None else min(bisect_left(ids, selected), self._shown - 1)
         self.virtual_size = Size(self.row_width, self._shown)
         self._seen = max(0, self._shown - unseen)
@@ -92,7 +88,7 @@ class TaskLog(RowView):
         top, width = self.scroll_offset.y, self.row_width
         before, self._lines = self._lines, {}
         for index in range(top, min(self._shown, top + self.size.height)):
-            line = self._lines[index] = self._make_line(self._ids[index], width)
+            line = self._lines[index] = self._make_line(self.ids[index], width)
             if not scrolled and before.get(index) != line:
                 self.refresh_line(index)
         for index in before:
@@ -113,9 +109,9 @@ class TaskLog(RowView):
     def follow_newest(self) -> None:
         """Go to the newest task and stay there."""
         self._set_following(True)
-        self._to_end()
+        self._scroll_to_end()
 
-    def _to_end(self) -> None:
+    def _scroll_to_end(self) -> None:
         self._seen = self._shown
         if self.cursor != self._shown - 1:
             before, self.cursor = self.cursor, self._shown - 1

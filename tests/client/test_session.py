@@ -69,7 +69,7 @@ def test_the_client_package_loads_no_engine() -> None:
 
 async def test_a_program_drives_a_session(scratch: Path) -> None:
     async with served(scratch, GREETING) as running, connect(running.name, name="test") as session:
-        assert session.hello.you == "node:test" and session.scenario.title == running.engine.scenario.title
+        assert session.attach_reply.you == "node:test" and session.scenario.title == running.engine.scenario.title
         records = session.records()
         await session.set("person_name", {"first": "Zoë", "age": 7})
         async for record in records:
@@ -82,23 +82,23 @@ async def test_a_program_drives_a_session(scratch: Path) -> None:
         await session.start_rule("Greeting")
         assert session.view.rules["Greeting"].running
         await session.set("person_near", True)
-        await session.until(lambda view: view.rules["Greeting"].state == "Visitor is here", 10)
+        await session.wait_until(lambda view: view.rules["Greeting"].state == "Visitor is here", 10)
         await session.raise_event("/H_greets")
-        await session.until(lambda view: view.acts["R_Greeting"].runs, 10)
+        await session.wait_until(lambda view: view.acts["R_Greeting"].runs, 10)
         await session.stop_rule("Greeting")
         task = await session.start("R_Smile")
-        assert (await session.finished(task, 10)).status == "SUCCEEDED"
+        assert (await session.wait_for_task(task, 10)).status == "SUCCEEDED"
         with pytest.raises(Rejected, match="R_Smile"):
             await session.start("R_Smiel")
         with pytest.raises(Rejected, match="neither running nor waiting"):
             await session.stop("R_Smile")
         with pytest.raises(Rejected, match="needs no control"):
-            await session.control("take")
+            await session.change_control("take")
         with pytest.raises(TimeoutError):
-            await session.until(lambda view: False, 0.01)
-        await session.note("done")
+            await session.wait_until(lambda view: False, 0.01)
+        await session.add_note("done")
         await session.stop_all()
-        await session.until(lambda view: view.stop.status == "latched", 10)
+        await session.wait_until(lambda view: view.stop.status == "latched", 10)
         with pytest.raises(Rejected, match=r"test may not release a stop: only who holds control may.*may_release"):
             await session.release_stop()
         assert session.view.stop.latched and session.now() > 0
@@ -116,11 +116,11 @@ async def test_a_stop_is_released_by_who_holds_control_and_by_programs_that_the_
     ):
         for who in (watchdog, anna):
             await other.stop_all()
-            await other.until(lambda view: view.stop.status == "latched", 10)
+            await other.wait_until(lambda view: view.stop.status == "latched", 10)
             with pytest.raises(Rejected, match="only who holds control may, or watchdog, /lab/boss"):
                 await other.release_stop()
             await who.release_stop()
-            await other.until(lambda view: not view.stop.latched, 10)
+            await other.wait_until(lambda view: not view.stop.latched, 10)
 
 
 async def test_a_program_ends_a_session(scratch: Path) -> None:
@@ -133,7 +133,7 @@ async def test_a_program_ends_a_session(scratch: Path) -> None:
         last = [record async for record in records][-1]
         assert isinstance(last, SessionRecord) and last.reason == "the test is over"
         with pytest.raises(EngineGone):
-            await session.note("too late")
+            await session.add_note("too late")
         await asyncio.gather(*tasks)
 
 
@@ -145,12 +145,12 @@ async def test_a_program_that_is_cut_off_is_told(scratch: Path) -> None:
         for connection in tuple(running.server.connections):
             connection.abort()
         with pytest.raises(LinkLost):
-            await session.until(lambda view: view.ended)
+            await session.wait_until(lambda view: view.ended)
         with pytest.raises(LinkLost):
             async for _ in records:
                 pass
         with pytest.raises(LinkLost):
-            await session.note("x")
+            await session.add_note("x")
 
 
 async def test_no_such_session(scratch: Path) -> None:

@@ -111,7 +111,8 @@ async def console(
 ) -> AsyncIterator[Console]:
     client = client or FakeClient(demo())
     launcher = options.pop("launcher", None) or FakeLauncher(client)
-    app = ConsoleApp(client.scenario, SessionOptions(DEMO), wizard="anna", launcher=launcher, **options)
+    session = launcher.start(client.scenario, SessionOptions(DEMO))
+    app = ConsoleApp(session, settings=SessionOptions(DEMO), wizard="anna", launcher=launcher, **options)
     async with app.run_test(size=size) as pilot:
         await pilot.pause()
         found = Console(pilot, client, launcher)

@@ -191,9 +191,9 @@ class FakeClient:
         if self.gone:
             raise EngineGone(self.gone)
         self._attached = True
-        return self.hello()
+        return self.attach_reply()
 
-    def hello(self) -> AttachReply:
+    def attach_reply(self) -> AttachReply:
         """The state now."""
         return AttachReply(
             self.scenario,
@@ -236,7 +236,7 @@ class FakeClient:
     def now(self) -> float:
         return self.time
 
-    async def control(self, verb: ControlVerb) -> Reply:
+    async def change_control(self, verb: ControlVerb) -> Reply:
         """Remembers it, and does what an engine does about taking, asking, giving and releasing."""
         self.verbs.append(verb)
         if self.reject:

@@ -101,7 +101,7 @@ class ScriptedEngine:
                     case messages.SendMessage(id=id, message=message):
                         answering.add(asyncio.create_task(self._answer(writer, id, message)))
                     case messages.ControlMessage(id=id, verb=verb):
-                        reply = await self.fake.control(verb)
+                        reply = await self.fake.change_control(verb)
                         writer.write(messages.encode_line(messages.ReplyMessage(id, reply.accepted, reply.reason)))
                     case _:
                         pass
@@ -111,23 +111,27 @@ class ScriptedEngine:
         writer.close()
 
     async def _welcome(self, writer: asyncio.StreamWriter) -> None:
-        hello = await self.fake.attach()
+        attach_reply = await self.fake.attach()
         welcome = messages.HelloMessage(
             version=messages.VERSION,
-            you=hello.you,
-            role=hello.role,
-            mode=hello.mode,
-            robot=hello.robot,
-            seed=hello.seed,
-            scenario_hash=hello.scenario.hash,
-            folder=hello.folder,
-            replay=hello.replay,
-            journaling=hello.journaling,
+            you=attach_reply.you,
+            role=attach_reply.role,
+            mode=attach_reply.mode,
+            robot=attach_reply.robot,
+            seed=attach_reply.seed,
+            scenario_hash=attach_reply.scenario.hash,
+            folder=attach_reply.folder,
+            replay=attach_reply.replay,
+            journaling=attach_reply.journaling,
             t=self.fake.time,
             speed=self.speed,
-            state=messages.without_tasks(hello.view),
+            state=messages.without_tasks(attach_reply.view),
         )
-        for message in (welcome, messages.TasksMessage(list(hello.view.tasks.values())), messages.ReadyMessage()):
+        for message in (
+            welcome,
+            messages.TasksMessage(list(attach_reply.view.tasks.values())),
+            messages.ReadyMessage(),
+        ):
             writer.write(messages.encode_line(message))
 
     async def _records(self, writer: asyncio.StreamWriter) -> None:

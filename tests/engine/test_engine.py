@@ -165,7 +165,7 @@ def test_a_robot_that_raises_anywhere_does_not_end_the_session(call: str, caplog
         robot.answers = False
         s.engine.accept(start("Greet"))
         s.engine.accept(Submit(function="stopAll", source="wizard:test"))
-        s.run(lambda: not s.engine.busy)
+        s.run(lambda: s.engine.idle)
         records = s.end()
     assert isinstance(records[-1], SessionRecord)
     assert_one_ending_each(records)

@@ -113,6 +113,15 @@ def test_real_time_says_the_same_as_virtual_time(study: Path) -> None:
     assert sorted(what("20")) == sorted(what("max"))
 
 
+@pytest.mark.parametrize("speed", ["20", "max"])
+def test_tasks_of_one_moment_go_in_the_order_of_their_lines(study: Path, tmp_path: Path, speed: str) -> None:
+    script = tmp_path / "s.jsonl"
+    topics = [f"/{number}" for number in range(40)]
+    script.write_text("".join(task("raiseEventTopic", topic, at=0.1) + "\n" for topic in topics))
+    done = engine("run", study, "--tasks", script, "--speed", speed, "--json")
+    assert [r["topic"] for r in records(done.stdout) if r["kind"] == "event"] == topics
+
+
 def test_first_set_then_rules_then_acts_then_tasks(study: Path, tmp_path: Path) -> None:
     script = tmp_path / "s.jsonl"
     script.write_text(
@@ -479,14 +488,14 @@ def test_a_record_that_cannot_be_written_stops_the_robot(
 ) -> None:
     robot = _Robot()
     monkeypatch.setattr(run_module, "make_robot", lambda *arguments: robot)
-    line = Output._line
+    line = Output._format_record
 
     def too_deep(self: Output, record: AnyRecord) -> bytes | None:
         if isinstance(record, MemoryRecord):
             raise RecursionError("maximum recursion depth exceeded")
         return line(self, record)
 
-    monkeypatch.setattr(Output, "_line", too_deep)
+    monkeypatch.setattr(Output, "_format_record", too_deep)
     first = (start("Greet"), Submit(function="assignValue", behavior="n = 1", source="test"))
     assert run_session(options(first, speed, until=1000.0, json=as_json)) == 70
     assert robot.stopped == 1
@@ -547,7 +556,7 @@ def test_a_reader_that_takes_its_time_gets_everything(
 
         thread = threading.Thread(target=slowly)
         thread.start()
-        output.close()
+        output.close(lambda: False)
         thread.join(10)
         assert output.failure is None and b"note 2999 " in got[-1]
 

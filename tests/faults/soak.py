@@ -35,7 +35,7 @@ from rise_engine.protocol.session_options import SessionOptions
 from rise_engine.scenario import load
 from rise_engine.scenario.model import Scenario
 from rise_engine.server.process import serve
-from rise_engine.server.spawn import StartupProgress, StartupReport
+from rise_engine.server.spawn import EngineRefused, EngineStarted, StartOutcome, StartupProgress
 from rise_engine.session.folder import JOURNAL
 from rise_engine.session.journal_format import InputLine
 from rise_engine.session.journal_reader import read_journal
@@ -61,13 +61,13 @@ class Child:
             try:
                 os.close(ready)
                 signal.signal(signal.SIGINT, signal.SIG_IGN)
-                code = serve(order, lambda word: _write_word(say, word))
+                code = serve(order, lambda message: _write_outcome(say, message))
             finally:
                 os._exit(code)
         os.close(say)
         self._ready = ready
 
-    def word(self) -> StartupReport:
+    def outcome(self) -> StartOutcome:
         """Wait until it serves."""
         text = b""
         while not text.endswith(b"\n"):
@@ -77,7 +77,7 @@ class Child:
             if not chunk:
                 raise Mistake("the engine ended before it served")
             text += chunk
-        return msgspec.json.decode(text, type=StartupReport)
+        return msgspec.json.decode(text, type=EngineStarted | EngineRefused)  # type: ignore[no-any-return]
 
     def kill(self) -> None:
         os.kill(self.pid, signal.SIGKILL)
@@ -93,10 +93,10 @@ class Child:
         return os.waitstatus_to_exitcode(status)
 
 
-def _write_word(descriptor: int, word: StartupReport | StartupProgress) -> None:
-    if isinstance(word, StartupProgress):
+def _write_outcome(descriptor: int, message: StartupProgress | StartOutcome) -> None:
+    if isinstance(message, StartupProgress):
         return
-    os.write(descriptor, msgspec.json.encode(word) + b"\n")
+    os.write(descriptor, msgspec.json.encode(message) + b"\n")
     os.close(descriptor)
 
 
@@ -213,15 +213,15 @@ class Soak:
                 if where is not None:
                     self.check(where, None)
                 continue
-            word = child.word()
-            if word.code != 0:
+            outcome = child.outcome()
+            if isinstance(outcome, EngineRefused):
                 child.wait()
-                if any(said in " ".join(word.lines) for said in ("nothing happened in this session", "is empty")):
+                if any(said in " ".join(outcome.lines) for said in ("nothing happened in this session", "is empty")):
                     self.counts["nothing to recover"] += 1
                     return
-                raise Mistake(f"an engine refused: {word}")
+                raise Mistake(f"an engine refused: {outcome}")
             self.counts["recoveries"] += where is not None
-            where = Path(word.folder)
+            where = Path(outcome.folder)
             connection = SoakConnection(self.scratch / "run" / "soak.sock")
             wanted, most = dice.randint(0, 40), dice.randint(1, 60)
             while len(connection.acknowledged) < wanted and len(connection.sent) < most:

@@ -88,7 +88,7 @@ async def play(fault: Fault) -> list[tuple[float, str]]:
         await asyncio.to_thread(it.until, "LIVE")
         socket = it.socket
         async with connect(socket, "script") as stayed:
-            record = Path(stayed.hello.folder)
+            record = Path(stayed.attach_reply.folder)
             began = time.monotonic()
             happening = asyncio.create_task(_after(began + FAULT_AT, fault, it))
             for at, function, behavior in SCRIPT:
@@ -100,13 +100,15 @@ async def play(fault: Fault) -> list[tuple[float, str]]:
             if fault in (kill, hang_up, close_terminal):
                 assert await asyncio.to_thread(it.ended) is not None
             async with connect(socket, "late") as late:
-                await stayed.until(lambda view: view.seq >= late.view.seq)
-                await late.until(lambda view: view.seq >= stayed.view.seq)
+                await stayed.wait_until(lambda view: view.seq >= late.view.seq)
+                await late.wait_until(lambda view: view.seq >= stayed.view.seq)
                 assert whole(late.view) == whole(stayed.view)
             if fault is hold:
                 it.press(b"p")
                 await asyncio.to_thread(it.until, "R_Praise")
-                await stayed.until(lambda view: view.acts["R_Praise"].runs + len(view.acts["R_Praise"].running) >= 2)
+                await stayed.wait_until(
+                    lambda view: view.acts["R_Praise"].runs + len(view.acts["R_Praise"].running) >= 2
+                )
             again = await asyncio.to_thread(_attach_again, it.home) if fault is not nothing else ""
             assert "LIVE" in again or "WATCHING" in again or fault is nothing
             await stayed.end("the script is over")
@@ -153,13 +155,13 @@ async def test_a_console_that_could_not_read_shows_the_state_as_it_is_and_has_ke
         async with connect(it.socket, "noise") as noise:
             os.kill(it.process.pid, signal.SIGSTOP)
             for _ in range(1_600):
-                await noise.note("x" * 900)
-            await noise.note("the last one")
+                await noise.add_note("x" * 900)
+            await noise.add_note("the last one")
             os.kill(it.process.pid, signal.SIGCONT)
             await asyncio.to_thread(it.until, "the last one")
             it.press(b"p")
             async with asyncio.timeout(20):
-                await noise.until(lambda view: "R_Praise" in view.acts)
+                await noise.wait_until(lambda view: "R_Praise" in view.acts)
             taken = [record.source for record in noise.view.tasks.values()]
             assert taken == ["wizard:anna"], "it has control as before"
 

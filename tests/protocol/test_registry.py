@@ -9,6 +9,7 @@ import stat
 import subprocess
 import sys
 import threading
+from contextlib import closing
 from pathlib import Path
 
 import pytest
@@ -111,7 +112,7 @@ def test_one_lock_at_a_time_and_nothing_left_after_it(scratch: Path) -> None:
     lock.close()
     other.close()
     assert registry.running_names() == [] and list(registry.runtime_folder().iterdir()) == []
-    with registry.acquire_lock("study-123456") or pytest.fail("it is free again") as again:
+    with closing(registry.acquire_lock("study-123456") or pytest.fail("it is free again")) as again:
         assert again.name == "study-123456"
 
 
@@ -138,15 +139,15 @@ def test_a_name_without_its_digits(scratch: Path) -> None:
     with pytest.raises(RegistryError, match="no session study is running; no session is running"):
         registry.find_running("study")
     with (
-        registry.acquire_lock("study-123456") or pytest.fail(""),
-        registry.acquire_lock("study-2-abcdef") or pytest.fail(""),
+        closing(registry.acquire_lock("study-123456") or pytest.fail("")),
+        closing(registry.acquire_lock("study-2-abcdef") or pytest.fail("")),
     ):
         assert registry.find_running("study") == "study-123456" == registry.find_running("study-123456")
         assert registry.find_running("study-2") == "study-2-abcdef"
         with pytest.raises(RegistryError, match="there are: study-123456, study-2-abcdef"):
             registry.find_running("studio")
         with (
-            registry.acquire_lock("study-654321") or pytest.fail(""),
+            closing(registry.acquire_lock("study-654321") or pytest.fail("")),
             pytest.raises(RegistryError, match="could be study-123456 or study-654321"),
         ):
             registry.find_running("study")

@@ -157,7 +157,7 @@ class Records:
 
     def check(self) -> None:
         """What holds whatever happened: every act that is over said so once, and every action ended once."""
-        assert not self.engine.busy
+        assert self.engine.idle
         assert_one_ending_each(self.records)
         over = Counter(
             r.behavior
@@ -226,9 +226,7 @@ class Bench(Records):
 
     def run(self, until: float) -> None:
         """Let time pass until then (session time)."""
-        while (due := self.clock.next_at) is not None and due <= until:
-            self.clock.advance()
-        self.clock.advance_to(until)
+        self.loop.run_until(until)
 
     def run_until(self, happened: Callable[[], object], limit: float = 100.0) -> float:
         """Let time pass until that has happened; how much has."""

@@ -15,7 +15,7 @@ from tests.ros.session_node_process import environment
 
 async def main(domain: int, rate: float, seconds: float) -> None:
     loop = asyncio.get_running_loop()
-    transport = DdsTransport(loop, node="flood", domain=domain, environment=environment())
+    transport = DdsTransport(loop, node="flood", environment=environment(domain))
     client = ActionClient(transport, "/rise/domain_task", "rise_interfaces/action/DomainTask")
     goal = {"function_type": "raiseEventTopic", "domain_task_behavior": "/noise", "calling_type": ""}
     sent = 0

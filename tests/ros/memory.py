@@ -34,7 +34,7 @@ from rise_adapters.ros2.transport.port import (
     SendReply,
 )
 
-from rise_engine.ports.robot import Clock
+from rise_engine.engine.clock import VirtualClock
 
 What: TypeAlias = Literal["request", "reply", "message", "any"]
 
@@ -50,8 +50,15 @@ class Loop(Protocol):
 class ClockLoop:
     """A loop that is nothing but a clock: what it is given runs when somebody advances a `VirtualClock`."""
 
-    def __init__(self, clock: Clock) -> None:
+    def __init__(self, clock: VirtualClock) -> None:
         self.clock = clock
+
+    def run_until(self, when: float) -> None:
+        """Let time pass until then, if it is not over, and run everything that is due."""
+        when = round(max(when, self.clock.now()), 6)
+        self.clock.call_at(when, lambda: None)  # or time would end with the last timer
+        while (due := self.clock.next_at) is not None and due <= when:
+            self.clock.advance()
 
     def call_soon(self, callback: Callable[..., object], *args: Any) -> object:
         return self.call_later(0.0, callback, *args)
@@ -207,15 +214,15 @@ class MemoryWire:
 
 
 class _Subscription:
-    def __init__(self, home: MemoryTransport, topic: str, type: str, taken: Callable[[Message], None], qos: QoS):
-        self.home, self.topic, self.type, self.taken, self.qos = home, topic, type, taken, qos
+    def __init__(self, home: MemoryTransport, topic: str, type: str, on_message: Callable[[Message], None], qos: QoS):
+        self.home, self.topic, self.type, self.on_message, self.qos = home, topic, type, on_message, qos
         self.open = True
 
     def take(self, source: MemoryTransport, message: Message) -> None:
         if self.open and self.home.wire.reaches(source, self.home):
-            self.taken(deepcopy(message))
+            self.on_message(deepcopy(message))
 
-    def publishers(self) -> int:
+    def count_publishers(self) -> int:
         wire, home = self.home.wire, self.home
         return sum(p.matches(self) for t in wire.transports if wire.sees(home, t) for p in t.publishers)
 
@@ -277,9 +284,9 @@ class _Publisher:
 
 class _Server:
     def __init__(
-        self, home: MemoryTransport, name: str, type: str, asked: Callable[[Message, SendReply], None]
+        self, home: MemoryTransport, name: str, type: str, on_request: Callable[[Message, SendReply], None]
     ) -> None:
-        self.home, self.name, self.type, self.asked = home, name, type, asked
+        self.home, self.name, self.type, self.on_request = home, name, type, on_request
         self.open = True
 
     def take(self, client: _Client, call: _Call, request: Message) -> None:
@@ -299,7 +306,7 @@ class _Server:
             if home.wire.reaches(home, client.home):
                 home.wire.carry("reply", self.name, client.home, partial(client.take, home, call, whole))
 
-        self.asked(deepcopy(request), reply)
+        self.on_request(deepcopy(request), reply)
 
     def close(self) -> None:
         self.open = False
@@ -308,8 +315,8 @@ class _Server:
 
 
 class _Call:
-    def __init__(self, answer: Callable[[Message], None]) -> None:
-        self.answer = answer
+    def __init__(self, on_response: Callable[[Message], None]) -> None:
+        self.on_response = on_response
         self.answered = False
 
 
@@ -327,14 +334,14 @@ class _Client:
             return 0
         return sum(self.home.wire.sees(self.home, server.home) for server in self._offers())
 
-    def call(self, request: Message, answer: Callable[[Message], None]) -> None:
+    def call(self, request: Message, on_response: Callable[[Message], None]) -> None:
         home = self.home
         home._check()
         if not self.open:
             raise PortError(f"the client of {self.name} is closed")
         whole = home.wire.types.complete(f"{self.type}_Request", request)
         home.wire.sent.append(Sent("request", self.name, home.node, whole))
-        call = _Call(answer)
+        call = _Call(on_response)
         for server in self._offers():
             if home.wire.reaches(home, server.home):
                 home.wire.carry("request", self.name, server.home, partial(server.take, self, call, whole))
@@ -344,7 +351,7 @@ class _Client:
             if call.answered and self.home.wire.first_answer_only:
                 return
             call.answered = True
-            call.answer(deepcopy(message))
+            call.on_response(deepcopy(message))
 
     def close(self) -> None:
         self.open = False
@@ -388,9 +395,11 @@ class MemoryTransport:
         self.publishers.append(made)
         return made
 
-    def subscribe(self, topic: str, type: str, taken: Callable[[Message], None], qos: QoS = RELIABLE) -> _Subscription:
+    def subscribe(
+        self, topic: str, type: str, on_message: Callable[[Message], None], qos: QoS = RELIABLE
+    ) -> _Subscription:
         self._check()
-        made = _Subscription(self, self.resolve(topic), type, taken, qos)
+        made = _Subscription(self, self.resolve(topic), type, on_message, qos)
         self.subscriptions.append(made)
         for transport in self.wire.transports:
             for publisher in transport.publishers:
@@ -398,9 +407,9 @@ class MemoryTransport:
                     publisher.greet(made)
         return made
 
-    def serve(self, name: str, type: str, asked: Callable[[Message, SendReply], None]) -> _Server:
+    def serve(self, name: str, type: str, on_request: Callable[[Message, SendReply], None]) -> _Server:
         self._check()
-        made = _Server(self, self.resolve(name), type, asked)
+        made = _Server(self, self.resolve(name), type, on_request)
         self.servers.append(made)
         return made
 
@@ -415,9 +424,6 @@ class MemoryTransport:
 
     def type_hash(self, type: str) -> str:
         return self.hashes.get(type, self.wire.types.hash(type))
-
-    def graph_version(self) -> None:
-        return None
 
     def publisher_endpoints(self, topic: str) -> list[RemoteEndpoint]:
         full = self.resolve(topic)

@@ -11,6 +11,7 @@ from typing import Any
 
 from rise_adapters.ros2.actions.client import ActionClient, CancelResponse
 from rise_adapters.ros2.session_node import RosSessionInterface
+from rise_adapters.ros2.session_node.neighbours import NeighbourSessions
 from rise_adapters.ros2.transport.port import Message, QoS, Transport
 
 from rise_engine.engine.clock import RealClock
@@ -133,7 +134,7 @@ async def faced(
         journal = Journal(made / JOURNAL, changed=changed, disk=disk, retry=0.01)
     engine = Engine(loaded.scenario, robot, clock, 1, journal=journal)
     hub = SessionHub(engine, folder, view=view)
-    face = RosSessionInterface(transport, hub)
+    face = RosSessionInterface(transport, hub, NeighbourSessions(transport))
     if start:
         engine.start()
     try:

@@ -26,21 +26,20 @@ LOOPBACK = (
 """Cyclone's settings with which nothing leaves the machine."""
 
 
-def environment() -> dict[str, str]:
-    """Nothing but that."""
+def environment(domain: int) -> dict[str, str]:
+    """Nothing but that, in a domain."""
     kept = {name: value for name, value in os.environ.items() if not name.startswith(("ROS_", "CYCLONE", "AMENT"))}
-    return {**kept, "CYCLONEDDS_URI": LOOPBACK}
+    return {**kept, "CYCLONEDDS_URI": LOOPBACK, "ROS_DOMAIN_ID": str(domain)}
 
 
 async def main(place: Path, domain: int) -> None:
     loop = asyncio.get_running_loop()
-    transport = DdsTransport(loop, node="rise", domain=domain, environment=environment())
+    transport = DdsTransport(loop, node="rise", environment=environment(domain))
     async with faced(place, transport, speed=20, disk=Disk()) as session:
         server = SessionServer(session.hub, place / "socket")
         await server.start()
         print("ready", place / "socket", flush=True)
         await loop.run_in_executor(None, sys.stdin.read)
-        assert server.lag is not None
         print(json.dumps({"late": server.lag.max, "tasks": len(session.hub.view.tasks)}), flush=True)
         await server.close()
     transport.close()

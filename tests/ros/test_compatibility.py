@@ -484,7 +484,7 @@ class Lab:
         engine.start()
         await until(lambda: any(isinstance(each, RobotRecord) for each in records))
         engine.accept(Submit(function="startCommunicationRobotAct", behavior="A"))
-        await until(lambda: not engine.busy)
+        await until(lambda: engine.idle)
         engine.end("over")
         await until(lambda: engine.ended)
         await bridge.close()

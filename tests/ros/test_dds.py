@@ -98,6 +98,9 @@ async def test_a_topic_a_service_and_an_end(transport: DdsTransport) -> None:
         assert heard == [{"data": "Grüß dich"}]
         assert answers == [{"success": True, "message": "from the peer"}]
         await until(lambda: transport.nodes() == ["/here", "/peer"])
+        # A node says what is whose a moment after it has said that it is there.
+        await until(lambda: all(end.node for end in transport.server_endpoints("set")))
+        await until(lambda: all(end.node for end in transport.publisher_endpoints("said")))
         types = [f"{SET}_Request", f"{SET}_Response"]
         usual = QoS(depth=10)
         assert transport.server_endpoints("set") == [
@@ -386,7 +389,7 @@ async def test_about_says_what_it_is(transport: DdsTransport) -> None:
 def test_the_configuration_is_that_of_ros(
     environment: dict[str, str], inside: list[str], not_inside: list[str]
 ) -> None:
-    config = domain.configuration(1.0, environment)
+    config = domain.make_configuration(environment)
     assert "<LeaseDuration>1.000s</LeaseDuration><SPDPInterval>0.250s</SPDPInterval>" in config
     for text in inside:
         assert text in config
@@ -396,17 +399,17 @@ def test_the_configuration_is_that_of_ros(
 
 def test_settings_that_cannot_be_are_said() -> None:
     with pytest.raises(PortError, match="must be one of SUBNET, LOCALHOST, OFF, SYSTEM_DEFAULT"):
-        domain.configuration(1.0, {"ROS_AUTOMATIC_DISCOVERY_RANGE": "LAN"})
+        domain.make_configuration({"ROS_AUTOMATIC_DISCOVERY_RANGE": "LAN"})
     for number in ("x", "-1", "233", "1.5"):
         with pytest.raises(PortError, match="ROS_DOMAIN_ID must be a number from 0 to 232"):
-            domain.domain_id({"ROS_DOMAIN_ID": number})
-    assert domain.domain_id({}) == domain.domain_id({"ROS_DOMAIN_ID": ""}) == 0
+            domain.read_domain_id({"ROS_DOMAIN_ID": number})
+    assert domain.read_domain_id({}) == domain.read_domain_id({"ROS_DOMAIN_ID": ""}) == 0
 
 
 async def test_a_configuration_that_cyclone_does_not_take_is_said() -> None:
     wrong = {**ENVIRONMENT, "ROS_DOMAIN_ID": "201", "CYCLONEDDS_URI": "<General><NoSuchThing>1</NoSuchThing></General>"}
     with pytest.raises(PortError, match=r"does not take its configuration for ROS domain 201"):
-        DdsTransport(asyncio.get_running_loop(), environment=wrong)
+        DdsTransport(asyncio.get_running_loop(), node="here", environment=wrong)
 
 
 # --- who is there --------------------------------------------------------------------------------------------------
@@ -414,9 +417,9 @@ async def test_a_configuration_that_cyclone_does_not_take_is_said() -> None:
 
 def test_user_data_of_endpoints() -> None:
     entries = {"serviceid": "1.a", "typehash": "RIHS01_0"}
-    assert names.user_data(entries) == b"serviceid=1.a;typehash=RIHS01_0;"
-    assert names.read_user_data(b"serviceid=1.a;typehash=RIHS01_0;") == entries
-    assert names.read_user_data(b"") == names.read_user_data(b"\xff\x00") == {}
+    assert names.encode_user_data(entries) == b"serviceid=1.a;typehash=RIHS01_0;"
+    assert names.decode_user_data(b"serviceid=1.a;typehash=RIHS01_0;") == entries
+    assert names.decode_user_data(b"") == names.decode_user_data(b"\xff\x00") == {}
 
 
 def test_type_names_there_and_back() -> None:
@@ -429,14 +432,14 @@ def test_programs_with_other_software_are_named() -> None:
     own, fast, other = (bytes(vendor) + bytes(14) for vendor in ([1, 16], [1, 15], [1, 99]))
     seen = graph.DdsGraph(own)
     for key in (own, fast, other):
-        seen.update_participant(graph.SeenParticipant(key))
+        seen.update_participant(graph.DdsParticipant(key))
     seen.set_nodes(fast, [("/camera", []), ("/microphone", [])])
     assert seen.programs_of_other_vendors() == [
         ("/camera, /microphone", "010f"),
         ("without named nodes (016300000000000000000000)", "0163"),
     ]
     assert seen.nodes() == ["/camera", "/microphone"]
-    seen.update_participant(graph.VanishedEntity(fast))
+    seen.update_participant(graph.DdsParticipant(fast, alive=False))
     assert len(seen.programs_of_other_vendors()) == 1
     assert seen.nodes() == []
 
@@ -444,25 +447,13 @@ def test_programs_with_other_software_are_named() -> None:
 def test_endpoints_of_others_come_and_go() -> None:
     own, key = bytes([1, 16] + [1] * 14), bytes([1, 16] + [2] * 14)
     seen = graph.DdsGraph(own)
-    end = graph.DdsEndpoint(key, key, "rt/a", TEXT, {"typehash": "RIHS01_1"})
+    end = graph.DdsEndpoint(key, "rt/a", TEXT, {"typehash": "RIHS01_1"})
     seen.update_writer(end)
-    seen.update_writer(graph.DdsEndpoint(own, own, "rt/a", TEXT, {}))
-    assert seen.writers("rt/a") == [RemoteEndpoint("", TEXT, "RIHS01_1", "0110")]
+    seen.update_writer(graph.DdsEndpoint(own, "rt/a", TEXT, {}))
+    assert seen.find_writers("rt/a") == [RemoteEndpoint("", TEXT, "RIHS01_1", "0110")]
     seen.set_nodes(key, [("/camera", [key])])
-    assert [end.node for end in seen.writers("rt/a")] == ["/camera"]
+    assert [end.node for end in seen.find_writers("rt/a")] == ["/camera"]
     assert seen.topics() == ["/a"]
-    assert seen.readers("rt/a") == seen.writers("rt/b") == []
-    seen.update_writer(graph.VanishedEntity(key))
-    assert seen.writers("rt/a") == []
-
-
-async def test_the_graph_has_another_version_when_somebody_comes_or_goes(transport: DdsTransport) -> None:
-    other = opened("there")
-    before = transport.graph_version()
-    publisher = other.publisher("/chat", TEXT)
-    await until(lambda: transport.publisher_endpoints("/chat"))
-    between = transport.graph_version()
-    publisher.close()
-    await until(lambda: not transport.publisher_endpoints("/chat"))
-    assert before < between < transport.graph_version()
-    other.close()
+    assert seen.find_readers("rt/a") == seen.find_writers("rt/b") == []
+    seen.update_writer(graph.DdsEndpoint(key, alive=False))
+    assert seen.find_writers("rt/a") == []

@@ -53,7 +53,6 @@ def only(monkeypatch: pytest.MonkeyPatch) -> Any:
 
     def says(rclpy: str = "rclpy is not here", dds: str = "") -> None:
         monkeypatch.setattr(selection, "why_unavailable", lambda: {"rclpy": rclpy, "dds": dds})
-        monkeypatch.setattr(installation, "rclpy_missing", lambda: rclpy)
 
     says()
     return says

@@ -14,10 +14,10 @@ from typing import Any
 import pytest
 from rise_adapters.ros2.examples import run_node
 from rise_adapters.ros2.examples.answer_node import SYSTEM, AnswerNode
-from rise_adapters.ros2.examples.gaze_trigger import NOTHING, Dwell, GazeTrigger, Region
-from rise_adapters.ros2.examples.keyword_spotter import Keyword, KeywordSpotter, words
+from rise_adapters.ros2.examples.gaze_trigger import NOTHING, GazeTrigger, LookTimer, Region
+from rise_adapters.ros2.examples.keyword_spotter import Keyword, KeywordSpotter, split_words
 from rise_adapters.ros2.examples.session_client import SessionClient, SessionGoneError
-from rise_adapters.ros2.examples.topic_listener import hear
+from rise_adapters.ros2.examples.topic_listener import TopicListener
 from rise_adapters.ros2.transport.port import Message, Publisher, QoS
 
 from tests.ros.memory import MemoryTransport, MemoryWire
@@ -104,9 +104,9 @@ async def test_tasks_and_memory(tmp_path: Path) -> None:
         done = await it.client.assign("who", {"name": "Ägypt", "age": [1, None]})
         assert (done.succeeded, done.status, done.reason) == (True, "SUCCEEDED", "")
         assert done.task > 0
-        assert await it.client.memory("who") == {"name": "Ägypt", "age": [1, None]}
-        assert await it.client.memory("who.name") == "Ägypt"
-        assert await it.client.memory("nobody", "x") == "x"
+        assert await it.client.read_memory("who") == {"name": "Ägypt", "age": [1, None]}
+        assert await it.client.read_memory("who.name") == "Ägypt"
+        assert await it.client.read_memory("nobody", "x") == "x"
         assert (await it.client.start_act("R_LookAhead")).succeeded
         assert (await it.client.start_act("R_Nonsense")).status in ("REJECTED", "ABORTED")
 
@@ -117,7 +117,7 @@ async def test_without_a_session_a_node_hears_so_in_time() -> None:
     with pytest.raises(SessionGoneError, match="no session offers rise/domain_task"):
         await client.raise_event("/x")
     with pytest.raises(SessionGoneError, match="no session offers rise/get_memory"):
-        await client.memory("x")
+        await client.read_memory("x")
 
 
 async def test_a_session_that_dies_leaves_nobody_waiting(tmp_path: Path) -> None:
@@ -137,14 +137,14 @@ async def test_a_session_that_does_not_answer_leaves_nobody_waiting(tmp_path: Pa
         with pytest.raises(SessionGoneError, match="did not take a task"):
             await client.raise_event("/x")
         with pytest.raises(SessionGoneError, match="did not say"):
-            await client.memory("x")
+            await client.read_memory("x")
 
 
 # --- keyword spotter --------------------------------------------------------------------------------------------------
 
 
 def test_words_and_phrases() -> None:
-    assert words("Good-bye, then! It's O’Hara's 2nd.") == ["good", "bye", "then", "it's", "o’hara's", "2nd"]
+    assert split_words("Good-bye, then! It's O’Hara's 2nd.") == ["good", "bye", "then", "it's", "o’hara's", "2nd"]
     keyword = Keyword("control room,Küche = /there")
     assert (keyword.phrases, keyword.event.strip()) == (["control room", "küche"], "/there")
     assert keyword.find_phrase("Is that the Control  Room?") == "control room"
@@ -218,7 +218,7 @@ async def test_the_spotter_outlives_a_session(tmp_path: Path, capsys: pytest.Cap
 @asynccontextmanager
 async def gaze(it: Lab, dwell: float = 0.1, away: float = 2.0, *regions: str) -> AsyncIterator[GazeTrigger]:
     session = SessionClient(it.transport("/gaze_trigger"))
-    made = GazeTrigger(session, Dwell(dwell, 0.0, away), [Region(each) for each in regions])
+    made = GazeTrigger(session, LookTimer(dwell, 0.0, away), [Region(each) for each in regions])
     it.run(made.work())
     yield made
 
@@ -268,7 +268,7 @@ class Eyes:
     """Looks by the clock, and what has lasted."""
 
     def __init__(self, dwell: float = 0.8, gap: float = 0.3, away: float = 10.0) -> None:
-        self.dwell, self.now = Dwell(dwell, gap, away), 0.0
+        self.dwell, self.now = LookTimer(dwell, gap, away), 0.0
         self.raised: list[tuple[float, str]] = []
 
     def on(self, target: str, seconds: float) -> None:
@@ -280,7 +280,7 @@ class Eyes:
     def pass_time(self, seconds: float) -> None:
         for _ in range(round(seconds * 50)):
             self.now = round(self.now + 0.02, 6)
-            if target := self.dwell.completed_look(self.now):
+            if target := self.dwell.take_completed_look(self.now):
                 self.raised.append((round(self.now, 1), target))
 
 
@@ -343,12 +343,12 @@ async def test_feature_nodes_hear_publishers_that_promise_nothing(first: bool) -
     heard: list[str] = []
     sensor = MemoryTransport(wire, loop, "/sensor")
     tracker = sensor.publisher("/gaze", "std_msgs/msg/String", QoS(reliable=False)) if first else None
-    made = hear(
+    made = TopicListener(
         MemoryTransport(wire, loop, "/node"),
         "gaze",
         "std_msgs/msg/String",
         lambda m: heard.append(m["data"]),
-        look=0.01,
+        interval=0.01,
     )
     reliable = sensor.publisher("/gaze", "std_msgs/msg/String")
     reliable.publish({"data": "at once"})
@@ -369,7 +369,7 @@ async def test_what_is_promised_is_asked_for() -> None:
     loop = asyncio.get_running_loop()
     node, mouth = MemoryTransport(wire, loop, "/node"), MemoryTransport(wire, loop, "/mouth")
     mouth.publisher("/speech", "std_msgs/msg/String")
-    made = hear(node, "speech", "std_msgs/msg/String", lambda m: None, look=0.001)
+    made = TopicListener(node, "speech", "std_msgs/msg/String", lambda m: None, interval=0.001)
     await asyncio.sleep(0.05)
     assert [each.qos.reliable for each in node.subscriptions] == [True]
     made.close()
@@ -381,7 +381,7 @@ async def test_a_node_says_why_it_hears_nothing() -> None:
     said: list[str] = []
     heard: list[Message] = []
     node = MemoryTransport(wire, loop, "/node")
-    hear(node, "gaze", "std_msgs/msg/String", heard.append, say=said.append, look=0.01, patience=0.02)
+    TopicListener(node, "gaze", "std_msgs/msg/String", heard.append, report=said.append, interval=0.01, patience=0.02)
     await until(lambda: said)
     assert said == ["nobody publishes on /gaze (yet); is its node running, and is the topic called so?"]
     sensor = MemoryTransport(wire, loop, "/sensor")
@@ -406,7 +406,9 @@ async def test_a_node_takes_nothing_of_another_version() -> None:
     sensor.hashes["std_msgs/msg/String"] = "RIHS01_other"
     publisher = sensor.publisher("/gaze", "std_msgs/msg/String")
     node = MemoryTransport(wire, loop, "/node")
-    made = hear(node, "gaze", "std_msgs/msg/String", heard.append, say=said.append, look=0.01, patience=0.02)
+    made = TopicListener(
+        node, "gaze", "std_msgs/msg/String", heard.append, report=said.append, interval=0.01, patience=0.02
+    )
     publisher.publish({"data": "at once"})
     await until(lambda: said)
     assert said[0].startswith(
@@ -431,7 +433,7 @@ def answer_node(it: Lab, server: ModelServer, **more: Any) -> AnswerNode:
     }  # fmt: skip
     session = SessionClient(it.transport("/answer_node"))
     made = AnswerNode(session, Namespace(**{**options, **more}), SYSTEM, "secret")
-    session.rule_states(made.take_rule_state)
+    session.watch_rule_states(made.take_rule_state)
     return made
 
 

@@ -9,7 +9,8 @@ from __future__ import annotations
 
 import pytest
 from rise_adapters.ros2.actions.client import ABORTED, CANCELED, SUCCEEDED
-from rise_adapters.ros2.compatibility import several_servers
+from rise_adapters.ros2.compatibility import describe_several_servers
+from rise_adapters.ros2.transport.port import PortError
 
 from rise_engine.kernel.records import EventRecord, RobotRecord
 from tests.ros.badrobot import Plan
@@ -597,9 +598,9 @@ def test_a23_two_servers_on_one_name() -> None:
     bench.robot_appears(SPEECH, node="/twin")
     bench.run(6)
     assert bench.robot_statuses() == ["degraded"]
-    assert bench.of(RobotRecord)[0].detail == several_servers(2, SPEECH)
+    assert bench.of(RobotRecord)[0].detail == describe_several_servers(2, SPEECH)
     bench.act()
-    assert bench.ending(TASK).startswith(f"failed: two-servers: {several_servers(2, SPEECH)}")
+    assert bench.ending(TASK).startswith(f"failed: two-servers: {describe_several_servers(2, SPEECH)}")
     bench.run(10)
     assert first.received == bench.speech.received == [], "the participant sees it neither once nor twice"
     assert bench.node is not None
@@ -700,13 +701,31 @@ def test_a27_the_middleware_is_shut_down() -> None:
     assert bench.task() == "ABORTED" and bench.memory("ends") == 2, "the engine lives"
     running = set(bench.speech.running()) | set(bench.gaze.running())
     assert len(running) == 2
-    bench.robot.use(MemoryTransport(bench.wire, bench.loop, "/engine_again"))
+    bench.robot.switch_transport(MemoryTransport(bench.wire, bench.loop, "/engine_again"))
     bench.run(3)
     assert bench.robot_statuses() == ["connected", "lost", "connected"]
     assert not bench.speech.running() and not bench.gaze.running(), "what went on without us is stopped"
     bench.act()
     bench.run(6)
     assert bench.task() == "SUCCEEDED"
+    bench.check()
+
+
+def test_a27_the_new_connection_is_gone_before_it_is_used() -> None:
+    bench = Bench([LONG, Plan()], [LONG])
+    bench.act("Both")
+    bench.run(1)
+    bench.transport.break_down("the context was shut down")
+    bench.run(1.3)
+    gone = MemoryTransport(bench.wire, bench.loop, "/engine_again")
+    gone.break_down("gone again")
+    with pytest.raises(PortError, match="gone again"):
+        bench.robot.switch_transport(gone)
+    gone.close()
+    bench.robot.switch_transport(MemoryTransport(bench.wire, bench.loop, "/engine_once_more"))
+    bench.run(3)
+    assert bench.robot_statuses() == ["connected", "lost", "connected"]
+    assert not bench.speech.running() and not bench.gaze.running(), "what went on without us is stopped"
     bench.check()
 
 

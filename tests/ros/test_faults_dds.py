@@ -217,7 +217,7 @@ async def test_a26_a_robot_that_is_killed_again_and_again() -> None:
             robot.process.kill()
             robot = await following.ready()
         robot.process.kill()
-        await until(lambda: s.robot_statuses()[-1] == "lost" and not s.engine.busy)
+        await until(lambda: s.robot_statuses()[-1] == "lost" and s.engine.idle)
         changes = s.robot_statuses()
         # How many there are is up to how long processes take to start here; test_faults counts them in virtual time.
         assert len(changes) <= 3 * 7, changes

@@ -483,7 +483,10 @@ def test_what_a_result_says(
 ) -> None:
     """`reason` None: the same."""
     one = carrier(tmp_path, f"carrier.error = {{ {error} }}")
-    assert (one.failure(result), one.why_not_succeeded(result)) == (failure, failure if reason is None else reason)
+    assert (one.result_rule.failure(result), one.result_rule.why_not_succeeded(result)) == (
+        failure,
+        failure if reason is None else reason,
+    )
 
 
 def test_the_actions_of_a_wrapper_in_the_manner_of_rise(tmp_path: Path) -> None:
@@ -498,7 +501,7 @@ carrier = { action = "look", type = "rise_interfaces/action/LookAt" }
     assert {name: each.name for name, each in mappings.items()} == {"Speech": "lab/bob/speech", "LookAt": "look"}
     said = mappings["Speech"].make_message({"message": "Hi", "volume": 0}, node="/n", goal="1/1", frame="f")
     assert said == {"message": "Hi", "rate": 1.0, "volume": 0.001}
-    assert mappings["Speech"].failure({"reason": "no voice"}) == "no voice"
+    assert mappings["Speech"].result_rule.failure({"reason": "no voice"}) == "no voice"
     missing = mapping_problems(profile(tmp_path, text + ACTION), fields)
     assert len(missing) == 1 and "`actions.Do` has no `carrier`" in missing[0]
 

@@ -10,7 +10,7 @@ from typing import Any
 
 import pytest
 from rise_adapters.ros2.bridge import read_parameters
-from rise_adapters.ros2.examples.run_node import node_parser, readable_parameters_of, ros_parameters_of
+from rise_adapters.ros2.examples.run_node import list_parameter_options, list_parameters, node_parser
 from rise_adapters.ros2.parameters import ParameterOption, ParameterServices, ReadableParameter, parameters_as_options
 from rise_adapters.ros2.transport.port import Message, PortError
 
@@ -185,9 +185,9 @@ class Asking:
 
 async def test_every_option_of_a_node_is_a_parameter() -> None:
     made = parser()
-    assert ros_parameters_of(made)["live_speech"] == ParameterOption("--live-speech", switch=True)
-    assert ros_parameters_of(made)["region"] == ParameterOption("--region", repeatable=True)
-    asking = Asking(MemoryWire(), readable_parameters_of(made, made.parse_args(["--dwell", "0.5"])))
+    assert list_parameter_options(made)["live_speech"] == ParameterOption("--live-speech", switch=True)
+    assert list_parameter_options(made)["region"] == ParameterOption("--region", repeatable=True)
+    asking = Asking(MemoryWire(), list_parameters(made, made.parse_args(["--dwell", "0.5"])))
     names = (await asking.ask("list_parameters", "ListParameters", {}))["result"]["names"]
     assert names == [
         "dwell", "file", "live_speech", "number", "otherwise", "region", "ros", "share", "use_sim_time"

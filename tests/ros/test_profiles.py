@@ -206,8 +206,8 @@ def test_ros4hri_ends_an_expression_with_a_neutral_face_and_believes_the_result(
     for action in ("Emotion", "SocialExpression"):
         assert read[action].make_reset(node="/rise/engine") == message("ros4hri", "Emotion", {"value": "neutral"})
     result = {"result": {"error_code": 134, "error_msg": ""}}
-    assert read["Speech"].failure(result) == "the robot cannot do this (error code 134)"
-    assert read["Animation"].failure({"result": {"error_code": 0, "error_msg": ""}}) == ""
+    assert read["Speech"].result_rule.failure(result) == "the robot cannot do this (error code 134)"
+    assert read["Animation"].result_rule.failure({"result": {"error_code": 0, "error_msg": ""}}) == ""
     assert 0 < META["priority"] <= 200  # above, it is for critical system functions
 
 

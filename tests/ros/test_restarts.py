@@ -225,7 +225,7 @@ def test_a_goal_that_cancel_everything_stops_is_not_called_refused(answer: str) 
     bench.run(2)
     speech = bench.speech
     service = speech._services[1]
-    plain = service.asked
+    plain = service.on_request
 
     def racing(request, reply):  # type: ignore[no-untyped-def]
         if any(bytes(request["goal_info"]["goal_id"]["uuid"])):
@@ -233,7 +233,7 @@ def test_a_goal_that_cancel_everything_stops_is_not_called_refused(answer: str) 
         else:
             plain(request, reply)
 
-    service.asked = racing  # type: ignore[misc]
+    service.on_request = racing  # type: ignore[misc]
     bench.stop_all()
     bench.run(2 + RETRY_SECONDS * 3)
     assert bench.stops()[-1].confirmed == BOTH
@@ -296,7 +296,7 @@ def test_a_goal_that_is_over_at_once_at_a_server_that_keeps_no_results(
     def forgotten(request, reply):  # type: ignore[no-untyped-def]
         reply({"status": 0})
 
-    bench.speech._services[2].asked = forgotten  # type: ignore[misc]
+    bench.speech._services[2].on_request = forgotten  # type: ignore[misc]
     bench.act()
     bench.run(3)
     assert bench.ending("2/1").startswith(ending)
@@ -308,7 +308,7 @@ def test_a_server_that_runs_it_and_says_that_it_does_not_know_it() -> None:
     """No end is known: never a success."""
     bench = Bench([Plan(seconds=60)])
     bench.run(1)
-    bench.speech._services[2].asked = lambda request, reply: reply({"status": 0})  # type: ignore[misc]
+    bench.speech._services[2].on_request = lambda request, reply: reply({"status": 0})  # type: ignore[misc]
     bench.act()
     bench.run(3)
     assert bench.speech.goals[bench.speech.received[0]].status == EXECUTING or bench.speech.cancels

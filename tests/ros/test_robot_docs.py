@@ -188,8 +188,8 @@ def test_add_an_action(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
 
     drive = read_mappings(robot_of(loaded), types.fields)["Drive"]
     assert drive.deadlines.acceptance == 5
-    assert drive.failure({"arrived": False, "reason": "a chair is in the way"}) == "a chair is in the way"
-    assert drive.failure({"arrived": True, "reason": ""}) == ""
+    assert drive.result_rule.failure({"arrived": False, "reason": "a chair is in the way"}) == "a chair is in the way"
+    assert drive.result_rule.failure({"arrived": True, "reason": ""}) == ""
 
     act = study / "acts" / "tour.xml"
     act.write_text(act.read_text(encoding="utf-8").replace(">door<", ">window<"), encoding="utf-8")
@@ -294,7 +294,7 @@ def test_what_a_result_says(tmp_path: Path) -> None:
     rows = re.findall(r"^\| `(\{\"result\".*\})` \| (.*) \|$", ROBOTS, re.M)
     assert len(rows) == 3
     for result, outcome in rows:
-        failure = mappings["Wave"].failure(json.loads(result))
+        failure = mappings["Wave"].result_rule.failure(json.loads(result))
         assert outcome == (f"failed: {failure}" if failure else "succeeded")
 
 

@@ -22,35 +22,36 @@ def test_remappings_namespace_and_node() -> None:
             "rise2:c:=/d",
             "-r",
             "x:e:=f",
-        ]
+        ],
+        "rise",
     )
     assert given.namespace == "/lab"
     assert given.node == "rise2"
-    assert given.remaps_for("rise2") == {"a": "b", "c": "/d"}
-    assert given.remaps_for("x") == {"a": "b", "e": "f"}
+    assert given.remaps == (("a", "b"), ("c", "/d"))
 
 
 def test_nothing_is_given() -> None:
-    assert parse_ros_arguments([]) == parse_ros_arguments(["--ros-args", "--"]) == RosArguments()
+    assert parse_ros_arguments([], "x") == parse_ros_arguments(["--ros-args", "--"], "x") == RosArguments("x")
 
 
 def test_the_first_rule_for_a_name_counts() -> None:
-    given = parse_ros_arguments(["-r", "a:=b", "-r", "a:=c", "-r", "__ns:=/one", "-r", "__ns:=/two"])
-    assert given.remaps_for("rise") == {"a": "b"}
+    given = parse_ros_arguments(["-r", "a:=b", "-r", "a:=c", "-r", "__ns:=/one", "-r", "__ns:=/two"], "rise")
+    assert NameResolver(given.node, given.namespace, given.remaps).resolve("/one/a") == "/one/b"
     assert given.namespace == "/one"
 
 
 def test_a_rule_for_the_namespace_of_another_node_does_not_count() -> None:
-    assert parse_ros_arguments(["-r", "other:__ns:=/lab"], "rise").namespace == ""
+    assert parse_ros_arguments(["-r", "other:__ns:=/lab"], "rise").namespace == "/"
     assert parse_ros_arguments(["-r", "rise:__ns:=/lab"], "rise").namespace == "/lab"
-    assert parse_ros_arguments(["-r", "__name:=wizard"]).node == "wizard"
+    assert parse_ros_arguments(["-r", "__name:=wizard"], "rise").node == "wizard"
 
 
 def test_what_means_nothing_here_is_passed_over() -> None:
     given = parse_ros_arguments(
-        ["-p", "use_sim_time:=true", "--log-level", "debug", "--disable-rosout-logs", "--params-file", "x.yaml"]
+        ["-p", "use_sim_time:=true", "--log-level", "debug", "--disable-rosout-logs", "--params-file", "x.yaml"],
+        "rise",
     )
-    assert given == RosArguments()
+    assert given == RosArguments("rise")
 
 
 @pytest.mark.parametrize(
@@ -68,7 +69,7 @@ def test_what_means_nothing_here_is_passed_over() -> None:
 )
 def test_mistakes_are_sentences(arguments: list[str], said: str) -> None:
     with pytest.raises(PortError) as refused:
-        parse_ros_arguments(arguments)
+        parse_ros_arguments(arguments, "rise")
     assert str(refused.value).startswith("--ros-args: ")
     assert said in str(refused.value)
 

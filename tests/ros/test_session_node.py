@@ -15,6 +15,7 @@ import msgspec
 import pytest
 from rise_adapters.ros2.actions.client import (
     ABORTED,
+    ALL_GOALS,
     CANCEL_NONE,
     CANCEL_REJECTED,
     CANCEL_TERMINATED,
@@ -259,7 +260,7 @@ async def test_cancelling_everything(tmp_path: Path) -> None:
         goals = [node.ask(START_ACT, "Story") for _ in range(30)]
         goals.append(node.ask(START_RULE, "Doors"))
         answers: list[Any] = []
-        node.client.cancel_all(answers.append)
+        node.client.cancel(ALL_GOALS, answers.append)
         for goal in goals:
             assert (await goal.ended())[0] == "CANCELED"
         (answer,) = await until(lambda: answers)
@@ -611,23 +612,23 @@ async def test_what_waits_has_bounds_and_stop_all_is_taken_first(tmp_path: Path)
     async with session_and_node(tmp_path, disk=disk) as (session, node, _):
         await until(lambda: session.hub.view.session)
         disk.let.clear()
-        goals = [node.ask("raiseEventTopic", f"e{number}") for number in range(domain_task.UNDECIDED + 50)]
+        goals = [node.ask("raiseEventTopic", f"e{number}") for number in range(domain_task.MAX_UNDECIDED + 50)]
         await until(lambda: sum(goal.accepted is False for goal in goals) == 50)
         stop = node.ask("stopAll")
         await until(lambda: not session.face._tasks._goals)
         assert stop.accepted is None, "it waits for the disk only"
         disk.let.set()
         assert await stop.decided()
-        for goal in goals[: domain_task.UNDECIDED]:
+        for goal in goals[: domain_task.MAX_UNDECIDED]:
             assert await goal.decided()
         refused = [state for state in node.tasks if state["status"] == "REJECTED"]
         assert len(refused) == 50 and "waiting already" in refused[0]["reason"]
         functions = [task.function for task in session.hub.view.tasks.values()]
-        assert len(functions) == domain_task.UNDECIDED + 1
+        assert len(functions) == domain_task.MAX_UNDECIDED + 1
 
 
 async def test_what_runs_has_a_bound_too(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(domain_task, "OPEN", 5)
+    monkeypatch.setattr(domain_task, "MAX_OPEN", 5)
     async with session_and_node(tmp_path) as (_, node, _):
         goals = [node.ask(START_ACT, "Story") for _ in range(7)]
         assert [await goal.decided() for goal in goals] == [True] * 5 + [False] * 2

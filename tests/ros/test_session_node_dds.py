@@ -12,6 +12,7 @@ from contextlib import asynccontextmanager
 from pathlib import Path
 
 import pytest
+from rise_adapters.ros2.actions.client import ALL_GOALS
 from rise_adapters.ros2.session_node.record_topics import RECORDS_LATCHED
 from rise_adapters.ros2.transport.port import STATUS, QoS
 
@@ -36,8 +37,8 @@ PLACE = "/dev/shm" if Path("/dev/shm").is_dir() else "/tmp"
 class Session:
     """A session in a process of its own."""
 
-    def __init__(self, process: asyncio.subprocess.Process, socket: Path) -> None:
-        self.process, self.socket = process, socket
+    def __init__(self, process: asyncio.subprocess.Process, socket: Path, domain: int) -> None:
+        self.process, self.socket, self.domain = process, socket, domain
 
     async def end(self) -> dict[str, float]:
         figures, _ = await asyncio.wait_for(self.process.communicate(b""), 30)
@@ -53,15 +54,15 @@ async def on_the_wire() -> AsyncIterator[tuple[Session, Node]]:
     with tempfile.TemporaryDirectory(prefix="rise-", dir=PLACE) as place:
         process = await asyncio.create_subprocess_exec(
             sys.executable, "-m", "tests.ros.session_node_process", place, str(domain),
-            stdin=pipe, stdout=pipe, cwd=ROOT, env=environment(),
+            stdin=pipe, stdout=pipe, cwd=ROOT, env=environment(domain),
         )  # fmt: skip
-        transport = DdsTransport(asyncio.get_running_loop(), node="node", domain=domain, environment=environment())
+        transport = DdsTransport(asyncio.get_running_loop(), node="node", environment=environment(domain))
         try:
             assert process.stdout is not None
             words = (await asyncio.wait_for(process.stdout.readline(), 30)).decode().split()
             node = Node(transport)
             await node.ready()
-            yield Session(process, Path(words[1])), node
+            yield Session(process, Path(words[1]), domain), node
         finally:
             transport.close()
             if process.returncode is None:
@@ -84,7 +85,7 @@ async def test_the_whole_face_over_dds() -> None:
         node.cancel(waiting)
         assert (await waiting.ended())[0] == "CANCELED"
         answers: list[object] = []
-        node.client.cancel_all(answers.append)
+        node.client.cancel(ALL_GOALS, answers.append)
         assert (await story.ended())[0] == "CANCELED"
         await until(lambda: answers)
 
@@ -124,11 +125,11 @@ async def test_the_whole_face_over_dds() -> None:
 
 async def test_a_thousand_goals_in_a_second_keep_nobody_waiting_for_ever() -> None:
     """Every goal is answered, and the wizard's keys are taken meanwhile; how quickly, `benchmarks/ros.py` measures."""
-    async with on_the_wire() as (session, node):
+    async with on_the_wire() as (session, _):
         wizard = await Follower(SocketClient(session.socket, "anna")).attach()
         flood = await asyncio.create_subprocess_exec(
-            sys.executable, "-m", "tests.ros.goal_flood", str(node.transport.domain), "1000", "2",  # type: ignore[attr-defined]
-            stdout=asyncio.subprocess.PIPE, cwd=ROOT, env=environment(),
+            sys.executable, "-m", "tests.ros.goal_flood", str(session.domain), "1000", "2",
+            stdout=asyncio.subprocess.PIPE, cwd=ROOT, env=environment(session.domain),
         )  # fmt: skip
         assert flood.stdout is not None
         await flood.stdout.readline()

@@ -8,7 +8,15 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from rise_adapters.ros2.actions.client import ABORTED, CANCEL_NONE, CANCELED, SUCCEEDED, ActionClient, CancelResponse
+from rise_adapters.ros2.actions.client import (
+    ABORTED,
+    ALL_GOALS,
+    CANCEL_NONE,
+    CANCELED,
+    SUCCEEDED,
+    ActionClient,
+    CancelResponse,
+)
 from rise_adapters.ros2.examples.goal_reader import GoalReader
 from rise_adapters.ros2.examples.run_node import NodeError
 from rise_adapters.ros2.examples.simulated_robot import RobotOnWire, find_robot
@@ -47,7 +55,7 @@ class Rig:
         self.wire = MemoryWire()
         self.said: list[str] = []
         self.profile = find_robot(robot, None)
-        loop = ClockLoop(self.clock)
+        self.loop = loop = ClockLoop(self.clock)
         self.robot = RobotOnWire(
             MemoryTransport(self.wire, loop, "/robot"), self.profile, self.clock, self.said.append, **more
         )
@@ -78,10 +86,7 @@ class Rig:
         return goal
 
     def run(self, seconds: float) -> None:
-        until = self.clock.now() + seconds
-        while (at := self.clock.next_at) is not None and at <= until:
-            self.clock.advance()
-        self.clock.advance_to(until)
+        self.loop.run_until(self.clock.now() + seconds)
 
 
 class Sent:
@@ -185,7 +190,7 @@ def test_cancel_what_runs_and_what_waits() -> None:
     rig.client("Speech").cancel(second.id, answers.append)
     rig.run(0.01)
     assert (answers[0].code, answers[0].goals, second.status) == (CANCEL_NONE, (second.id,), CANCELED)
-    rig.client("Speech").cancel_all(answers.append)
+    rig.client("Speech").cancel(ALL_GOALS, answers.append)
     rig.run(0.1)
     assert (answers[1].goals, first.status, first.result) == ((first.id,), CANCELED, {"reason": "canceled"})
     third = rig.send("Speech", message="z")
@@ -216,11 +221,12 @@ def test_an_error_code_where_the_result_has_one() -> None:
     rig.run(3)
     assert failed.status == ABORTED
     assert (
-        rig.mappings["Speech"].failure(failed.result) == "it went wrong on the robot (simulated fault) (error code 255)"
+        rig.mappings["Speech"].result_rule.failure(failed.result)
+        == "it went wrong on the robot (simulated fault) (error code 255)"
     )
     fine = rig.send("Speech", message="Hello")
     rig.run(3)
-    assert (fine.status, rig.mappings["Speech"].failure(fine.result)) == (SUCCEEDED, "")
+    assert (fine.status, rig.mappings["Speech"].result_rule.failure(fine.result)) == (SUCCEEDED, "")
 
 
 @pytest.mark.slow

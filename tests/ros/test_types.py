@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from rise_adapters.ros2.transport.interfaces import SHARE_FOLDER, InterfaceCatalog
+from rise_adapters.ros2.transport.interfaces import RISE_INTERFACES, SHARE_FOLDER, InterfaceCatalog
 from rise_adapters.ros2.transport.port import CANCEL_TYPE, STATUS_TYPE, PortError, action_types
 
 pytest.importorskip("rosbags", reason="the standard definitions come with the extra dds")
@@ -43,7 +43,12 @@ def test_hashes_are_those_of_ros(types: InterfaceCatalog) -> None:
 
 
 def test_every_shipped_type_has_an_official_hash() -> None:
-    files = [path for path in SHARE_FOLDER.rglob("*.*") if path.suffix in (".msg", ".srv", ".action")]
+    files = [
+        path
+        for folder in (SHARE_FOLDER, RISE_INTERFACES)
+        for path in folder.rglob("*.*")
+        if path.suffix in (".msg", ".srv", ".action")
+    ]
     assert len(files) >= 20
     for path in files:
         assert f"{path.parts[-3]}/{path.parts[-2]}/{path.stem}" in HASHES

@@ -133,7 +133,7 @@ def test_new_says_what_there_is() -> None:
         assert CliRunner().invoke(main, arguments).exit_code == 2
 
 
-def test_the_wheel_holds_the_studies_and_the_notices(tmp_path: Path) -> None:
+def test_the_wheel_holds_the_studies_the_ros_types_and_the_notices(tmp_path: Path) -> None:
     """Built as `pip wheel .` does it, by the backend itself; skipped where that is not installed."""
     pytest.importorskip("hatchling")
     build = "import hatchling.build, sys; print(hatchling.build.build_wheel(sys.argv[1]))"
@@ -146,6 +146,10 @@ def test_the_wheel_holds_the_studies_and_the_notices(tmp_path: Path) -> None:
     for path in STUDIES.rglob("*"):
         if path.is_file():
             assert f"rise_engine/studies/{path.relative_to(STUDIES).as_posix()}" in held
+    types = STUDIES.parent / "adapters" / "rise_interfaces"
+    assert {
+        f"rise_adapters/ros2/share/{path.relative_to(types.parent)}" for path in types.rglob("*") if path.is_file()
+    } <= held
     assert {name.partition(".dist-info/licenses/")[2] for name in held} >= {
         "LICENSE",
         "NOTICE",
@@ -159,6 +163,6 @@ def test_the_notice_names_every_definition_of_others() -> None:
     notice = (root / "NOTICE").read_text("utf-8")
     for path in share.rglob("*.*"):
         package, *rest = path.relative_to(share).parts
-        if path.is_file() and package != "rise_interfaces":
+        if path.is_file():
             section = notice[notice.index(f"\n{package} ") :].partition("https://")[0]
             assert "/".join(rest) in section, path

@@ -26,7 +26,6 @@ async def main(folder: Path, tasks: int) -> None:
             session.engine.post(Submit(function="raiseEventTopic", behavior=f"/e{number % 100}"))
         await asyncio.sleep(0.1)  # the loop is late once, because of that
         lag = session.server.lag
-        assert lag is not None
         before, lag.max = peak(), 0.0
         print(session.path, flush=True)
         await asyncio.to_thread(sys.stdin.read)

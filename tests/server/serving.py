@@ -5,7 +5,7 @@ from __future__ import annotations
 import asyncio
 import json
 from collections.abc import AsyncIterator, Callable, Sequence
-from contextlib import asynccontextmanager, suppress
+from contextlib import asynccontextmanager, closing, suppress
 from pathlib import Path
 from typing import Any
 
@@ -60,7 +60,7 @@ async def served(
     )
     lock = registry.acquire_lock(registry.session_name(scenario))
     assert lock is not None
-    with lock:
+    with closing(lock):
         loop = asyncio.get_running_loop()
         clock = RealClock(loop, speed)
         robot = make_robot(loaded.scenario.robot, loaded.scenario.mode, clock, 1, ())

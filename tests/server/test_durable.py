@@ -115,10 +115,10 @@ async def test_a_disk_that_fails_is_told_to_everybody(scratch: Path) -> None:
         assert not reply.accepted and "full" in reply.reason
         other = await Follower(session.client("bob", "observer")).attach()
         assert "full" in other.hello.journaling.trouble
-        assert not (await follower.client.control("release")).accepted
+        assert not (await follower.client.change_control("release")).accepted
         await other.close()
         disk.full = False
         assert (await first).accepted
-        assert (await follower.client.control("release")).accepted
+        assert (await follower.client.change_control("release")).accepted
         await follower.until(lambda view: view.control is None)
         assert not follower.journaling[-1].trouble

@@ -268,7 +268,7 @@ def test_after_the_end_nobody_attaches() -> None:
     played.engine.end("done")
     with pytest.raises(NotAdmitted, match="has ended"):
         played.does("wa attaches")
-    assert played.hub.end_reason == "done"
+    assert played.hub.view.end_reason == "done"
 
 
 def test_a_listener_that_fails_hurts_nobody(caplog: pytest.LogCaptureFixture) -> None:

@@ -50,7 +50,7 @@ async def test_a_bad_line_ends_that_connection_with_a_sentence(scratch: Path, wh
             await bad.until("ready")
         bad.writer.write(BAD[what])
         assert "is no message of the protocol" in await bad.refused()
-        assert (await other.client.control("take")).accepted and other.error is None
+        assert (await other.client.change_control("take")).accepted and other.error is None
 
 
 @pytest.mark.parametrize("ended", [False, True], ids=["without its end", "with its end"])

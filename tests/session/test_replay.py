@@ -53,7 +53,7 @@ async def test_a_console_gets_every_record_at_its_time_and_can_change_nothing(ma
     assert view.ended
     reply = await client.send(Submit(function="stopAll"))
     assert not reply.accepted and "replay" in reply.reason
-    assert not (await client.control("take")).accepted
+    assert not (await client.change_control("take")).accepted
 
 
 async def test_leaving_in_the_middle(made: Made) -> None:

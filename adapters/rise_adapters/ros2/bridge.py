@@ -8,6 +8,7 @@ from __future__ import annotations
 import asyncio
 import logging
 from collections.abc import Awaitable, Callable, Mapping, Sequence
+from contextlib import ExitStack
 from functools import partial
 from pathlib import Path
 
@@ -18,7 +19,6 @@ from rise_adapters.ros2.robot import Ros2Robot
 from rise_adapters.ros2.session_node import RosSessionInterface
 from rise_adapters.ros2.session_node.neighbours import (
     NeighbourSessions,
-    SessionAnnouncement,
     describe_other_session,
     describe_refusal,
 )
@@ -70,7 +70,7 @@ class Ros2Bridge:
         self._robot: Ros2Robot | None = None
         self._hub: SessionHub | None = None
         self._interface: RosSessionInterface | None = None
-        self._watching = asyncio.get_running_loop().create_task(self._watch_connection())
+        self._watcher = asyncio.get_running_loop().create_task(self._watch_connection())
 
     def robot(self, clock: Clock) -> Robot:
         """The robot of the profile that the bridge was opened with, by the session's `clock`."""
@@ -88,15 +88,12 @@ class Ros2Bridge:
         self._neighbours = neighbours
         self._interface = RosSessionInterface(self._transport, self._hub, neighbours, rosout=self._rosout)
         ParameterServices(self._transport, partial(session_parameters, self._hub))
-        neighbours.on_other_session = self._note_other_session
+        neighbours.on_other_session = lambda other: self._record_note(describe_other_session(other))
         neighbours.announce_serving(self._hub.engine.scenario.title, Path(self._hub.folder).name)
-
-    def _note_other_session(self, other: SessionAnnouncement) -> None:
-        self._note(describe_other_session(other))
 
     async def close(self) -> None:
         """End the goals of other nodes, publish what is still to be said, and leave ROS."""
-        self._watching.cancel()
+        self._watcher.cancel()
         self._neighbours.close()
         if self._interface is not None:
             await self._interface.close()
@@ -104,38 +101,38 @@ class Ros2Bridge:
 
     async def _watch_connection(self) -> None:
         """A middleware that was shut down under the session is started again; the robot has noticed by itself."""
-        said = ""
+        reported = ""
         while True:
             await asyncio.sleep(WATCH_SECONDS)
             why = self._transport.failure()
             if not why:
                 continue
-            if not said:
-                self._note(f"the connection to ROS is lost: {why}")
-                said = why
+            if not reported:
+                self._record_note(f"the connection to ROS is lost: {why}")
+                reported = why
             try:
                 fresh = await self._reconnect()
             except BridgeError as error:
-                if str(error) != said:
-                    said = str(error)
-                    self._note(f"the connection to ROS cannot be made anew yet: {said}")
+                if str(error) != reported:
+                    reported = str(error)
+                    self._record_note(f"the connection to ROS cannot be made anew yet: {reported}")
                 continue
-            said = ""
+            reported = ""
             interface, self._interface = self._interface, None
             if interface is not None:
                 await interface.close()
             before, self._transport = self._transport, fresh
             try:
                 if self._robot is not None:
-                    self._robot.use(fresh)
+                    self._robot.switch_transport(fresh)
                 if self._hub is not None and not self._hub.engine.ended:
                     self._open_interface(NeighbourSessions(fresh, self._neighbours.announcement))
-                self._note("the connection to ROS was made anew")
+                self._record_note("the connection to ROS was made anew")
             except PortError as error:  # it may have gone again already
-                self._note(f"the new connection to ROS cannot be used: {error}")
+                self._record_note(f"the new connection to ROS cannot be used: {error}")
             before.close()
 
-    def _note(self, text: str) -> None:
+    def _record_note(self, text: str) -> None:
         _LOG.warning("%s", text)
         if self._hub is not None and not self._hub.engine.ended:
             self._hub.engine.post(Note(text=text))
@@ -143,40 +140,35 @@ class Ros2Bridge:
 
 async def open_bridge(wire: RosConnection, profile: RobotProfile | None) -> Ros2Bridge:
     """Connect (`rise_engine.ports.bridge.BridgeOpener`)."""
-    try:
-        _, arguments = parameters_as_options(
-            wire.arguments, DEFAULT_NODE_NAME, {}
-        )  # the command line has taken its own
+    try:  # the command line has taken its own parameters
+        _, arguments = parameters_as_options(wire.arguments, DEFAULT_NODE_NAME, {})
     except PortError as error:
         raise BridgeError([str(error)]) from None
-    try:
-        share = [Path(each) for each in read_options(profile).share] if profile is not None else []
-    except MappingError:
-        assert profile is not None
-        raise BridgeError(mapping_problems(profile)) from None  # also what is wrong elsewhere in it
+    share: list[Path] = []
+    if profile is not None:
+        try:
+            share = [Path(each) for each in read_options(profile).share]
+        except MappingError:
+            raise BridgeError(mapping_problems(profile)) from None  # also what is wrong elsewhere in it
 
-    def connect() -> Awaitable[Transport]:
-        return open_transport(wire.transport, arguments, node=DEFAULT_NODE_NAME, share=share)
-
+    connect = partial(open_transport, wire.transport, arguments, node=DEFAULT_NODE_NAME, share=share)
     transport = await connect()
-    try:
-        neighbours = NeighbourSessions(transport)
-        for type in INTERFACE_TYPES:
-            transport.fields(type)
-        mappings = read_mappings(profile, transport.fields) if profile is not None else {}
-        other = await neighbours.find_earlier()
+    with ExitStack() as unless_opened:
+        unless_opened.callback(transport.close)
+        try:
+            neighbours = NeighbourSessions(transport)
+            for type in INTERFACE_TYPES:
+                transport.fields(type)
+            mappings = read_mappings(profile, transport.fields) if profile is not None else {}
+            other = await neighbours.find_earlier()
+        except MappingError as errors:
+            raise BridgeError(errors.findings) from None
+        except PortError as error:
+            raise BridgeError([str(error)]) from None
         if other is not None:
             neighbours.close()
             raise BridgeError(describe_refusal(other, transport))
-    except MappingError as errors:
-        transport.close()
-        raise BridgeError(errors.findings) from None
-    except PortError as error:
-        transport.close()
-        raise BridgeError([str(error)]) from None
-    except BaseException:
-        transport.close()
-        raise
+        unless_opened.pop_all()
     rosout = "--disable-rosout-logs" not in arguments
     return Ros2Bridge(transport, profile, mappings, neighbours, connect, rosout=rosout)
 

@@ -9,7 +9,7 @@ by name and by hash (REP-2016), whose software carries it, and its quality of se
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable
 
 from msgspec import Struct
 
@@ -28,12 +28,8 @@ from rise_adapters.ros2.transport.port import (
     action_types,
 )
 
-OTHER_TYPE, OTHER_VERSION, OTHER_MIDDLEWARE, OTHER_QUALITY = (
-    "other-type",
-    "other-version",
-    "other-middleware",
-    "other-quality",
-)
+OTHER_TYPE, OTHER_VERSION = "other-type", "other-version"
+OTHER_MIDDLEWARE, OTHER_QUALITY = "other-middleware", "other-quality"
 """Words that a reason begins with (docs/explanation/ros2.md)."""
 SHORT_MISFITS = {
     OTHER_TYPE: "offers other types than its profile names",
@@ -62,14 +58,14 @@ class Misfit(Struct, frozen=True):
         return f"{self.name} {self.statement}"
 
 
-class EndpointComparison(Struct, frozen=True):
+class EndpointComparison(Struct):
     """What was found of the other side of one action of a profile."""
 
-    unusable: tuple[Misfit, ...] = ()
+    unusable: list[Misfit] = []
     """Because of these nothing may be sent to it, or nothing sent would arrive."""
-    unheard: tuple[Misfit, ...] = ()
+    unheard: list[Misfit] = []
     """Because of these some of what it says would not be heard; what is sent arrives."""
-    seen: tuple[str, ...] = ()
+    seen: list[str] = []
     """Whose programs have any of it, for a person; empty when nobody has."""
     unannounced: bool = False
     """It does not say which version of its types it has, or that is not known of this side's: nobody can compare."""
@@ -78,33 +74,26 @@ class EndpointComparison(Struct, frozen=True):
     other, and the middleware may let messages pass before it lists who they come from.)"""
 
     @property
-    def misfits(self) -> tuple[Misfit, ...]:
+    def misfits(self) -> list[Misfit]:
         return self.unusable + self.unheard
-
-
-NOT_COMPARED = EndpointComparison()
 
 
 def compare(transport: Transport, mapping: ActionMapping) -> EndpointComparison:
     """Compare what is there now with what the profile says of one action."""
     found = _compare_action(transport, mapping) if mapping.kind == "action" else _compare_topic(transport, mapping)
-    return EndpointComparison(
-        tuple(dict.fromkeys(found.unusable)),
-        tuple(dict.fromkeys(found.unheard)),
-        tuple(map(describe_node, found.nodes)),
-        found.unannounced,
-        found.complete,
-    )
+    found.unusable, found.unheard = list(dict.fromkeys(found.unusable)), list(dict.fromkeys(found.unheard))
+    found.seen = list(dict.fromkeys(found.seen))
+    return found
 
 
 def describe_absence(comparison: EndpointComparison, mapping: ActionMapping, full: str) -> str:
     """Why nothing of an action can be reached, where `compare` found nothing wrong: a sentence that names `full`."""
     if comparison.seen:
-        return f"{full} is seen at {_join(comparison.seen)}, and cannot be reached: {_why_unreachable(mapping)}"
+        return f"{full} is seen at {_join_names(comparison.seen)}, and cannot be reached: {_why_unreachable(mapping)}"
     return f"nothing {'offers' if mapping.kind == 'action' else 'listens to'} {full}"
 
 
-def several_servers(count: int, full: str) -> str:
+def describe_several_servers(count: int, full: str) -> str:
     """The sentence about an action that is offered more than once."""
     return f"{count} nodes offer {full}, so the robot would do everything {count} times"
 
@@ -120,42 +109,30 @@ def describe_misfits(misfits: Iterable[Misfit]) -> str:
     for misfit in misfits:
         names.setdefault((misfit.statement, misfit.remedy), []).append(misfit.name)
     return "; ".join(
-        f"{first} {says}{f' (and so with {_join(more)})' if more else ''}; {remedy}"
-        for (says, remedy), (first, *more) in names.items()
+        f"{first} {statement}{f' (and so with {_join_names(more)})' if more else ''}; {remedy}"
+        for (statement, remedy), (first, *more) in names.items()
     )
 
 
 # --- comparing ----------------------------------------------------------------------------------------------------
 
 
-class _Collected:
-    def __init__(self, full: str, verb: str) -> None:
-        self.full = full
-        self.verb = verb
-        """What the other side does with it: it is `offered` or `taken`."""
-        self.unusable: list[Misfit] = []
-        self.unheard: list[Misfit] = []
-        self.unannounced = False
-        self.complete = False
-        self.nodes: dict[str, None] = {}
-
-
-def _compare_action(transport: Transport, mapping: ActionMapping) -> _Collected:
+def _compare_action(transport: Transport, mapping: ActionMapping) -> EndpointComparison:
     full = transport.resolve(mapping.name)
-    found, types = _Collected(full, "offered"), action_types(mapping.type)
+    found, types = EndpointComparison(), action_types(mapping.type)
     services = (SEND_GOAL, GET_RESULT, CANCEL_GOAL)
     seen: set[tuple[str, bool]] = set()
     for part in services:
-        asked, answered = f"{types[part]}_Request", f"{types[part]}_Response"
         for end in transport.server_endpoints(action_topic(full, part)):
-            found.nodes[end.node] = None
+            found.seen.append(describe_node(end.node))
             answers = end.type.endswith("_Response")
             seen.add((part, answers))
-            misfit = _middleware_misfit(transport, full, end) or _type_misfit(
-                transport, found, mapping.type, end, answered if answers else asked
-            )
-            if misfit is None and (lacks := qos_conflict(end.qos, QoS()) if answers else qos_conflict(QoS(), end.qos)):
-                does = f"answers {lacks[0]}" if answers else f"wants goals {lacks[1]}"
+            wanted_type = f"{types[part]}_{'Response' if answers else 'Request'}"
+            misfit = _middleware_misfit(transport, full, end)
+            misfit = misfit or _type_misfit(transport, mapping, full, end, wanted_type, found)
+            conflict = qos_conflict(end.qos, QoS()) if answers else qos_conflict(QoS(), end.qos)
+            if misfit is None and conflict is not None:
+                does = f"answers {conflict.offered}" if answers else f"wants goals {conflict.wanted}"
                 misfit = Misfit(OTHER_QUALITY, full, f"{does}, which no service of ROS is", "correct it in the wrapper")
             if misfit is not None:
                 found.unusable.append(misfit)
@@ -163,33 +140,33 @@ def _compare_action(transport: Transport, mapping: ActionMapping) -> _Collected:
     found.complete = takes and (answers_all or not any(answers for _, answers in seen))
     for part, wanted in ((FEEDBACK, mapping.feedback_qos), (STATUS_TOPIC, mapping.status_qos)):
         for end in transport.publisher_endpoints(action_topic(full, part)):
-            misfit = _type_misfit(transport, found, mapping.type, end, types[part])
+            misfit = _type_misfit(transport, mapping, full, end, types[part], found)
             if misfit is not None:
                 found.unusable.append(misfit)
-            elif lacks := qos_conflict(end.qos, wanted):
-                says = f"publishes its {part} {lacks[0]}, and here it is wanted {lacks[1]}"
-                found.unheard.append(_qos_misfit(full, says, f"qos.{part}", lacks[2]))
+            elif conflict := qos_conflict(end.qos, wanted):
+                statement = f"publishes its {part} {conflict.offered}, and here it is wanted {conflict.wanted}"
+                found.unheard.append(_qos_misfit(full, statement, f"qos.{part}", conflict.for_reader))
     return found
 
 
-def _compare_topic(transport: Transport, mapping: ActionMapping) -> _Collected:
+def _compare_topic(transport: Transport, mapping: ActionMapping) -> EndpointComparison:
     full = transport.resolve(mapping.name)
-    found = _Collected(full, "taken")
+    found = EndpointComparison()
     misfits: list[Misfit] = []
     fits = False
     for end in transport.subscriber_endpoints(full):
-        found.nodes[end.node] = None
-        misfit = _type_misfit(transport, found, mapping.type, end, mapping.type)
-        if misfit is None and (lacks := qos_conflict(mapping.topic_qos, end.qos)):
-            says = f"is wanted {lacks[1]}{_owner(end)}, and is published here {lacks[0]}"
-            misfit = _qos_misfit(full, says, "qos", lacks[3])
+        found.seen.append(describe_node(end.node))
+        misfit = _type_misfit(transport, mapping, full, end, mapping.type, found)
+        if misfit is None and (conflict := qos_conflict(mapping.topic_qos, end.qos)):
+            statement = f"is wanted {conflict.wanted}{_describe_owner(end)}, and is published here {conflict.offered}"
+            misfit = _qos_misfit(full, statement, "qos", conflict.for_writer)
         if misfit is None:
             fits = True
         elif misfit.kind == OTHER_VERSION:
             found.unusable.append(misfit)
         else:
             misfits.append(misfit)
-    found.complete = bool(found.nodes)
+    found.complete = bool(found.seen)
     if not fits:  # else these are somebody's who listens, too, as `ros2 topic echo` does
         found.unusable += misfits
     return found
@@ -198,11 +175,11 @@ def _compare_topic(transport: Transport, mapping: ActionMapping) -> _Collected:
 def _middleware_misfit(transport: Transport, full: str, end: RemoteEndpoint) -> Misfit | None:
     if vendors.services_cross(transport.vendor, end.vendor) != "no":
         return None
-    says = (
-        f"is offered{_owner(end)} over {vendors.vendor_name(end.vendor)}, and this program uses "
+    statement = (
+        f"is offered{_describe_owner(end)} over {vendors.vendor_name(end.vendor)}, and this program uses "
         f"{vendors.vendor_name(transport.vendor)}: services and actions do not cross from one to the other"
     )
-    return Misfit(OTHER_MIDDLEWARE, full, says, same_middleware_remedy(transport, end.vendor))
+    return Misfit(OTHER_MIDDLEWARE, full, statement, same_middleware_remedy(transport, end.vendor))
 
 
 def same_middleware_remedy(transport: Transport, other: str) -> str:
@@ -217,23 +194,27 @@ def same_middleware_remedy(transport: Transport, other: str) -> str:
 
 
 def _type_misfit(
-    transport: Transport, found: _Collected, named: str, end: RemoteEndpoint, wanted: str
+    transport: Transport,
+    mapping: ActionMapping,
+    full: str,
+    end: RemoteEndpoint,
+    wanted: str,
+    found: EndpointComparison,
 ) -> Misfit | None:
-    """`named`: as the profile names the type; `wanted`: what of it this end has to carry."""
+    """`full`: the mapping's name, in full. `wanted`: what of its type this end has to carry. That it does not say more
+    goes to `found`."""
+    verb = "offered" if mapping.kind == "action" else "taken"
     if end.type != wanted:
         there = ros_type(end.type) or "something that is no type of ROS"
         remedy = "correct `carrier.type` in the robot's profile, or start the wrapper that fits it"
-        return Misfit(OTHER_TYPE, found.full, f"is {found.verb} as {there}, not as {named}", remedy)
+        return Misfit(OTHER_TYPE, full, f"is {verb} as {there}, not as {mapping.type}", remedy)
     own = transport.type_hash(wanted)
     if not own or not end.hash:
         found.unannounced = True
-    elif end.hash not in (
-        own,
-        transport.type_hash(_service_of(wanted)),
-    ):  # some middleware announces that of the service
-        what = named if wanted.startswith(named) else ros_type(wanted)
-        says = f"is {found.verb}{_owner(end)} with another version of {what}"
-        return Misfit(OTHER_VERSION, found.full, says, SAME_RELEASE)
+    elif end.hash not in (own, transport.type_hash(_service_of(wanted))):  # some middleware announces the service's
+        what = mapping.type if wanted.startswith(mapping.type) else ros_type(wanted)
+        statement = f"is {verb}{_describe_owner(end)} with another version of {what}"
+        return Misfit(OTHER_VERSION, full, statement, SAME_RELEASE)
     return None
 
 
@@ -250,21 +231,32 @@ def ros_type(type: str) -> str:
     return type
 
 
-def qos_conflict(offered: QoS | None, wanted: QoS | None) -> tuple[str, str, str, str] | None:
-    """Why a reader that wants `wanted` hears nothing of a writer that offers `offered`: how the one offers it and how
-    the other wants it, in words; and what to write on the reader's and on the writer's side. None: it hears."""
+class QosConflict(Struct, frozen=True):
+    """Why a reader hears nothing of a writer."""
+
+    offered: str
+    """How the writer offers it, in words ..."""
+    wanted: str
+    """... and how the reader wants it."""
+    for_reader: str
+    """What to write on the reader's side, or ..."""
+    for_writer: str
+    """... on the writer's."""
+
+
+_BEST_EFFORT = QosConflict("as best effort", "reliably", 'reliability = "best_effort"', 'reliability = "reliable"')
+_LATCHED = "with what was said before (transient local)"
+_VOLATILE = QosConflict("as volatile", _LATCHED, 'durability = "volatile"', 'durability = "transient_local"')
+
+
+def qos_conflict(offered: QoS | None, wanted: QoS | None) -> QosConflict | None:
+    """Why a reader that wants `wanted` hears nothing of a writer that offers `offered`; None: it hears, or that is not
+    known."""
     if offered is None or wanted is None:
         return None
     if wanted.reliable and not offered.reliable:
-        return "as best effort", "reliably", 'reliability = "best_effort"', 'reliability = "reliable"'
-    if wanted.latched and not offered.latched:
-        return (
-            "as volatile",
-            "with what was said before (transient local)",
-            'durability = "volatile"',
-            'durability = "transient_local"',
-        )
-    return None
+        return _BEST_EFFORT
+    return _VOLATILE if wanted.latched and not offered.latched else None
 
 
 def _qos_misfit(full: str, statement: str, key: str, setting: str) -> Misfit:
@@ -287,16 +279,11 @@ def describe_node(name: str) -> str:
     return f"a program {name or 'whose node is not known'}"
 
 
-def _owner(end: RemoteEndpoint) -> str:
+def _describe_owner(end: RemoteEndpoint) -> str:
     """Whose it is. (That is announced separately, and may come later or never.)"""
     return f" by {describe_node(end.node)}" if end.node else ""
 
 
-def _join(names: Iterable[str]) -> str:
-    return " and ".join(_with_commas(list(names)))
-
-
-def _with_commas(names: list[str]) -> Iterator[str]:
-    if len(names) > 1:
-        yield ", ".join(names[:-1])
-    yield from names[-1:]
+def _join_names(names: Iterable[str]) -> str:
+    *others, last = names
+    return f"{', '.join(others)} and {last}" if others else last

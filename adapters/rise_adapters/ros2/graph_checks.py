@@ -66,6 +66,7 @@ def describe_topic_misfits(transport: Transport, topic: str) -> list[str]:
             elif publisher.hash and listener.hash and publisher.hash != listener.hash:
                 what = f"{who} publishes {topic} with another version of {publisher.type} than {whom} listens for"
                 found[f"{what}: what arrives is garbage"] = None
-            elif lacks := qos_conflict(publisher.qos, listener.qos):
-                found[f"{who} publishes {topic} {lacks[0]}, and {whom} wants it {lacks[1]}: nothing arrives"] = None
+            elif conflict := qos_conflict(publisher.qos, listener.qos):
+                what = f"{who} publishes {topic} {conflict.offered}, and {whom} wants it {conflict.wanted}"
+                found[f"{what}: nothing arrives"] = None
     return list(found)

@@ -17,7 +17,7 @@ from typing import Any, TypeAlias
 from msgspec import Struct
 
 from rise_adapters.ros2.transport.names import check_namespace
-from rise_adapters.ros2.transport.port import Closable, Message, PortError, SendReply, Transport
+from rise_adapters.ros2.transport.port import Message, PortError, SendReply, Transport
 from rise_engine.nearest_name import did_you_mean
 
 ParameterValue: TypeAlias = "bool | int | float | str | list[str] | None"
@@ -55,7 +55,7 @@ class ParameterOption(Struct, frozen=True):
 def split_parameters(arguments: Sequence[str], node: str) -> tuple[list[GivenParameter], tuple[str, ...]]:
     """The parameters among ROS's arguments that are meant for `node` (its name, without namespace), in the order in
     which they count, the last most; and the other arguments. Raises PortError."""
-    own, namespace = _node_and_namespace(arguments, node)
+    own, namespace = _read_node_and_namespace(arguments, node)
     full = f"{namespace.rstrip('/')}/{own}"
     given: list[GivenParameter] = []
     others: list[str] = []
@@ -75,7 +75,7 @@ def split_parameters(arguments: Sequence[str], node: str) -> tuple[list[GivenPar
         if not separator or not name:
             raise PortError(f"--ros-args: {value!r} is no parameter; one looks like name:=value")
         if of_node in ("", own, full):
-            read = _yaml(text, f"{argument} {value}")
+            read = _read_yaml(text, f"{argument} {value}")
             given.append(GivenParameter(name, "" if read is None else read))
     return given, tuple(others)
 
@@ -90,7 +90,7 @@ def parameters_as_options(
     for each in given:
         name = each.name.replace("-", "_")
         if name == SIM_TIME:
-            _no_sim_time(each.value)
+            _refuse_sim_time(each.value)
         elif name.startswith(_QOS):
             raise PortError(
                 f"the parameter {each.name}: the quality of service of this program's topics is fixed, because others "
@@ -110,7 +110,7 @@ def parameters_as_options(
     return words, others
 
 
-def _no_sim_time(value: Any) -> None:
+def _refuse_sim_time(value: Any) -> None:
     if _read_truth(value) is not False:
         raise PortError(
             f"the parameter {SIM_TIME} is {value}, and this program does not follow /clock: people take part, "
@@ -141,7 +141,7 @@ def _read_truth(value: Any) -> bool | None:
     return True if word in ("true", "yes", "on", "y") else False if word in ("false", "no", "off", "n") else None
 
 
-def _node_and_namespace(arguments: Sequence[str], node: str) -> tuple[str, str]:
+def _read_node_and_namespace(arguments: Sequence[str], node: str) -> tuple[str, str]:
     """The name of the node and its namespace, after the rules that are among the arguments."""
     found: dict[str, str] = {}
     rest = iter(arguments)
@@ -156,20 +156,20 @@ def _node_and_namespace(arguments: Sequence[str], node: str) -> tuple[str, str]:
 
 def _read_file(path: Path, full: str) -> Iterator[GivenParameter]:
     try:
-        read = _yaml(path.read_text("utf-8"), str(path))
+        read = _read_yaml(path.read_text("utf-8"), str(path))
     except (OSError, UnicodeDecodeError) as error:
         raise PortError(f"--params-file {path} cannot be read: {error}") from None
     if not read:
         return
-    found = list(_sections(read, "", str(path)))
+    found = list(_find_sections(read, "", str(path)))
     # What is said of this node counts more than what is said of all.
     for pattern, section in sorted(found, key=lambda each: "*" not in each[0]):
-        if _matches(pattern, full):
+        if _matches_node(pattern, full):
             for name, value in _flatten(section, ""):
                 yield GivenParameter(name, value, for_all_nodes="*" in pattern)
 
 
-def _sections(table: Any, where: str, path: str) -> Iterator[tuple[str, dict[str, Any]]]:
+def _find_sections(table: Any, where: str, path: str) -> Iterator[tuple[str, dict[str, Any]]]:
     if not isinstance(table, dict):
         raise PortError(f"--params-file {path}: below a node's name stands `ros__parameters:`, and below that its own")
     for key, value in table.items():
@@ -178,10 +178,10 @@ def _sections(table: Any, where: str, path: str) -> Iterator[tuple[str, dict[str
                 raise PortError(f"--params-file {path}: below ros__parameters stand names with values")
             yield where, value or {}
         else:
-            yield from _sections(value, f"{where}/{str(key).strip('/')}", path)
+            yield from _find_sections(value, f"{where}/{str(key).strip('/')}", path)
 
 
-def _matches(pattern: str, full: str) -> bool:
+def _matches_node(pattern: str, full: str) -> bool:
     """`*` is one part of a name, `**` any number of parts."""
     parts = ["(/[^/]+)*" if part == "**" else "/[^/]+" if part == "*" else re.escape(f"/{part}")
              for part in pattern.strip("/").split("/")]  # fmt: skip
@@ -196,7 +196,7 @@ def _flatten(table: Mapping[str, Any], prefix: str) -> Iterator[tuple[str, Any]]
             yield f"{prefix}{name}", value
 
 
-def _yaml(text: str, where: str) -> Any:
+def _read_yaml(text: str, where: str) -> Any:
     """Its structure, with texts for all that is no list and no table. The extra `dds` comes with one reader of YAML,
     ROS with another."""
     try:
@@ -230,77 +230,56 @@ class ParameterServices:
 
     def __init__(self, transport: Transport, settings: Callable[[], Mapping[str, ReadableParameter]]) -> None:
         """`settings` is asked at each request. Raises PortError."""
-        self._own = settings
-        self._handles: list[Closable] = [
-            transport.serve(f"~/{name}", f"{_TYPES}{type}", answer)
-            for name, type, answer in (
-                ("list_parameters", "ListParameters", self._list),
-                ("get_parameters", "GetParameters", self._get),
-                ("get_parameter_types", "GetParameterTypes", self._types),
-                ("describe_parameters", "DescribeParameters", self._describe),
-                ("set_parameters", "SetParameters", self._set),
-                ("set_parameters_atomically", "SetParametersAtomically", self._set_atomically),
-            )
-        ]
+        self._read_own = settings
+        for name, type, take_request in (
+            ("list_parameters", "ListParameters", self._list),
+            ("get_parameters", "GetParameters", self._get),
+            ("get_parameter_types", "GetParameterTypes", self._get_types),
+            ("describe_parameters", "DescribeParameters", self._describe),
+            ("set_parameters", "SetParameters", self._set),
+            ("set_parameters_atomically", "SetParametersAtomically", self._set_atomically),
+        ):
+            transport.serve(f"~/{name}", f"{_TYPES}{type}", take_request)
 
-    def close(self) -> None:
-        for handle in self._handles:
-            handle.close()
+    def _read_all(self) -> dict[str, ReadableParameter]:
+        return {**self._read_own(), **NO_SIM_TIME}
 
-    def _settings(self) -> dict[str, ReadableParameter]:
-        return {**self._own(), **NO_SIM_TIME}
+    def _read_values(self, names: list[str]) -> list[ParameterValue]:
+        settings = self._read_all()
+        return [settings[name].value if name in settings else None for name in names]
 
     def _list(self, request: Message, reply: SendReply) -> None:
         wanted = request["prefixes"]
         names = [
             name
-            for name in sorted(self._settings())
+            for name in sorted(self._read_all())
             if not wanted or any(name == prefix or name.startswith(f"{prefix}.") for prefix in wanted)
         ]
         reply({"result": {"names": names}})
 
     def _get(self, request: Message, reply: SendReply) -> None:
-        settings = self._settings()
-        reply(
-            {"values": [parameter_value(settings[name].value) if name in settings else {} for name in request["names"]]}
-        )
+        reply({"values": [parameter_value(value) for value in self._read_values(request["names"])]})
 
-    def _types(self, request: Message, reply: SendReply) -> None:
-        settings = self._settings()
-        reply(
-            {
-                "types": bytes(
-                    parameter_type(settings[name].value) if name in settings else 0 for name in request["names"]
-                )
-            }
-        )
+    def _get_types(self, request: Message, reply: SendReply) -> None:
+        reply({"types": bytes(map(parameter_type, self._read_values(request["names"])))})
 
     def _describe(self, request: Message, reply: SendReply) -> None:
-        settings = self._settings()
-        described = []
-        for name in request["names"]:
-            known = settings.get(name)
-            described.append(
-                {"name": name}
-                if known is None
-                else {
-                    "name": name,
-                    "type": parameter_type(known.value),
-                    "description": known.description,
-                    "read_only": True,
-                }
-            )
+        settings = self._read_all()
+        described: list[Message] = [{"name": name} for name in request["names"]]
+        for each in described:
+            if (known := settings.get(each["name"])) is not None:
+                each.update(type=parameter_type(known.value), description=known.description, read_only=True)
         reply({"descriptors": described})
 
     def _set(self, request: Message, reply: SendReply) -> None:
-        reply({"results": [self._refused(each["name"]) for each in request["parameters"]]})
+        reply({"results": [self._refuse(each["name"]) for each in request["parameters"]]})
 
     def _set_atomically(self, request: Message, reply: SendReply) -> None:
         names = [each["name"] for each in request["parameters"]]
-        reply({"result": self._refused(names[0]) if names else {"successful": True}})
+        reply({"result": self._refuse(names[0]) if names else {"successful": True}})
 
-    def _refused(self, name: str) -> Message:
-        settings = self._settings()
+    def _refuse(self, name: str) -> Message:
+        settings = self._read_all()
         if name not in settings:
             reason = f"there is no parameter {name}{did_you_mean(name, settings)}"
         else:
@@ -308,27 +287,22 @@ class ParameterServices:
         return {"successful": False, "reason": reason}
 
 
+_TYPE_AND_FIELD = {
+    bool: (1, "bool_value"),
+    int: (2, "integer_value"),
+    float: (3, "double_value"),
+    str: (4, "string_value"),
+    list: (9, "string_array_value"),
+}
+"""Of a value in Python: its ParameterType, and the field of a ParameterValue that holds it."""
+
+
 def parameter_type(value: ParameterValue) -> int:
-    """As rcl_interfaces/msg/ParameterType numbers them."""
-    match value:
-        case None:
-            return 0
-        case bool():
-            return 1
-        case int():
-            return 2
-        case float():
-            return 3
-        case str():
-            return 4
-        case list():
-            return 9
-
-
-_FIELDS = {1: "bool_value", 2: "integer_value", 3: "double_value", 4: "string_value", 9: "string_array_value"}
+    """As rcl_interfaces/msg/ParameterType numbers them; 0: it is not set."""
+    return _TYPE_AND_FIELD.get(type(value), (0, ""))[0]
 
 
 def parameter_value(value: ParameterValue) -> Message:
     """As a rcl_interfaces/msg/ParameterValue."""
-    kind = parameter_type(value)
-    return {"type": kind, _FIELDS[kind]: value} if kind else {}
+    kind, field = _TYPE_AND_FIELD.get(type(value), (0, ""))
+    return {"type": kind, field: value} if kind else {}

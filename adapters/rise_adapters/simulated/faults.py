@@ -61,7 +61,7 @@ Fault: TypeAlias = ActionFault | LinkFault
 def parse_fault(text: str, profile: RobotProfile) -> Fault:
     """Read one request. Raises ValueError with a sentence that says what is wrong and what was probably meant."""
     if text.startswith("vanish"):
-        return _vanish(text)
+        return _parse_link_fault(text)
     match = _ACTION.fullmatch(text)
     if match is None:
         raise ValueError(f"the fault {text!r} cannot be read: {_FORM}")
@@ -73,7 +73,7 @@ def parse_fault(text: str, profile: RobotProfile) -> Fault:
         raise ValueError(f"the fault {text!r} has the unknown kind {kind!r}: {hint}")
     factor = 1.0
     if kind == "slow":
-        factor = _factor(text, match["factor"])
+        factor = _read_factor(text, match["factor"])
     elif match["factor"] is not None:
         raise ValueError(f"the fault {text!r} cannot be read: only `slow` takes a factor")
     nth = None
@@ -84,7 +84,7 @@ def parse_fault(text: str, profile: RobotProfile) -> Fault:
     return ActionFault(action, kind, factor, nth)
 
 
-def _vanish(text: str) -> LinkFault:
+def _parse_link_fault(text: str) -> LinkFault:
     match = _VANISH.fullmatch(text)
     if match is None:
         raise ValueError(
@@ -96,7 +96,7 @@ def _vanish(text: str) -> LinkFault:
     return LinkFault(at, back)
 
 
-def _factor(text: str, factor: str | None) -> float:
+def _read_factor(text: str, factor: str | None) -> float:
     try:
         value = float(factor or "")
     except ValueError:

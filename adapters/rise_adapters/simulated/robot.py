@@ -13,6 +13,8 @@ from functools import partial
 from random import Random
 from typing import Any
 
+from msgspec import Struct
+
 from rise_adapters.simulated.faults import ActionFault, LinkFault, parse_fault
 from rise_engine.kernel.commands import StartAction
 from rise_engine.kernel.inputs import ActionReport, RobotChanged, StopReport
@@ -25,14 +27,13 @@ _TICK = 0.001
 """Seconds that keep two reports about one goal apart, so that their order never depends on a tie."""
 
 
-class _SimulatedGoal:
+class _SimulatedGoal(Struct):
     """One goal that runs."""
 
-    def __init__(self, action_type: str, hangs: bool) -> None:
-        self.type = action_type
-        self.hangs = hangs
-        self.timers: list[Timer] = []
-        self.canceling = False
+    type: str
+    hangs: bool
+    timers: list[Timer] = []
+    canceling: bool = False
 
     def drop_timers(self) -> None:
         for timer in self.timers:
@@ -59,18 +60,13 @@ class SimulatedRobot:
         self._links_down = 0
         self._report: ReportCallback = _ignore
         self._timers: list[Timer] = []
-        self._seen: float | None = None
-
-    @property
-    def parts(self) -> tuple[str, ...]:
-        """The parts that confirm a stop, one for each channel that the robot's actions use: `pepper/speech`."""
-        channels = {
-            channel
-            for spec in self._profile.actions.values()
+        self._last_seen: float | None = None
+        self._parts = {
+            action: {f"{profile.name}/{channel}" for channel in spec.channels}
+            for action, spec in profile.actions.items()
             if spec.supported and not spec.engine
-            for channel in spec.channels
         }
-        return tuple(f"{self._profile.name}/{channel}" for channel in sorted(channels))
+        """By action, what confirms a stop, one part for each channel that it uses: `pepper/speech`."""
 
     # --- the port -----------------------------------------------------------------------------------------------
 
@@ -80,35 +76,36 @@ class SimulatedRobot:
             self._timers.append(self._clock.call_at(vanish.at, partial(self._cut_link, vanish)))
             if vanish.back is not None:
                 self._timers.append(self._clock.call_at(vanish.back, self._restore_link))
-        if not self._links_down:
-            report(RobotChanged(status="connected", detail=self._describe_link()))
+        report(RobotChanged(status="connected", detail=self._describe_link()))
 
     def start(self, goal: StartAction) -> None:
         self._counts[goal.type] += 1
         fault = self._next_fault(goal.type)
+        kind = fault.kind if fault is not None else None
         seconds = goal.expected
         if self._variation:
             seconds *= 1 + self._random.uniform(-self._variation, self._variation)
         if self._links_down:
-            self._after(self._latency, self._report_end, goal.action, "failed", "the robot cannot be reached")
+            failure = ActionReport(action=goal.action, status="failed", reason="the robot cannot be reached")
+            self._call_after(self._latency, self._end, failure)
             return
-        running = _SimulatedGoal(goal.type, fault is not None and fault.kind == "hang")
-        self._goals[goal.action] = running
-        if fault is not None and fault.kind == "reject":
-            running.timers.append(
-                self._after(self._latency, self._end, goal.action, "failed", "the robot refused it (simulated fault)")
-            )
+        running = self._goals[goal.action] = _SimulatedGoal(goal.type, kind == "hang")
+        if kind == "reject":
+            refusal = "the robot refused it (simulated fault)"
+            ending = ActionReport(action=goal.action, status="failed", reason=refusal)
+            running.timers.append(self._call_after(self._latency, self._end, ending))
             return
-        running.timers.append(self._after(self._latency, self._accept, goal.action))
-        if running.hangs:
+        running.timers.append(self._call_after(self._latency, self._accept, goal.action))
+        if kind == "hang":
             return
-        if fault is not None and fault.kind == "slow":
+        ending = ActionReport(action=goal.action, status="succeeded")
+        if fault is not None and kind == "slow":
             seconds *= fault.factor
-        status, reason = "succeeded", ""
-        if fault is not None and fault.kind == "fail":
-            seconds, status, reason = seconds / 2, "failed", "it went wrong on the robot (simulated fault)"
-        seconds = max(seconds, self._latency + _TICK)
-        running.timers.append(self._after(seconds, self._end, goal.action, status, reason))
+        elif kind == "fail":
+            seconds /= 2
+            mishap = "it went wrong on the robot (simulated fault)"
+            ending = ActionReport(action=goal.action, status="failed", reason=mishap)
+        running.timers.append(self._call_after(max(seconds, self._latency + _TICK), self._end, ending))
 
     def cancel(self, action: str) -> None:
         goal = self._goals.get(action)
@@ -116,18 +113,18 @@ class SimulatedRobot:
             return
         goal.canceling = True
         goal.drop_timers()
-        goal.timers.append(self._after(self._stopping, self._end, action, "canceled", ""))
+        goal.timers.append(self._call_after(self._stopping, self._end, ActionReport(action=action, status="canceled")))
 
     def stop_all(self) -> None:
         for action in tuple(self._goals):
             self.cancel(action)
         # After the cancels that it causes or finds under way, so that the answer is true when it is given.
-        self._timers.append(self._after(self._stopping + _TICK, self._report_stop))
+        self._timers.append(self._call_after(self._stopping + _TICK, self._report_stop))
 
-    def seen(self) -> float | None:
+    def last_seen(self) -> float | None:
         if not self._links_down:
-            self._seen = self._clock.now()
-        return self._seen
+            self._last_seen = self._clock.now()
+        return self._last_seen
 
     def close(self) -> None:
         self._report = _ignore
@@ -140,30 +137,21 @@ class SimulatedRobot:
 
     # --- what happens later -------------------------------------------------------------------------------------
 
-    def _after(self, seconds: float, callback: Callable[..., None], *args: Any) -> Timer:
+    def _call_after(self, seconds: float, callback: Callable[..., None], *args: Any) -> Timer:
         return self._clock.call_at(self._clock.now() + seconds, partial(callback, *args))
 
     def _accept(self, action: str) -> None:
         self._report(ActionReport(action=action, status="accepted"))
 
-    def _end(self, action: str, status: str, reason: str) -> None:
-        self._goals.pop(action, None)
-        self._report_end(action, status, reason)
-
-    def _report_end(self, action: str, status: str, reason: str) -> None:
-        self._report(ActionReport(action=action, status=status, reason=reason))  # type: ignore[arg-type]
+    def _end(self, ending: ActionReport) -> None:
+        self._goals.pop(ending.action, None)
+        self._report(ending)
 
     def _report_stop(self) -> None:
-        silent = {
-            f"{self._profile.name}/{channel}"
-            for goal in self._goals.values()
-            if (spec := self._profile.actions.get(goal.type)) is not None
-            for channel in spec.channels
-        }
-        if self._links_down:
-            silent = set(self.parts)
-        confirmed = tuple(part for part in self.parts if part not in silent)
-        self._report(StopReport(confirmed=confirmed, unconfirmed=tuple(sorted(silent))))
+        parts = set().union(*self._parts.values())
+        busy = set().union(*(self._parts.get(goal.type, ()) for goal in self._goals.values()))
+        silent = parts if self._links_down else busy
+        self._report(StopReport(confirmed=tuple(sorted(parts - silent)), unconfirmed=tuple(sorted(silent))))
 
     def _cut_link(self, vanish: LinkFault) -> None:
         self._links_down += 1

@@ -27,7 +27,7 @@ def store_after(*happenings: Callable[[FakeClient], object], **options: object) 
     client = FakeClient(demo(), **options)  # type: ignore[arg-type]
     for happening in happenings:
         happening(client)
-    return Store(client.hello(), "anna", client.now)
+    return Store(client.attach_reply(), "anna", client.now)
 
 
 def said(store: Store) -> list[str]:

@@ -13,7 +13,7 @@ from rise_engine.scenario import load
 from rise_engine.scenario.model import Scenario
 from rise_tui.actions import BY_ID
 from rise_tui.key_labels import key_name, why_unavailable
-from rise_tui.model.failures import Unsaid, failure_lines, unanswered_failures, unsaid_texts
+from rise_tui.model.failures import UnsaidText, failure_lines, unanswered_failures, unsaid_texts
 from rise_tui.model.store import Store
 from rise_tui.rendering.text import line_width, plain_text
 from tests.console.conftest import Console, console
@@ -50,13 +50,13 @@ def action(client: FakeClient, task: int, id: str, kind: str, *statuses: str, **
         client.time += 1
 
 
-def what_was_not_said(scenario: Scenario, *happenings: Callable[[FakeClient, int], None]) -> list[Unsaid]:
+def what_was_not_said(scenario: Scenario, *happenings: Callable[[FakeClient, int], None]) -> list[UnsaidText]:
     client = FakeClient(scenario)
     task = client.act("Instruct")
     for happening in happenings:
         happening(client, task)
     client.end_task(task, "Instruct", "ABORTED", "it went wrong")
-    store = Store(client.hello(), "anna", client.now)
+    store = Store(client.attach_reply(), "anna", client.now)
     return unsaid_texts(store.scenario, store.view.tasks[task], store.memory)
 
 
@@ -75,8 +75,8 @@ def test_all_that_was_not_said_word_for_word_with_the_memory_s_values(study: Sce
         client.emit(MemoryRecord(0, 0.0, "", "side", "left", None, "wizard:anna", created=True))
 
     assert what_was_not_said(study, said_hello, looks_in_vain, left) == [
-        Unsaid("Put the fork to the left.", begun=False),
-        Unsaid("Was that clear?", begun=False, ways=2),
+        UnsaidText("Put the fork to the left.", begun=False),
+        UnsaidText("Was that clear?", begun=False, ways=2),
     ]
 
 
@@ -84,7 +84,7 @@ def test_a_value_that_is_missing_stays_as_it_is_written(study: Scenario) -> None
     def missing(client: FakeClient, task: int) -> None:
         client.action(task, "Instruct", "3", "Speech", "failed", message="Put the fork to the {side}.")
 
-    assert what_was_not_said(study, said_hello, missing)[0] == Unsaid("Put the fork to the {side}.", begun=False)
+    assert what_was_not_said(study, said_hello, missing)[0] == UnsaidText("Put the fork to the {side}.", begun=False)
 
 
 def test_what_the_robot_was_given_is_perhaps_begun(study: Scenario) -> None:
@@ -92,7 +92,7 @@ def test_what_the_robot_was_given_is_perhaps_begun(study: Scenario) -> None:
         action(client, task, "1", "Speech", "started", "lost", message="Hello Ada.")
 
     first, *others = what_was_not_said(study, lost)
-    assert first == Unsaid("Hello Ada.", begun=True)
+    assert first == UnsaidText("Hello Ada.", begun=True)
     assert [each.begun for each in others] == [False, False]
 
 
@@ -103,7 +103,7 @@ def test_they_are_told_to_whoever_attaches_later() -> None:
     client = FakeClient(demo())
     client.act("Greet", "ABORTED", reason="no voice")
     client.act("Praise", "ABORTED", reason="no voice")
-    view = client.hello().view
+    view = client.attach_reply().view
     again = with_tasks(without_tasks(view), view.tasks.values())
     assert again.failed == view.failed == [1, 2]
 
@@ -112,7 +112,7 @@ def store_after(*acts: tuple[str, str], **options: object) -> Store:
     client = FakeClient(demo(), **options)  # type: ignore[arg-type]
     for name, status in acts:
         client.act(name, status, reason="action 1 (Speech) failed: no voice")
-    return Store(client.hello(), "anna", client.now)
+    return Store(client.attach_reply(), "anna", client.now)
 
 
 def bar(store: Store, width: int = 80, most: int = 8) -> list[str]:
@@ -160,7 +160,7 @@ def test_it_never_takes_more_room_than_it_has_and_says_what_it_leaves_out(width:
     client = FakeClient(demo())
     text = " ".join(f"word{number}" for number in range(300))
     client.task("say", text, "ABORTED", reason="a reason of some length " * 20)
-    found = failure_lines(Store(client.hello(), "anna", client.now), width, most, key_name)
+    found = failure_lines(Store(client.attach_reply(), "anna", client.now), width, most, key_name)
     assert len(found) <= most and all(line_width(line) <= width for line in found)
     assert "word0" in plain_text(found[-2]) + plain_text(found[3])
     assert plain_text(found[-2]).endswith("all of it: act pane" if width > 40 else "…")

@@ -164,16 +164,16 @@ class Rows:
 
 
 def to_the_end(search: RowSearch) -> None:
-    search.look_again()
+    search.recheck_live()
     while search.step():
         assert search.matching == sorted(search.matching)
-    assert search.done
+    assert search.is_complete
 
 
 def test_a_search_goes_backwards_from_the_newest_in_slices() -> None:
     rows = Rows(1000)
     search = rows.search("7")
-    assert search.step() < 100 and not search.done
+    assert search.step() < 100 and not search.is_complete
     assert search.matching and search.matching[-1] == 997 and min(rows.looked) > 900
     to_the_end(search)
     assert search.matching == [id for id in rows.ids if "7" in str(id)]

@@ -28,7 +28,7 @@ def scenario(name: str) -> Scenario:
 
 def store_of(of: Scenario, client: FakeClient | None = None) -> Store:
     client = client or FakeClient(of)
-    return Store(client.hello(), "anna", client.now)
+    return Store(client.attach_reply(), "anna", client.now)
 
 
 def shown(store: Store, width: int = 80, rows: int = 2) -> list[str]:
@@ -116,9 +116,9 @@ def test_what_cannot_be_used_is_dimmed_and_what_there_is_no_room_for_is_counted(
     keys = [piece for piece in key_strip_lines(store, 80, 2).pieces if piece.key is not None]
     assert len(keys) + left == len(store.scenario.keys)
     store.input_mode = "SAFE"
-    off = {tone for text, tone in key_strip_lines(store, 80, 2).lines[0] if text.strip() and "understood" not in text}
+    off = {role for text, role in key_strip_lines(store, 80, 2).lines[0] if text.strip() and "understood" not in text}
     assert (
-        "key" not in {tone for text, tone in key_strip_lines(store, 80, 2).lines[0] if text == "n"} and "muted" in off
+        "key" not in {role for text, role in key_strip_lines(store, 80, 2).lines[0] if text == "n"} and "muted" in off
     )
 
 

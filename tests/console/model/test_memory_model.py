@@ -21,8 +21,8 @@ from rise_tui.config.initial_memory import (
     memory_file_text,
     save_memory,
 )
-from rise_tui.config.memory_file import edit_memory_text, json_equal
-from rise_tui.model.json_path import NoSuchPath, children, path_text, value_at, with_removed, with_replaced
+from rise_tui.config.memory_file import edit_memory_text
+from rise_tui.model.json_path import NoSuchPath, children, json_equal, path_text, value_at, with_removed, with_replaced
 from rise_tui.model.undo import MOST, UndoStack
 from tests.console.fake import demo
 
@@ -254,7 +254,7 @@ def test_whatever_changes_is_what_is_read_again(
     document = {"WorkingMemory": [{key: value} for key, value in before.items()]} if listed else before
     text = json.dumps(document, indent=indent)
     assert edit_memory_text(text, before, before) == text
-    assert json_equal(memory_of(edit_memory_text(text, before, now)), now, in_order=False)
+    assert json_equal(memory_of(edit_memory_text(text, before, now)), now)
 
 
 def test_what_somebody_else_has_changed_in_the_file_meanwhile_stays() -> None:

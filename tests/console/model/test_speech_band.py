@@ -35,7 +35,7 @@ class Played:
     def __init__(self, of: Scenario | None = None) -> None:
         self.client = FakeClient(of or demo())
         self.client.time = 100.0
-        self.store = Store(self.client.hello(), "anna", self.client.now)
+        self.store = Store(self.client.attach_reply(), "anna", self.client.now)
         emit = self.client.emit
 
         def emitted(*records: Any, at: float | None = None) -> None:
@@ -57,8 +57,8 @@ class Played:
     def next(self) -> str:
         return self.lines()[-1]
 
-    def tones(self) -> set[TextRole]:
-        return {tone for text, tone in speech_band_lines(self.store, 80, 2, key_name)[0] if text.strip()}
+    def roles(self) -> set[TextRole]:
+        return {role for text, role in speech_band_lines(self.store, 80, 2, key_name)[0] if text.strip()}
 
     def greet(self) -> int:
         """Greet says its first sentence."""
@@ -124,7 +124,7 @@ def test_when_it_is_silent_the_last_sentence_stays_with_its_age() -> None:
     it.client.end_task(task, "Greet")
     it.client.time += 12
     assert it.first.startswith(" ✓ “Hello Ada!”") and it.first.endswith("said 12 s ago")
-    assert it.tones() == {"muted"}
+    assert it.roles() == {"muted"}
 
 
 @pytest.mark.parametrize(
@@ -145,7 +145,7 @@ def test_what_was_not_said_stays_in_the_colour_of_faults_until_the_next_sentence
     it.client.end_task(task, "Greet", "ABORTED", "the robot has no voice")
     it.client.time += 100
     assert it.first.startswith(f" {shown} and 1 more") and it.first.endswith("after 0.7 s")
-    assert it.tones() == {"fault"}
+    assert it.roles() == {"fault"}
     praise = it.client.act("Praise")
     it.client.action(praise, "Praise", "1", "Speech", "accepted", message="Well done.")
     assert it.first.startswith(" ► “Well done.”")
@@ -227,7 +227,7 @@ def test_a_console_that_attaches_late_knows_what_was_said_last() -> None:
     task = it.greet()
     it.client.action(task, "Greet", "1", "Speech", "failed", message="Hello Ada!")
     it.client.end_task(task, "Greet", "ABORTED", "no voice")
-    late = Store(it.client.hello(), "ben", it.client.now)
+    late = Store(it.client.attach_reply(), "ben", it.client.now)
     assert late.current_sentence() == it.store.current_sentence() and late.current_sentence().kind == "unsaid"
 
 

@@ -26,7 +26,7 @@ def made(client: FakeClient | None = None, participant: str = "P07", condition: 
     client = client or FakeClient(demo())
     started = SessionRecord(0, 0.0, "", status="started", participant=participant, condition=condition)
     client.emit(started, at=0.0)
-    return Store(client.hello(), "anna", client.now)
+    return Store(client.attach_reply(), "anna", client.now)
 
 
 def text(store: Store, width: int) -> str:
@@ -138,7 +138,7 @@ def test_the_age_of_the_robots_last_sign_of_life(seen: float | None, shown: str)
 def test_an_old_sign_of_life_is_amber_although_the_link_says_connected() -> None:
     store = made()
     store.heartbeat = Heartbeat(store.now() - 3.5)
-    assert [tone for piece, tone in status_line(store, 120) if "connected" in piece] == ["wait"]
+    assert [role for piece, role in status_line(store, 120) if "connected" in piece] == ["wait"]
 
 
 def test_whether_it_is_recorded() -> None:

@@ -11,7 +11,7 @@ from rich.cells import cell_len
 from rise_engine.expression import Expression
 from rise_engine.kernel.records import MemoryRecord
 from rise_engine.scenario.model import KeyBinding, Rule, Scenario, State, Transition
-from rise_tui.model.conditions import parts_of
+from rise_tui.model.conditions import split_condition
 from rise_tui.model.store import Store
 from rise_tui.model.wait_explanations import READABLE, WaitExplanations
 from rise_tui.rendering.text import plain_text
@@ -45,7 +45,7 @@ class Scene:
 
     @property
     def store(self) -> Store:
-        return Store(self.client.hello(), "anna", self.client.now)
+        return Store(self.client.attach_reply(), "anna", self.client.now)
 
     def said(self, width: int = 90) -> list[str]:
         store = self.store
@@ -80,7 +80,7 @@ class Scene:
 )
 def test_a_condition_in_its_parts(text: str, joint: str, parts: list[str] | None) -> None:
     whole = Expression.parse(text)
-    found = parts_of(whole)
+    found = split_condition(whole)
     assert found.joint == joint
     if parts is not None:
         assert [part.text for part in found.parts] == parts

@@ -10,7 +10,8 @@ import pytest
 from rise_engine.kernel.records import MemoryRecord
 from rise_engine.scenario import load
 from rise_engine.scenario.model import Scenario
-from rise_tui.model.expected_inputs import ExpectedInputFinder, ExpectedInputs
+from rise_tui.model.expected_inputs import ExpectedInputs, find_expected_inputs
+from rise_tui.model.study_keys import StudyKeys
 from tests.console.conftest import console
 from tests.console.fake import demo
 
@@ -44,13 +45,13 @@ FALSE = {"task": 2, "understood": True}
 def test_what_is_waited_for(
     states: dict[str, str | None], memory: dict[str, Any], acts: set[str], rules: set[str], events: set[str]
 ) -> None:
-    assert ExpectedInputFinder(demo()).find(states, memory) == ExpectedInputs(
+    assert find_expected_inputs(StudyKeys(demo()), states, memory) == ExpectedInputs(
         frozenset(acts), frozenset(rules), frozenset(events)
     )
 
 
 def test_a_real_study_waits_for_its_wizard() -> None:
-    found = ExpectedInputFinder(lablinking()).find({"Table setting": "After the welcome"}, {})
+    found = find_expected_inputs(StudyKeys(lablinking()), {"Table setting": "After the welcome"}, {})
     assert found.rules == {"Next", "Repeat"} and found.events == {"next", "repeat"}
 
 

@@ -53,7 +53,7 @@ def many(it: Console, count: int) -> None:
 
 
 def fully_shown(pane: LogPane) -> bool:
-    return pane._search is None or pane._search.done
+    return pane._search is None or pane._search.is_complete
 
 
 async def test_a_broken_expression_is_said_and_the_last_good_filter_stays() -> None:
@@ -82,7 +82,7 @@ async def test_what_was_found_is_marked_not_only_by_colour() -> None:
         it.screen.pane_layout.focus_pane("log")
         pane.set_filter("topic2")
         await it.until(lambda: log.count == 1)
-        assert [text for text, tone in log.row_at(0).line if tone == "match"] == ["topic2"]
+        assert [text for text, role in log.row_at(0).line if role == "match"] == ["topic2"]
         style = log.styles_on("")["match"]
         assert style.bold and style.underline
 
@@ -94,7 +94,7 @@ async def test_a_hundred_thousand_rows_are_searched_in_slices_and_a_keystroke_re
         many(it, 100_000)
         it.screen.pane_layout.focus_pane("log")
         pane.set_filter("rare")
-        assert pane._search is not None and not pane._search.done
+        assert pane._search is not None and not pane._search.is_complete
         assert log.count >= 1 and "…" in pane.title.text  # the newest are there at once
         first = pane._search
         pane.set_filter("often")

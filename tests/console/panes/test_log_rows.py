@@ -146,7 +146,7 @@ async def test_whether_the_rules_own_is_shown_lasts() -> None:
     keeper = UiState(Preferences(rules_own=True))
     async with console(size=(120, 40)) as it:
         keeper.restore(it.screen, "dark")
-        assert pane_of(it).own_rows_shown and keeper.changes(it.screen, "dark") == []
+        assert pane_of(it).own_rows_shown and keeper.collect_changes(it.screen, "dark") == []
         pane_of(it).show_own_rows(False)
-        ((_, kept),) = keeper.changes(it.screen, "dark")
+        ((_, kept),) = keeper.collect_changes(it.screen, "dark")
         assert isinstance(kept, Preferences) and not kept.rules_own

@@ -188,6 +188,6 @@ async def test_before_any_rule_has_run_the_one_with_the_first_key_is_shown() -> 
     keys = {"d": found.keys["d"], **found.keys}
     for given, first in ((found, "Table setting"), (replace(found, keys=keys), "Noise starts")):
         client = FakeClient(given)
-        store = Store(client.hello(), "anna", client.now)
+        store = Store(client.attach_reply(), "anna", client.now)
         pane = RulePane(store)
-        assert pane._rule is not None and pane._rule.name == first
+        assert pane._shown_rule is not None and pane._shown_rule.name == first

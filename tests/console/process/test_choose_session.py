@@ -14,6 +14,7 @@ from click.testing import CliRunner
 from rise_engine.protocol.messages import SessionSummary
 from rise_tui.cli import choose_session
 from rise_tui.cli.main import main
+from rise_tui.cli.options import CommandLine
 from rise_tui.config.settings import NothingStarted
 from tests.console.fake import DEMO
 from tests.console.terminals import ROOT, environment_of
@@ -51,7 +52,7 @@ class Typist:
     def print_line(self, line: str) -> None:
         self.said.append(line)
 
-    def ask(self, question: str) -> str | None:
+    def read_answer(self, question: str) -> str | None:
         self.questions += 1
         return self.answers.pop(0) if self.answers else None
 
@@ -102,22 +103,23 @@ def test_one_may_leave_without_choosing(answers: list[str], code: int) -> None:
 
 
 def test_a_session_that_runs_is_attached_to_only_when_it_is_the_one_that_was_meant() -> None:
-    choose_session.check_matches("a", about())
-    choose_session.check_matches("a", about(), robot="pepper", mode="debug")
-    choose_session.check_matches("a", about(participant="P07", condition="calm"), participant="P07", condition="calm")
-    choose_session.check_matches("a", None, robot="floka", mode="real", participant="P08")
+    choose_session.check_matches("a", about(), CommandLine())
+    choose_session.check_matches("a", about(), CommandLine(robot="pepper", mode="debug"))
+    own = CommandLine(participant="P07", condition="calm")
+    choose_session.check_matches("a", about(participant="P07", condition="calm"), own)
+    choose_session.check_matches("a", None, CommandLine(robot="floka", mode="real", participant="P08"))
     for wanted, said in (
         ({"robot": "floka"}, "with --robot pepper and not floka"),
         ({"mode": "real"}, "with --mode debug and not real"),
         ({"participant": "P08"}, "running already, without --participant; for the other one"),
         ({"condition": "loud"}, "running already, without --condition"),
         ({"new": True}, "to begin a new session"),
-        ({"only_for_new": ["--set", "--place"]}, "--set and --place can only be said of a session that begins"),
+        ({"sets": ("a=1",), "places": ("acts=x",)}, "--set and --place can only be said of a session that begins"),
     ):
         with pytest.raises(NothingStarted, match=said):
-            choose_session.check_matches("a", about(), **wanted)  # type: ignore[arg-type]
+            choose_session.check_matches("a", about(), CommandLine(**wanted))  # type: ignore[arg-type]
     with pytest.raises(NothingStarted, match="with --participant P07 and not P08"):
-        choose_session.check_matches("a", about(participant="P07"), participant="P08")
+        choose_session.check_matches("a", about(participant="P07"), CommandLine(participant="P08"))
 
 
 def test_an_unfinished_session_is_recovered_only_on_purpose() -> None:

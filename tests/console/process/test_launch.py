@@ -68,13 +68,13 @@ def test_an_unfinished_session_of_another_scenario_is_not_given_up_in_passing(mo
 
 
 def test_a_console_that_attaches_knows_what_its_session_was_started_with() -> None:
-    found = settings_of_session(FakeClient(demo(), mode="real").hello())
+    found = settings_of_session(FakeClient(demo(), mode="real").attach_reply())
     assert (found.folder, found.robot, found.mode, found.seed) == (demo().folder, "pepper", "real", 1)
 
 
 async def test_what_there_is_to_say_about_a_recovery_is_said_first() -> None:
     client = FakeClient(demo())
-    app = ConsoleApp(wizard="anna", launcher=FakeLauncher(client), client=client, notice="1 action counts as lost")
+    app = ConsoleApp(client, wizard="anna", launcher=FakeLauncher(client), notice="1 action counts as lost")
     async with app.run_test(size=(120, 40)) as pilot:
         it = Console(pilot, client, FakeLauncher())
         await it.until(lambda: app.console_screen is not None and "counts as lost" in it.notice)
@@ -84,7 +84,7 @@ async def test_what_there_is_to_say_about_a_recovery_is_said_first() -> None:
 async def test_a_session_that_cannot_be_reached_is_told_after_leaving() -> None:
     client = FakeClient(demo())
     client.gone = "no session lablinking is running"
-    app = ConsoleApp(launcher=FakeLauncher(client), client=client)
+    app = ConsoleApp(client, launcher=FakeLauncher(client))
     async with app.run_test() as pilot:
         await pilot.pause(0.3)
     assert app.return_code == 1

@@ -3,11 +3,9 @@
 from __future__ import annotations
 
 from pathlib import Path
-from time import monotonic
 
 import pytest
 
-from rise_engine.protocol.client import Client, EngineGone
 from rise_engine.protocol.session_options import SessionOptions
 from rise_engine.scenario.model import Scenario
 from rise_tui.config.launch import Launcher, ScenarioProblems, load_scenario
@@ -23,10 +21,12 @@ __all__ = ["scratch"]
 
 
 def started(settings: SessionOptions, root: Path) -> ConsoleApp:
+    def start(scenario: Scenario, settings: SessionOptions) -> OwnSession:
+        return OwnSession(root, Path(settings.folder), speed=20)
+
     scenario = load_scenario(settings)
     assert not isinstance(scenario, ScenarioProblems)
-    fast = Launcher(start=lambda scenario, settings: OwnSession(root, Path(settings.folder), speed=20))
-    return ConsoleApp(scenario, settings, wizard="anna", launcher=fast)
+    return ConsoleApp(start(scenario, settings), settings=settings, wizard="anna", launcher=Launcher(start=start))
 
 
 async def test_a_session_from_the_first_key_to_the_last(scratch: Path) -> None:
@@ -56,19 +56,3 @@ async def test_a_session_from_the_first_key_to_the_last(scratch: Path) -> None:
         await it.press("ctrl+c", "ctrl+x", "e", "n", "d", "enter")
         await it.until(lambda: not app.is_running)
     assert app.return_code == 0
-
-
-async def test_a_robot_that_cannot_be_started_is_told_after_leaving() -> None:
-    def fail(scenario: Scenario, settings: SessionOptions) -> Client:
-        raise EngineGone("the robot cannot be made")
-
-    settings = SessionOptions(DEMO)
-    scenario = load_scenario(settings)
-    bad = Launcher(start=fail)
-    app = ConsoleApp(scenario, settings, launcher=bad)  # type: ignore[arg-type]
-    async with app.run_test() as pilot:
-        end = monotonic() + 20
-        while app.is_running:
-            assert monotonic() < end, "it stays, without an engine"
-            await pilot.pause(0.02)
-    assert app.return_code == 1 and "could not start" in app.exit_message

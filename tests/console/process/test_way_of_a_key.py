@@ -81,7 +81,7 @@ async def test_a_key_comes_by_everything_that_the_map_names(tmp_path: Path) -> N
     launcher = Launcher(
         start=lambda scenario, settings: OwnSession(tmp_path, Path(settings.folder), speed=20, disk=Disk())
     )
-    app = ConsoleApp(scenario, settings, wizard="anna", launcher=launcher)
+    app = ConsoleApp(launcher.start(scenario, settings), settings=settings, wizard="anna", launcher=launcher)
     with calls() as called:
         async with app.run_test(size=(200, 50)) as pilot:
             it = Console(pilot, FakeClient(demo()), FakeLauncher())

@@ -112,7 +112,7 @@ def test_no_action_can_be_used_after_the_engine_has_gone_but_those_that_only_loo
     from tests.console.fake import FakeClient, demo
 
     client = FakeClient(demo())
-    store = Store(client.hello(), "anna", client.now)
+    store = Store(client.attach_reply(), "anna", client.now)
     store.gone_reason = "killed"
     looks = {"quit", "palette", "help", "lists", "next-pane", "previous-pane", "jump", "zoom", "filter", "theme"}
     looks |= {"redraw", "memory.unfold", "memory.fold", "scheduler.details", "log.follow"}

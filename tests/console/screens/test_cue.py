@@ -22,7 +22,7 @@ def cue(answered: float | None = None, filled: float | None = None) -> CueView:
 
 
 @pytest.mark.parametrize(
-    ("since", "shown", "brief", "tone"),
+    ("since", "shown", "brief", "role"),
     [
         (0.0, "◔ cue 0.0 s", "◔ cue 0.0 s", "plain"),
         (0.94, "◔ cue 0.9 s", "◔ cue 0.9 s", "plain"),
@@ -33,9 +33,9 @@ def cue(answered: float | None = None, filled: float | None = None) -> CueView:
         (59.9, " ● cue 59 s ! ", "cue 59 s !", "call"),
     ],
 )
-def test_how_long_the_participant_has_waited(since: float, shown: str, brief: str, tone: str) -> None:
+def test_how_long_the_participant_has_waited(since: float, shown: str, brief: str, role: str) -> None:
     line = cue_line(cue(), 100.0 + since)
-    assert plain_text(line) == shown and {each for _, each in line} == {tone}
+    assert plain_text(line) == shown and {each for _, each in line} == {role}
     assert plain_text(cue_line(cue(), 100.0 + since, short=True)) == brief
 
 

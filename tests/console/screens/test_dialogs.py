@@ -11,9 +11,11 @@ from textual import events
 from textual.widgets import Button
 
 from rise_engine.kernel.records import SessionRecord
+from rise_engine.protocol.client import Client, EngineGone
 from rise_engine.protocol.session_options import SessionOptions
+from rise_engine.scenario.model import Scenario
 from rise_tui.config.launch import ScenarioProblems, load_scenario, read_summary
-from rise_tui.config.settings import expand_home
+from rise_tui.config.paths import expand_home
 from rise_tui.model.key_action import HELD_KEY_SECONDS
 from rise_tui.screens.dialog import Dialog
 from rise_tui.screens.end_session import EndSessionDialog
@@ -139,7 +141,7 @@ async def test_another_folder_shows_its_own_robot_mode_and_places_and_those_run(
         await it.until(lambda: (robot.value, mode.value) == ("floka", "real"))
         assert screen.query_one("#acts", TextField).value == "mine"
         await it.until(lambda: [each.name for each in robot.query(".-chosen").results(Button)] == ["floka"])
-        chosen = screen.chosen()
+        chosen = screen.chosen_options()
         assert (chosen.folder, chosen.robot, chosen.mode, chosen.paths) == (other, "floka", "real", {})
         screen.query_one("#folder", TextField).value = DEMO
         await it.until(lambda: (robot.value, mode.value) == ("pepper", "debug"))
@@ -155,6 +157,21 @@ async def test_apply_right_after_a_change_shows_and_takes_the_new_folder(tmp_pat
         asked = it.launcher.prepared_with[0]
         assert (asked.folder, asked.robot, asked.mode) == (other, "floka", "real")
         assert screen.query_one("#robot", ChoiceField).value == "floka"
+
+
+async def test_a_next_session_that_cannot_be_started_is_told_after_leaving() -> None:
+    def fail(scenario: Scenario, settings: SessionOptions) -> Client:
+        raise EngineGone("the robot cannot be made")
+
+    async with console() as it:
+        object.__setattr__(it.launcher, "start", fail)
+        screen = await settings_of(it)
+        screen.query_one("#apply", Button).press()
+        await it.until(lambda: isinstance(it.app.screen, EndSessionDialog) and it.app.screen.query("#word"))
+        await it.press("e", "n", "d", "enter")
+        await it.until(lambda: it.app.return_code is not None)
+        assert it.app.return_code == 1
+        assert it.app.exit_message == "the session could not start: the robot cannot be made"
 
 
 @pytest.mark.slow
@@ -191,7 +208,7 @@ async def test_a_new_session_does_not_keep_the_label_of_the_one_before(size: tup
         screen = await settings_of(it)
         ends = "ends the session of P07 · calm and starts a new one for nobody named"
         await it.until(lambda: ends in str(screen.changes.content))
-        chosen = screen.chosen()
+        chosen = screen.chosen_options()
         assert (chosen.participant, chosen.condition, chosen.seed) == ("", "", None)
         screen.query_one("#participant", TextField).value = "P08"
         await it.until(lambda: "for P08" in str(screen.changes.content))
@@ -291,7 +308,7 @@ async def test_every_word_and_answer_of_a_question_is_on_the_screen(key: str, si
         screen = it.app.screen
         box = screen.query_one("#box").region
         assert (box.height, box.right, box.bottom) <= (size[1], size[0], size[1])
-        for shown in screen.query("#said, Button"):
+        for shown in screen.query("#lines, Button"):
             where = screen.find_widget(shown)
             assert where.region.area and where.clip.contains_region(where.region), f"{shown} is cut off"
 

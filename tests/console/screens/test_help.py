@@ -16,7 +16,7 @@ from tests.console.fake import FakeClient, demo
 
 def a_store() -> Store:
     client = FakeClient(demo())
-    return Store(client.hello(), "anna", client.now)
+    return Store(client.attach_reply(), "anna", client.now)
 
 
 def found(entries_: list[HelpEntry], typed: str) -> list[HelpEntry]:

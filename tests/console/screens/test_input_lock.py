@@ -177,7 +177,7 @@ async def test_a_console_that_watches_is_not_called_live() -> None:
 )
 def test_what_makes_something_happen_does_not_while_keys_are_safe(guard: InputMode, function: str) -> None:
     client = FakeClient(demo())
-    store = Store(client.hello(), "anna", client.now)
+    store = Store(client.attach_reply(), "anna", client.now)
     assert why_task_blocked(store, function) == ""
     store.input_mode = guard
     assert why_task_blocked(store, function).startswith(guard)

@@ -191,7 +191,7 @@ async def test_a_clash_with_the_scenario_opens_no_console(tmp_path: Path) -> Non
 
     client = FakeClient(demo())
     keys = written(tmp_path, '[keys]\ntheme = "g"\nhelp = "m"\n')
-    app = ConsoleApp(wizard="anna", launcher=FakeLauncher(client), client=client, keys=keys)
+    app = ConsoleApp(client, wizard="anna", launcher=FakeLauncher(client), keys=keys)
     async with app.run_test() as pilot:
         for _ in range(100):
             if app.return_code is not None:

@@ -9,6 +9,7 @@ from textual import events
 
 from rise_engine.protocol.client import ClientInput, Reply
 from rise_tui.model.control import ControlLost
+from rise_tui.rendering.terminal_reader import mark_together
 from tests.console.conftest import console
 
 TAKEN = ControlLost("wizard:ben", 83.0)
@@ -148,8 +149,10 @@ async def test_a_paste_triggers_nothing() -> None:
 
 async def test_a_paste_without_brackets_triggers_nothing_and_is_told() -> None:
     async with console() as it:
-        for key in ("g", "m", "enter", "p", "g"):  # all in one read of the terminal
-            it.app.post_message(events.Key(key, key if len(key) == 1 else "\r"))
+        pasted = [events.Key(key, key if len(key) == 1 else "\r") for key in ("g", "m", "enter", "p", "g")]
+        mark_together(pasted, True)  # all in one read of the terminal
+        for key in pasted:
+            it.app.post_message(key)
         await it.pilot.pause(0.2)
         assert it.client.sent == []
         assert "several keys at once" in it.notice

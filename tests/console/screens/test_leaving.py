@@ -189,8 +189,8 @@ async def test_a_session_whose_engine_has_gone_goes_on_in_the_same_console() -> 
     going = Event()
     going.set()
 
-    def recover(hello: AttachReply, tell: Callable[[str], object]) -> RecoveredClient:
-        asked.append(hello.folder)
+    def recover(attach_reply: AttachReply, tell: Callable[[str], object]) -> RecoveredClient:
+        asked.append(attach_reply.folder)
         tell("recovering: 412,000 of 1,040,000 records")
         going.wait(10)
         way = next(ways)
@@ -216,7 +216,7 @@ async def test_a_session_whose_engine_has_gone_goes_on_in_the_same_console() -> 
         going.set()
         await it.until(lambda: it.screen is not gone and not it.bars.alarm_bar.text)
         await it.until(lambda: "3 actions were lost" in it.notice)
-        assert asked == [client.hello().folder] * 2 and client.closed == [False]
+        assert asked == [client.attach_reply().folder] * 2 and client.closed == [False]
         assert sum(isinstance(screen, ConsoleScreen) for screen in it.app.screen_stack) == 1
         it.client = again
         await it.press("ctrl+g")
@@ -225,7 +225,7 @@ async def test_a_session_whose_engine_has_gone_goes_on_in_the_same_console() -> 
 
 async def test_who_does_not_recover_leaves() -> None:
     client = FakeClient(demo(), you="observer:ben", role="observer")
-    launcher = FakeLauncher(client, recover=lambda hello, tell: RecoveredClient(client))
+    launcher = FakeLauncher(client, recover=lambda attach_reply, tell: RecoveredClient(client))
     async with console(client=client, launcher=launcher) as it:
         client.end("its process is not there any more")
         await it.until(lambda: "ENGINE GONE" in it.bars.alarm_bar.text)

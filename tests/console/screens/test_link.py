@@ -20,7 +20,7 @@ def soon(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 async def attached_again(it: Console) -> None:
-    await it.until(lambda: it.screen.session.store.attach_count == 1)
+    await it.until(lambda: it.screen.session.store.log.rebuild_count == 2)
 
 
 # --- the connection ---------------------------------------------------------------------------------------------------
@@ -240,7 +240,7 @@ async def test_a_console_that_lay_behind_shows_the_state_as_it_is_and_says_that_
         client.task("raiseEventTopic", "/new", "SUCCEEDED")
         client.emit(MemoryRecord(0, 0.0, "", "task", 4, 2, "ros:node"))
         client._attached = True
-        state = client.hello().view
+        state = client.attach_reply().view
         count = len(state.tasks)
         del state.tasks[old]
         client._queue.put_nowait([Resync(state, count)])
@@ -248,7 +248,7 @@ async def test_a_console_that_lay_behind_shows_the_state_as_it_is_and_says_that_
         assert (
             store.log.all == [row_of(task) for task in (old, greet, greet + 1)] and it.pane("log").row_view.count == 3
         )
-        assert not store.sent and store.attach_count == 0 and not it.bars.alarm_bar.display
+        assert not store.sent and not it.bars.alarm_bar.display
         assert "leaves some of it out" in it.notice
         await it.until(lambda: "✓ “Hello there.”" in it.bars.speech_band.text)
         it.client.act("Filler")
@@ -260,7 +260,7 @@ async def test_a_console_that_lay_behind_shows_the_state_as_it_is_and_says_that_
 async def test_control_that_has_gone_meanwhile_is_seen() -> None:
     async with console() as it:
         client, store = it.client, it.screen.session.store
-        state = client.hello().view
+        state = client.attach_reply().view
         had = store.has_control
         state.control = "wizard:ben"
         client._queue.put_nowait([Resync(state, len(state.tasks))])

@@ -16,7 +16,7 @@ from tests.console.fake import FakeClient, demo
 
 def a_store(client: FakeClient | None = None) -> Store:
     client = client or FakeClient(demo())
-    return Store(client.hello(), "anna", client.now)
+    return Store(client.attach_reply(), "anna", client.now)
 
 
 def all_commands(store: Store, ran: list[object] | None = None) -> list[PaletteCommand]:
@@ -152,6 +152,14 @@ async def test_what_cannot_be_done_says_why_in_its_line_and_when_it_is_chosen() 
         await it.press("enter")
         await it.until(lambda: "Praise: not now, STOPPED" in it.notice)
         assert it.client.sent == []
+
+
+async def test_leaving_asks_as_its_key_does() -> None:
+    async with console() as it:
+        screen = await opened(it, "leave")
+        await it.until(lambda: screen.current is not None and screen.current.title == "Leave")
+        await it.press("enter")
+        await it.until(lambda: it.app.screen.has_class("-quit"))
 
 
 async def test_esc_does_nothing_and_letters_start_nothing() -> None:

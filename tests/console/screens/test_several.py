@@ -237,8 +237,8 @@ def test_what_changes_a_session_needs_control() -> None:
     from rise_tui.model.store import Store
 
     client = ben()
-    hello = client.hello()
-    store = Store(hello, "ben", client.now)
+    attach_reply = client.attach_reply()
+    store = Store(attach_reply, "ben", client.now)
     free = {action.id for action in ACTIONS if not why_unavailable(action, store)}
     assert free == {
         *("stop", "quit", "palette", "help", "lists", "next-pane", "zoom", "filter", "theme"),

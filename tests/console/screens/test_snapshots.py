@@ -49,7 +49,7 @@ def played(**options: Any) -> FakeClient:
 def app(theme: str = "dark", client: FakeClient | None = None) -> ConsoleApp:
     client = client or played()
     settings = SessionOptions(DEMO.rpartition("/tests/")[2])
-    return ConsoleApp(client.scenario, settings, wizard="anna", theme=theme, launcher=FakeLauncher(client))
+    return ConsoleApp(client, settings=settings, wizard="anna", theme=theme, launcher=FakeLauncher(client))
 
 
 async def settle(pilot: Pilot[Any], *keys: str) -> None:

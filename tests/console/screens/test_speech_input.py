@@ -7,9 +7,9 @@ from typing import Any
 
 import pytest
 from textual import events
+from textual.widgets import Input
 
 from rise_engine.kernel.view import SessionView, TaskView
-from rise_tui.console.screen import ConsoleScreen
 from rise_tui.model.free_speech import (
     FilledSpeech,
     SpeechHistory,
@@ -281,18 +281,23 @@ async def test_the_very_next_key_goes_into_the_field() -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("key", ["ctrl+t", "ctrl+o", "exclamation_mark"])
-async def test_a_busy_console_starts_nothing_that_was_meant_for_a_line(
-    key: str, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setattr(ConsoleScreen, "handle_key_first", lambda self, event: False)
+@pytest.mark.parametrize("key", ["ctrl+t", "ctrl+o"])
+@pytest.mark.parametrize("before", [(), ("b",), ("exclamation_mark",)], ids=["at rest", "armed", "marking"])
+async def test_a_busy_console_starts_nothing_that_was_meant_for_a_line(before: tuple[str, ...], key: str) -> None:
     async with console() as it:
-        it.client.act("Greet")
+        it.client.act("Greet", source="wizard:anna")
         await it.until(lambda: "running" in it.row("acts", "Greet"))
-        await press_at_once(it, key, "p", "m")
-        assert not {"startCommunicationRobotAct", "startInteractionRule"} & {
-            function for function, _ in it.client.asked()
-        }
+        await press_at_once(it, *before, key, "p", "m")
+        assert {function for function, _ in it.client.asked()} <= {"markMistake"}
+        assert isinstance(field := it.screen.focused, Input) and field.value == "pm"
+
+
+async def test_a_busy_console_takes_the_letter_of_a_mistake_for_nothing_else() -> None:
+    async with console() as it:
+        it.client.act("Greet", source="wizard:anna")
+        await it.until(lambda: "running" in it.row("acts", "Greet"))
+        await press_at_once(it, "exclamation_mark", "u")
+        assert {function for function, _ in it.client.asked()} == {"markMistake"}
 
 
 async def test_a_pasted_text_opens_nothing_and_answers_nothing() -> None:

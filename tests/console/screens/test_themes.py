@@ -47,12 +47,12 @@ def contrast(one: Color, other: Color) -> float:
 
 @pytest.mark.parametrize("look", RGB, ids=lambda look: look.name)
 def test_text_can_be_read_on_every_ground(look: Theme) -> None:
-    for tone, ground in product(STYLE_SPECS, GROUNDS):
-        names = STYLE_SPECS[tone]
+    for role, ground in product(STYLE_SPECS, GROUNDS):
+        names = STYLE_SPECS[role]
         on = color(look, names.background or ground)
-        least = MUTED if tone == "muted" else TEXT
+        least = MUTED if role == "muted" else TEXT
         found = contrast(color(look, names.color), on)
-        assert found >= least, f"{tone} on {names.background or ground}: {found:.2f}"
+        assert found >= least, f"{role} on {names.background or ground}: {found:.2f}"
 
 
 # --- how others see ---------------------------------------------------------------------------------------------------

@@ -14,7 +14,7 @@ from rise_tui.config.preferences import Preferences, load_saved
 from rise_tui.console.ui_state import UiState
 from rise_tui.model.store import Store
 from rise_tui.rendering.text import line_width, plain_text
-from rise_tui.screens.tour import TourScreen, box_lines, is_tour_due, place_box, tour_steps
+from rise_tui.screens.tour import STEPS, TourScreen, box_lines, is_tour_due, place_box
 from tests.console.conftest import Console, console
 from tests.console.fake import FakeClient, demo
 
@@ -25,7 +25,7 @@ def a_store(change: Callable[[FakeClient], object] = lambda client: None, t: flo
     client = FakeClient(demo(), **more)  # type: ignore[arg-type]
     client.time = t
     change(client)
-    return Store(client.hello(), "anna", client.now)
+    return Store(client.attach_reply(), "anna", client.now)
 
 
 def test_it_is_offered_to_a_wizard_in_a_session_that_has_just_begun() -> None:
@@ -49,16 +49,16 @@ def test_it_is_not_offered(store: Store) -> None:
 
 
 def test_it_has_five_steps_that_name_the_keys() -> None:
-    said = " ".join(step.text for step in tour_steps())
-    assert len(tour_steps()) == 5 and "{" not in said
+    said = " ".join(step.text for step in STEPS)
+    assert len(STEPS) == 5 and "{" not in said
     for key in ("space", "ctrl+x", "ctrl+n", "F9", "ctrl+r", "F3", "ctrl+d", "?", ":", "ctrl+c"):
         assert key in said, key
 
 
 @pytest.mark.parametrize("width", [40, 60])
 def test_a_box_is_framed_and_loses_no_word(width: int) -> None:
-    for number, step in enumerate(tour_steps(), 1):
-        lines = box_lines(step, number, 5, width)
+    for number, step in enumerate(STEPS, 1):
+        lines = box_lines(step, number, width)
         assert {line_width(line) for line in lines} == {width}
         said = " ".join(" ".join(plain_text(line).strip("│╭╮╰╯─ ") for line in lines).split())
         assert " ".join(step.text.split()) in said and f"{number} of 5" in said

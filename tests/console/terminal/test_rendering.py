@@ -179,7 +179,7 @@ async def test_every_key_is_observed_once_also_those_that_a_text_field_takes() -
             self.seen = []
             yield Input()
 
-        def observe_key(self, event: events.Key, together: bool | None) -> None:
+        def observe_key(self, event: events.Key, together: bool) -> None:
             self.seen.append(event.key)
 
         def admits(self, event: events.Event) -> bool:
@@ -198,7 +198,7 @@ async def test_every_key_is_observed_once_also_those_that_a_text_field_takes() -
 
 async def test_an_error_while_a_key_is_observed_ends_the_app_as_any_other() -> None:
     class Broken(TerminalApp):
-        def observe_key(self, event: events.Key, together: bool | None) -> None:
+        def observe_key(self, event: events.Key, together: bool) -> None:
             raise ValueError(event.key)
 
     app = Broken()

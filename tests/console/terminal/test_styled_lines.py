@@ -1,4 +1,4 @@
-"""Painting a line: every character in its place and its tone, in as few pieces as can be."""
+"""Painting a line: every character in its place and its role, in as few pieces as can be."""
 
 from __future__ import annotations
 
@@ -64,17 +64,17 @@ def test_a_painted_line(widget: StyledLines, line: StyledLine, width: int, groun
         assert shown == text + " " * (width - cell_len(text))
         one_by_one = [
             each
-            for text, tone in line
-            for each in looks(widget.to_strip(((text, tone),), cell_len(clean(text)), ground))
+            for text, role in line
+            for each in looks(widget.to_strip(((text, role),), cell_len(clean(text)), ground))
         ]
         assert looks(strip)[: len(text)] == one_by_one
         assert all(segment.text for segment in strip)
         assert all(one.style != other.style for one, other in pairwise(strip))
 
 
-@pytest.mark.parametrize("tone", ["alarm", "call"])
-def test_what_must_be_seen_looks_the_same_under_the_cursor(widget: StyledLines, tone: TextRole) -> None:
-    line: StyledLine = (("stop not confirmed", tone),)
+@pytest.mark.parametrize("role", ["alarm", "call"])
+def test_what_must_be_seen_looks_the_same_under_the_cursor(widget: StyledLines, role: TextRole) -> None:
+    line: StyledLine = (("stop not confirmed", role),)
     assert looks(widget.to_strip(line, 18, CURSOR_BACKGROUND)) == looks(widget.to_strip(line, 18))
     assert looks(widget.to_strip((("x", "plain"),), 1, CURSOR_BACKGROUND)) != looks(
         widget.to_strip((("x", "plain"),), 1)

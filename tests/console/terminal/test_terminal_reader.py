@@ -104,13 +104,13 @@ async def test_what_follows_at_once_came_together(terminal: Terminal, monkeypatc
     assert (await terminal.keys(b"gp", 2))[0] == ("g", True)
 
 
-def test_what_no_terminal_brought_is_not_known() -> None:
-    assert read_together(events.Key("g", "g")) is None
+def test_what_no_terminal_brought_came_alone() -> None:
+    assert not read_together(events.Key("g", "g"))
 
 
 async def test_escape_alone_is_a_key_once_no_sequence_can_follow(terminal: Terminal) -> None:
     began = monotonic()
-    assert await terminal.keys(b"\x1b", 1) == [("escape", None)]
+    assert await terminal.keys(b"\x1b", 1) == [("escape", False)]
     assert monotonic() - began > 0.09
 
 

@@ -16,10 +16,10 @@ from typing import Any
 
 import msgspec
 from rise_adapters.ros2 import compatibility
-from rise_adapters.ros2.actions.client import ActionClient
+from rise_adapters.ros2.actions.client import ALL_GOALS, ActionClient
 from rise_adapters.ros2.actions.server import ActionServer, Decide
 from rise_adapters.ros2.actions.server_goal import ServerGoal
-from rise_adapters.ros2.examples.topic_listener import hear
+from rise_adapters.ros2.examples.topic_listener import TopicListener
 from rise_adapters.ros2.mapping import ActionMapping, GoalDeadlines
 from rise_adapters.ros2.mapping.field_sources import MessageSource
 from rise_adapters.ros2.parameters import ParameterServices, ReadableParameter
@@ -68,8 +68,8 @@ class Peer:
 
     def look(self, name: str, type: str, **qos: dict[str, Any]) -> dict[str, Any]:
         """What `compatibility` says about an action."""
-        made = {part: QoS(**each) for part, each in qos.items()}
-        carrier = ActionMapping("action", name, type, GoalDeadlines(), MessageSource({}), qos=made)
+        made: dict[str, Any] = {f"{part}_qos": QoS(**each) for part, each in qos.items()}
+        carrier = ActionMapping("action", name, type, GoalDeadlines(), MessageSource({}), **made)
         found = compatibility.compare(self._transport, carrier)
         return {**msgspec.to_builtins(found), "sentences": [each.sentence for each in found.misfits]}
 
@@ -112,16 +112,16 @@ class Peer:
         )
 
     def publishers(self, key: str) -> int:
-        return int(self._things[key].publishers())
+        return int(self._things[key].count_publishers())
 
     def hear(self, key: str, topic: str, type: str) -> None:
         """As feature nodes do."""
-        self._things[key] = hear(
+        self._things[key] = TopicListener(
             self._transport,
             topic,
             type,
             lambda message: say("taken", key=key, message=message),
-            say=lambda text: say("says", key=key, text=text),
+            report=lambda text: say("says", key=key, text=text),
             patience=1.0,
         )
 
@@ -192,7 +192,9 @@ class Peer:
         )
 
     def cancel_all(self, key: str) -> None:
-        self._things[key].cancel_all(lambda answer: say("canceling", key=key, code=answer.code, goals=[*answer.goals]))
+        self._things[key].cancel(
+            ALL_GOALS, lambda answer: say("canceling", key=key, code=answer.code, goals=[*answer.goals])
+        )
 
     def status(self, key: str, goal: bytes) -> int | None:
         statuses: dict[bytes, int] = self._things[key].statuses

@@ -13,22 +13,22 @@ from rise_adapters.ros2.actions.client import CANCEL_NONE, CANCEL_REJECTED
 from rise_adapters.ros2.actions.server_goal import ServerGoal
 from rise_adapters.ros2.transport.port import Message
 
-MOST_WAITING = 64
+MAX_WAITING_REPLIES = 64
 """Requests to cancel one goal, or for its result, that wait at most."""
 
 
 class CancelRequest:
     """Waits until there is a word about each goal that it concerns, and answers then."""
 
-    def __init__(self, goals: list[ServerGoal], answer: Callable[[Message], object], *, one: bool) -> None:
-        """`one`: it is about one goal, so that its answer says why that one is not cancelled."""
-        self._answer = answer
-        self._one = one
+    def __init__(self, goals: list[ServerGoal], send_reply: Callable[[Message], object], *, is_about_one: bool) -> None:
+        """`is_about_one`: it is about one goal, so that its answer says why that one is not cancelled."""
+        self._send_reply = send_reply
+        self._is_about_one = is_about_one
         self._undecided = len(goals) + 1
         self._codes: list[int] = []
         self._canceling: list[Message] = []
         for goal in goals:
-            if len(goal.cancel_requests) < MOST_WAITING:
+            if len(goal.cancel_requests) < MAX_WAITING_REPLIES:
                 goal.cancel_requests.append(partial(self._take_decision, goal))
             else:
                 self._take_decision(goal, CANCEL_REJECTED)
@@ -46,8 +46,8 @@ class CancelRequest:
             return
         if self._canceling:
             code = CANCEL_NONE
-        elif self._one:
+        elif self._is_about_one:
             code = self._codes[0]
         else:
             code = CANCEL_REJECTED if CANCEL_REJECTED in self._codes else CANCEL_NONE
-        self._answer({"return_code": code, "goals_canceling": self._canceling})
+        self._send_reply({"return_code": code, "goals_canceling": self._canceling})

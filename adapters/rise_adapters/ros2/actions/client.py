@@ -1,7 +1,7 @@
 """The client's side of a ROS 2 action, from the three services and two topics that make it up.
 
-There is no policy in here: no deadline, no retry, no opinion (that is `goals`). What the ready-made clients cannot do
-is possible because the parts are used directly: goal ids of our own, cancelling by id without having been accepted,
+No policy is in here: no deadline, no retry, no opinion (`robot` has them). What the ready-made clients cannot do is
+possible because the parts are used directly: goal ids of our own, cancelling by id without having been accepted,
 cancelling everything that a server does, asking for a result again. Source: https://design.ros2.org/articles/actions.html,
 and measurements against rclpy 7.1 (docs/explanation/ros2.md).
 """
@@ -23,6 +23,7 @@ from rise_adapters.ros2.transport.port import (
     STATUS_TOPIC,
     Message,
     QoS,
+    ServiceClient,
     Transport,
     action_topic,
     action_types,
@@ -30,6 +31,8 @@ from rise_adapters.ros2.transport.port import (
 
 UNKNOWN, ACCEPTED, EXECUTING, CANCELING, SUCCEEDED, CANCELED, ABORTED = range(7)
 """What a goal is (action_msgs/msg/GoalStatus). UNKNOWN is also the answer about a goal that the server never had."""
+STATUS_NAMES = ("unknown", "accepted", "executing", "canceling", "succeeded", "canceled", "aborted")
+"""The same for a person."""
 FINAL_STATUSES = frozenset((SUCCEEDED, CANCELED, ABORTED))
 
 CANCEL_NONE, CANCEL_REJECTED, CANCEL_UNKNOWN, CANCEL_TERMINATED = range(4)
@@ -37,7 +40,7 @@ CANCEL_NONE, CANCEL_REJECTED, CANCEL_UNKNOWN, CANCEL_TERMINATED = range(4)
 cancelled only the list of goals says: rclpy answers a refused cancel with NONE and an empty list."""
 
 ALL_GOALS = bytes(16)
-"""The goal id that, with a zero stamp, asks to cancel all goals of a server."""
+"""The goal id that, with a zero stamp, asks to cancel all goals of a server, also those of others."""
 
 
 class CancelResponse(Struct, frozen=True):
@@ -61,11 +64,10 @@ class ActionClient:
         feedback: QoS = RELIABLE,
         status: QoS = STATUS,
     ) -> None:
-        """`name` as ROS takes it, `type` as `PKG/action/NAME`; `now` in seconds, for `heard`; `feedback` and `status`:
+        """`name` as ROS takes it, `type` as `PKG/action/NAME`; `now` in seconds, for `heard_at`; `feedback`, `status`:
         how these topics are listened to. Raises PortError."""
         self.name = transport.resolve(name)
         """The full name."""
-        self.type = type
         self.heard_at: float | None = None
         """When a sign of life came last from the server: any answer, feedback or status."""
         self.statuses: dict[bytes, int] = {}
@@ -91,65 +93,52 @@ class ActionClient:
 
     def send(self, goal: bytes, fields: Message, answered: Callable[[bool], None]) -> None:
         """Send a goal under an id of our own (16 bytes); `answered` hears whether it was accepted. Raises PortError."""
-
-        def answer(reply: Message) -> None:
-            self._note_sign_of_life()
-            answered(bool(reply["accepted"]))
-
-        self._send.call({"goal_id": {"uuid": goal}, "goal": fields}, answer)
+        request = {"goal_id": {"uuid": goal}, "goal": fields}
+        self._call(self._send, request, lambda response: answered(bool(response["accepted"])))
 
     def get_result(self, goal: bytes, ended: Callable[[int, Message], None]) -> None:
         """Ask for a goal's result: its status and fields, which come when it has ended. May be asked again at any time.
 
         Raises PortError.
         """
-
-        def answer(reply: Message) -> None:
-            self._note_sign_of_life()
-            ended(int(reply["status"]), reply["result"])
-
-        self._result.call({"goal_id": {"uuid": goal}}, answer)
+        request = {"goal_id": {"uuid": goal}}
+        self._call(self._result, request, lambda response: ended(int(response["status"]), response["result"]))
 
     def cancel(self, goal: bytes, answered: Callable[[CancelResponse], None]) -> None:
-        """Ask the server to stop one goal, whether or not it was accepted. Raises PortError."""
+        """Ask the server to stop one goal, whether or not it was accepted; or `ALL_GOALS`. Raises PortError."""
 
-        def answer(reply: Message) -> None:
-            self._note_sign_of_life()
-            stopping = tuple(bytes(each["goal_id"]["uuid"]) for each in reply["goals_canceling"])
-            answered(CancelResponse(int(reply["return_code"]), stopping))
+        def take_response(response: Message) -> None:
+            stopping = tuple(bytes(each["goal_id"]["uuid"]) for each in response["goals_canceling"])
+            answered(CancelResponse(int(response["return_code"]), stopping))
 
-        self._cancel.call({"goal_info": {"goal_id": {"uuid": goal}, "stamp": {"sec": 0, "nanosec": 0}}}, answer)
-
-    def cancel_all(self, answered: Callable[[CancelResponse], None]) -> None:
-        """Ask the server to stop everything, also goals of others. Raises PortError."""
-        self.cancel(ALL_GOALS, answered)
+        self._call(self._cancel, {"goal_info": {"goal_id": {"uuid": goal}}}, take_response)
 
     def unfinished_goals(self) -> set[bytes]:
         """The goals that the server calls unfinished, also those of others."""
         return {goal for goal, status in self.statuses.items() if status not in FINAL_STATUSES}
-
-    def forget_statuses(self) -> None:
-        """The server has gone: what it last said about its goals counts no more."""
-        self.statuses.clear()
 
     def close(self) -> None:
         """No answers come any more. What the server does goes on."""
         for part in (self._send, self._cancel, self._result, *self._subscriptions):
             part.close()
 
+    def _call(self, service: ServiceClient, request: Message, take_response: Callable[[Message], None]) -> None:
+        def take_sign_of_life(response: Message) -> None:
+            self.heard_at = self._now()
+            take_response(response)
+
+        service.call(request, take_sign_of_life)
+
     def _take_feedback(self, message: Message) -> None:
-        self._note_sign_of_life()
+        self.heard_at = self._now()
         self.on_feedback(bytes(message["goal_id"]["uuid"]), message["feedback"])
 
     def _take_status(self, message: Message) -> None:
-        self._note_sign_of_life()
+        self.heard_at = self._now()
         self.statuses = {
             bytes(each["goal_info"]["goal_id"]["uuid"]): int(each["status"]) for each in message["status_list"]
         }
         self.on_status(self.statuses)
-
-    def _note_sign_of_life(self) -> None:
-        self.heard_at = self._now()
 
 
 def _ignore(*arguments: object) -> None:

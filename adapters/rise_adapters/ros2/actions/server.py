@@ -1,16 +1,17 @@
 """Serving a ROS 2 action, on the three services and two topics that one is made of (https://design.ros2.org/articles/actions.html).
 
-    def wanted(goal: ServerGoal) -> None:        # at once or later: accept or reject, then exactly one ending
+    def take_goal(goal: ServerGoal) -> None:        # at once or later: accept or reject, then exactly one ending
         goal.accept()
         goal.execute()
-        goal.feedback({"progress": 0.5})
+        goal.publish_feedback({"progress": 0.5})
         goal.succeed({"reason": ""})
 
-    def cancel(goal: ServerGoal, decide: Decide) -> None:        # at once or later
+    def take_cancel(goal: ServerGoal, decide: Decide) -> None:        # at once or later
         decide(True)
         goal.cancel({"reason": "cancelled"})
 
-    server = ActionServer(transport, "rise/robot/speech", "rise_interfaces/action/Speech", wanted, cancel, clock=clock)
+    type = "rise_interfaces/action/Speech"
+    server = ActionServer(transport, "rise/robot/speech", type, take_goal, take_cancel, clock=clock)
 
 Several goals at once, one at a time, the latest wins: that is the caller's policy. What the server sees to, whatever
 the caller and the clients do:
@@ -26,10 +27,10 @@ from __future__ import annotations
 import logging
 from collections.abc import Callable
 from functools import partial
-from itertools import islice
+from itertools import islice, takewhile
 from typing import TypeAlias
 
-from rise_adapters.ros2.actions.cancel_request import MOST_WAITING, CancelRequest
+from rise_adapters.ros2.actions.cancel_request import MAX_WAITING_REPLIES, CancelRequest
 from rise_adapters.ros2.actions.client import (
     ABORTED,
     ACCEPTED,
@@ -38,10 +39,8 @@ from rise_adapters.ros2.actions.client import (
     CANCEL_REJECTED,
     CANCEL_TERMINATED,
     CANCEL_UNKNOWN,
-    CANCELED,
     CANCELING,
     EXECUTING,
-    SUCCEEDED,
     UNKNOWN,
 )
 from rise_adapters.ros2.actions.server_goal import ServerGoal
@@ -105,7 +104,6 @@ class ActionServer:
         Raises PortError when the transport does not know the type.
         """
         self.name = transport.resolve(name)
-        self.type = type
         self._take_goal = take_goal
         self._take_cancel = take_cancel
         self._clock = clock
@@ -133,12 +131,12 @@ class ActionServer:
         """Those that have not ended, the oldest first; also those that are still to be accepted or rejected."""
         return list(self._goals.values())
 
-    def adopt(self, id: bytes, message: Message | None = None) -> ServerGoal:
+    def adopt(self, id: bytes) -> ServerGoal:
         """Take up a goal that a server of this name had accepted before it went down, so that its client can still
         cancel it and get its result. Raises ValueError when there is one of that id."""
         if len(id) != 16 or id == ALL_GOALS or id in self._goals or id in self._ended:
             raise ValueError(f"a goal of the id {id.hex()} cannot be taken up")
-        goal = self._goals[id] = ServerGoal(self, id, message or {}, None)
+        goal = self._goals[id] = ServerGoal(self, id, {}, None)
         goal.status = EXECUTING
         self._status.publish_soon()
         return goal
@@ -150,9 +148,9 @@ class ActionServer:
         self._closed = True
         for goal in self.goals:
             if goal.is_decided:
-                self.end(goal, ABORTED, result)
+                goal.abort(result)
             else:
-                self.reject(goal)
+                goal.reject()
         self._status.close()
         self._release()
 
@@ -175,83 +173,45 @@ class ActionServer:
         for handle in (*self._services, self._feedback):
             handle.close()
 
-    # --- the life of a goal (`GoalServer`) ----------------------------------------------------------------------
+    # --- what goals need (`GoalServer`) ---------------------------------------------------------------------------
 
-    def accept(self, goal: ServerGoal) -> bool:
-        """As `ServerGoal.accept`."""
-        reply, goal.reply = goal.reply, None
-        if reply is None:
+    def send_reply(self, reply: SendReply, message: Message) -> bool:
+        try:
+            reply(message)
+        except PortError as error:
+            _LOG.warning("an answer of %s could not be sent: %s", self.name, error)
             return False
-        goal.status = ACCEPTED
-        self._answer(reply, {"accepted": True, "stamp": goal.info["stamp"]})
-        if goal.cancel_requests:
-            self._clock.call_at(self._clock.now(), partial(self._ask_to_cancel, goal))
-        self._status.publish_soon()
         return True
 
-    def reject(self, goal: ServerGoal) -> bool:
-        """As `ServerGoal.reject`."""
-        reply, goal.reply = goal.reply, None
-        if reply is None:
-            return False
-        self._goals.pop(goal.id, None)
-        goal.message = {}
-        self._answer(reply, {"accepted": False})
-        for each in goal.result_requests:
-            self._answer(each, {"status": UNKNOWN})
-        goal.result_requests.clear()
-        _answer_cancels(goal, CANCEL_UNKNOWN)
-        return True
-
-    def execute(self, goal: ServerGoal) -> bool:
-        """As `ServerGoal.execute`."""
-        if goal.status == UNKNOWN and not self.accept(goal):
-            return False
-        if goal.status != ACCEPTED:
-            return goal.status == CANCELING
-        goal.status = EXECUTING
-        self._status.publish_soon()
-        return True
-
-    def publish_feedback(self, goal: ServerGoal, message: Message) -> bool:
-        """As `ServerGoal.publish_feedback`."""
-        if goal.status not in (ACCEPTED, EXECUTING, CANCELING):
-            return False
+    def send_feedback(self, goal: ServerGoal, message: Message) -> None:
         self._feedback.publish({"goal_id": goal.info["goal_id"], "feedback": message})
-        return True
 
-    def end(self, goal: ServerGoal, status: int, result: Message | None) -> bool:
-        """End it with `status` (SUCCEEDED, ABORTED or CANCELED) and the fields of its result; True when it counted."""
-        if goal.status >= SUCCEEDED or (goal.status == UNKNOWN and not self.accept(goal)):
-            return False
-        del self._goals[goal.id]
-        goal.status = status
-        goal.message = {}
-        goal.result = {"status": status, "result": result or {}}
-        for reply in goal.result_requests:
-            self._answer_result(goal, reply)
-        goal.result_requests.clear()
-        _answer_cancels(goal, CANCEL_NONE if status == CANCELED else CANCEL_TERMINATED)
+    def on_status_changed(self, goal: ServerGoal) -> None:
+        if goal.has_ended:
+            del self._goals[goal.id]
+            if goal.status == UNKNOWN:
+                return
+            self._keep(goal)
+        elif goal.status == ACCEPTED and goal.cancel_requests:
+            self._clock.call_at(self._clock.now(), partial(self._request_cancel, goal))
+        self._status.publish_soon()
+
+    def _keep(self, goal: ServerGoal) -> None:
+        """Its result can be asked for a while."""
         goal.expires_at = self._clock.now() + self._timeout
         self._ended[goal.id] = goal
         if len(self._ended) > MAX_ENDED:
             del self._ended[next(iter(self._ended))]
         if self._expiry is None and not self._closed:
             self._expiry = self._clock.call_at(goal.expires_at, self._expire)
-        self._status.publish_soon()
-        return True
 
     def _expire(self) -> None:
         self._expiry = None
-        now, ended = self._clock.now(), self._ended
-        over = 0
-        for goal in ended.values():
-            if goal.expires_at > now + 0.001:
-                self._expiry = self._clock.call_at(goal.expires_at, self._expire)
-                break
-            over += 1
-        for id in list(islice(ended, over)):
-            del ended[id]
+        until = self._clock.now() + 0.001
+        for goal in list(takewhile(lambda goal: goal.expires_at <= until, self._ended.values())):
+            del self._ended[goal.id]
+        if self._ended:
+            self._expiry = self._clock.call_at(next(iter(self._ended.values())).expires_at, self._expire)
         self._status.publish_soon()
 
     def _listed_goals(self) -> list[ServerGoal]:
@@ -264,59 +224,54 @@ class ActionServer:
     def _take_goal_request(self, request: Message, reply: SendReply) -> None:
         id = bytes(request["goal_id"]["uuid"])
         if self._closed or id == ALL_GOALS or id in self._goals or id in self._ended:
-            self._answer(reply, {"accepted": False})
+            self.send_reply(reply, {"accepted": False})
             return
         goal = self._goals[id] = ServerGoal(self, id, request["goal"], reply)
         try:
             self._take_goal(goal)
         except Exception:  # without an answer the client would wait for ever
             _LOG.exception("a goal of %s could not be handled", self.name)
-            if not self.reject(goal):
-                self.end(goal, ABORTED, None)
+            if not goal.reject():
+                goal.abort()
 
     def _take_result_request(self, request: Message, reply: SendReply) -> None:
         id = bytes(request["goal_id"]["uuid"])
-        goal = self._goals.get(id)
-        if goal is not None:
-            if len(goal.result_requests) == MOST_WAITING:
+        if (goal := self._goals.get(id)) is not None:
+            if len(goal.result_requests) == MAX_WAITING_REPLIES:
                 del goal.result_requests[0]  # who asks again and again for the same
             goal.result_requests.append(reply)
-            return
-        goal = self._ended.get(id)
-        if goal is None:
-            self._answer(reply, {"status": UNKNOWN})
+        elif (goal := self._ended.get(id)) is not None:
+            goal.send_result(reply)
         else:
-            self._answer_result(goal, reply)
+            self.send_reply(reply, {"status": UNKNOWN})
 
     def _take_cancel_request(self, request: Message, reply: SendReply) -> None:
         info = request["goal_info"]
         id = bytes(info["goal_id"]["uuid"])
         until = int(info["stamp"]["sec"]) * 1_000_000_000 + int(info["stamp"]["nanosec"])
-        if id != ALL_GOALS and not until:
-            goal = self._goals.get(id)
-            if goal is None:
-                code = CANCEL_TERMINATED if id in self._ended else CANCEL_UNKNOWN
-                self._answer(reply, {"return_code": code})
-                return
-            goals = [goal]
+        is_about_one = id != ALL_GOALS and not until
+        if is_about_one and id not in self._goals:
+            code = CANCEL_TERMINATED if id in self._ended else CANCEL_UNKNOWN
+            self.send_reply(reply, {"return_code": code})
+            return
+        if is_about_one:
+            goals = [self._goals[id]]
         else:
-            goals = [
-                goal for goal in self._goals.values() if not until or goal.received_at_ns <= until or goal.id == id
-            ]
-        CancelRequest(goals, partial(self._answer, reply), one=id != ALL_GOALS and not until)
+            goals = [goal for goal in self.goals if not until or goal.received_at_ns <= until or goal.id == id]
+        CancelRequest(goals, partial(self.send_reply, reply), is_about_one=is_about_one)
         for goal in goals:
             if goal.is_decided:
-                self._ask_to_cancel(goal)
+                self._request_cancel(goal)
 
-    def _ask_to_cancel(self, goal: ServerGoal) -> None:
+    def _request_cancel(self, goal: ServerGoal) -> None:
         if goal.status == CANCELING:
-            _answer_cancels(goal, CANCEL_NONE)
+            goal.answer_cancels(CANCEL_NONE)
         if goal.is_asked_to_cancel or not goal.cancel_requests:
             return
         goal.is_asked_to_cancel = True
         try:
             self._take_cancel(goal, partial(self._decide_cancel, goal))
-        except Exception:
+        except Exception:  # without a decision the client would wait for ever
             _LOG.exception("a goal of %s could not be cancelled", self.name)
             self._decide_cancel(goal, False)
 
@@ -326,29 +281,4 @@ class ActionServer:
         if agreed and not goal.has_ended:
             goal.status = CANCELING
             self._status.publish_soon()
-        _answer_cancels(goal, CANCEL_NONE if agreed else CANCEL_REJECTED)
-
-    # --- answers ------------------------------------------------------------------------------------------------
-
-    def _answer_result(self, goal: ServerGoal, reply: SendReply) -> None:
-        goal.is_result_fetched = True
-        if not self._answer(reply, goal.result) and goal.result["result"]:
-            # A result that does not fit its type would leave the client waiting; what happened is not known then.
-            goal.status = ABORTED
-            goal.result = {"status": ABORTED, "result": {}}
-            self._answer(reply, goal.result)
-
-    def _answer(self, reply: SendReply, message: Message) -> bool:
-        try:
-            reply(message)
-        except PortError as error:
-            _LOG.warning("an answer of %s could not be sent: %s", self.name, error)
-            return False
-        return True
-
-
-def _answer_cancels(goal: ServerGoal, code: int) -> None:
-    goal.is_asked_to_cancel = False
-    requests, goal.cancel_requests = goal.cancel_requests, []
-    for answer in requests:
-        answer(code)
+        goal.answer_cancels(CANCEL_NONE if agreed else CANCEL_REJECTED)

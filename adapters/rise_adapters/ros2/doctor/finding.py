@@ -37,8 +37,8 @@ def as_text(findings: Sequence[DoctorFinding], width: int = 100) -> str:
         if finding.remedy:
             lines += textwrap.wrap(finding.remedy, width, initial_indent=" " * 9 + "→ ", subsequent_indent=" " * 11)
     counts = [(level, sum(finding.level == level for finding in findings)) for level in ("problem", "warning")]
-    said = [f"{number} {level}{'s' if number != 1 else ''}" for level, number in counts if number]
-    lines.append(", ".join(said) if said else "nothing is in the way")
+    problems = [f"{number} {level}{'s' if number != 1 else ''}" for level, number in counts if number]
+    lines.append(", ".join(problems) if problems else "nothing is in the way")
     return "\n".join(lines) + "\n"
 
 

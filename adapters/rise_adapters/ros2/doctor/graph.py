@@ -20,9 +20,9 @@ def check_graph(transport: Transport) -> Iterator[DoctorFinding]:
         others.remove(transport.node)
     if others:
         counts = {node: others.count(node) for node in others}
-        said = ", ".join(node if number == 1 else f"{node} ({number} times)" for node, number in counts.items())
+        names = ", ".join(node if number == 1 else f"{node} ({number} times)" for node, number in counts.items())
         yield DoctorFinding(
-            "ok", "graph", f"{len(others)} other node{'s are' if len(others) > 1 else ' is'} seen: {said}"
+            "ok", "graph", f"{len(others)} other node{'s are' if len(others) > 1 else ' is'} seen: {names}"
         )
         for node, number in counts.items():
             if number > 1:

@@ -16,7 +16,6 @@ from rise_adapters.ros2.doctor.environment import (
 )
 from rise_adapters.ros2.doctor.finding import DoctorFinding, Level
 from rise_adapters.ros2.transport import selection
-from rise_adapters.ros2.transport.rclpy import rclpy_missing
 from rise_engine.ports.bridge import BridgeError
 
 _INSTALLED = Path("/opt/ros")
@@ -63,7 +62,7 @@ def check_installation(
                 f"AMENT_PREFIX_PATH names {prefix}, which is not there",
                 "open a new terminal and source again",
             )
-    missing = selection.why_unavailable()["rclpy"] or rclpy_missing()
+    missing = selection.why_unavailable()["rclpy"]
     if not missing:
         yield DoctorFinding(
             "ok", "ros", f"rclpy {installed_version('rclpy') or 'of an unknown version'} can be used from this Python"
@@ -74,11 +73,11 @@ def check_installation(
 
 def check_middleware(environment: Environment, kind: selection.TransportKind | None = None) -> Iterator[DoctorFinding]:
     """Which middleware nodes of this terminal use, and whether the transport can talk to it."""
-    there = installed_rmw(environment)
+    installed = installed_rmw(environment)
     named = environment.get("RMW_IMPLEMENTATION", "")
-    if there:
-        yield DoctorFinding("ok", "rmw", f"installed middleware: {', '.join(there)}")
-    if named and there and named not in there:
+    if installed:
+        yield DoctorFinding("ok", "rmw", f"installed middleware: {', '.join(installed)}")
+    if named and installed and named not in installed:
         yield DoctorFinding(
             "problem" if kind == "rclpy" else "warning",
             "rmw",
@@ -87,10 +86,10 @@ def check_middleware(environment: Environment, kind: selection.TransportKind | N
         )
     elif named:
         yield DoctorFinding("ok", "rmw", f"RMW_IMPLEMENTATION is {named}")
-    elif there:
-        default = DEFAULT_RMW if DEFAULT_RMW in there else there[0]
+    elif installed:
+        default = DEFAULT_RMW if DEFAULT_RMW in installed else installed[0]
         yield DoctorFinding("note", "rmw", f"RMW_IMPLEMENTATION is not set, so nodes of this terminal use {default}")
-    used = named or (DEFAULT_RMW if there else "")
+    used = named or (DEFAULT_RMW if installed else "")
     if kind == "dds" and used and used != CYCLONE_RMW:
         yield DoctorFinding(
             "warning",
@@ -124,9 +123,9 @@ def check_transport(choice: str) -> tuple[selection.TransportKind | None, list[D
         why = "as asked for" if choice != "auto" else "rclpy is here" if kind == "rclpy" else "rclpy is not here"
         found.append(DoctorFinding("ok", "transport", f"ROS is spoken by {kind}: {why}"))
     wheels = {name: installed_version(name) for name in ("cyclonedds", "rosbags")}
-    there = [f"{name} {number}" for name, number in wheels.items() if number]
+    versions = [f"{name} {number}" for name, number in wheels.items() if number]
     if not missing["dds"]:
-        found.append(DoctorFinding("ok", "transport", f"for the transport `dds`: {', '.join(there)}"))
+        found.append(DoctorFinding("ok", "transport", f"for the transport `dds`: {', '.join(versions)}"))
     elif kind is not None and kind != "dds":
         found.append(DoctorFinding("note", "transport", f"the transport `dds` cannot be used: {missing['dds']}"))
     if missing["dds"] and kind != "rclpy" and not wheels["cyclonedds"] and sys.version_info >= (3, 14):
@@ -143,6 +142,6 @@ def _installed_distributions(installed: Path) -> list[str]:
 
 
 def _setup_file(installed: Path) -> str:
-    there = _installed_distributions(installed)
-    name = DISTRIBUTION if DISTRIBUTION in there or not there else there[-1]
+    names = _installed_distributions(installed)
+    name = DISTRIBUTION if DISTRIBUTION in names or not names else names[-1]
     return f"{installed}/{name}/setup.bash"

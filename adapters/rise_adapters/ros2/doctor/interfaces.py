@@ -2,16 +2,16 @@
 
 from __future__ import annotations
 
-import json
 import os
 from collections.abc import Iterator
-from contextlib import suppress
 from importlib.util import find_spec
 from pathlib import Path
 
 from rise_adapters.ros2.doctor.environment import Environment, sourced_prefixes
 from rise_adapters.ros2.doctor.finding import DoctorFinding
 from rise_adapters.ros2.transport import selection
+from rise_adapters.ros2.transport.interfaces import RISE_INTERFACES, InterfaceCatalog
+from rise_adapters.ros2.transport.interfaces.hashes import read_built_hashes
 from rise_adapters.ros2.transport.port import PortError
 
 INTERFACES = "rise_interfaces"
@@ -53,11 +53,11 @@ def check_interfaces(environment: Environment, kind: selection.TransportKind | N
     other = sorted(name for name in ours if name in theirs and ours[name] != theirs[name])
     for names, what in ((missing, "lacks"), (other, "has another version of")):
         if names:
-            said = ", ".join(name.removeprefix(f"{INTERFACES}/") for name in names)
+            listed = ", ".join(name.removeprefix(f"{INTERFACES}/") for name in names)
             yield DoctorFinding(
                 "problem",
                 "interfaces",
-                f"the {INTERFACES} in {built[0]} {what} {said}",
+                f"the {INTERFACES} in {built[0]} {what} {listed}",
                 f"build the {INTERFACES} of this release: {remedy}",
             )
     if not missing and not other:
@@ -68,15 +68,11 @@ def check_interfaces(environment: Environment, kind: selection.TransportKind | N
 
 def own_hashes(environment: Environment = os.environ) -> dict[str, str]:
     """Of the types that this program speaks, by name; empty when that cannot be told here."""
-    try:
-        from rise_adapters.ros2.transport.interfaces import SHARE_FOLDER, InterfaceCatalog
-    except ImportError:
-        return {}
-    types = InterfaceCatalog([SHARE_FOLDER], environment)  # ours first; ROS has the standard ones that they are made of
+    types = InterfaceCatalog([RISE_INTERFACES], environment)  # the standard ones are in ROS
     names = [
         f"{INTERFACES}/{kind}/{file.stem}"
         for kind in ("msg", "srv", "action")
-        for file in sorted((SHARE_FOLDER / INTERFACES / kind).glob(f"*.{kind}"))
+        for file in sorted((RISE_INTERFACES / kind).glob(f"*.{kind}"))
     ]
     try:
         return {name: types.type_hash(name) for name in names}
@@ -88,9 +84,7 @@ def built_hashes(folder: Path) -> dict[str, str]:
     """Those that were computed when an interface package was built, `PREFIX/share/PACKAGE`."""
     found: dict[str, str] = {}
     for file in (*folder.glob("msg/*.json"), *folder.glob("srv/*.json"), *folder.glob("action/*.json")):
-        with suppress(OSError, ValueError, KeyError, TypeError):
-            for each in json.loads(file.read_text("utf-8"))["type_hashes"]:
-                found[each["type_name"]] = each["hash_string"]
+        found |= read_built_hashes(file)
     return found
 
 

@@ -97,14 +97,14 @@ def _check_cyclone(uri: str, peers: bool) -> Iterator[DoctorFinding]:
                 yield DoctorFinding("problem", "network", f"CYCLONEDDS_URI names the file {path}, which cannot be read")
                 continue
         try:
-            pieces.append(ElementTree.fromstring(f"<all>{_without_declaration(words)}</all>"))
+            pieces.append(ElementTree.fromstring(f"<all>{_drop_declaration(words)}</all>"))
         except ElementTree.ParseError as error:
             yield DoctorFinding("problem", "network", f"CYCLONEDDS_URI holds XML that is not well-formed: {error}")
     elements = [each for piece in pieces for each in piece.iter()]
-    said = {_tag(each): (each.text or "").strip() for each in elements}
-    interfaces = [each for each in elements if _tag(each) == "NetworkInterface"]
+    settings = {_local_name(each): (each.text or "").strip() for each in elements}
+    interfaces = [each for each in elements if _local_name(each) == "NetworkInterface"]
     names = [each.get("name") or each.get("address") or "" for each in interfaces]
-    silent = said.get("AllowMulticast", "").lower() in ("false", "spdp", "none") or any(
+    silent = settings.get("AllowMulticast", "").lower() in ("false", "spdp", "none") or any(
         each.get("multicast", "").lower() == "false" for each in interfaces
     )
     loopback = bool(names) and all(name in ("lo", "localhost") or name.startswith("127.") for name in names)
@@ -114,7 +114,7 @@ def _check_cyclone(uri: str, peers: bool) -> Iterator[DoctorFinding]:
         )
     elif names:
         yield DoctorFinding("note", "network", f"CYCLONEDDS_URI names the network interface {', '.join(names)}")
-    if silent and not peers and not any(_tag(each) == "Peer" for each in elements):
+    if silent and not peers and not any(_local_name(each) == "Peer" for each in elements):
         yield DoctorFinding(
             "problem",
             "network",
@@ -141,10 +141,10 @@ def _split_uri(uri: str) -> list[str]:
     return parts
 
 
-def _without_declaration(words: str) -> str:
+def _drop_declaration(words: str) -> str:
     words = words.lstrip("\ufeff \n\t\r")
     return words.partition("?>")[2] if words.startswith("<?xml") else words
 
 
-def _tag(element: ElementTree.Element) -> str:
+def _local_name(element: ElementTree.Element) -> str:
     return element.tag.rpartition("}")[2]

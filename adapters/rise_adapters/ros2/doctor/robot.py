@@ -5,16 +5,15 @@ from __future__ import annotations
 import asyncio
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
-from typing import Any
 
 from rise_adapters.ros2 import compatibility, graph_checks
 from rise_adapters.ros2.actions.client import ActionClient
 from rise_adapters.ros2.doctor.finding import DoctorFinding
 from rise_adapters.ros2.mapping import ActionMapping, MappingError, read_mappings, read_options
+from rise_adapters.ros2.mapping.options import DRIVER
 from rise_adapters.ros2.transport.port import PortError, Transport
 from rise_engine.scenario.model import RobotProfile
 
-DRIVER = "ros2"
 SEARCH_SECONDS = 3.0
 """For which the robot's servers are waited for. Discovery takes milliseconds on one machine, and longer on Wi-Fi."""
 SETTLE_SECONDS = 0.5
@@ -43,7 +42,7 @@ async def check_robot(
         return [DoctorFinding("problem", "robot", sentence) for sentence in errors.findings]
     expected: list[_ExpectedEndpoint] = []
     try:
-        for name, mapping in _by_mapping(mappings).items():
+        for name, mapping in _by_route(mappings).items():
             expected.append(_ExpectedEndpoint(transport, name, mapping))
         await _wait_for(expected, seconds)
         if len(expected) > 1 and not any(each.is_seen() for each in expected):
@@ -59,12 +58,12 @@ async def check_robot(
             each.close()
 
 
-def _by_mapping(mappings: Mapping[str, ActionMapping]) -> dict[str, ActionMapping]:
+def _by_route(mappings: Mapping[str, ActionMapping]) -> dict[str, ActionMapping]:
     """Several actions may go the same way: `Emotion, SocialExpression`."""
-    ways: dict[tuple[str, str, str], list[str]] = {}
+    names: dict[tuple[str, str, str], list[str]] = {}
     for name, mapping in mappings.items():
-        ways.setdefault((mapping.kind, mapping.name, mapping.type), []).append(name)
-    return {", ".join(names): mappings[names[0]] for names in ways.values()}
+        names.setdefault(mapping.route, []).append(name)
+    return {", ".join(each): mappings[each[0]] for each in names.values()}
 
 
 async def _wait_for(expected: Sequence[_ExpectedEndpoint], seconds: float) -> None:
@@ -85,43 +84,36 @@ class _ExpectedEndpoint:
         self._name = name
         self._mapping = mapping
         self.full = transport.resolve(mapping.name)
-        self._handle: Any
         if mapping.kind == "action":
-            self._handle = ActionClient(
+            client = ActionClient(
                 transport, mapping.name, mapping.type, feedback=mapping.feedback_qos, status=mapping.status_qos
             )
+            self.count_receivers, self.close = client.count_servers, client.close
         else:
-            self._handle = transport.publisher(mapping.name, mapping.type, mapping.topic_qos)
-
-    def close(self) -> None:
-        self._handle.close()
-
-    def count(self) -> int:
-        """How many offer it, or take it."""
-        return int(self._handle.count_servers() if self._mapping.kind == "action" else self._handle.count_subscribers())
+            publisher = transport.publisher(mapping.name, mapping.type, mapping.topic_qos)
+            self.count_receivers, self.close = publisher.count_subscribers, publisher.close
 
     def is_complete(self) -> bool:
         """Everything of it is there, and can be compared."""
-        return self.count() > 0 and compatibility.compare(self._transport, self._mapping).complete
+        return self.count_receivers() > 0 and compatibility.compare(self._transport, self._mapping).complete
 
     def is_seen(self) -> bool:
         """Whether there is anything of that name, be it the right thing or not."""
-        return self.count() > 0 or bool(compatibility.compare(self._transport, self._mapping).seen)
+        return self.count_receivers() > 0 or bool(compatibility.compare(self._transport, self._mapping).seen)
 
     def names_elsewhere(self) -> list[str]:
         """The names under which there is something of its type."""
         return graph_checks.names_elsewhere(self._transport, self._mapping)
 
     def findings(self) -> Iterator[DoctorFinding]:
-        number, name, full = self.count(), self._name, self.full
+        number, name, full = self.count_receivers(), self._name, self.full
         action = self._mapping.kind == "action"
         found = compatibility.compare(self._transport, self._mapping)
         for misfit in found.misfits:
             yield DoctorFinding("problem", "robot", f"{name}: {misfit.sentence}", misfit.remedy)
         if number > 1 and action:
-            yield DoctorFinding(
-                "problem", "robot", f"{name}: {compatibility.several_servers(number, full)}", "end all but one of them"
-            )
+            several = compatibility.describe_several_servers(number, full)
+            yield DoctorFinding("problem", "robot", f"{name}: {several}", "end all but one of them")
         elif number and not found.misfits:
             listens = f"has {number} subscriber{'s' if number > 1 else ''}"
             yield DoctorFinding(
@@ -156,6 +148,6 @@ def definition_folders(profile: RobotProfile | None) -> list[Path]:
     if profile is None or profile.driver != DRIVER:
         return []
     try:
-        return [Path(folder).expanduser() for folder in read_options(profile).share]
+        return [Path(folder) for folder in read_options(profile).share]
     except MappingError:  # said with everything else that is wrong in the profile
         return []

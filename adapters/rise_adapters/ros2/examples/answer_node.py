@@ -16,7 +16,6 @@ import asyncio
 import json
 import os
 from argparse import Namespace
-from collections.abc import Awaitable
 from http.client import HTTPException
 from pathlib import Path
 from urllib.error import HTTPError
@@ -52,6 +51,7 @@ class AnswerNode:
 
     def __init__(self, session: SessionClient, options: Namespace, system: str, key: str) -> None:
         self.session, self.options, self.system, self.key = session, options, system, key
+        self.url = options.base_url.rstrip("/")
         self.thinking: asyncio.Task[None] | None = None
         """Until the answer is there; from then on it is said, whatever the rule does."""
 
@@ -61,16 +61,18 @@ class AnswerNode:
         if self.thinking is not None:
             self.thinking.cancel()  # the rule has gone on: an answer would come too late
         if message["status"] == "entered" and message["state"] == self.options.state:
-            self.thinking = asyncio.get_running_loop().create_task(self.answer())
+            self.thinking = asyncio.get_running_loop().create_task(self.ask_and_say())
 
-    async def answer(self) -> None:
+    async def ask_and_say(self) -> None:
         options, session = self.options, self.session
         try:
-            question = str(await session.memory(options.question_key, ""))
+            question = str(await session.read_memory(options.question_key, ""))
             print(f'asked "{question}"')
             try:
                 async with asyncio.timeout(options.timeout):
-                    answer = await self.ask_in_thread(question)
+                    answer = await run_in_thread(
+                        ask_model, self.url, options.model, self.key, self.system, question, options.timeout
+                    )
             except (OSError, HTTPException, ValueError, LookupError, TypeError) as error:
                 print(f"no answer: {error or type(error).__name__}")
                 answer = options.fallback
@@ -81,15 +83,10 @@ class AnswerNode:
             if options.event:
                 await session.raise_event(options.event)
             if options.act:
-                said = await session.start_act(options.act)
-                print(f"{options.act} {said.status.lower()}{said.reason and ': ' + said.reason}")
+                result = await session.start_act(options.act)
+                print(f"{options.act} {result.status.lower()}{result.reason and ': ' + result.reason}")
         except SessionGoneError as error:
             print(f"the question came to nothing: {error}")
-
-    def ask_in_thread(self, question: str) -> Awaitable[str]:
-        options = self.options
-        url = options.base_url.rstrip("/")
-        return run_in_thread(ask_model, url, options.model, self.key, self.system, question, options.timeout)
 
 
 async def work(transport: Transport, options: Namespace) -> None:
@@ -101,7 +98,7 @@ async def work(transport: Transport, options: Namespace) -> None:
         raise NodeError(f"--base-url is an address such as http://localhost:8080/v1, not {options.base_url}")
     session = SessionClient(transport)
     node = AnswerNode(session, options, system, os.environ.get("OPENAI_API_KEY", ""))
-    session.rule_states(node.take_rule_state)
+    session.watch_rule_states(node.take_rule_state)
     print(f"answers when {options.rule} enters {options.state}, by {options.base_url} ({transport.about})")
     await wait_forever()
 

@@ -16,7 +16,7 @@ from math import dist, inf
 
 from rise_adapters.ros2.examples.run_node import node_parser, run_node
 from rise_adapters.ros2.examples.session_client import SessionClient, SessionGoneError
-from rise_adapters.ros2.examples.topic_listener import hear
+from rise_adapters.ros2.examples.topic_listener import TopicListener
 from rise_adapters.ros2.transport.port import Message, Transport
 
 NOTHING = "nothing"
@@ -39,11 +39,11 @@ class Region:
     def __str__(self) -> str:
         return self.text
 
-    def holds(self, point: Message) -> bool:
+    def contains(self, point: Message) -> bool:
         return dist(self.centre, (point["x"], point["y"], point["z"])) <= self.radius
 
 
-class Dwell:
+class LookTimer:
     """When a look has lasted. All times are seconds on one clock, whichever."""
 
     def __init__(self, dwell: float, gap: float, away: float) -> None:
@@ -77,7 +77,7 @@ class Dwell:
         if self.target != NOTHING and now - self._seen_at > self.away:
             self._turn_to(NOTHING, self._seen_at)
 
-    def completed_look(self, now: float) -> str:
+    def take_completed_look(self, now: float) -> str:
         """What has been looked at for long enough just now, once for each look; else empty."""
         self.advance_to(now)
         needed = self.away if self.target == NOTHING else self.dwell
@@ -93,26 +93,26 @@ class Dwell:
 class GazeTrigger:
     """Each look raises one event, once it has lasted."""
 
-    def __init__(self, session: SessionClient, dwell: Dwell, regions: list[Region]) -> None:
-        self.session, self.dwell, self.regions = session, dwell, regions
+    def __init__(self, session: SessionClient, timer: LookTimer, regions: list[Region]) -> None:
+        self.session, self.timer, self.regions = session, timer, regions
 
     def take_name(self, message: Message) -> None:
         self.take_target(message["data"].strip().strip("/") or NOTHING)
 
     def take_point(self, message: Message) -> None:
-        self.take_target(next((region.name for region in self.regions if region.holds(message["point"])), NOTHING))
+        self.take_target(next((region.name for region in self.regions if region.contains(message["point"])), NOTHING))
 
     def take_target(self, target: str) -> None:
-        self.dwell.update(target, asyncio.get_running_loop().time())
+        self.timer.update(target, asyncio.get_running_loop().time())
 
     async def work(self) -> None:
         while True:
             await asyncio.sleep(_POLL_SECONDS)
             now = asyncio.get_running_loop().time()
-            target = self.dwell.completed_look(now)
+            target = self.timer.take_completed_look(now)
             if not target:
                 continue
-            print(f"/gaze/{target}, after {now - self.dwell.since:.1f} s")
+            print(f"/gaze/{target}, after {now - self.timer.since:.1f} s")
             try:
                 await self.session.raise_event(f"/gaze/{target}")
             except SessionGoneError as error:
@@ -120,17 +120,17 @@ class GazeTrigger:
 
 
 async def work(transport: Transport, options: Namespace) -> None:
-    dwell = Dwell(options.dwell, options.gap, options.away)
-    trigger = GazeTrigger(SessionClient(transport), dwell, options.region)
+    timer = LookTimer(options.dwell, options.gap, options.away)
+    trigger = GazeTrigger(SessionClient(transport), timer, options.region)
     if options.region:
-        hear(transport, options.topic, "geometry_msgs/msg/PointStamped", trigger.take_point)
+        TopicListener(transport, options.topic, "geometry_msgs/msg/PointStamped", trigger.take_point)
     else:
-        hear(transport, options.topic, "std_msgs/msg/String", trigger.take_name)
+        TopicListener(transport, options.topic, "std_msgs/msg/String", trigger.take_name)
     print(f"watching {transport.resolve(options.topic)} ({transport.about})")
     await trigger.work()
 
 
-def _seconds(text: str) -> float:
+def _parse_seconds(text: str) -> float:
     seconds = float(text)
     if not 0 <= seconds < inf:
         raise ValueError
@@ -143,11 +143,15 @@ def main() -> None:
     parser.add_argument(
         "--region", type=Region, action="append", default=[], metavar="NAME=X,Y,Z,RADIUS", help="metres; repeatable"
     )
-    parser.add_argument("--dwell", type=_seconds, default=0.8, help="seconds that a look lasts (default: %(default)s)")
     parser.add_argument(
-        "--gap", type=_seconds, default=0.3, help="seconds of a blink, which ends no look (default: %(default)s)"
+        "--dwell", type=_parse_seconds, default=0.8, help="seconds that a look lasts (default: %(default)s)"
     )
-    parser.add_argument("--away", type=_seconds, default=10.0, help="seconds until nobody looks (default: %(default)s)")
+    parser.add_argument(
+        "--gap", type=_parse_seconds, default=0.3, help="seconds of a blink, which ends no look (default: %(default)s)"
+    )
+    parser.add_argument(
+        "--away", type=_parse_seconds, default=10.0, help="seconds until nobody looks (default: %(default)s)"
+    )
     run_node(parser, work)
 
 

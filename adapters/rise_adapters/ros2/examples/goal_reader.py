@@ -8,6 +8,7 @@ import json
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
+from rise_adapters.ros2.mapping.action_mapping import field_at
 from rise_adapters.ros2.mapping.templates import Placeholder, parse_template, seconds_per_unit, unit_factors
 from rise_adapters.ros2.transport.port import Message
 from rise_engine.scenario.model import ActionSpec, Parameter
@@ -23,57 +24,59 @@ class GoalReader:
 
     def read(self, message: Message) -> tuple[ActionSpec, dict[str, Any]]:
         """The action that this message is most likely of, and its parameters; those that say nothing are left out."""
-        candidates = [(action.spec, action.parameters(message)) for action in self._actions if action.matches(message)]
+        candidates = [
+            (action.spec, action.read_parameters(message)) for action in self._actions if action.matches(message)
+        ]
         for spec, parameters in candidates:
             if _is_complete(spec, parameters):
                 return spec, parameters
-        return candidates[0] if candidates else (self._actions[0].spec, self._actions[0].parameters(message))
+        return candidates[0] if candidates else (self._actions[0].spec, self._actions[0].read_parameters(message))
 
 
 class _ActionPattern:
     def __init__(self, spec: ActionSpec) -> None:
         self.spec = spec
         self._values: dict[str, dict[str, Any]] = spec.carrier.get("values", {})
-        self._fields = list(_fields(spec.carrier.get("goal") or spec.carrier.get("message") or {}))
+        self._fields = list(_list_fields(spec.carrier.get("goal") or spec.carrier.get("message") or {}))
 
     def matches(self, message: Message) -> bool:
         """Whether its constants are there."""
         return all(
-            _at(message, path) == value
+            field_at(message, path) == value
             for path, value in self._fields
-            if not isinstance(value, list) and not any(isinstance(piece, Placeholder) for piece in _pieces(value))
+            if not isinstance(value, list) and not any(isinstance(piece, Placeholder) for piece in _parse_pieces(value))
         )
 
-    def parameters(self, message: Message) -> dict[str, Any]:
+    def read_parameters(self, message: Message) -> dict[str, Any]:
         found: dict[str, Any] = {}
-        for path, value in self._fields:
-            pieces = _pieces(value)
-            there = _at(message, path)
+        for path, written in self._fields:
+            pieces, value = _parse_pieces(written), field_at(message, path)
             for slot in (piece for piece in pieces if isinstance(piece, Placeholder)):
                 if slot.special:
-                    found.update(_json_object(there) if slot.name == "parameters" else {})
+                    found.update(_parse_json_object(value) if slot.name == "parameters" else {})
                     continue
                 parameter = self.spec.parameters[slot.name]
-                read = self._parameter(parameter, slot, there) if len(pieces) == 1 else _text(parameter, there)
+                alone = len(pieces) == 1
+                read = self._read_parameter(parameter, slot, value) if alone else _whole_text(parameter, value)
                 if read is not None:
                     found.setdefault(slot.name, read)
         return found
 
-    def _parameter(self, parameter: Parameter, slot: Placeholder, value: Any) -> Any:
+    def _read_parameter(self, parameter: Parameter, slot: Placeholder, value: Any) -> Any:
         """None: the sender left it to the robot."""
         for written, sent in self._values.get(parameter.name, {}).items():
             if sent == value or (
-                isinstance(value, float) and isinstance(sent, float | int) and _rounded(value) == sent
+                isinstance(value, float) and isinstance(sent, float | int) and _round_single(value) == sent
             ):
-                return _rounded(float(written)) if parameter.type in ("number", "integer") else written
+                return _round_single(float(written)) if parameter.type in ("number", "integer") else written
         if isinstance(value, dict) and {"sec", "nanosec"} <= set(value):
             size = seconds_per_unit(parameter) or 1.0
-            value = _rounded((value["sec"] + value["nanosec"] / 1e9) / size)
+            value = _round_single((value["sec"] + value["nanosec"] / 1e9) / size)
         elif isinstance(value, float | int) and not isinstance(value, bool):
             if slot.unit is not None:
                 times, by = unit_factors(parameter, slot.unit)
                 value = value * by / times
-            value = _rounded(float(value))
+            value = _round_single(float(value))
             if parameter.type == "name":
                 return next((name for name, code in parameter.codes.items() if code == value), value)
         # What is not said at all, and what would be so if it were not said.
@@ -94,31 +97,25 @@ def _is_complete(spec: ActionSpec, parameters: Mapping[str, Any]) -> bool:
     return True
 
 
-def _fields(table: Mapping[str, Any], path: tuple[str, ...] = ()) -> Iterator[tuple[tuple[str, ...], Any]]:
+def _list_fields(table: Mapping[str, Any], path: tuple[str, ...] = ()) -> Iterator[tuple[tuple[str, ...], Any]]:
     for key, value in table.items():
         inside = (*path, *key.split("."))
         if isinstance(value, dict):
-            yield from _fields(value, inside)
+            yield from _list_fields(value, inside)
         else:
             yield inside, value
 
 
-def _pieces(value: Any) -> tuple[Any, ...]:
+def _parse_pieces(value: Any) -> tuple[Any, ...]:
     return parse_template(value) if isinstance(value, str) else (value,)
 
 
-def _at(message: Any, path: Sequence[str]) -> Any:
-    for name in path:
-        message = message.get(name) if isinstance(message, dict) else None
-    return message
-
-
-def _text(parameter: Parameter, value: Any) -> str | None:
+def _whole_text(parameter: Parameter, value: Any) -> str | None:
     """A parameter within a longer text: that text stands for it."""
     return value if isinstance(value, str) and parameter.type == "text" else None
 
 
-def _json_object(text: Any) -> dict[str, Any]:
+def _parse_json_object(text: Any) -> dict[str, Any]:
     try:
         found = json.loads(text)
     except (TypeError, ValueError):
@@ -126,7 +123,7 @@ def _json_object(text: Any) -> dict[str, Any]:
     return found if isinstance(found, dict) else {}
 
 
-def _rounded(number: float) -> int | float:
+def _round_single(number: float) -> int | float:
     """Without the digits that single precision makes up: 0.30000001 is 0.3."""
     rounded = round(number, 6)
     return int(rounded) if rounded == int(rounded) else rounded

@@ -14,7 +14,7 @@ from argparse import ArgumentTypeError, Namespace
 
 from rise_adapters.ros2.examples.run_node import node_parser, run_node
 from rise_adapters.ros2.examples.session_client import SessionClient, SessionGoneError
-from rise_adapters.ros2.examples.topic_listener import hear
+from rise_adapters.ros2.examples.topic_listener import TopicListener
 from rise_adapters.ros2.transport.port import Message, Transport
 
 
@@ -24,7 +24,7 @@ class Keyword:
     def __init__(self, text: str) -> None:
         self.text = text
         phrases, equals, self.event = text.rpartition("=")
-        self.phrases = [" ".join(words(phrase)) for phrase in phrases.split(",") if words(phrase)]
+        self.phrases = [" ".join(split_words(phrase)) for phrase in phrases.split(",") if split_words(phrase)]
         if not equals or not self.event.strip() or not self.phrases:
             raise ArgumentTypeError(f"{text!r} is not of the form WORD,ANOTHER WORD=/EVENT")
 
@@ -32,11 +32,11 @@ class Keyword:
         return self.text
 
     def find_phrase(self, utterance: str) -> str | None:
-        heard = f" {' '.join(words(utterance))} "
+        heard = f" {' '.join(split_words(utterance))} "
         return next((phrase for phrase in self.phrases if f" {phrase} " in heard), None)
 
 
-def words(text: str) -> list[str]:
+def split_words(text: str) -> list[str]:
     """In small letters, without punctuation."""
     return re.findall(r"[^\W_]+(?:['\u2019][^\W_]+)*", text.casefold())
 
@@ -61,11 +61,11 @@ class KeywordSpotter:
             if not utterance:
                 continue
             try:
-                await self.handle(utterance)
+                await self.handle_utterance(utterance)
             except SessionGoneError as error:
                 print(f'"{utterance}" went unheard: {error}')
 
-    async def handle(self, utterance: str) -> None:
+    async def handle_utterance(self, utterance: str) -> None:
         # First the memory, then the event: the rule that the event wakes can rely on what the memory says.
         await self.session.assign(self.key, utterance)
         event, why = self.otherwise, "no key word"
@@ -81,9 +81,9 @@ class KeywordSpotter:
 async def work(transport: Transport, options: Namespace) -> None:
     spotter = KeywordSpotter(SessionClient(transport), options.keyword, options.key, options.otherwise)
     if options.live_speech:
-        hear(transport, options.topic, "hri_msgs/msg/LiveSpeech", spotter.take_live_speech)
+        TopicListener(transport, options.topic, "hri_msgs/msg/LiveSpeech", spotter.take_live_speech)
     else:
-        hear(transport, options.topic, "std_msgs/msg/String", spotter.take_string)
+        TopicListener(transport, options.topic, "std_msgs/msg/String", spotter.take_string)
     print(f"listening to {transport.resolve(options.topic)} ({transport.about})")
     await spotter.work()
 

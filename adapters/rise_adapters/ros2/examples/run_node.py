@@ -18,7 +18,8 @@ import os
 import signal
 import sys
 from argparse import Action, ArgumentParser, Namespace
-from collections.abc import Awaitable, Callable, Mapping, Sequence
+from collections.abc import Awaitable, Callable, Sequence
+from concurrent.futures import Future
 from contextlib import suppress
 from pathlib import Path
 from threading import Thread
@@ -36,12 +37,12 @@ from rise_adapters.ros2.transport.selection import open_transport
 from rise_engine.cli.arguments import split_ros_args
 from rise_engine.cli.terminal import clean_standard_streams
 from rise_engine.errors import RiseError
+from rise_engine.exit_status import OK, REFUSED, USAGE
 from rise_engine.ports.bridge import BridgeError
 
 T = TypeVar("T")
 Work: TypeAlias = Callable[[Transport, Namespace], Awaitable[None]]
 
-FAILED, USAGE = 1, 2
 _POLL_SECONDS: Final = 0.5
 
 
@@ -80,7 +81,7 @@ def run_node(parser: ArgumentParser, work: Work, arguments: Sequence[str] | None
     """
     ours, theirs = split_ros_args(sys.argv[1:] if arguments is None else arguments)
     try:
-        given, theirs = parameters_as_options(theirs, parser.get_default("node"), ros_parameters_of(parser), ours)
+        given, theirs = parameters_as_options(theirs, parser.get_default("node"), list_parameter_options(parser), ours)
     except PortError as error:
         _fail(parser, [str(error)], USAGE)
     options = parser.parse_args([*given, *ours])
@@ -98,40 +99,40 @@ def run_node(parser: ArgumentParser, work: Work, arguments: Sequence[str] | None
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
     except KeyboardInterrupt:  # before there was anything to end
         pass
-    sys.exit(0)
+    sys.exit(OK)
 
 
-def ros_parameters_of(parser: ArgumentParser) -> dict[str, ParameterOption]:
+def list_parameter_options(parser: ArgumentParser) -> dict[str, ParameterOption]:
     """Its options, by the names of their parameters."""
     return {
         action.dest: ParameterOption(
             action.option_strings[-1], switch=action.nargs == 0, repeatable=isinstance(action.default, list)
         )
-        for action in _options(parser)
+        for action in _list_options(parser)
     }
 
 
-def readable_parameters_of(parser: ArgumentParser, options: Namespace) -> dict[str, ReadableParameter]:
+def list_parameters(parser: ArgumentParser, options: Namespace) -> dict[str, ReadableParameter]:
     """Its options with their values, as parameters."""
     return {
         action.dest: ReadableParameter(
-            _parameter_value(getattr(options, action.dest)), (action.help or "").partition(" (default")[0]
+            _as_parameter_value(getattr(options, action.dest)), (action.help or "").partition(" (default")[0]
         )
-        for action in _options(parser)
+        for action in _list_options(parser)
     }
 
 
-def _options(parser: ArgumentParser) -> list[Action]:
+def _list_options(parser: ArgumentParser) -> list[Action]:
     return [action for action in parser._actions if action.option_strings and action.dest != "help"]
 
 
-def _parameter_value(value: object) -> ParameterValue:
+def _as_parameter_value(value: object) -> ParameterValue:
     if value is None or isinstance(value, bool | int | float | str):
         return value
     return [str(each) for each in value] if isinstance(value, list) else str(value)
 
 
-def _fail(parser: ArgumentParser, lines: Sequence[str], status: int = FAILED) -> NoReturn:
+def _fail(parser: ArgumentParser, lines: Sequence[str], status: int = REFUSED) -> NoReturn:
     for line in lines:
         print(f"{parser.prog}: {line}", file=sys.stderr)
     sys.exit(status)
@@ -139,7 +140,7 @@ def _fail(parser: ArgumentParser, lines: Sequence[str], status: int = FAILED) ->
 
 async def _run(work: Work, options: Namespace, theirs: Sequence[str], parser: ArgumentParser) -> None:
     transport = await open_transport(options.ros, theirs, node=options.node, share=options.share)
-    settings: Mapping[str, ReadableParameter] = readable_parameters_of(parser, options)
+    settings = list_parameters(parser, options)
     try:
         ParameterServices(transport, lambda: settings)
         working = asyncio.ensure_future(work(transport, options))
@@ -168,26 +169,14 @@ async def wait_forever() -> None:
 async def run_in_thread(function: Callable[..., T], *arguments: object) -> T:
     """Call what waits for something outside, without keeping the node from its work. Unlike `asyncio.to_thread`, nobody
     waits for the thread when the node ends."""
-    loop = asyncio.get_running_loop()
-    done: asyncio.Future[T] = loop.create_future()
+    result: Future[T] = Future()
+    result.set_running_or_notify_cancel()
 
-    def settle(result: T | None, error: Exception | None) -> None:
-        if done.done():
-            return
-        if error is not None:
-            done.set_exception(error)
-        else:
-            done.set_result(result)  # type: ignore[arg-type]
-
-    def call() -> None:
-        result: T | None = None
-        error: Exception | None = None
+    def run() -> None:
         try:
-            result = function(*arguments)
-        except Exception as caught:
-            error = caught
-        with suppress(RuntimeError):  # the node has ended
-            loop.call_soon_threadsafe(settle, result, error)
+            result.set_result(function(*arguments))
+        except Exception as error:  # whatever it is, it belongs to the caller
+            result.set_exception(error)
 
-    Thread(target=call, daemon=True).start()
-    return await done
+    Thread(target=run, daemon=True).start()
+    return await asyncio.wrap_future(result)

@@ -4,8 +4,8 @@ needs to know about RISE; the names and types are those of docs/reference/rise1-
     session = SessionClient(transport)
     await session.assign("RecognizedSpeech", "hello")
     await session.raise_event("/H_greets")
-    name = await session.memory("person_name")
-    session.rule_states(lambda state: print(state["rule"], state["state"]))
+    name = await session.read_memory("person_name")
+    session.watch_rule_states(lambda state: print(state["rule"], state["state"]))
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ import asyncio
 import json
 from collections.abc import Callable
 from functools import partial
-from typing import Any, TypeVar
+from typing import Any
 from uuid import uuid4
 
 from msgspec import Struct
@@ -22,8 +22,6 @@ from msgspec import Struct
 from rise_adapters.ros2.actions.client import ActionClient
 from rise_adapters.ros2.transport.port import Message, Transport
 from rise_engine.errors import RiseError
-
-T = TypeVar("T")
 
 _STATUS = {4: "SUCCEEDED", 5: "CANCELED", 6: "ABORTED"}
 """Of an action's goal (action_msgs/msg/GoalStatus), for a server that says nothing more."""
@@ -66,11 +64,7 @@ class SessionClient:
         """
         await self._wait_until(self._tasks.count_servers, "no session offers rise/domain_task")
         goal = uuid4().bytes
-        task: Message = {
-            "function_type": function,
-            "domain_task_behavior": behavior,
-            "calling_type": calling_type,
-        }
+        task: Message = {"function_type": function, "domain_task_behavior": behavior, "calling_type": calling_type}
         accepted = await self._wait_for_answer(partial(self._tasks.send, goal, task), "the session did not take a task")
         if not accepted[0]:
             return TaskResult("REJECTED", "the session refused it; rise/task_state and its record say why")
@@ -80,8 +74,8 @@ class SessionClient:
             await asyncio.wait([ended], timeout=_POLL_SECONDS)
             if ended.done():
                 status, result = ended.result()
-                said = result.get("status") or _STATUS.get(status, "ABORTED")
-                return TaskResult(said, result.get("reason", ""), result.get("task", 0))
+                outcome = result.get("status") or _STATUS.get(status, "ABORTED")
+                return TaskResult(outcome, result.get("reason", ""), result.get("task", 0))
             if not self._tasks.count_servers():
                 raise SessionGoneError("the session ended before the task did")
 
@@ -102,23 +96,23 @@ class SessionClient:
         refused."""
         return await self.submit("releaseStop", self._transport.node)
 
-    async def memory(self, key: str, otherwise: Any = None) -> Any:
+    async def read_memory(self, key: str, otherwise: Any = None) -> Any:
         """The value of a key of the working memory; `otherwise` when there is none. Raises SessionGoneError."""
         await self._wait_until(self._memory.count_servers, "no session offers rise/get_memory")
         ask = partial(self._memory.call, {"request_by_key": key})
         (answer,) = await self._wait_for_answer(ask, "the session did not say what is in its memory")
         return json.loads(answer["value"]) if answer["found"] else otherwise
 
-    def rule_states(self, heard: Callable[[Message], None]) -> None:
-        """Call `heard` with each `rise_interfaces/msg/RuleState` from now on: rule, status (started, entered, stayed,
-        ended, stopped, faulted), state, previous_state, trigger, priority."""
-        self._transport.subscribe("rise/rule_state", "rise_interfaces/msg/RuleState", heard)
+    def watch_rule_states(self, on_state: Callable[[Message], None]) -> None:
+        """Call `on_state` with each `rise_interfaces/msg/RuleState` from now on: rule, status (started, entered,
+        stayed, ended, stopped, faulted), state, previous_state, trigger, priority."""
+        self._transport.subscribe("rise/rule_state", "rise_interfaces/msg/RuleState", on_state)
 
-    async def _wait_until(self, there: Callable[[], int], missing: str) -> None:
+    async def _wait_until(self, count_servers: Callable[[], int], missing: str) -> None:
         """Wait until somebody answers. A request that is sent earlier is lost without a word."""
         loop = asyncio.get_running_loop()
         deadline = loop.time() + self.patience
-        while not there():
+        while not count_servers():
             if loop.time() > deadline:
                 raise SessionGoneError(missing)
             await asyncio.sleep(0.02)

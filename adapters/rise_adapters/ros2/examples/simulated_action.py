@@ -41,16 +41,16 @@ class SimulatedAction:
         mapping: ActionMapping,
         specs: Sequence[ActionSpec],
         clock: Clock,
-        say: PrintLine,
-        fault: FaultOf,
+        print_line: PrintLine,
+        next_fault: FaultOf,
         busy: WhenBusy,
     ) -> None:
-        """`specs` are the actions that come under this name, with their carriers (`with_all_carriers`); `fault` tells
-        what goes wrong with the next goal of an action."""
-        self._clock, self._print, self._fault, self._busy = clock, say, fault, busy
+        """`specs` are the actions that come under this name, with their carriers (`with_all_carriers`); `next_fault`
+        tells what goes wrong with the next goal of an action."""
+        self._clock, self._print, self._next_fault, self._busy = clock, print_line, next_fault, busy
         self._reader = GoalReader(specs)
         self._results = _ResultMaker(transport, mapping.type, specs[0].carrier.get("error", {}))
-        self._progress = _progress_feedback(transport, mapping.type)
+        self._progress = _make_progress_feedback(transport, mapping.type)
         self._waiting: deque[_RunningGoal] = deque()
         self._running: _RunningGoal | None = None
         self._server = ActionServer(
@@ -60,7 +60,7 @@ class SimulatedAction:
     def close(self) -> None:
         """Abort what runs and waits, and offer the action no more."""
         self._drop_timers()
-        self._server.close(self._results.make("the simulated robot was switched off", FAILED))
+        self._server.close(self._results.make_result("the simulated robot was switched off", FAILED))
 
     def vanish(self) -> None:
         """Be gone, without a word about what was running."""
@@ -68,12 +68,12 @@ class SimulatedAction:
         self._server.vanish()
 
     def _drop_timers(self) -> None:
-        for run in (*self._waiting, *([self._running] if self._running is not None else [])):
-            run.drop_timers()
+        if self._running is not None:  # what waits has none
+            self._running.drop_timers()
 
     def _take_goal(self, goal: ServerGoal) -> None:
         spec, parameters = self._reader.read(goal.message)
-        run = goal.data = _RunningGoal(goal, spec, parameters, self._fault(spec.name))
+        run = goal.data = _RunningGoal(goal, spec, parameters, self._next_fault(spec.name))
         if run.has_fault("reject") or (self._running is not None and self._busy == "reject"):
             goal.reject()
             self._print(f"{run}: rejected, {'a simulated fault' if run.has_fault('reject') else 'the robot is busy'}")
@@ -96,21 +96,21 @@ class SimulatedAction:
         if run.has_fault("hang"):
             run.seconds = inf
         elif run.has_fault("fail"):
-            run.ending = self._after(run.seconds / 2, partial(self._fail, run))
+            run.ending = self._call_after(run.seconds / 2, partial(self._fail, run))
         else:
-            run.ending = self._after(run.seconds, partial(self._succeed, run))
+            run.ending = self._call_after(run.seconds, partial(self._succeed, run))
         self._print(f"{run}{': hangs, a simulated fault' if run.has_fault('hang') else ''}")
 
     def _succeed(self, run: _RunningGoal) -> None:
-        run.goal.succeed(self._results.make("", 0))
+        run.goal.succeed(self._results.make_result("", 0))
         self._finish(run, f"done, {run.seconds:.1f} s")
 
     def _fail(self, run: _RunningGoal) -> None:
-        run.goal.abort(self._results.make("it went wrong on the robot (simulated fault)", FAILED))
+        run.goal.abort(self._results.make_result("it went wrong on the robot (simulated fault)", FAILED))
         self._finish(run, "failed, a simulated fault")
 
     def _stop(self, run: _RunningGoal) -> None:
-        run.goal.cancel(self._results.make("canceled", CANCELED))
+        run.goal.cancel(self._results.make_result("canceled", CANCELED))
         self._finish(run, "stopped")
 
     def _finish(self, run: _RunningGoal, how: str) -> None:
@@ -130,7 +130,7 @@ class SimulatedAction:
         decide(True)
         run.drop_timers()
         if run is self._running:
-            run.ending = self._after(STOPPING_SECONDS, partial(self._stop, run))
+            run.ending = self._call_after(STOPPING_SECONDS, partial(self._stop, run))
         else:
             self._stop(run)
 
@@ -139,9 +139,9 @@ class SimulatedAction:
             return
         done = (self._clock.now() - run.begun) / run.seconds if run.seconds else 1.0
         run.goal.publish_feedback(self._progress(min(done, 1.0)))
-        run.progress = self._after(PROGRESS_SECONDS, partial(self._tell_progress, run))
+        run.progress = self._call_after(PROGRESS_SECONDS, partial(self._tell_progress, run))
 
-    def _after(self, seconds: float, then: Callable[[], None]) -> Timer:
+    def _call_after(self, seconds: float, then: Callable[[], None]) -> Timer:
         return self._clock.call_at(self._clock.now() + seconds, then)
 
 
@@ -163,8 +163,8 @@ class _RunningGoal:
         self.ending: Timer | None = None
         self.progress: Timer | None = None
 
-    def has_fault(self, wrong: str) -> bool:
-        return self.fault is not None and self.fault.kind == wrong
+    def has_fault(self, kind: str) -> bool:
+        return self.fault is not None and self.fault.kind == kind
 
     def drop_timers(self) -> None:
         for timer in (self.ending, self.progress):
@@ -190,22 +190,22 @@ class _ResultMaker:
         if fields.get("reason") == "string":
             self._paths.setdefault("text", ["reason"])
 
-    def make(self, reason: str, code: int) -> Message:
-        said: dict[str, Any] = {"text": reason, "code": code}
+    def make_result(self, reason: str, code: int) -> Message:
+        values: dict[str, Any] = {"text": reason, "code": code}
         if not code:
-            said["code"] = self._ok
+            values["code"] = self._ok
         elif isinstance(self._ok, bool):
-            said["code"] = not self._ok
+            values["code"] = not self._ok
         result: Message = {}
         for key, path in self._paths.items():
             inside = result
             for name in path[:-1]:
                 inside = inside.setdefault(name, {})
-            inside[path[-1]] = said[key]
+            inside[path[-1]] = values[key]
         return result
 
 
-def _progress_feedback(transport: Transport, type: str) -> Callable[[float], Message] | None:
+def _make_progress_feedback(transport: Transport, type: str) -> Callable[[float], Message] | None:
     """How this action's feedback tells what part is done, from 0 to 1; None: it has no field for that."""
     fields = transport.fields(f"{type}_Feedback")
     if fields.get("progress") in ("float32", "float64"):

@@ -44,16 +44,16 @@ class RobotOnWire:
         transport: Transport,
         profile: RobotProfile,
         clock: Clock,
-        say: PrintLine,
+        print_line: PrintLine,
         *,
         faults: Sequence[str] = (),
         busy: WhenBusy = "wait",
     ) -> None:
-        """Raises ValueError for a fault that cannot be understood, CarrierErrors for what ROS cannot carry."""
+        """Raises ValueError for a fault that cannot be understood, MappingError for what ROS cannot carry."""
         parsed = [parse_fault(text, profile) for text in faults]
         self._faults = [fault for fault in parsed if isinstance(fault, ActionFault)]
         self._transport, self._profile, self._clock = transport, with_all_carriers(profile), clock
-        self._print, self._busy = say, busy
+        self._print, self._busy = print_line, busy
         self._counts: Counter[str] = Counter()
         self._mappings = read_mappings(profile, transport.fields)
         self._is_there = False
@@ -74,7 +74,7 @@ class RobotOnWire:
         self._is_there = True
         shared: dict[tuple[str, str, str], list[str]] = {}
         for name, mapping in self._mappings.items():
-            shared.setdefault((mapping.kind, mapping.name, mapping.type), []).append(name)
+            shared.setdefault(mapping.route, []).append(name)
         for (kind, name, type), actions in shared.items():
             self._print(f"{kind} {self._transport.resolve(name)} ({type}) for {', '.join(actions)}")
             specs = [self._profile.actions[action] for action in actions]
@@ -150,14 +150,14 @@ def find_robot(robot: str | None, scenario: Path | None) -> RobotProfile:
 
 
 async def work(transport: Transport, options: Namespace) -> None:
-    def say(text: str) -> None:
+    def print_line(text: str) -> None:
         print(f"{datetime.now():%H:%M:%S.%f}"[:-3], text)
 
     profile = find_robot(options.robot, options.config)
     print(f"{profile.title}, simulated, on {transport.about}")
     clock = RealClock(asyncio.get_running_loop(), options.speed)
     try:
-        robot = RobotOnWire(transport, profile, clock, say, faults=options.fault, busy=options.busy)
+        robot = RobotOnWire(transport, profile, clock, print_line, faults=options.fault, busy=options.busy)
     except MappingError as errors:
         raise NodeError(str(errors)) from None
     except ValueError as error:
@@ -168,7 +168,7 @@ async def work(transport: Transport, options: Namespace) -> None:
         robot.close()
 
 
-def _speed(text: str) -> float:
+def _parse_speed(text: str) -> float:
     speed = float(text)
     if not 0 < speed < inf:
         raise ValueError
@@ -179,7 +179,7 @@ def main() -> None:
     parser = node_parser("simulated_robot", "A robot that is not there, on the wire.")
     parser.add_argument("--robot", metavar="NAME|FILE", help="which robot: a profile's name, or a profile")
     parser.add_argument("--config", type=Path, metavar="DIR", help="a scenario: its robot, and its own actions")
-    parser.add_argument("--speed", type=_speed, default=1.0, metavar="N", help="how many times faster than real")
+    parser.add_argument("--speed", type=_parse_speed, default=1.0, metavar="N", help="how many times faster than real")
     parser.add_argument("--fault", action="append", default=[], metavar="SPEC", help="what it does wrong; repeatable")
     parser.add_argument(
         "--busy",

@@ -16,43 +16,31 @@ PATIENCE_SECONDS = 5.0
 """Seconds until it is said that nothing can come."""
 
 
-def hear(
-    transport: Transport,
-    topic: str,
-    type: str,
-    taken: Callable[[Message], None],
-    *,
-    say: Callable[[str], object] = print,
-    look: float = POLL_SECONDS,
-    patience: float = PATIENCE_SECONDS,
-) -> TopicListener:
-    """Have `taken` called with every message on `topic`.
+class TopicListener:
+    """Has `on_message` called with every message on a topic, until it is closed.
 
     Reliably, so that nothing is lost of what a publisher promises to deliver; as soon as there is a publisher that does
     not promise it (a sensor's), without asking for that. While somebody publishes another version of the type, nothing
-    is taken: whose message is whose cannot be told, and theirs would be garbage. `say` gets a sentence about what is in
-    the way: nobody publishes, or somebody publishes another type, or another version. Raises PortError.
+    is taken: whose message is whose cannot be told, and theirs would be garbage. `report` gets a sentence about what is
+    in the way: nobody publishes, or somebody publishes another type, or another version.
     """
-    return TopicListener(transport, topic, type, taken, say, look, patience)
-
-
-class TopicListener:
-    """A topic that is heard."""
 
     def __init__(
         self,
         transport: Transport,
         topic: str,
         type: str,
-        taken: Callable[[Message], None],
-        say: Callable[[str], object],
-        look: float,
-        patience: float,
+        on_message: Callable[[Message], None],
+        *,
+        report: Callable[[str], object] = print,
+        interval: float = POLL_SECONDS,
+        patience: float = PATIENCE_SECONDS,
     ) -> None:
-        self._transport, self._name, self._type, self._say = transport, topic, type, say
+        """Raises PortError."""
+        self._transport, self._name, self._type, self._report = transport, topic, type, report
         self._topic = transport.resolve(topic)
-        self._interval, self._patience = look, patience
-        self._on_message = taken
+        self._interval, self._patience = interval, patience
+        self._on_message = on_message
         self._has_arrived = False
         self._other_versions: list[str] = []
         """Who publishes another version of the type."""
@@ -63,7 +51,7 @@ class TopicListener:
         self._begun = self._loop.time()
         self._best_effort = False
         self._subscription: Subscription = transport.subscribe(topic, type, self._take_message, RELIABLE)
-        self._timer = self._loop.call_later(look, self._poll)
+        self._timer = self._loop.call_later(interval, self._poll)
 
     def close(self) -> None:
         self._timer.cancel()
@@ -79,7 +67,7 @@ class TopicListener:
     def _compare_types(self) -> None:
         self._other_versions = describe_other_versions(self._transport, self._topic, self._type)
         for sentence in self._other_versions:
-            self._report(sentence)
+            self._report_once(sentence)
 
     def _poll(self) -> None:
         self._timer = self._loop.call_later(self._interval, self._poll)
@@ -87,7 +75,7 @@ class TopicListener:
             return
         published = [end.type for end in self._transport.publisher_endpoints(self._topic)]
         mine = published.count(self._type)
-        unmatched = mine > self._subscription.publishers()
+        unmatched = mine > self._subscription.count_publishers()
         if unmatched and self._unmatched and not self._best_effort:
             self._best_effort = True
             self._subscription.close()
@@ -95,13 +83,13 @@ class TopicListener:
         self._unmatched = unmatched
         self._compare_types()
         if not self._has_arrived and self._loop.time() - self._begun >= self._patience:
-            self._report(describe_silence(self._topic, self._type, published))
+            self._report_once(describe_silence(self._topic, self._type, published))
 
-    def _report(self, trouble: str) -> None:
+    def _report_once(self, trouble: str) -> None:
         if trouble != self._reported:
             self._reported = trouble
             if trouble:
-                self._say(trouble)
+                self._report(trouble)
 
 
 def describe_silence(topic: str, type: str, published: Sequence[str]) -> str:

@@ -4,17 +4,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any, Literal
 
 from msgspec import Struct
 
 from rise_adapters.ros2.mapping.field_sources import FillContext, MessageSource
-from rise_adapters.ros2.transport.port import FEEDBACK, RELIABLE, STATUS, STATUS_TOPIC, Message, QoS
+from rise_adapters.ros2.transport.port import RELIABLE, STATUS, Message, QoS
 from rise_engine.errors import RiseError
-
-USUAL_QOS: Mapping[str, QoS] = {}
-"""Nothing but what is usual."""
 
 
 class GoalDeadlines(Struct, frozen=True):
@@ -54,64 +51,6 @@ class MappingError(RiseError):
         super().__init__("\n".join(self.findings))
 
 
-class ActionMapping:
-    """How one action reaches the robot."""
-
-    def __init__(
-        self,
-        kind: Literal["action", "topic"],
-        name: str,
-        type: str,
-        deadlines: GoalDeadlines,
-        message: MessageSource,
-        reset: MessageSource | None = None,
-        verdict: ResultRule | None = None,
-        left_out: tuple[str, ...] = (),
-        qos: Mapping[str, QoS] = USUAL_QOS,
-    ) -> None:
-        self.kind = kind
-        self.name = name
-        """Of the ROS action or the topic, as written: not resolved yet."""
-        self.type = type
-        """`rise_interfaces/action/Speech`; of a topic, a message type."""
-        self.deadlines = deadlines
-        self.unused_parameters = left_out
-        """Parameters of the action that do not reach this robot: it has no field for them."""
-        self.topic_qos = qos.get("topic", RELIABLE)
-        """Of a topic, how it is published."""
-        self.feedback_qos = qos.get(FEEDBACK, RELIABLE)
-        """Of an action, how its feedback is listened to ..."""
-        self.status_qos = qos.get(STATUS_TOPIC, STATUS)
-        """... and how its status is."""
-        self._message = message
-        self._reset = reset
-        self._verdict = verdict or ResultRule()
-
-    def make_message(self, parameters: Mapping[str, Any], *, node: str, goal: str, frame: str) -> Message:
-        """The goal (of a topic: the message) for these parameters.
-
-        `node` is the full name of the node that sends it, `goal` the kernel's name of the goal, `frame` the robot's
-        frame. Raises ValueError with a sentence when a value does not fit its field.
-        """
-        made: Message = self._message.fill(FillContext(parameters, {"node": node, "goal": goal, "frame": frame}))
-        return made
-
-    def make_reset(self, *, node: str = "", goal: str = "", frame: str = "") -> Message | None:
-        """What is published when the action's time is over, or it is canceled; None: nothing."""
-        if self._reset is None:
-            return None
-        made: Message = self._reset.fill(FillContext({}, {"node": node, "goal": goal, "frame": frame}))
-        return made
-
-    def failure(self, result: Message) -> str:
-        """Why this result is a failure, whatever the goal's status says; empty when it is none."""
-        return self._verdict.failure(result)
-
-    def why_not_succeeded(self, result: Message) -> str:
-        """What the robot has to say about how a goal ended that did not succeed; empty when it says nothing."""
-        return self._verdict.failure(result) or self._verdict.robot_text(result)
-
-
 class ResultRule(Struct, frozen=True):
     """Where a result says that it is none (`carrier.error`)."""
 
@@ -121,23 +60,72 @@ class ResultRule(Struct, frozen=True):
     codes: dict[str, str] = {}
 
     def failure(self, result: Message) -> str:
-        said = self.robot_text(result)
+        """Why this result is a failure, whatever the goal's status says; empty when it is none."""
+        text = self.robot_text(result)
         if not self.code:
-            return said
-        code = _field_at(result, self.code)
+            return text
+        code = field_at(result, self.code)
         if code is None or code == self.ok:
             return ""
         if isinstance(code, bool):
-            return said or "the robot says that it did not succeed"
-        means = said or self.codes.get(str(code), "")
+            return text or "the robot says that it did not succeed"
+        means = text or self.codes.get(str(code), "")
         return f"{means} (error code {code})" if means else f"error code {code}"
 
+    def why_not_succeeded(self, result: Message) -> str:
+        """What the robot has to say about how a goal ended that did not succeed; empty when it says nothing."""
+        return self.failure(result) or self.robot_text(result)
+
     def robot_text(self, result: Message) -> str:
-        text = _field_at(result, self.text) if self.text else None
+        text = field_at(result, self.text) if self.text else None
         return " ".join(text.split()) if isinstance(text, str) else ""
 
 
-def _field_at(message: Any, path: tuple[str, ...]) -> Any:
+class ActionMapping(Struct, frozen=True):
+    """How one action reaches the robot."""
+
+    kind: Literal["action", "topic"]
+    name: str
+    """Of the ROS action or the topic, as written: not resolved yet."""
+    type: str
+    """`rise_interfaces/action/Speech`; of a topic, a message type."""
+    deadlines: GoalDeadlines
+    message: MessageSource
+    """What fills the goal; of a topic, the message."""
+    reset: MessageSource | None = None
+    """What is published when the action's time is over, or it is canceled; None: nothing."""
+    result_rule: ResultRule = ResultRule()
+    unused_parameters: tuple[str, ...] = ()
+    """Parameters of the action that do not reach this robot: it has no field for them."""
+    topic_qos: QoS = RELIABLE
+    """Of a topic, how it is published."""
+    feedback_qos: QoS = RELIABLE
+    """Of an action, how its feedback is listened to ..."""
+    status_qos: QoS = STATUS
+    """... and how its status is."""
+
+    @property
+    def route(self) -> tuple[str, str, str]:
+        """Several actions may go the same way, to one server or topic: what they then have in common."""
+        return self.kind, self.name, self.type
+
+    def make_message(self, parameters: Mapping[str, Any], *, node: str, goal: str, frame: str) -> Message:
+        """The goal (of a topic: the message) for these parameters.
+
+        `node` is the full name of the node that sends it, `goal` the kernel's name of the goal, `frame` the robot's
+        frame. Raises ValueError with a sentence when a value does not fit its field.
+        """
+        return self.message.fill(FillContext(parameters, {"node": node, "goal": goal, "frame": frame}))
+
+    def make_reset(self, *, node: str = "", goal: str = "", frame: str = "") -> Message | None:
+        """What `reset` is now; None: nothing is published."""
+        if self.reset is None:
+            return None
+        return self.reset.fill(FillContext({}, {"node": node, "goal": goal, "frame": frame}))
+
+
+def field_at(message: Any, path: Sequence[str]) -> Any:
+    """The value of a field in a message, or in one of those nested in it; None when there is no such field."""
     for name in path:
         message = message.get(name) if isinstance(message, dict) else None
     return message

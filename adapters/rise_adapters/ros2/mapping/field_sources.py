@@ -19,6 +19,7 @@ from rise_adapters.ros2.mapping.field_types import (
     fit_value,
 )
 from rise_adapters.ros2.mapping.templates import seconds_per_unit
+from rise_adapters.ros2.transport.port import Message
 from rise_engine.scenario.model import Parameter
 from rise_engine.scenario.template import spoken_text
 
@@ -39,18 +40,18 @@ NO_VALUE = _NoValue()
 
 
 class FieldSource(Protocol):
-    def fill(self, filling: FillContext) -> Any:
-        """The value of a field, or NOTHING. Raises ValueError with a sentence when the field cannot take it."""
+    def fill(self, context: FillContext) -> Any:
+        """The value of a field, or NO_VALUE. Raises ValueError with a sentence when the field cannot take it."""
         ...
 
 
-# --- makers ---------------------------------------------------------------------------------------------------------
+# --- fields ---------------------------------------------------------------------------------------------------------
 
 
 class FixedSource(Struct, frozen=True):
     value: Any
 
-    def fill(self, filling: FillContext) -> Any:
+    def fill(self, context: FillContext) -> Any:
         return self.value
 
 
@@ -59,9 +60,9 @@ class MessageSource(Struct, frozen=True):
 
     fields: dict[str, FieldSource]
 
-    def fill(self, filling: FillContext) -> Any:
-        made = {name: maker.fill(filling) for name, maker in self.fields.items()}
-        return {name: value for name, value in made.items() if value is not NO_VALUE}
+    def fill(self, context: FillContext) -> Message:
+        values = {name: source.fill(context) for name, source in self.fields.items()}
+        return {name: value for name, value in values.items() if value is not NO_VALUE}
 
 
 class ListSource(Struct, frozen=True):
@@ -69,12 +70,12 @@ class ListSource(Struct, frozen=True):
 
     items: tuple[FieldSource, ...]
     zero: Any = NO_VALUE
-    """What stands for an item without a value; NOTHING: it is left out."""
+    """What stands for an item without a value; NO_VALUE: it is left out."""
     as_bytes: bool = False
 
-    def fill(self, filling: FillContext) -> Any:
-        made = [item.fill(filling) for item in self.items]
-        values = [self.zero if value is NO_VALUE else value for value in made]
+    def fill(self, context: FillContext) -> Any:
+        filled = [item.fill(context) for item in self.items]
+        values = [self.zero if value is NO_VALUE else value for value in filled]
         values = [value for value in values if value is not NO_VALUE]
         return bytes(values) if self.as_bytes else values
 
@@ -90,15 +91,13 @@ class ParameterSource(Struct, frozen=True):
     special: str | None = None
     """The special that the field gets then, if one."""
 
-    def fill(self, filling: FillContext) -> Any:
+    def fill(self, context: FillContext) -> Any:
         conversion = self.conversion
-        value = filling.parameters.get(conversion.parameter.name)
+        value = context.parameters.get(conversion.parameter.name)
         try:
             if value is not None:
-                return conversion.field_value(value)
-            return (
-                self.absent if self.special is None else literal_value(filling.specials[self.special], conversion.type)
-            )
+                return conversion.to_field_value(value)
+            return self.absent if self.special is None else fit_literal(context.specials[self.special], conversion.type)
         except ValueError as error:
             raise ValueError(f"`{self.field}` {error} (parameter `{conversion.parameter.name}`)") from None
 
@@ -108,12 +107,8 @@ class SpecialSource(Struct, frozen=True):
     name: str
     type: MessageFieldType | None
 
-    def fill(self, filling: FillContext) -> Any:
-        value = filling.specials[self.name]
-        try:
-            return value if self.type is None else fit_value(value, self.type)
-        except ValueError as error:
-            raise ValueError(f"`{self.field}` {error} (@{self.name})") from None
+    def fill(self, context: FillContext) -> Any:
+        return _fit_text(context.specials[self.name], self.type, self.field, f" (@{self.name})")
 
 
 class AllParametersSource(Struct, frozen=True):
@@ -123,16 +118,15 @@ class AllParametersSource(Struct, frozen=True):
     all: tuple[ParameterConversion, ...]
     type: MessageFieldType | None
 
-    def fill(self, filling: FillContext) -> Any:
+    def fill(self, context: FillContext) -> Any:
         values = {
-            each.parameter.name: each.named_value(filling.parameters.get(each.parameter.name, each.parameter.default))
+            each.parameter.name: each.to_named_value(
+                context.parameters.get(each.parameter.name, each.parameter.default)
+            )
             for each in self.all
         }
         text = json.dumps({name: value for name, value in values.items() if value is not None}, ensure_ascii=False)
-        try:
-            return text if self.type is None else fit_value(text, self.type)
-        except ValueError as error:
-            raise ValueError(f"`{self.field}` {error} (@parameters)") from None
+        return _fit_text(text, self.type, self.field, " (@parameters)")
 
 
 class JoinedTextSource(Struct, frozen=True):
@@ -142,13 +136,17 @@ class JoinedTextSource(Struct, frozen=True):
     pieces: tuple[FieldSource, ...]
     type: MessageFieldType | None
 
-    def fill(self, filling: FillContext) -> Any:
-        made = [piece.fill(filling) for piece in self.pieces]
-        text = "".join(spoken_text(value) for value in made if value is not NO_VALUE)
-        try:
-            return text if self.type is None else fit_value(text, self.type)
-        except ValueError as error:
-            raise ValueError(f"`{self.field}` {error}") from None
+    def fill(self, context: FillContext) -> Any:
+        values = [piece.fill(context) for piece in self.pieces]
+        text = "".join(spoken_text(value) for value in values if value is not NO_VALUE)
+        return _fit_text(text, self.type, self.field)
+
+
+def _fit_text(text: str, type: MessageFieldType | None, field: str, name: str = "") -> Any:
+    try:
+        return fit_literal(text, type)
+    except ValueError as error:
+        raise ValueError(f"`{field}` {error}{name}") from None
 
 
 # --- one parameter --------------------------------------------------------------------------------------------------
@@ -165,21 +163,21 @@ class ParameterConversion(Struct, frozen=True):
     factor: float = 1.0
     divisor: float = 1.0
 
-    def named_value(self, value: Any) -> Any:
+    def to_named_value(self, value: Any) -> Any:
         """The value by its name, not by its number, and by the robot's own word if it has one."""
-        value = self._by_name(value)
+        value = self._to_name(value)
         return self.values.get(spoken_text(value), value) if self.values and value is not None else value
 
-    def field_value(self, value: Any) -> Any:
+    def to_field_value(self, value: Any) -> Any:
         """The field's value. Raises ValueError: what the field takes instead."""
-        value = self._by_name(value)
+        value = self._to_name(value)
         if self.values and (word := spoken_text(value)) in self.values:
-            return literal_value(self.values[word], self.type)
+            return fit_literal(self.values[word], self.type)
         if (self.factor, self.divisor) != (1.0, 1.0):
             value = value * self.factor / self.divisor
         if self.type is None:
             return value
-        if self.type.name == DURATION:
+        if self.type.base == DURATION:
             return duration_message(value * (seconds_per_unit(self.parameter) or 1.0))
         if self.type.kind == "text":
             return fit_value(spoken_text(value), self.type)
@@ -192,17 +190,17 @@ class ParameterConversion(Struct, frozen=True):
             value = int(value)
         return fit_value(value, self.type)
 
-    def _by_name(self, value: Any) -> Any:
+    def _to_name(self, value: Any) -> Any:
         if self.parameter.type == "name" and isinstance(value, int) and not isinstance(value, bool):
             return next((name for name, code in self.parameter.codes.items() if code == value), value)
         return value
 
 
-def literal_value(value: Any, type: MessageFieldType | None) -> Any:
+def fit_literal(value: Any, type: MessageFieldType | None) -> Any:
     """A plain value of the profile in a field. Raises ValueError: what the field takes."""
     if type is None:
         return value
-    if type.name == DURATION:
+    if type.base == DURATION:
         if isinstance(value, bool) or not isinstance(value, int | float):
             raise ValueError(f"takes a time in seconds, and {describe_value(value)} is not")
         return duration_message(value)

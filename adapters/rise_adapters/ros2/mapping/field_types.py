@@ -3,98 +3,64 @@
 from __future__ import annotations
 
 import math
-import re
 from collections.abc import Callable, Mapping
 from typing import Any, Literal, TypeAlias
 
-from msgspec import Struct
+from msgspec.structs import astuple
 
+from rise_adapters.ros2.transport.interfaces.definitions import INTEGER_RANGES, InterfaceFieldType, read_field_type
 from rise_adapters.ros2.transport.port import PortError
 
 FieldKind: TypeAlias = Literal["integer", "float", "text", "boolean", "message"]
 ReadFields: TypeAlias = Callable[[str], Mapping[str, str]]
-"""`RosTransport.fields`: the fields of a message type. Raises PortError where the type is not known."""
+"""`Transport.fields`: the fields of a message type. Raises PortError where the type is not known."""
 
 DURATION = "builtin_interfaces/msg/Duration"
 
-_INTEGERS = {
-    "byte": (0, 255),
-    "char": (0, 255),
-    **{f"int{bits}": (-(2 ** (bits - 1)), 2 ** (bits - 1) - 1) for bits in (8, 16, 32, 64)},
-    **{f"uint{bits}": (0, 2**bits - 1) for bits in (8, 16, 32, 64)},
-}
+_INTEGERS = {"byte": (0, 255), **INTEGER_RANGES}
 _FLOATS = {"float32": 3.4028234663852886e38, "float64": math.inf}
 """The largest number of each."""
 _TEXTS = ("string", "wstring")
-_TYPE = re.compile(
-    r"(?P<name>[A-Za-z]\w*(?:/\w+)*)(?:<=(?P<longest>\d+))?(?P<many>\[(?P<upto><=)?(?P<size>\d*)\])?\Z", re.ASCII
-)
 _NEARLY = 1e-9
 """How far from a whole number, as a part of it, what is still one: 0.3 s in ms is 300, whatever its binary digits."""
 
 
-class MessageFieldType(Struct, frozen=True):
-    """The type of a field, taken apart."""
+class MessageFieldType(InterfaceFieldType, frozen=True):
+    """The type of a field, and what that means for values."""
 
-    name: str
-    """Of one item: `float64`, `geometry_msgs/msg/Point`."""
-    max_bytes: int | None = None
-    """Of a text, in bytes of UTF-8."""
-    is_list: bool = False
-    """A list of such items."""
-    min_items: int = 0
-    max_items: int | None = None
-    """How many items at most."""
+    @property
+    def is_list(self) -> bool:
+        return bool(self.container)
 
     @property
     def kind(self) -> FieldKind:
         """Of one item."""
-        if self.name in _INTEGERS:
+        if self.base in _INTEGERS:
             return "integer"
-        if self.name in _FLOATS:
+        if self.base in _FLOATS:
             return "float"
-        if self.name in _TEXTS:
+        if self.base in _TEXTS:
             return "text"
-        return "boolean" if self.name == "bool" else "message"
+        return "boolean" if self.base == "bool" else "message"
 
     @property
     def item(self) -> MessageFieldType:
-        return MessageFieldType(self.name, self.max_bytes)
+        return MessageFieldType(self.base, self.length)
 
     @property
     def travels_as_bytes(self) -> bool:
         """Whether a list of these travels as `bytes` (rise_adapters.ros2.transport.port.Message)."""
-        return self.is_list and self.name in ("uint8", "byte")
+        return self.is_list and self.base in ("uint8", "byte")
 
     @property
     def zero(self) -> Any:
         """What one item is when nobody says."""
         return {"integer": 0, "float": 0.0, "text": "", "boolean": False, "message": {}}[self.kind]
 
-    def __str__(self) -> str:
-        text = self.name if self.max_bytes is None else f"{self.name}<={self.max_bytes}"
-        if not self.is_list:
-            return text
-        if self.max_items is None:
-            return f"{text}[]"
-        return f"{text}[{self.max_items}]" if self.min_items else f"{text}[<={self.max_items}]"
-
 
 def parse_field_type(text: str) -> MessageFieldType:
-    """Read a type as ROS writes it. What cannot be read is taken for the name of a message."""
-    found = _TYPE.match(text.strip())
-    if found is None:
-        return MessageFieldType(text)
-    name, size = found["name"], int(found["size"]) if found["size"] else None
-    if name.count("/") == 1:
-        name = name.replace("/", "/msg/")
-    return MessageFieldType(
-        name,
-        int(found["longest"]) if found["longest"] else None,
-        found["many"] is not None,
-        size if size is not None and found["upto"] is None else 0,
-        size,
-    )
+    """Read a type as ROS writes it. Raises PortError for what is none."""
+    return MessageFieldType(*astuple(read_field_type(text, "a field")))
 
 
 class FieldTypes:
@@ -133,11 +99,11 @@ def fit_value(value: Any, field: MessageFieldType) -> Any:
     fitted: Any
     match field.kind:
         case "integer":
-            fitted = _integer(value, field.name)
+            fitted = _fit_integer(value, field.base)
         case "float":
-            fitted = _float(value, field.name)
+            fitted = _fit_float(value, field.base)
         case "text":
-            fitted = _text(value, field)
+            fitted = _fit_text(value, field)
         case _:
             fitted = value if isinstance(value, bool) else None
     if fitted is None:
@@ -159,16 +125,16 @@ def describe_field_type(field: MessageFieldType) -> str:
         return f"a list ({field}): [...]"
     match field.kind:
         case "integer":
-            least, most = _INTEGERS[field.name]
+            least, most = _INTEGERS[field.base]
             return f"a whole number from {least} to {most}"
         case "float":
-            return "a number" if field.name == "float64" else "a number of single precision"
+            return "a number" if field.base == "float64" else "a number of single precision"
         case "text":
-            return "a text" if field.max_bytes is None else f"a text of at most {field.max_bytes} bytes"
+            return f"a text of at most {field.length} bytes" if field.length else "a text"
         case "boolean":
             return "true or false"
         case _:
-            return "a time" if field.name == DURATION else f"a {field.name}"
+            return "a time" if field.base == DURATION else f"a {field.base}"
 
 
 def describe_value(value: Any) -> str:
@@ -182,7 +148,7 @@ def describe_value(value: Any) -> str:
     return "a list" if isinstance(value, list) else "a table" if isinstance(value, dict) else f"`{value}`"
 
 
-def _integer(value: Any, name: str) -> int | None:
+def _fit_integer(value: Any, name: str) -> int | None:
     if isinstance(value, float):
         if not math.isfinite(value) or abs(value - round(value)) > _NEARLY * max(1.0, abs(value)):
             return None
@@ -193,7 +159,7 @@ def _integer(value: Any, name: str) -> int | None:
     return int(value) if least <= value <= most else None
 
 
-def _float(value: Any, name: str) -> float | None:
+def _fit_float(value: Any, name: str) -> float | None:
     if isinstance(value, bool) or not isinstance(value, int | float):
         return None
     try:
@@ -203,7 +169,7 @@ def _float(value: Any, name: str) -> float | None:
     return number if math.isfinite(number) and abs(number) <= _FLOATS[name] else None
 
 
-def _text(value: Any, field: MessageFieldType) -> str | None:
+def _fit_text(value: Any, field: MessageFieldType) -> str | None:
     if not isinstance(value, str):
         return None
     if "\0" in value:
@@ -212,4 +178,4 @@ def _text(value: Any, field: MessageFieldType) -> str | None:
         size = len(value.encode())
     except UnicodeEncodeError:
         raise ValueError("takes a text of Unicode characters, and half of a surrogate pair is none") from None
-    return value if field.max_bytes is None or size <= field.max_bytes else None
+    return value if not field.length or size <= field.length else None

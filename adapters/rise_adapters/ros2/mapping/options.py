@@ -21,51 +21,51 @@ DRIVER = "ros2"
 _NAME = re.compile(r"(?:~/|/)?[A-Za-z_]\w*(?:/[A-Za-z_]\w*)*\Z", re.ASCII)
 
 
-def parse_options(profile: RobotProfile, notes: ProfileMistakes) -> RosOptions:
-    """The profile's `[options]`; what is wrong goes into `notes`, and is left out."""
+def parse_options(profile: RobotProfile, mistakes: ProfileMistakes) -> RosOptions:
+    """The profile's `[options]`; what is wrong goes into `mistakes`, and is left out."""
     known = [field.name for field in struct_fields(RosOptions)]
     for key in profile.options:
         if key not in known:
-            notes.add(f"options.{key}", f"does not exist for the driver `{DRIVER}`{did_you_mean(key, known)}")
+            mistakes.add(f"options.{key}", f"does not exist for the driver `{DRIVER}`{did_you_mean(key, known)}")
     frame = profile.options.get("frame", RosOptions().frame)
     if not isinstance(frame, str) or not frame.strip():
-        notes.add("options.frame", "is the name of a coordinate frame, a text")
+        mistakes.add("options.frame", "is the name of a coordinate frame, a text")
         frame = RosOptions().frame
-    deadlines = parse_deadlines(profile.options.get("deadlines", {}), GoalDeadlines(), "options.deadlines", notes)
+    deadlines = parse_deadlines(profile.options.get("deadlines", {}), GoalDeadlines(), "options.deadlines", mistakes)
     share = profile.options.get("share", [])
     if not isinstance(share, list) or not all(isinstance(each, str) and each for each in share):
-        notes.add("options.share", 'is a list of folders: ["/opt/robot/share"]')
+        mistakes.add("options.share", 'is a list of folders: ["/opt/robot/share"]')
         share = []
     folders = [os.path.expandvars(os.path.expanduser(each)) for each in share]  # noqa: PTH111  # no Path needed
     for each in folders:
         if not Path(each).is_absolute():
-            notes.add("options.share", f"has `{each}`; give the whole path, from `/` or `~`")
+            mistakes.add("options.share", f"has `{each}`; give the whole path, from `/` or `~`")
     error = profile.options.get("error", {})
     if not isinstance(error, dict):
-        notes.add("options.error", 'is a table: { code = "result.error_code" }')
+        mistakes.add("options.error", 'is a table: { code = "result.error_code" }')
         error = {}
     wrapper = profile.options.get("wrapper", "")
     if wrapper and not is_ros_name(wrapper):
-        notes.add("options.wrapper", "is a ROS name such as `pepper`: letters, digits and `_`, parts divided by `/`")
+        mistakes.add("options.wrapper", "is a ROS name such as `pepper`: letters, digits and `_`, parts divided by `/`")
         wrapper = ""
     return RosOptions(frame, deadlines, error, wrapper, tuple(folders))
 
 
-def parse_deadlines(table: Any, before: GoalDeadlines, where: str, notes: ProfileMistakes) -> GoalDeadlines:
+def parse_deadlines(table: Any, before: GoalDeadlines, where: str, mistakes: ProfileMistakes) -> GoalDeadlines:
     """A table of seconds; what it does not name stays as it was `before`."""
     if not isinstance(table, dict):
-        notes.add(where, "is a table of seconds: { acceptance = 2 }")
+        mistakes.add(where, "is a table of seconds: { acceptance = 2 }")
         return before
     known = [field.name for field in struct_fields(GoalDeadlines)]
     found: dict[str, float] = {}
     for key, value in table.items():
         may_be_zero = key in ("feedback", "result")
         if key not in known:
-            notes.add(f"{where}.{key}", f"does not exist{did_you_mean(key, known)}")
+            mistakes.add(f"{where}.{key}", f"does not exist{did_you_mean(key, known)}")
         elif isinstance(value, bool) or not isinstance(value, int | float) or not 0 <= value <= MAX_SECONDS:
-            notes.add(f"{where}.{key}", f"is a number of seconds, up to {MAX_SECONDS:.0f} (24 hours)")
+            mistakes.add(f"{where}.{key}", f"is a number of seconds, up to {MAX_SECONDS:.0f} (24 hours)")
         elif not value and not may_be_zero:
-            notes.add(f"{where}.{key}", "is a number of seconds above 0")
+            mistakes.add(f"{where}.{key}", "is a number of seconds above 0")
         else:
             found[key] = float(value)
     return replace(before, **found)

@@ -22,11 +22,11 @@ _STANDARD = "rise/robot"
 
 
 def read_options(profile: RobotProfile) -> RosOptions:
-    """The profile's `[options]`. Raises CarrierErrors."""
-    notes = ProfileMistakes()
-    options = parse_options(profile, notes)
-    if notes.sentences:
-        raise MappingError(profile.name, notes.sentences)
+    """The profile's `[options]`. Raises MappingError."""
+    mistakes = ProfileMistakes()
+    options = parse_options(profile, mistakes)
+    if mistakes.sentences:
+        raise MappingError(profile.name, mistakes.sentences)
     return options
 
 
@@ -35,22 +35,22 @@ def read_mappings(
 ) -> dict[str, ActionMapping]:
     """By name, the mapping of every action that the robot itself does.
 
-    `fields` is `RosTransport.fields`; without it, types are taken as they are and everything else is checked. `actions`
-    narrows it down to some actions. Raises CarrierErrors with everything that is wrong.
+    `fields` is `Transport.fields`; without it, types are taken as they are and everything else is checked. `actions`
+    narrows it down to some actions. Raises MappingError with everything that is wrong.
     """
-    notes = ProfileMistakes()
-    options = parse_options(profile, notes)
+    mistakes = ProfileMistakes()
+    options = parse_options(profile, mistakes)
     types = FieldTypes(fields)
     mappings: dict[str, ActionMapping] = {}
     for name, spec in profile.actions.items():
         if not _is_done_by_itself(spec) or (actions is not None and name not in actions):
             continue
-        mapping = ActionReader(_written_out(spec, options), options, types, notes).read()
+        mapping = ActionReader(_write_out_carrier(spec, options), options, types, mistakes).read()
         if mapping is not None:
             mappings[name] = mapping
-            _check_qos(name, mappings, notes)
-    if notes.sentences:
-        raise MappingError(profile.name, list(dict.fromkeys(notes.sentences)))
+            _check_qos(name, mappings, mistakes)
+    if mistakes.sentences:
+        raise MappingError(profile.name, list(dict.fromkeys(mistakes.sentences)))
     return mappings
 
 
@@ -66,20 +66,20 @@ def mapping_problems(profile: RobotProfile, fields: ReadFields | None = None) ->
 def with_all_carriers(profile: RobotProfile) -> RobotProfile:
     """The profile with every carrier in its action: also those that `options.wrapper` and `options.error` stand for."""
     options = parse_options(profile, ProfileMistakes())
-    return replace(profile, actions={name: _written_out(spec, options) for name, spec in profile.actions.items()})
+    return replace(profile, actions={name: _write_out_carrier(spec, options) for name, spec in profile.actions.items()})
 
 
-def _check_qos(name: str, mappings: Mapping[str, ActionMapping], notes: ProfileMistakes) -> None:
+def _check_qos(name: str, mappings: Mapping[str, ActionMapping], mistakes: ProfileMistakes) -> None:
     """Actions that go the same way have one subscription or publisher between them, and it has one quality of service.
     `name`: that of the action that was read last."""
     mapping = mappings[name]
     for other, before in mappings.items():
-        if (before.kind, before.name, before.type) == (mapping.kind, mapping.name, mapping.type) and (
+        if before.route == mapping.route and (
             (before.topic_qos, before.feedback_qos, before.status_qos)
             != (mapping.topic_qos, mapping.feedback_qos, mapping.status_qos)
         ):
             where = f"actions.{name}.carrier.qos"
-            notes.add(where, f"differs from that of {other}, which goes to {mapping.name} too; give both the same")
+            mistakes.add(where, f"differs from that of {other}, which goes to {mapping.name} too; give both the same")
             return
 
 
@@ -90,7 +90,7 @@ def _standard_carriers() -> Mapping[str, Mapping[str, Any]]:
     return {name: table["carrier"] for name, table in profile["actions"].items()}
 
 
-def _written_out(spec: ActionSpec, options: RosOptions) -> ActionSpec:
+def _write_out_carrier(spec: ActionSpec, options: RosOptions) -> ActionSpec:
     """The action with its carrier, also when that is its wrapper's; without one if there is none."""
     carrier = spec.carrier
     standard = _standard_carriers().get(spec.name)

@@ -14,57 +14,55 @@ _KEYS = ("code", "ok", "text", "codes")
 
 
 def parse_result_rule(
-    table: Mapping[str, Any], type: str, where: str, types: FieldTypes, notes: ProfileMistakes
+    table: Mapping[str, Any], type: str, where: str, types: FieldTypes, mistakes: ProfileMistakes
 ) -> ResultRule:
-    """`type`: the action's; empty when it is not known. What is wrong goes into `notes`, and is left out."""
-    for key in table:
-        if key not in _KEYS:
-            notes.add(f"{where}.{key}", f"does not exist{did_you_mean(key, _KEYS)}")
-    code, code_type = _field(table, "code", type, where, types, notes)
-    text, text_type = _field(table, "text", type, where, types, notes)
+    """`type`: the action's; empty when it is not known. What is wrong goes into `mistakes`, and is left out."""
+    mistakes.add_unknown_keys(where, table, _KEYS)
+    code, code_type = _read_field_path(table, "code", type, where, types, mistakes)
+    text, text_type = _read_field_path(table, "text", type, where, types, mistakes)
     if text_type is not None and (text_type.kind != "text" or text_type.is_list):
-        notes.add(f"{where}.text", f"is the field with the robot's words, and this one is `{text_type}`")
+        mistakes.add(f"{where}.text", f"is the field with the robot's words, and this one is `{text_type}`")
     ok = table.get("ok", 0)
     if code_type is not None and (code_type.is_list or code_type.kind not in ("integer", "boolean")):
-        notes.add(f"{where}.code", f"is a whole number or true or false, and this field is `{code_type}`")
+        mistakes.add(f"{where}.code", f"is a whole number or true or false, and this field is `{code_type}`")
     elif code_type is not None and code_type.kind == "boolean" and not isinstance(ok, bool):
-        notes.add(where, "has a `code` that is true or false; say which one is success: `ok = true`")
+        mistakes.add(where, "has a `code` that is true or false; say which one is success: `ok = true`")
     elif not isinstance(ok, int) or (code_type is not None and code_type.kind == "integer" and ok is True):
-        notes.add(f"{where}.ok", "is the value of `code` that means success: a whole number, true or false")
+        mistakes.add(f"{where}.ok", "is the value of `code` that means success: a whole number, true or false")
         ok = 0
     codes = table.get("codes", {})
     if not isinstance(codes, dict) or not all(isinstance(each, str) for each in codes.values()):
-        notes.add(f"{where}.codes", 'says what numbers mean: { 134 = "the robot cannot do this" }')
+        mistakes.add(f"{where}.codes", 'says what numbers mean: { 134 = "the robot cannot do this" }')
         codes = {}
     for key in ("ok", "codes"):
         if key in table and "code" not in table:
-            notes.add(f"{where}.{key}", "needs `code`: the field of the result that it is about")
+            mistakes.add(f"{where}.{key}", "needs `code`: the field of the result that it is about")
     return ResultRule(code, ok, text, codes)
 
 
-def _field(
-    table: Mapping[str, Any], key: str, type: str, where: str, types: FieldTypes, notes: ProfileMistakes
+def _read_field_path(
+    table: Mapping[str, Any], key: str, type: str, where: str, types: FieldTypes, mistakes: ProfileMistakes
 ) -> tuple[tuple[str, ...], MessageFieldType | None]:
     """The path of a field of the result, and its type where that is known."""
     path = table.get(key)
     if path is None:
         return (), None
     if not isinstance(path, str) or not all(path.split(".")):
-        notes.add(f"{where}.{key}", "is a field of the result, such as `result.error_code`")
+        mistakes.add(f"{where}.{key}", "is a field of the result, such as `result.error_code`")
         return (), None
     names = tuple(path.split("."))
     if not type:
         return names, None
     inside = MessageFieldType(f"{type}_Result")
     for name in names:
-        fields = types.fields_of(inside.name)
+        fields = types.fields_of(inside.base)
         if fields is None:
-            if missing := types.why_unknown(inside.name):
-                notes.add(f"{where}.{key}", f"cannot be checked: {missing}")
+            if missing := types.why_unknown(inside.base):
+                mistakes.add(f"{where}.{key}", f"cannot be checked: {missing}")
             return names, None
         if name not in fields:
-            wrong = f"names `{name}`, which is no field of {inside.name}{did_you_mean(name, fields)}"
-            notes.add(f"{where}.{key}", wrong)
+            wrong = f"names `{name}`, which is no field of {inside.base}{did_you_mean(name, fields)}"
+            mistakes.add(f"{where}.{key}", wrong)
             return names, None
         inside = fields[name]
     return names, inside

@@ -18,6 +18,8 @@ SPECIAL_NAMES = ("node", "goal", "frame", "parameters")
 _STANDING_IN = SPECIAL_NAMES[:-1]
 """What can stand in for a parameter: `{frame|@frame}`."""
 
+_TOKEN = re.compile(r"\{\{|\}\}|\{(?P<slot>[^}]*)\}|[{}]|[^{}]+")
+"""A brace that is meant as one, a slot, a brace that is alone, or what stands between them."""
 _SLOT = re.compile(
     r"\s*(?P<special>@)?(?P<name>[^\W\d]\w*)\s*(?::\s*(?P<unit>[a-z%]+)\s*)?(?:\|(?P<fallback>.*))?\Z", re.DOTALL
 )
@@ -33,7 +35,7 @@ a part of one, so 0.8 is 80 %."""
 
 
 class Placeholder(Struct, frozen=True):
-    """A place where a parameter goes, or a special."""
+    """A place where a parameter goes, or a special: a text that the session knows (`@frame`, `@goal`, ...)."""
 
     name: str
     special: bool = False
@@ -49,32 +51,23 @@ TemplatePiece: TypeAlias = str | Placeholder
 def parse_template(text: str) -> tuple[TemplatePiece, ...]:
     """Take a text apart; `{{` and `}}` are braces. Raises ValueError with a sentence."""
     pieces: list[TemplatePiece] = []
-    literal = ""
-    at = 0
-    while at < len(text):
-        if text[at : at + 2] in ("{{", "}}"):
-            literal += text[at]
-            at += 2
-        elif text[at] == "}":
-            raise ValueError("has a `}` without its `{`; write `}}` for the character itself")
-        elif text[at] == "{":
-            end = text.find("}", at)
-            if end < 0:
-                raise ValueError("has a `{` without its `}`; write `{{` for the character itself")
-            if literal:
-                pieces.append(literal)
-                literal = ""
-            pieces.append(_slot(text[at + 1 : end]))
-            at = end + 1
+    for token in _TOKEN.finditer(text):
+        words = token[0]
+        if token["slot"] is not None:
+            pieces.append(_parse_slot(token["slot"]))
+            continue
+        if words in ("{", "}"):
+            other = "}" if words == "{" else "{"
+            raise ValueError(f"has a `{words}` without its `{other}`; write `{words * 2}` for the character itself")
+        literal = words[0] if words in ("{{", "}}") else words
+        if pieces and isinstance(before := pieces[-1], str):
+            pieces[-1] = before + literal
         else:
-            literal += text[at]
-            at += 1
-    if literal or not pieces:
-        pieces.append(literal)
-    return tuple(pieces)
+            pieces.append(literal)
+    return tuple(pieces) or ("",)
 
 
-def _slot(inside: str) -> Placeholder:
+def _parse_slot(inside: str) -> Placeholder:
     found = _SLOT.match(inside)
     if found is None:
         raise ValueError(

@@ -25,6 +25,7 @@ from rise_adapters.ros2.actions.client import (
     CANCELED,
     CANCELING,
     FINAL_STATUSES,
+    STATUS_NAMES,
     UNKNOWN,
     CancelResponse,
 )
@@ -37,9 +38,6 @@ from rise_adapters.ros2.robot.result_query import ResultQuery
 from rise_adapters.ros2.transport.port import Message, PortError
 
 _LOG = logging.getLogger(__name__)
-
-STATUS_NAMES = ("unknown", "accepted", "executing", "canceling", "succeeded", "canceled", "aborted")
-"""Of a goal's status, for a person."""
 
 MAX_SENDS = 3
 """How often a goal is sent at most, when its server goes away before it has answered. It keeps its id, so that a server
@@ -70,7 +68,7 @@ class ActionGoal:
         self._mapping = mapping
         self._message = message
         self._expected = expected
-        now = host.clock.now()
+        now = self._now()
         self._limit_at = now + limit
         self._server_by = now + mapping.deadlines.server
         self._deadline = self._server_by
@@ -83,7 +81,7 @@ class ActionGoal:
         self._heard_at = 0.0
         """Its last sign of life."""
         self._result = ResultQuery()
-        self._cancellation = Cancellation(mapping.deadlines.cancel)
+        self.cancellation = Cancellation(mapping.deadlines.cancel)
         self._ending: Ending | None = None
         self._ended_at = 0.0
         self._noted: set[tuple[str, str]] = set()
@@ -94,31 +92,26 @@ class ActionGoal:
     def cancel(self) -> None:
         """Stop it. Before it was sent that is all; after that the server is asked as soon as it has accepted it. One
         that has ended here, and may be going on there, is asked about once more."""
-        cancellation = self._cancellation
+        cancellation = self.cancellation
         if self.phase == "ended" and self.may_be_running:
             cancellation.tries = 0
             self._ask_cancel()
         if self.phase == "ended" or cancellation.wanted:
             return
-        cancellation.request(self._host.clock.now(), self._limit_at)
+        cancellation.request(self._now(), self._limit_at)
         if self.phase == "waiting":
             self._end("canceled", "its server had gone before taking it" if self._sends else "it had not been sent yet")
         elif self.phase == "running":
             self._ask_cancel()
-        self._host.goal_changed(self)
-
-    @property
-    def is_stopping(self) -> bool:
-        """Whether its server has said that it cancels it."""
-        return self._cancellation.confirmed
+        self._host.on_goal_changed(self)
 
     def is_live(self) -> bool:
-        return self.phase != "ended" or self._cancellation.next_try < inf
+        return self.phase != "ended" or self.cancellation.next_try < inf
 
     # --- from the clock -----------------------------------------------------------------------------------------
 
     def next_deadline(self) -> float:
-        cancellation = self._cancellation
+        cancellation = self.cancellation
         if self.phase == "ended":
             return cancellation.next_try
         deadline = min(self._deadline, cancellation.deadline)
@@ -127,14 +120,14 @@ class ActionGoal:
         return deadline
 
     def poll(self) -> None:
-        now = self._host.clock.now() + TIMER_TOLERANCE
+        now = self._now() + TIMER_TOLERANCE
         if self.phase == "waiting":
             self._poll_waiting(now)
         elif self.phase == "sent":
             self._poll_sent(now)
         elif self.phase == "running":
             self._poll_running(now)
-        elif now >= self._cancellation.next_try:
+        elif now >= self.cancellation.next_try:
             self._ask_cancel()
 
     def _poll_waiting(self, now: float) -> None:
@@ -150,36 +143,29 @@ class ActionGoal:
             self._end(*endings.of_missing_server(endpoint, self._sends))
 
     def _poll_sent(self, now: float) -> None:
-        name = self.endpoint.name
-        if now >= self._deadline:
-            self.endpoint.mark_unanswered()
-            seconds = self._mapping.deadlines.acceptance
-            self._end("timed-out", f"no-accept: {name} did not say within {seconds:g} s whether it takes it")
-        elif now >= self._cancellation.deadline:
-            self.endpoint.mark_unanswered()
-            self._end("timed-out", f"no-accept: it was to be stopped, and {name} has not even taken it")
+        if now < min(self._deadline, self.cancellation.deadline):
+            return
+        self.endpoint.mark_unanswered()
+        seconds = self._mapping.deadlines.acceptance if now >= self._deadline else None
+        self._end(*endings.of_missing_answer(self.endpoint.name, seconds))
 
     def _poll_running(self, now: float) -> None:
         endpoint, deadlines, result = self.endpoint, self._mapping.deadlines, self._result
-        if result.is_discarded(now):
+        if now >= result.discarded_at:
             self._end_discarded()
-        elif now >= self._cancellation.deadline:
-            if not self._cancellation.confirmed and self._cancellation.refused_at is None:
+        elif now >= self.cancellation.deadline:
+            if not self.cancellation.confirmed and self.cancellation.refused_at is None:
                 endpoint.mark_unanswered()
-            self._end(*endings.of_failed_cancel(self._cancellation, endpoint.name))
+            self._end(*endings.of_failed_cancel(self.cancellation, endpoint.name))
         elif now >= self._deadline:
-            self._end(
-                "timed-out",
-                f"no-result: it was to take {self._expected:.1f} s, and {endpoint.name} had not ended it "
-                f"{deadlines.result:g} s later",
-            )
+            self._end(*endings.of_overdue_result(endpoint.name, self._expected, deadlines.result))
         elif now >= self._silent_at():
             endpoint.mark_unanswered()
-            self._end("lost", f"silent: {endpoint.name} has sent no feedback for {deadlines.feedback:g} s")
-        elif result.is_missing(now):
+            self._end(*endings.of_silence(endpoint.name, deadlines.feedback))
+        elif now >= result.missing_at:
             self._end_without_result()
         else:
-            if now >= self._cancellation.next_try:
+            if now >= self.cancellation.next_try:
                 self._ask_cancel()
             if result.is_due(now):
                 self._ask_result()
@@ -187,104 +173,96 @@ class ActionGoal:
     def _silent_at(self) -> float:
         """When its silence means something."""
         expected = self._mapping.deadlines.feedback
-        return self._heard_at + expected if expected and not self._cancellation.wanted else inf
+        return self._heard_at + expected if expected and not self.cancellation.wanted else inf
 
     # --- from the robot as a whole ------------------------------------------------------------------------------
 
-    def server_gone(self) -> None:
+    def on_server_gone(self) -> None:
         """Nothing offers the action any more. What runs there, nobody knows."""
         name = self.endpoint.name
         if self.phase == "sent":
             self._deadline = self._server_by
-            may_send = self._sends < MAX_SENDS and not self._cancellation.wanted
-            if may_send and self._host.clock.now() < self._server_by:
+            may_send = self._sends < MAX_SENDS and not self.cancellation.wanted
+            if may_send and self._now() < self._server_by:
                 self.phase = "waiting"
-                self._host.goal_changed(self)
+                self._host.on_goal_changed(self)
             else:
                 self._end(*endings.of_missing_server(self.endpoint, self._sends))
         elif self.phase == "running":
             self._end("lost", f"server-gone: what offered {name} has gone away in the middle of it")
 
-    def server_changed(self) -> None:
+    def on_server_changed(self) -> None:
         """There are more servers than before, or fewer: was it restarted, and which of them has the goal?"""
         if self.phase == "running":
             self._ask_result()
         elif self.phase == "ended" and self.may_be_running:
-            self._cancellation.next_try = self._host.clock.now()
-            self._host.goal_changed(self)
+            self.cancellation.next_try = self._now()
+            self._host.on_goal_changed(self)
 
-    def robot_lost(self, reason: str) -> None:
+    def on_robot_lost(self, reason: str) -> None:
         if self.phase != "ended":
             self._end(*endings.of_lost_robot(reason, was_sent=self.phase != "waiting" or self._sends > 0))
 
     def move_to(self, endpoint: ActionEndpoint) -> None:
         """Its server is reached in another way from now on."""
         self.endpoint = endpoint
-        self._cancellation.forget_servers()
+        self.cancellation.tries = 0
 
     # --- from the wire ------------------------------------------------------------------------------------------
 
     def take_feedback(self) -> None:
         """A sign of life. It changes nothing, however many come."""
-        self._heard_at = self._host.clock.now()
+        self._heard_at = self._now()
 
     def take_status(self, statuses: Mapping[bytes, int]) -> None:
         """The server has said how its goals stand."""
         status = statuses.get(self.id)
-        now = self._host.clock.now()
-        if status is not None:
-            self._heard_at = now
-        if status == CANCELING:
-            self.confirm_cancel()
+        now = self._now()
         if status is None:
             if self.phase == "running" and self._result.may_doubt(now):
                 self._ask_result()
-        elif status in FINAL_STATUSES:
-            self._take_terminal_status(status, now)
-        elif status and self._is_unanswered():
+            return
+        self._heard_at = now
+        if status == CANCELING:
+            self.cancellation.confirm()
+        if status and self._is_unanswered():
             self._accept()
+        if status in FINAL_STATUSES:
+            self._take_terminal_status(status, now)
         elif status and self.phase == "ended" and self._accepted is None:
             self._accept_late()
 
     def _take_terminal_status(self, status: int, now: float) -> None:
         result = self._result
-        if self._is_unanswered():
-            self._accept()
-        if self.phase == "running" and result.finished_at is None:
+        if self.phase == "running" and result.finished_as == UNKNOWN:
             result.finish(now, status)
-            if result.unknown_since is not None:
+            if result.discarded_at < inf:
                 self._end_discarded()
             elif result.may_doubt(now):
                 self._ask_result()
-            self._host.goal_changed(self)
+            self._host.on_goal_changed(self)
         elif self.phase == "ended":
             self._mark_over()
-
-    def confirm_cancel(self) -> None:
-        """Its server has said that it cancels it, whoever asked for that."""
-        self._cancellation.confirm()
 
     # --- sending ------------------------------------------------------------------------------------------------
 
     def _send(self) -> None:
-        now = self._host.clock.now()
         self._sends += 1
-        number = self._sends
         self.phase = "sent"
         self.may_be_running = True
-        self._deadline = now + self._mapping.deadlines.acceptance
+        self._deadline = self._now() + self._mapping.deadlines.acceptance
         try:
-            self.endpoint.client.send(self.id, self._message, lambda accepted: self._take_answer(accepted, number))
+            self.endpoint.client.send(self.id, self._message, partial(self._take_answer, self._sends))
         except PortError as error:
-            self.may_be_running = number > 1
+            self.may_be_running = self._sends > 1
             self._end("failed", f"not-sent: {error}")
 
-    def _take_answer(self, accepted: bool, number: int) -> None:
+    def _take_answer(self, number: int, accepted: bool) -> None:
         """The server has said whether it takes the goal that was sent as the `number`-th."""
         name = self.endpoint.name
         self._answers += 1
         if self._answers > self._sends:
-            self._note("duplicate", f"{name} answered twice whether it takes {self.action}")
+            self._note_once("duplicate", f"{name} answered twice whether it takes {self.action}")
         elif self._is_unanswered():
             if accepted:
                 self._accept()
@@ -292,15 +270,14 @@ class ActionGoal:
                 # The server that had gone away before may be the same one, which has the goal and refuses it twice.
                 self._end("failed", f"rejected: {name} refused it when it was sent once more")
             else:
-                self.may_be_running = False
                 self._accepted = False
-                self._end("failed", f"rejected: {name} refused it")
+                self._end("failed", f"rejected: {name} refused it", is_over=True)
         elif self._accepted is None and self.phase == "ended":
             if accepted:
                 self._accept_late()
             else:
                 self._accepted = False
-                self._note("late", f"{name} refused {self.action} {self._since_end()} after its end")
+                self._note_once("late", f"{name} refused {self.action} {self._since_end()} after its end")
                 self._mark_over()
 
     def _is_unanswered(self) -> bool:
@@ -308,184 +285,181 @@ class ActionGoal:
         return self.phase == "sent" or (self.phase == "waiting" and self._sends > 0)
 
     def _accept(self) -> None:
-        now = self._host.clock.now()
+        now = self._now()
         self._accepted = True
         self.phase = "running"
         self._heard_at = now
         grace = self._mapping.deadlines.result
         self._deadline = now + self._expected + grace if grace else inf
         self._ask_result()
-        if self._cancellation.wanted:
+        if self.cancellation.wanted:
             self._ask_cancel()
         self._host.report_accepted(self.action)
 
     def _accept_late(self) -> None:
         self._accepted = True
         self.may_be_running = True
-        self._note(
+        self._note_once(
             "late",
             f"{self.endpoint.name} took {self.action} {self._since_end()} after its end ({self._ending}); "
             "it is cancelled at once",
         )
-        self._cancellation.tries = 0
+        self.cancellation.tries = 0
         self._ask_result()
         self._ask_cancel()
 
     # --- results ------------------------------------------------------------------------------------------------
 
     def _ask_result(self) -> None:
-        self._result.request(self._host.clock.now())
+        self._result.request(self._now())
         try:
             self.endpoint.client.get_result(self.id, partial(self._take_result, self.endpoint.presence.changes))
         except PortError as error:
             _LOG.debug("the result of %s could not be asked for: %s", self.action, error)
-        self._host.goal_changed(self)
+        self._host.on_goal_changed(self)
 
     def _take_result(self, servers: int, status: int, message: Message) -> None:
         """`servers`: those that there were when it was asked for (`ServerPresence.changes`)."""
         if self._result.receive():
-            self._note(
+            self._note_once(
                 "duplicate", f"the result of {self.action} came twice; the second one counts for nothing", "result"
             )
         if self.phase == "ended":
             self._take_late_result(servers, status)
         elif status not in FINAL_STATUSES:  # UNKNOWN, or what no result can have: never a success by itself
-            self._take_unknown(servers)
+            self._take_unknown_goal(servers)
         else:
             self._result.taken = True
-            self.may_be_running = False
-            wanted, name = self._cancellation.wanted, self.endpoint.name
-            self._end(*endings.of_result(status, message, self._mapping, name, cancel_wanted=wanted))
+            wanted, name = self.cancellation.wanted, self.endpoint.name
+            self._end(*endings.of_result(status, message, self._mapping, name, cancel_wanted=wanted), is_over=True)
 
     def _take_late_result(self, servers: int, status: int) -> None:
         ended = status in FINAL_STATUSES
-        if not self._result.taken and ended and not (self._cancellation.tries and status == CANCELED):
-            self._note(
+        if not self._result.taken and ended and not (self.cancellation.tries and status == CANCELED):
+            self._note_once(
                 "late",
                 f"the result of {self.action} ({STATUS_NAMES[status]}) came {self._since_end()} after its end "
                 f"({self._ending}); it changes nothing",
                 "result",
             )
         self._result.taken = self._result.taken or ended
-        if ended or self._is_answer_of_all(servers):
+        if ended or self._was_only_server(servers):
             self._mark_over()
 
-    def _is_answer_of_all(self, servers: int) -> bool:
+    def _was_only_server(self, servers: int) -> bool:
         """Whether what was asked of the servers of then was answered by the only one that there is."""
         presence = self.endpoint.presence
         return presence.count == 1 and presence.changes == servers
 
-    def _take_unknown(self, servers: int) -> None:
+    def _take_unknown_goal(self, servers: int) -> None:
         """The server does not know it: one that was restarted, or that keeps no results. The latter's status topic says
         how it ended, perhaps a moment later."""
         presence = self.endpoint.presence
         if presence.changes != servers:
             return  # whoever is there now has been asked since
-        if self._result.finished_at is not None:
+        if self._result.finished_as != UNKNOWN:
             self._end_discarded()
         elif presence.count > 1:
             self._result.taken = True
             self._end(*endings.of_restart(self.endpoint.name))  # another one may have it, and is told to stop
-        elif self._result.unknown_since is None:
-            self._result.unknown_since = self._host.clock.now()
-            self._host.goal_changed(self)
+        elif self._result.discarded_at == inf:
+            self._result.disown(self._now())
+            self._host.on_goal_changed(self)
 
     def _end_discarded(self) -> None:
         """It is over there, and nobody has its result."""
         self._result.taken = True
-        self.may_be_running = False
-        status, wanted = self._result.finished_as, self._cancellation.wanted
-        self._end(*endings.of_discarded_result(status, self.endpoint.name, cancel_wanted=wanted))
+        status, wanted = self._result.finished_as, self.cancellation.wanted
+        self._end(*endings.of_discarded_result(status, self.endpoint.name, cancel_wanted=wanted), is_over=True)
 
     def _end_without_result(self) -> None:
         """The status topic has said how it ended, and the result does not come."""
         status = self.endpoint.client.statuses.get(self.id)
-        ending = endings.of_missing_result(status, self.endpoint.name, cancel_wanted=self._cancellation.wanted)
-        if ending[0] != "timed-out":
-            self.may_be_running = False
-        self._end(*ending)
+        ending = endings.of_missing_result(status, self.endpoint.name, cancel_wanted=self.cancellation.wanted)
+        self._end(*ending, is_over=ending[0] != "timed-out")
 
     # --- cancelling ---------------------------------------------------------------------------------------------
 
     def _ask_cancel(self) -> None:
-        presence, cancellation = self.endpoint.presence, self._cancellation
+        presence, cancellation = self.endpoint.presence, self.cancellation
         cancellation.start_over_for(presence.changes)
         if not presence.count:
-            cancellation.pause()  # `server_changed` comes when it is back
+            cancellation.pause()  # `on_server_changed` comes when it is back
         elif self.phase == "ended" and cancellation.tries >= MAX_TRIES:
             cancellation.pause()
-            self._note(
+            self._note_once(
                 "still-running",
                 f"{self.action} could not be stopped at {self.endpoint.name} in {MAX_TRIES} tries; "
                 "the robot may go on with it",
             )
         else:
-            cancellation.begin_try(self._host.clock.now())
+            cancellation.begin_try(self._now())
             try:
                 self.endpoint.client.cancel(self.id, partial(self._take_cancel_answer, presence.changes))
             except PortError as error:
                 _LOG.debug("%s could not be cancelled: %s", self.action, error)
-        self._host.goal_changed(self)
+        self._host.on_goal_changed(self)
 
     def _take_cancel_answer(self, servers: int, answer: CancelResponse) -> None:
         """`servers`: those that there were when it was asked (`ServerPresence.changes`)."""
         if self.id in answer.goals:
-            self.confirm_cancel()
-            self._cancellation.pause()
+            self.cancellation.confirm()
+            self.cancellation.pause()
             if not self._result.requests:
                 self._ask_result()
         elif answer.code in (CANCEL_NONE, CANCEL_REJECTED):
-            self._take_refusal()
+            if self.may_be_running and not self.cancellation.confirmed and self.cancellation.refuse(self._now()):
+                self._note_once("cancel-refused", f"{self.endpoint.name} does not stop {self.action}; it goes on")
         elif self.phase == "ended":  # the server does not have it, or it is over
             if answer.code == CANCEL_TERMINATED:
                 # rcl says this also of a goal that it is cancelling already; then its end is still to come.
-                self._cancellation.pause()
+                self.cancellation.pause()
                 if self.endpoint.client.statuses.get(self.id, UNKNOWN) != CANCELING:
                     self._mark_over()
-            elif self._is_answer_of_all(servers):
+            elif self._was_only_server(servers):
                 self._mark_over()
             elif self.endpoint.presence.changes == servers:
-                self._cancellation.pause()  # one of several; `server_changed` comes when only one is left
+                self.cancellation.pause()  # one of several; `on_server_changed` comes when only one is left
         elif self.phase == "running":
-            self._cancellation.pause()
+            self.cancellation.pause()
             self._ask_result()  # it has ended, or the server has forgotten it: both come as a result
-        self._host.goal_changed(self)
-
-    def _take_refusal(self) -> None:
-        if not self.may_be_running or self._cancellation.confirmed:
-            return
-        if self._cancellation.refuse(self._host.clock.now()):
-            self._note("cancel-refused", f"{self.endpoint.name} does not stop {self.action}; it goes on")
+        self._host.on_goal_changed(self)
 
     # --- the end ------------------------------------------------------------------------------------------------
 
-    def _end(self, status: Ending, reason: str) -> None:
-        """The one place where a goal ends."""
+    def _end(self, status: Ending, reason: str, *, is_over: bool = False) -> None:
+        """The one place where a goal ends. `is_over`: it is known that nothing of it runs on the robot any more."""
         assert self.phase != "ended"
+        self.may_be_running = self.may_be_running and not is_over
         self.phase = "ended"
         self._ending = status
-        self._ended_at = self._host.clock.now()
-        self._deadline = self._cancellation.deadline = inf
-        self._cancellation.pause()
-        if self.may_be_running and not self._cancellation.confirmed:
-            self._cancellation.tries = 0
+        self._ended_at = self._now()
+        self._deadline = self.cancellation.deadline = inf
+        self.cancellation.pause()
+        if self.may_be_running and not self.cancellation.confirmed:
+            self.cancellation.tries = 0
             self._ask_cancel()
-        if self._cancellation.overdue and status != "canceled":
-            self._note("late", f"{self.action} {status}{f' ({reason})' if reason else ''}, after its time was over")
-        self._host.goal_changed(self)
+        if self.cancellation.overdue and status != "canceled":
+            self._note_once(
+                "late", f"{self.action} {status}{f' ({reason})' if reason else ''}, after its time was over"
+            )
+        self._host.on_goal_changed(self)
         self._host.report_ended(self.action, status, reason)
 
     def _mark_over(self) -> None:
         """Nothing of it runs on the robot any more."""
         self.may_be_running = False
-        self._cancellation.pause()
-        self._host.goal_changed(self)
+        self.cancellation.pause()
+        self._host.on_goal_changed(self)
 
     def _since_end(self) -> str:
-        return f"{self._host.clock.now() - self._ended_at:.1f} s"
+        return f"{self._now() - self._ended_at:.1f} s"
 
-    def _note(self, word: str, text: str, about: str = "") -> None:
+    def _note_once(self, kind: str, text: str, about: str = "") -> None:
         """For the record, each kind once."""
-        if (word, about) not in self._noted:
-            self._noted.add((word, about))
-            self._host.report_note(self.endpoint, f"{word}: {text}")
+        if (kind, about) not in self._noted:
+            self._noted.add((kind, about))
+            self._host.report_note(self.endpoint, f"{kind}: {text}")
+
+    def _now(self) -> float:
+        return self._host.clock.now()

@@ -10,7 +10,7 @@ RETRY_SECONDS = 1.0
 """Between requests to cancel that bring nothing."""
 MAX_TRIES = 5
 """How often a goal that has ended here is cancelled at most while its server is there."""
-LONGEST = CANCEL_LIMIT - 0.25
+MAX_SECONDS = CANCEL_LIMIT - 0.25
 """Seconds. The kernel gives a cancel up after CANCEL_LIMIT; our word about it must be there before."""
 OVERDUE_SECONDS = 1.0
 """Before a goal's time limit, from which on a cancel counts as the kernel's, which has recorded an ending."""
@@ -21,7 +21,7 @@ class Cancellation:
 
     def __init__(self, seconds: float) -> None:
         """`seconds`: what the profile allows from the request to the end."""
-        self.seconds = min(seconds, LONGEST)
+        self.seconds = min(seconds, MAX_SECONDS)
         self.wanted = False
         """The engine has asked for it."""
         self.overdue = False
@@ -54,10 +54,6 @@ class Cancellation:
         if self._servers != servers:
             self._servers = servers
             self.tries = 0
-
-    def forget_servers(self) -> None:
-        """Whoever is asked next is another one."""
-        self._servers = -1
 
     def pause(self) -> None:
         """Do not ask again by itself."""

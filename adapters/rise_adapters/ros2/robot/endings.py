@@ -11,7 +11,7 @@ from collections.abc import Callable
 from typing import TypeAlias
 
 from rise_adapters.ros2.actions.client import ABORTED, CANCELED, SUCCEEDED
-from rise_adapters.ros2.compatibility import MISFIT_KINDS, several_servers
+from rise_adapters.ros2.compatibility import MISFIT_KINDS, describe_several_servers
 from rise_adapters.ros2.mapping import ActionMapping
 from rise_adapters.ros2.robot.cancellation import Cancellation
 from rise_adapters.ros2.robot.endpoints import ActionEndpoint, Endpoint
@@ -33,13 +33,31 @@ def of_result(status: int, result: Message, mapping: ActionMapping, name: str, *
     if status == CANCELED:
         return "canceled", "" if cancel_wanted else f"canceled: somebody else stopped it at {name}"
     if status == ABORTED:
-        why = _read(mapping.why_not_succeeded, result, name) or "the robot gave it up and did not say why"
+        why = _read(mapping.result_rule.why_not_succeeded, result, name) or "the robot gave it up and did not say why"
         return "failed", f"aborted: {why}"
-    if wrong := _read(mapping.failure, result, name):
+    if wrong := _read(mapping.result_rule.failure, result, name):
         return "failed", f"robot-error: {wrong}"
     if cancel_wanted:
         return "succeeded", "succeeded-during-cancel: the robot finished it although it was to stop"
     return "succeeded", ""
+
+
+def of_missing_answer(name: str, seconds: float | None) -> Outcome:
+    """The server did not say whether it takes it within `seconds`; None: it was to be stopped before that."""
+    what = f"it was to be stopped, and {name} has not even taken it"
+    if seconds is not None:
+        what = f"{name} did not say within {seconds:g} s whether it takes it"
+    return "timed-out", f"no-accept: {what}"
+
+
+def of_silence(name: str, seconds: float) -> Outcome:
+    return "lost", f"silent: {name} has sent no feedback for {seconds:g} s"
+
+
+def of_overdue_result(name: str, expected: float, grace: float) -> Outcome:
+    """It takes longer than it may. `expected` and `grace` in seconds."""
+    what = f"it was to take {expected:.1f} s, and {name} had not ended it {grace:g} s later"
+    return "timed-out", f"no-result: {what}"
 
 
 def of_missing_result(status: int | None, name: str, *, cancel_wanted: bool) -> Outcome:
@@ -84,16 +102,16 @@ def of_missing_server(endpoint: ActionEndpoint, sends: int) -> Outcome:
     """Nothing took it in time. `sends`: how often it was sent nevertheless."""
     presence = endpoint.presence
     if sends:
-        why = f"what offers {endpoint.name} went away {times(sends)} before it took it"
-    elif presence.count and not presence.settled:
-        why = f"{endpoint.name} comes and goes, {times(presence.losses)} lately"
+        why = f"what offers {endpoint.name} went away {times_in_words(sends)} before it took it"
+    elif presence.count and not presence.is_settled:
+        why = f"{endpoint.name} comes and goes, {times_in_words(presence.recent_losses)} lately"
     else:
-        why = trouble_of_missing(endpoint)
+        why = describe_missing(endpoint)
     return "failed", f"server-missing: {why}"
 
 
 def of_two_servers(endpoint: ActionEndpoint) -> Outcome:
-    return "failed", f"two-servers: {several_servers(endpoint.presence.count, endpoint.name)}; end all but one"
+    return "failed", f"two-servers: {describe_several_servers(endpoint.presence.count, endpoint.name)}; end all but one"
 
 
 def of_lost_robot(reason: str, *, was_sent: bool) -> Outcome:
@@ -103,18 +121,19 @@ def of_lost_robot(reason: str, *, was_sent: bool) -> Outcome:
     return "failed", reason if reason.startswith(("server-missing", *MISFIT_KINDS)) else f"server-missing: {reason}"
 
 
-def trouble_of_missing(endpoint: Endpoint) -> str:
+def describe_missing(endpoint: Endpoint) -> str:
     """Why an endpoint cannot be reached, with a hint where nothing of it is seen."""
     return endpoint.trouble + ("" if endpoint.comparison.seen else "; is the robot's wrapper running?")
 
 
-def times(number: int) -> str:
+def times_in_words(number: int) -> str:
     return "once" if number == 1 else f"{number} times"
 
 
 def _read(read: Callable[[Message], str], result: Message, name: str) -> str:
+    """What a rule of the profile reads in a result; or that it cannot."""
     try:
         return read(result)
-    except Exception as error:
+    except Exception as error:  # a rule of the profile, on whatever another program has sent
         _LOG.exception("a result of %s cannot be read", name)
         return f"its result cannot be read ({error})"

@@ -10,7 +10,7 @@ from typing import Literal, TypeAlias
 
 from rise_adapters.ros2 import compatibility
 from rise_adapters.ros2.actions.client import ActionClient
-from rise_adapters.ros2.compatibility import NOT_COMPARED
+from rise_adapters.ros2.compatibility import EndpointComparison
 from rise_adapters.ros2.mapping import ActionMapping
 from rise_adapters.ros2.robot.presence import ServerPresence
 from rise_adapters.ros2.transport.port import Message, PortError, Publisher, Transport
@@ -22,32 +22,28 @@ Fault: TypeAlias = Literal["", "unfit", "missing", "double", "silent", "unheard"
 """What can be wrong with an endpoint. unfit: it is there, and is another one than the profile says (`compatibility`).
 unheard: what is sent reaches it, and some of what it says does not arrive."""
 
-UNLISTED = 1.0
+UNLISTED_SECONDS = 1.0
 """Seconds after its appearance in which everything of an endpoint must have been seen and compared before it gets
 anything. What the middleware has not listed by then it does not list."""
 
 
 class _ComparedEndpoint:
-    """What `compatibility` says about an endpoint's other side."""
+    """Whether there is another side, and what `compatibility` says about it."""
 
     def __init__(self, label: str, transport: Transport, mapping: ActionMapping, clock: Clock) -> None:
+        self.name = transport.resolve(mapping.name)
+        """Of the action or topic, in full."""
         self.label = label
         """For a person: `pepper/speech`."""
         self.presence = ServerPresence(clock)
-        self.comparison = NOT_COMPARED
+        self.comparison = EndpointComparison()
         """What was seen when it was compared last."""
         self._transport = transport
         self._mapping = mapping
         self._clock = clock
-        self._compared_version: int | None = None
-        """Of the graph (`Transport.graph_version`), when it was compared."""
 
     def compare(self) -> None:
-        """Compare what is there with what the profile says, unless nothing has changed since that was done last."""
-        version = self._transport.graph_version()
-        if version is not None and version == self._compared_version:
-            return
-        self._compared_version = version
+        """Compare what is there with what the profile says."""
         before, self.comparison = self.comparison, compatibility.compare(self._transport, self._mapping)
         if before.complete and not self.comparison.complete:  # another one is appearing
             self.presence.appeared_at = self._clock.now()
@@ -55,12 +51,27 @@ class _ComparedEndpoint:
     @property
     def is_compared(self) -> bool:
         """Everything of it has been compared, or what is missing will not be listed any more."""
-        return self.comparison.complete or self._clock.now() >= self.presence.appeared_at + UNLISTED
+        return self.comparison.complete or self._clock.now() >= self.presence.appeared_at + UNLISTED_SECONDS
 
     @property
-    def is_usable(self) -> bool:
-        """It is there, and to stay, and is what the profile says, as far as can be known."""
-        return self.presence.settled and self.is_compared and not self.comparison.unusable
+    def is_ready(self) -> bool:
+        """It is there, and to stay, and is what the profile says, as far as can be known: something can be sent."""
+        return self.fault in ("", "silent", "unheard")
+
+    @property
+    def fault(self) -> Fault:
+        if self.comparison.unusable:
+            return "unfit"
+        return "" if self.presence.is_settled and self.is_compared else "missing"
+
+    @property
+    def trouble(self) -> str:
+        """What is wrong with it, for a person; empty when it is there and fits."""
+        if self.fault in ("unfit", "unheard"):
+            return compatibility.describe_misfits(self.comparison.misfits)
+        if not self.presence.count:
+            return compatibility.describe_absence(self.comparison, self._mapping, self.name)
+        return ""
 
     @property
     def misfit_kind(self) -> str:
@@ -77,29 +88,22 @@ class _ComparedEndpoint:
 class ActionEndpoint(_ComparedEndpoint):
     """One action server of the robot."""
 
-    def __init__(
-        self, label: str, client: ActionClient, transport: Transport, mapping: ActionMapping, clock: Clock
-    ) -> None:
+    def __init__(self, label: str, transport: Transport, mapping: ActionMapping, clock: Clock) -> None:
+        """Raises PortError."""
         super().__init__(label, transport, mapping, clock)
-        self.client = client
+        feedback, status = mapping.feedback_qos, mapping.status_qos
+        self.client = ActionClient(
+            transport, mapping.name, mapping.type, now=clock.now, feedback=feedback, status=status
+        )
         self._unanswered_at: float | None = None
-
-    @property
-    def name(self) -> str:
-        return self.client.name
 
     def poll(self, count: int | None = None) -> bool:
         """See whether it is there (or be told). True when it has just gone; what it said of goals counts no more."""
         gone = self.presence.update(self.client.count_servers() if count is None else count)
         if gone:
-            self.client.forget_statuses()
+            self.client.statuses.clear()
             self._unanswered_at = None
         return gone
-
-    @property
-    def is_ready(self) -> bool:
-        """A goal can be sent: it is there, once, and to stay."""
-        return self.is_usable and self.presence.count == 1
 
     def mark_unanswered(self) -> None:
         """It owes an answer that did not come in time."""
@@ -113,25 +117,20 @@ class ActionEndpoint(_ComparedEndpoint):
 
     @property
     def fault(self) -> Fault:
-        if self.comparison.unusable:
-            return "unfit"
-        if not self.is_usable:
-            return "missing"
+        if fault := super().fault:
+            return fault
         if self.presence.count > 1:
             return "double"
         return "silent" if self.is_silent else "unheard" if self.comparison.unheard else ""
 
     @property
     def trouble(self) -> str:
-        """What is wrong with it, for a person."""
-        if self.comparison.unusable or self.fault == "unheard":
-            return compatibility.describe_misfits(self.comparison.misfits)
-        if not self.presence.count:
-            return compatibility.describe_absence(self.comparison, self._mapping, self.name)
-        if not self.presence.settled:
+        if trouble := super().trouble:
+            return trouble
+        if not self.presence.is_settled:
             return f"{self.name} comes and goes"
         if self.presence.count > 1:
-            return compatibility.several_servers(self.presence.count, self.name)
+            return compatibility.describe_several_servers(self.presence.count, self.name)
         return f"{self.name} does not answer" if self.is_compared else f"{self.name} has only just been found"
 
     def close(self) -> None:
@@ -144,7 +143,6 @@ class TopicEndpoint(_ComparedEndpoint):
     def __init__(self, label: str, transport: Transport, mapping: ActionMapping, clock: Clock) -> None:
         """Raises PortError."""
         super().__init__(label, transport, mapping, clock)
-        self.name = transport.resolve(mapping.name)
         self.publisher: Publisher = transport.publisher(mapping.name, mapping.type, mapping.topic_qos)
         self.user: object | None = None
         """The goal that published last: only its end takes back what was said."""
@@ -160,20 +158,10 @@ class TopicEndpoint(_ComparedEndpoint):
             _LOG.warning("nothing can be published on %s: %s", self.name, error)
 
     @property
-    def is_ready(self) -> bool:
-        return self.is_usable
-
-    @property
-    def fault(self) -> Fault:
-        return "unfit" if self.comparison.unusable else "" if self.is_usable else "missing"
-
-    @property
     def trouble(self) -> str:
-        if self.comparison.unusable:
-            return compatibility.describe_misfits(self.comparison.unusable)
-        if not self.presence.count:
-            return compatibility.describe_absence(self.comparison, self._mapping, self.name)
-        return f"what listens to {self.name} {'comes and goes' if self.is_compared else 'has only just been found'}"
+        return super().trouble or (
+            f"what listens to {self.name} {'comes and goes' if self.is_compared else 'has only just been found'}"
+        )
 
     def close(self) -> None:
         self.publisher.close()
@@ -183,12 +171,9 @@ Endpoint: TypeAlias = ActionEndpoint | TopicEndpoint
 
 
 def close_all(endpoints: tuple[Endpoint, ...]) -> None:
-    """Let go of them; whoever owns the transport may have closed it before."""
+    """Let go of them; whoever owns the transport may have closed it, and so them, before."""
     for endpoint in endpoints:
-        try:
-            endpoint.close()
-        except Exception:
-            _LOG.debug("%s could not be let go of", endpoint.name, exc_info=True)
+        endpoint.close()
 
 
 def short_labels(robot: str, names: list[str]) -> dict[str, str]:

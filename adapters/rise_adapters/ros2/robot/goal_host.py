@@ -45,15 +45,15 @@ class Goal(Protocol):
         """Do what is due."""
         ...
 
-    def server_gone(self) -> None:
+    def on_server_gone(self) -> None:
         """Nothing offers the action (listens to the topic) any more."""
         ...
 
-    def server_changed(self) -> None:
+    def on_server_changed(self) -> None:
         """There are more servers than before, or fewer."""
         ...
 
-    def robot_lost(self, reason: str) -> None:
+    def on_robot_lost(self, reason: str) -> None:
         """The robot is lost as a whole."""
         ...
 
@@ -73,6 +73,6 @@ class GoalHost(Protocol):
         """Something for the record only."""
         ...
 
-    def goal_changed(self, goal: Goal) -> None:
+    def on_goal_changed(self, goal: Goal) -> None:
         """A goal wants to be polled at another time than before, or has entered another phase."""
         ...

@@ -6,10 +6,10 @@ from collections import deque
 
 from rise_engine.ports.robot import Clock
 
-SETTLING = 0.5
+SETTLING_SECONDS = 0.5
 """Seconds that one which was gone has to be there before it gets anything; doubled with each further loss ..."""
-SETTLING_MOST = 8.0
-UNSTEADY_WINDOW = 30.0
+MAX_SETTLING_SECONDS = 8.0
+UNSTEADY_SECONDS = 30.0
 """... within so many seconds. A server that restarts twenty times in ten seconds is reported once, not twenty times."""
 
 
@@ -42,8 +42,9 @@ class ServerPresence:
             self.was_seen = True
             self.appeared_at = now
             self.appeared_twice = count > 1
-            losses = self.losses
-            self._settled_at = now + min(SETTLING * 2 ** (losses - 1), SETTLING_MOST) if losses else now
+            losses = self.recent_losses
+            seconds = min(SETTLING_SECONDS * 2 ** (losses - 1), MAX_SETTLING_SECONDS) if losses else 0.0
+            self._settled_at = now + seconds
         elif before and not count:
             self._losses.append(now)
             return True
@@ -52,14 +53,14 @@ class ServerPresence:
         return False
 
     @property
-    def losses(self) -> int:
+    def recent_losses(self) -> int:
         """How often it has gone lately."""
-        since = self._clock.now() - UNSTEADY_WINDOW
+        since = self._clock.now() - UNSTEADY_SECONDS
         while self._losses and self._losses[0] < since:
             self._losses.popleft()
         return len(self._losses)
 
     @property
-    def settled(self) -> bool:
+    def is_settled(self) -> bool:
         """It is there, and has been long enough."""
         return self.count > 0 and self._clock.now() >= self._settled_at

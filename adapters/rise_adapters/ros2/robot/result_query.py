@@ -26,12 +26,12 @@ class ResultQuery:
         """... and how often an answer came."""
         self.taken = False
         """A result has been looked at; further ones say the same."""
-        self.finished_at: float | None = None
-        """Since when the status topic says that the goal is over."""
         self.finished_as = UNKNOWN
-        """How, in its words."""
-        self.unknown_since: float | None = None
-        """Since when the server says that it does not know it, which is decided about a moment later."""
+        """How the goal is over, in the words of the status topic; UNKNOWN: it does not say so."""
+        self.missing_at = inf
+        """From when on the result of a goal that is over counts as missing."""
+        self.discarded_at = inf
+        """From when on a server that says that it does not know the goal has had the time to say how it ended."""
         self._requested_at = 0.0
 
     def request(self, now: float) -> None:
@@ -46,7 +46,12 @@ class ResultQuery:
 
     def finish(self, now: float, status: int) -> None:
         """The status topic says that the goal is over."""
-        self.finished_at, self.finished_as = now, status
+        self.finished_as = status
+        self.missing_at = now + RESULT_GRACE
+
+    def disown(self, now: float) -> None:
+        """The server says that it does not know the goal; what that means is decided a moment later."""
+        self.discarded_at = now + UNKNOWN_GRACE
 
     def is_due(self, now: float) -> bool:
         return now >= self._requested_at + REPEAT_SECONDS
@@ -55,16 +60,6 @@ class ResultQuery:
         """Whether the last request is so long ago that another one is worth it, where something seems to be wrong."""
         return now >= self._requested_at + DOUBT_SECONDS
 
-    def is_missing(self, now: float) -> bool:
-        """The goal is over, and its result does not come."""
-        return self.finished_at is not None and now >= self.finished_at + RESULT_GRACE
-
-    def is_discarded(self, now: float) -> bool:
-        """The server does not know the goal, and has had the time to say how it ended."""
-        return self.unknown_since is not None and now >= self.unknown_since + UNKNOWN_GRACE
-
     def next_deadline(self) -> float:
-        """When one of the above becomes true."""
-        finished = inf if self.finished_at is None else self.finished_at + RESULT_GRACE
-        unknown = inf if self.unknown_since is None else self.unknown_since + UNKNOWN_GRACE
-        return min(self._requested_at + REPEAT_SECONDS, finished, unknown)
+        """When something is due: to ask again, or to ask no more."""
+        return min(self._requested_at + REPEAT_SECONDS, self.missing_at, self.discarded_at)

@@ -10,9 +10,7 @@ from collections.abc import Iterable, Mapping
 from functools import partial
 from itertools import cycle
 from math import inf
-from typing import TypeAlias
 
-from rise_adapters.ros2.actions.client import ActionClient
 from rise_adapters.ros2.compatibility import describe_uncompared
 from rise_adapters.ros2.mapping import ActionMapping
 from rise_adapters.ros2.robot import standing
@@ -29,9 +27,6 @@ from rise_engine.ports.robot import Clock, ReportCallback, RobotReport, Timer
 from rise_engine.scenario.durations import limit_seconds
 from rise_engine.scenario.model import RobotProfile
 
-RosName: TypeAlias = tuple[str, str]
-"""The name of an action or a topic, as a profile writes it, and its type."""
-
 POLL_RUNNING = 0.25
 """Seconds between two polls of the servers while something runs ..."""
 POLL_WAITING = 0.05
@@ -39,9 +34,9 @@ POLL_WAITING = 0.05
 POLL_IDLE = 0.5
 """... and while nothing does, and all are there."""
 POLL_SOONEST = 0.001
-REMEMBERED = 200
+MAX_REMEMBERED = 200
 """Goals that are kept, to recognise what comes after their end."""
-FAREWELL = 0.5
+FAREWELL_SECONDS = 0.5
 """Seconds for which a client that has just cancelled something stays open after `close`."""
 
 
@@ -73,46 +68,31 @@ class Ros2Robot:
         self._uncompared: set[str] = set()
         """Names of endpoints that do not say what their types are, which was noted already."""
         self._closed = False
-        self._use(transport)
+        self._open_endpoints(transport)
 
-    def _use(self, transport: Transport) -> None:
+    def _open_endpoints(self, transport: Transport) -> None:
         self._transport = transport
-        self._by_name: dict[RosName, Endpoint] = {}
-        made: dict[RosName, Endpoint] = {}
-        mappings = self._mappings.values()
-        names = list(dict.fromkeys(transport.resolve(mapping.name) for mapping in mappings))
-        label = short_labels(self._profile.name, names)
-        for mapping in mappings:
-            name = transport.resolve(mapping.name)
-            if (name, mapping.type) not in made:
-                made[name, mapping.type] = self._make_endpoint(mapping, label[name])
-            self._by_name[mapping.name, mapping.type] = made[name, mapping.type]
+        names = {action: transport.resolve(mapping.name) for action, mapping in self._mappings.items()}
+        labels = short_labels(self._profile.name, list(dict.fromkeys(names.values())))
+        endpoint_of: dict[str, Endpoint] = {}
+        made: dict[tuple[str, str], Endpoint] = {}
+        for action, mapping in self._mappings.items():
+            key = names[action], mapping.type
+            if key not in made:
+                made[key] = self._make_endpoint(mapping, labels[names[action]])
+            endpoint_of[action] = made[key]
+        self._endpoint_of = endpoint_of
+        """By the action's name in the profile; actions may share one."""
         self._endpoints = tuple(made.values())
         self._turn = cycle(self._endpoints)
 
     def _make_endpoint(self, mapping: ActionMapping, label: str) -> Endpoint:
         if mapping.kind == "topic":
             return TopicEndpoint(label, self._transport, mapping, self.clock)
-        client = ActionClient(
-            self._transport,
-            mapping.name,
-            mapping.type,
-            now=self.clock.now,
-            feedback=mapping.feedback_qos,
-            status=mapping.status_qos,
-        )
-        endpoint = ActionEndpoint(label, client, self._transport, mapping, self.clock)
-        client.on_feedback = self._take_feedback
-        client.on_status = partial(self._take_status, endpoint)
+        endpoint = ActionEndpoint(label, self._transport, mapping, self.clock)
+        endpoint.client.on_feedback = self._take_feedback
+        endpoint.client.on_status = partial(self._take_status, endpoint)
         return endpoint
-
-    def _endpoint_of(self, mapping: ActionMapping) -> Endpoint:
-        return self._by_name[mapping.name, mapping.type]
-
-    @property
-    def parts(self) -> tuple[str, ...]:
-        """What is asked when everything is to stop: `pepper/speech`."""
-        return tuple(sorted(endpoint.label for endpoint in self._endpoints))
 
     # --- the port -----------------------------------------------------------------------------------------------
 
@@ -137,13 +117,13 @@ class Ros2Robot:
         self._forget_oldest()
         self._poll_endpoints((made.endpoint,))
         made.poll()
-        self.goal_changed(made)
+        self.on_goal_changed(made)
 
     def _make_goal(self, goal: StartAction, mapping: ActionMapping) -> Goal:
         """Raises PortError and ValueError for what cannot be sent."""
         node, frame = self._transport.node, self._frame
         message = mapping.make_message(goal.parameters, node=node, goal=goal.action, frame=frame)
-        endpoint = self._endpoint_of(mapping)
+        endpoint = self._endpoint_of[goal.type]
         if isinstance(endpoint, TopicEndpoint):
             reset = mapping.make_reset(node=node, goal=goal.action, frame=frame)
             return TopicGoal(self, endpoint, goal.action, mapping, message, reset, goal.expected)
@@ -165,16 +145,16 @@ class Ros2Robot:
         idle = [each for each in self._endpoints if isinstance(each, TopicEndpoint) and each.user is None]
         for goal in tuple(self._goals.values()):
             goal.cancel()
-        for mapping in self._mappings.values():
-            endpoint = self._endpoint_of(mapping)
+        for action, mapping in self._mappings.items():
+            endpoint = self._endpoint_of[action]
             if isinstance(endpoint, TopicEndpoint) and endpoint in idle:  # whatever others have published there
                 reset = mapping.make_reset(node=self._transport.node, goal="", frame=self._frame)
                 if reset is not None:
                     endpoint.publish(reset)
-        self._stop = stop = StopAll(self.clock, self._endpoints, self._own_goals, self._report_stop)
+        self._stop = stop = StopAll(self.clock, self._endpoints, self._find_goals, self._report_stop)
         stop.begin()
 
-    def seen(self) -> float | None:
+    def last_seen(self) -> float | None:
         """The middleware renews its word that a server is there within each server's lease; more ROS does not say."""
         if any(endpoint.presence.count for endpoint in self._endpoints):
             self._seen_at = self.clock.now()
@@ -193,21 +173,21 @@ class Ros2Robot:
         if self._timer is not None:
             self._timer.cancel()
         # A request that has only just been sent could be lost with its client.
-        self.clock.call_at(self.clock.now() + FAREWELL, partial(close_all, self._endpoints))
+        self.clock.call_at(self.clock.now() + FAREWELL_SECONDS, partial(close_all, self._endpoints))
 
-    def use(self, transport: Transport) -> None:
+    def switch_transport(self, transport: Transport) -> None:
         """Go on over another transport, because the one before is gone: what ran is lost. The owner closes both.
 
         Raises PortError when a type cannot be had there.
         """
         if self._reported is None or self._reported.status != "lost":
             self._report_lost(f"the connection to ROS is gone: {self._transport.failure() or 'it is made anew'}")
-        names = {endpoint: name for name, endpoint in self._by_name.items()}
+        actions = {endpoint: action for action, endpoint in self._endpoint_of.items()}
         before = self._endpoints
-        self._use(transport)
+        self._open_endpoints(transport)
         close_all(before)
         for goal in self._by_id.values():
-            moved = self._by_name[names[goal.endpoint]]
+            moved = self._endpoint_of[actions[goal.endpoint]]
             assert isinstance(moved, ActionEndpoint)
             goal.move_to(moved)
         self._poll()
@@ -223,7 +203,7 @@ class Ros2Robot:
     def report_note(self, endpoint: Endpoint, text: str) -> None:
         self._report(Note(text=text, source=f"ros:{endpoint.name}"))
 
-    def goal_changed(self, goal: Goal) -> None:
+    def on_goal_changed(self, goal: Goal) -> None:
         if self._closed:
             return
         if goal.is_live():
@@ -236,7 +216,7 @@ class Ros2Robot:
 
     # --- stopping everything ------------------------------------------------------------------------------------
 
-    def _own_goals(self, endpoint: ActionEndpoint) -> Mapping[bytes, ActionGoal]:
+    def _find_goals(self, endpoint: ActionEndpoint) -> Mapping[bytes, ActionGoal]:
         return {id: goal for id, goal in self._by_id.items() if goal.endpoint is endpoint}
 
     def _report_stop(self, report: StopReport) -> None:
@@ -291,38 +271,38 @@ class Ros2Robot:
             if endpoint.presence.count != before:
                 changed.append((endpoint, gone))
             if not lost and (endpoint is turn or endpoint.presence.count != before or not endpoint.comparison.complete):
-                self._compare(endpoint)
+                self._compare_endpoint(endpoint)
         if not changed:
             return
-        if self._reported is not None and self._standing().status == "lost":
+        if self._reported is not None and self._assess_standing().status == "lost":
             self._report_standing()  # first that the robot is lost: then nothing new is begun in answer to its losses
         for endpoint, gone in changed:
             for goal in tuple(self._goals.values()):
                 if goal.endpoint is endpoint:
                     if gone:
-                        goal.server_gone()
+                        goal.on_server_gone()
                     elif endpoint.presence.count:
-                        goal.server_changed()
+                        goal.on_server_changed()
         if self._stop is not None:
             self._stop.poll()
 
-    def _compare(self, endpoint: Endpoint) -> None:
+    def _compare_endpoint(self, endpoint: Endpoint) -> None:
         endpoint.compare()
         unknown = endpoint.comparison.unannounced or not endpoint.comparison.complete
-        is_there = endpoint.presence.settled and endpoint.is_compared
+        is_there = endpoint.presence.is_settled and endpoint.is_compared
         if unknown and is_there and endpoint.name not in self._uncompared:
             self._uncompared.add(endpoint.name)
             self.report_note(endpoint, describe_uncompared(endpoint.name))
 
     # --- how the robot stands -----------------------------------------------------------------------------------
 
-    def _standing(self) -> Standing:
+    def _assess_standing(self) -> Standing:
         busy = [goal.endpoint for goal in self._live.values() if goal.phase == "running"]
         return standing.assess(self._transport, self._endpoints, busy)
 
     def _report_standing(self) -> None:
         """Report how the robot stands, when that has changed."""
-        now = self._standing()
+        now = self._assess_standing()
         if self._reported is None:
             if now.status != "connected" and not self._transport.failure() and self._is_discovering():
                 return
@@ -342,14 +322,14 @@ class Ros2Robot:
 
     def _report_lost(self, detail: str) -> None:
         """Nothing of the robot is there. What was not sent has failed; what the robot was doing, nobody knows."""
-        self._reported = Standing("lost", self._standing().faults)
+        self._reported = Standing("lost", self._assess_standing().faults)
         goals = [goal for goal in self._goals.values() if goal.phase != "ended"]
         for goal in goals:
             if goal.phase == "waiting":
-                goal.robot_lost(detail)
+                goal.on_robot_lost(detail)
         self._report(RobotChanged(status="lost", detail=detail))
         for goal in goals:
-            goal.robot_lost(detail)
+            goal.on_robot_lost(detail)
 
     # --- from the wire ------------------------------------------------------------------------------------------
 
@@ -359,24 +339,19 @@ class Ros2Robot:
             goal.take_feedback()
 
     def _take_status(self, endpoint: ActionEndpoint, statuses: Mapping[bytes, int]) -> None:
-        named = [self._by_id[id] for id in statuses if id in self._by_id]
-        missed = [goal for goal in self._live.values() if goal.endpoint is endpoint and goal not in named]
-        for goal in (*named, *missed):
-            if isinstance(goal, ActionGoal):
+        for goal in tuple(self._by_id.values()):
+            if goal.id in statuses or (goal.endpoint is endpoint and goal.is_live()):
                 goal.take_status(statuses)
         if self._stop is not None:
             self._stop.poll()
 
     def _forget_oldest(self) -> None:
         """Keep what is remembered within bounds."""
-        if len(self._goals) <= REMEMBERED:
-            return
-        for action, goal in tuple(self._goals.items()):
-            if not goal.is_live() and action not in self._live:
-                del self._goals[action]
-                if isinstance(goal, ActionGoal):
-                    del self._by_id[goal.id]
-                return
+        oldest = next((goal for goal in self._goals.values() if not goal.is_live()), None)
+        if len(self._goals) > MAX_REMEMBERED and oldest is not None:
+            del self._goals[oldest.action]
+            if isinstance(oldest, ActionGoal):
+                del self._by_id[oldest.id]
 
 
 def _ignore(report: RobotReport) -> None:

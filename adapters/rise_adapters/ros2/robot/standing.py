@@ -52,9 +52,9 @@ def _is_useless(endpoint: Endpoint, busy: Collection[Endpoint]) -> bool:
 def describe(status: Status, title: str, transport: Transport, endpoints: Sequence[Endpoint]) -> str:
     """For a person; `title` is the robot's. Of what is wrong, what to do about it comes first: on a small screen the
     rest is cut."""
-    why = transport.failure()
-    if why:
-        return f"the connection to ROS is gone: {why}"
+    failure = transport.failure()
+    if failure:
+        return f"the connection to ROS is gone: {failure}"
     if status == "connected":
         return f"{title} on ROS 2 ({transport.about})"
     misfits = [misfit for each in endpoints for misfit in each.comparison.misfits]

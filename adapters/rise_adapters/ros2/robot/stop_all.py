@@ -15,6 +15,7 @@ from functools import partial
 from typing import TypeAlias
 
 from rise_adapters.ros2.actions.client import (
+    ALL_GOALS,
     CANCEL_NONE,
     CANCEL_REJECTED,
     CANCEL_UNKNOWN,
@@ -30,25 +31,25 @@ from rise_engine.ports.robot import Clock, Timer
 
 _LOG = logging.getLogger(__name__)
 
-ANSWER_WITHIN = 2.5
+ANSWER_SECONDS = 2.5
 """Seconds until the report is given; the kernel waits STOP_LIMIT, 3 s."""
 REPEAT_SECONDS = 0.8
-"""After which a server that has not answered is asked once more."""
+"""After which a server that has not answered is asked again, until ANSWER_WITHIN."""
 
-MOST_BY_ID = 20
+MAX_BY_ID = 20
 """Goals of others that one server is asked about by id at most, in one stop."""
 
-OwnGoals: TypeAlias = Callable[[ActionEndpoint], Mapping[bytes, ActionGoal]]
+FindGoals: TypeAlias = Callable[[ActionEndpoint], Mapping[bytes, ActionGoal]]
 """Our goals at a server that are remembered, by id."""
 
 
 class CancelAll:
     """One action server that was asked to cancel everything."""
 
-    def __init__(self, endpoint: ActionEndpoint, own_goals: OwnGoals) -> None:
+    def __init__(self, endpoint: ActionEndpoint, find_goals: FindGoals) -> None:
         self.endpoint = endpoint
         self.answer: CancelResponse | None = None
-        self._own_goals = own_goals
+        self._own_goals = partial(find_goals, endpoint)
         self._known: set[bytes] = set()
         """Goals that it is cancelling, or that it called unfinished."""
         self._stopping: set[bytes] = set()
@@ -65,17 +66,17 @@ class CancelAll:
             self.answer = answer
         self._known.update(answer.goals)
         self._stopping.update(answer.goals)
-        own = self._own_goals(self.endpoint)
+        own = self._own_goals()
         for goal in answer.goals:
             if goal in own:
-                own[goal].confirm_cancel()
+                own[goal].cancellation.confirm()
 
-    def still_running(self) -> set[bytes]:
+    def find_running(self) -> set[bytes]:
         """Goals that may be running there."""
         statuses = self.endpoint.client.statuses
         self._known |= self.endpoint.client.unfinished_goals()
         self._listed |= self._known & statuses.keys()
-        own = self._own_goals(self.endpoint)
+        own = self._own_goals()
         over = {
             goal
             for goal in self._known
@@ -86,10 +87,10 @@ class CancelAll:
 
     def is_confirmed(self) -> bool:
         """Whether the one server that there is has answered, and nothing runs there."""
-        running = self.still_running()  # also notes what is listed, so it is asked first
+        running = self.find_running()  # also notes what is listed, so it is asked first
         return not running and self.answer is not None and self.endpoint.presence.count == 1
 
-    def why_not(self) -> str:
+    def why_unconfirmed(self) -> str:
         """Why it has not confirmed, for a person."""
         count = self.endpoint.presence.count
         if count != 1:
@@ -97,25 +98,25 @@ class CancelAll:
         if self.answer is None:
             self.endpoint.mark_unanswered()
             return "no answer"
-        if self.answer.code in (CANCEL_NONE, CANCEL_REJECTED) and not self._is_stopping(self.still_running()):
+        if self.answer.code in (CANCEL_NONE, CANCEL_REJECTED) and not self._is_stopping(self.find_running()):
             return "it refused"
         return "still running"
 
     def _is_stopping(self, goals: set[bytes]) -> bool:
         """Whether it has said of all these that it stops them."""
-        statuses, own = self.endpoint.client.statuses, self._own_goals(self.endpoint)
+        statuses, own = self.endpoint.client.statuses, self._own_goals()
         return all(
-            goal in self._stopping or statuses.get(goal) == CANCELING or (goal in own and own[goal].is_stopping)
+            goal in self._stopping
+            or statuses.get(goal) == CANCELING
+            or (goal in own and own[goal].cancellation.confirmed)
             for goal in goals
         )
 
-    def ask_by_id(self, changed: Callable[[], None]) -> None:
+    def ask_about_others(self, changed: Callable[[], None]) -> None:
         """About goals of others that seem to run, and that its answer does not name. (Ours ask for themselves.)
         `changed` is called with each answer."""
-        if self.answer is None:
-            return
-        unclear = self.still_running() - self._stopping - self._asked_by_id - self._own_goals(self.endpoint).keys()
-        for goal in sorted(unclear)[: max(MOST_BY_ID - len(self._asked_by_id), 0)]:
+        unclear = self.find_running() - self._stopping - self._asked_by_id - self._own_goals().keys()
+        for goal in sorted(unclear)[: max(MAX_BY_ID - len(self._asked_by_id), 0)]:
             self._asked_by_id.add(goal)
             servers = self.endpoint.presence.changes
             try:
@@ -139,13 +140,13 @@ class StopAll:
         self,
         clock: Clock,
         endpoints: Iterable[Endpoint],
-        own_goals: OwnGoals,
+        find_goals: FindGoals,
         report: Callable[[StopReport], None],
     ) -> None:
         self._clock = clock
         self._report = report
         self._is_over = False
-        self._until = clock.now() + ANSWER_WITHIN
+        self._until = clock.now() + ANSWER_SECONDS
         self._timer: Timer | None = None
         self._cancels: list[CancelAll] = []
         self._unasked: list[str] = []
@@ -156,17 +157,17 @@ class StopAll:
                 why = endpoint.misfit_kind or ("not there" if presence.was_seen else "never seen")
                 self._unasked.append(f"{endpoint.label} ({why})")
             elif isinstance(endpoint, ActionEndpoint):
-                self._cancels.append(CancelAll(endpoint, own_goals))
+                self._cancels.append(CancelAll(endpoint, find_goals))
             else:
                 self._unasked.append(f"{endpoint.label} (told to stop; a topic gives no answer)")
 
     def begin(self) -> None:
-        self._ask()
+        self._ask_servers()
         self.poll()
 
     def poll(self) -> None:
         """Something has changed: have all confirmed?"""
-        confirmed = [cancel.is_confirmed() for cancel in self._cancels]  # all are looked at: see `still_running`
+        confirmed = [cancel.is_confirmed() for cancel in self._cancels]  # all are looked at: see `find_running`
         if not self._is_over and all(confirmed):
             self._finish()
 
@@ -176,34 +177,31 @@ class StopAll:
         if self._timer is not None:
             self._timer.cancel()
 
-    def _ask(self) -> None:
+    def _ask_servers(self) -> None:
+        """Ask those that have not answered, and again a while later."""
         for cancel in self._cancels:
-            if cancel.answer is None and not self._is_over:
+            if cancel.answer is None:
                 try:
-                    cancel.endpoint.client.cancel_all(partial(self._take_answer, cancel))
+                    cancel.endpoint.client.cancel(ALL_GOALS, partial(self._take_answer, cancel))
                 except PortError as error:
                     _LOG.warning("%s could not be asked to stop: %s", cancel.endpoint.name, error)
         again = self._clock.now() + REPEAT_SECONDS
-        if self._is_over:
-            return
         if again < self._until:
-            self._timer = self._clock.call_at(again, self._ask)
+            self._timer = self._clock.call_at(again, self._ask_servers)
         else:
             self._timer = self._clock.call_at(self._until, self._finish)
 
     def _take_answer(self, cancel: CancelAll, answer: CancelResponse) -> None:
         cancel.take_answer(answer)
-        cancel.ask_by_id(self.poll)
+        cancel.ask_about_others(self.poll)
         self.poll()
 
     def _finish(self) -> None:
-        if self._is_over:
-            return
         self.abandon()
         confirmed, unconfirmed = [], self._unasked
         for cancel in self._cancels:
             if cancel.is_confirmed():
                 confirmed.append(cancel.endpoint.label)
             else:
-                unconfirmed.append(f"{cancel.endpoint.label} ({cancel.why_not()})")
+                unconfirmed.append(f"{cancel.endpoint.label} ({cancel.why_unconfirmed()})")
         self._report(StopReport(confirmed=tuple(sorted(confirmed)), unconfirmed=tuple(sorted(unconfirmed))))

@@ -56,18 +56,18 @@ class TopicGoal:
             elif self.endpoint.is_ready:
                 self._publish()
             elif now >= self._deadline:
-                self._end("failed", f"server-missing: {endings.trouble_of_missing(self.endpoint)}")
+                self._end("failed", f"server-missing: {endings.describe_missing(self.endpoint)}")
         elif self.phase == "running" and now >= self._deadline:
             self._end("succeeded", "")
 
-    def server_gone(self) -> None:
+    def on_server_gone(self) -> None:
         if self.phase == "running":
             self._end("lost", f"server-gone: what listened to {self.endpoint.name} has gone away in the middle of it")
 
-    def server_changed(self) -> None:
+    def on_server_changed(self) -> None:
         """More or fewer listen: nothing to ask them."""
 
-    def robot_lost(self, reason: str) -> None:
+    def on_robot_lost(self, reason: str) -> None:
         if self.phase != "ended":
             self._end(*endings.of_lost_robot(reason, was_sent=self.phase != "waiting"))
 
@@ -81,7 +81,7 @@ class TopicGoal:
         self.phase = "running"
         self._deadline = self._host.clock.now() + self._expected
         self._host.report_accepted(self.action)
-        self._host.goal_changed(self)
+        self._host.on_goal_changed(self)
 
     def _end(self, status: Ending, reason: str) -> None:
         assert self.phase != "ended"
@@ -90,5 +90,5 @@ class TopicGoal:
             self.endpoint.user = None
             if self._reset is not None:
                 self.endpoint.publish(self._reset)
-        self._host.goal_changed(self)
+        self._host.on_goal_changed(self)
         self._host.report_ended(self.action, status, reason)

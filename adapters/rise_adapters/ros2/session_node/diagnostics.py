@@ -7,6 +7,7 @@ from pathlib import Path
 
 from rise_adapters.ros2.transport.port import Message
 from rise_engine.server.hub import SessionHub
+from rise_engine.text import escape_surrogates
 
 TOPIC = "/diagnostics"
 TYPE = "diagnostic_msgs/msg/DiagnosticArray"
@@ -24,7 +25,7 @@ def session_statuses(hub: SessionHub, lag: tuple[float, float], ros: Message) ->
 
     `lag`: seconds that the loop was late at most, lately and ever. `ros`: the status of the connection to ROS itself.
     """
-    return [_session(hub), _robot(hub), _journal(hub), _lag(hub, *lag), ros]
+    return [_session_status(hub), _robot_status(hub), _journal_status(hub), _lag_status(hub, *lag), ros]
 
 
 def make_status(hub: SessionHub, name: str, level: int, message: str, values: Mapping[str, object]) -> Message:
@@ -32,23 +33,20 @@ def make_status(hub: SessionHub, name: str, level: int, message: str, values: Ma
     return {
         "level": level,
         "name": f"rise: {name}",
-        "message": _text(message),
+        "message": escape_surrogates(message),
         "hardware_id": hub.engine.scenario.robot.name,
-        "values": [{"key": key, "value": _text(value)} for key, value in values.items()],
+        "values": [{"key": key, "value": escape_surrogates(str(value))} for key, value in values.items()],
     }
 
 
-def _session(hub: SessionHub) -> Message:
+def _session_status(hub: SessionHub) -> Message:
     engine, view = hub.engine, hub.view
     scenario = engine.scenario
     level, message = OK, "running" if view.running else "idle"
     if engine.failure is not None:
         level, message = ERROR, f"the engine stopped: {engine.failure or type(engine.failure).__name__}"
     elif view.ended or engine.ended:
-        level, message = (
-            STALE,
-            f"the session has ended: {view.end_reason}" if view.end_reason else "the session has ended",
-        )
+        level, message = STALE, f"the session has ended: {view.end_reason}".removesuffix(": ")
     elif view.session is None:
         level, message = STALE, "the session has not begun yet"
     elif view.stop.latched:
@@ -74,7 +72,7 @@ def _session(hub: SessionHub) -> Message:
     return make_status(hub, "session", level, message, values)
 
 
-def _robot(hub: SessionHub) -> Message:
+def _robot_status(hub: SessionHub) -> Message:
     robot = hub.view.robot
     if robot is None:
         level, message = STALE, "no word from the robot yet"
@@ -87,7 +85,7 @@ def _robot(hub: SessionHub) -> Message:
     return make_status(hub, "robot link", level, message, {"robot": profile.title, "driver": driver, **since})
 
 
-def _journal(hub: SessionHub) -> Message:
+def _journal_status(hub: SessionHub) -> Message:
     journaling = hub.engine.journal_status
     if journaling.trouble:
         level, message = ERROR, f"nothing can be recorded, so the session is paused: {journaling.trouble}"
@@ -101,11 +99,7 @@ def _journal(hub: SessionHub) -> Message:
     return make_status(hub, "journal", level, message, values)
 
 
-def _lag(hub: SessionHub, recent: float, most: float) -> Message:
+def _lag_status(hub: SessionHub, recent: float, most: float) -> Message:
     level = OK if recent < LAG_WARN else WARN if recent < LAG_ERROR else ERROR
     message = "in time" if level == OK else f"the engine was up to {recent:.2f} s late in the last seconds"
     return make_status(hub, "loop lag", level, message, {"recent (s)": f"{recent:.4f}", "most (s)": f"{most:.4f}"})
-
-
-def _text(value: object) -> str:
-    return str(value).encode("utf-8", "backslashreplace").decode()

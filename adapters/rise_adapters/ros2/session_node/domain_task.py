@@ -22,7 +22,7 @@ from rise_adapters.ros2.transport.port import SEND_GOAL, PortError, Transport, a
 from rise_engine.engine.clock import RealClock
 from rise_engine.kernel.inputs import Note, Submit
 from rise_engine.kernel.records import FINAL, TaskRecord
-from rise_engine.protocol import client as link
+from rise_engine.protocol import client as client_protocol
 from rise_engine.protocol.messages import MAX_MESSAGE_BYTES
 from rise_engine.server.hub import AttachedClient, SessionHub
 
@@ -30,13 +30,13 @@ _LOG = logging.getLogger(__name__)
 
 DOMAIN_TASK, DOMAIN_TASK_TYPE = "rise/domain_task", "rise_interfaces/action/DomainTask"
 
-UNDECIDED = 1000
+MAX_UNDECIDED = 1000
 """Goals that wait to be taken, or for the disk, at most."""
-OPEN = 1000
+MAX_OPEN = 1000
 """Acts and rules that goals have started and that have not ended, at most."""
-RELEASING = 10
+MAX_RELEASING = 10
 """Goals to release a stop that wait for that at most."""
-REFUSALS_NOTED = 100
+MAX_REFUSALS_NOTED = 100
 """Different refusals to release a stop that come to the record at most."""
 KNOWN_SECONDS, KNOWN_POLL = 1.0, 0.05
 """For which a node that releases a stop may still be unknown: its goal can be here before word of its name is."""
@@ -62,17 +62,17 @@ class DomainTaskServer:
         self,
         transport: Transport,
         hub: SessionHub,
-        member: AttachedClient,
+        client: AttachedClient,
         topics: RecordTopics,
         wake: Callable[[], object],
     ) -> None:
-        """`member`: who submits the tasks. `topics` tell of tasks that never come to the record. `wake` is called when
+        """`client`: who submits the tasks. `topics` tell of tasks that never come to the record. `wake` is called when
         there is something to do for `work`. Raises PortError when the transport does not have the type."""
         self.refused = 0
         """Goals that were rejected without a task."""
         self._transport = transport
         self._hub = hub
-        self._member = member
+        self._client = client
         self._topics = topics
         self._wake = wake
         self._loop = asyncio.get_running_loop()
@@ -115,15 +115,19 @@ class DomainTaskServer:
 
     def work(self) -> bool:
         """Do one piece of each kind of what waits; false when nothing did."""
-        did = False
-        for kind in (self._answer_next, self._cancel_next, self._submit_next):
-            did = kind() or did
+        did = bool(self._answers or self._cancels or self._goals)
+        if self._answers:
+            self._send_answer(self._answers.popleft())
+        if self._cancels:
+            self._cancel_task(*self._cancels.popleft())
+        if self._goals:
+            self._begin_task(self._goals.popleft())
         return did
 
     def end_all(self, reason: str) -> None:
         """No goal waits for what never comes."""
         while self._answers:
-            self._answer_next()
+            self._send_answer(self._answers.popleft())
         while self._goals:
             self._refuse(self._goals.popleft(), reason)
         while self._cancels:
@@ -154,17 +158,15 @@ class DomainTaskServer:
     # --- goals in -----------------------------------------------------------------------------------------------
 
     def _take_goal(self, goal: ServerGoal) -> None:
-        message = goal.message
-        function, behavior, calling_type = (
-            message[name] for name in ("function_type", "domain_task_behavior", "calling_type")
-        )
-        is_stop = function == "stopAll"
+        submit = _make_submit(goal)
+        is_stop = submit.function == "stopAll"
         if self._gone:
             self._refuse(goal, self._gone)
-        elif len(function) + len(behavior) + len(calling_type) > MAX_MESSAGE_BYTES:
-            message.update(function_type=function[:100], domain_task_behavior=behavior[:100], calling_type="")
+        elif len(submit.function) + len(submit.behavior) + len(submit.calling_type) > MAX_MESSAGE_BYTES:
+            beginning = {"function_type": submit.function[:100], "domain_task_behavior": submit.behavior[:100]}
+            goal.message.update(beginning, calling_type="")
             self._refuse(goal, f"a task may have {MAX_MESSAGE_BYTES:,} characters at most")
-        elif self.waiting >= (2 * UNDECIDED if is_stop else UNDECIDED):
+        elif self.waiting >= (2 * MAX_UNDECIDED if is_stop else MAX_UNDECIDED):
             self._refuse(goal, f"{self.waiting:,} goals are waiting already; send the next when one has been accepted")
         else:
             if is_stop:
@@ -173,47 +175,40 @@ class DomainTaskServer:
                 self._goals.append(goal)
             self._wake()
 
-    def _submit_next(self) -> bool:
-        if not self._goals:
-            return False
-        goal = self._goals.popleft()
-        submit = _submit_of(goal)
+    def _begin_task(self, goal: ServerGoal) -> None:
+        submit = _make_submit(goal)
         if submit.function == "releaseStop":
-            self._release(goal, self._loop.time() + KNOWN_SECONDS)
-        elif submit.function.startswith("start") and len(self._running) >= OPEN:
-            self._refuse(goal, f"{OPEN:,} tasks that came as goals are running or waiting already")
+            self._release_stop(goal, self._loop.time() + KNOWN_SECONDS)
+        elif submit.function.startswith("start") and len(self._running) >= MAX_OPEN:
+            self._refuse(goal, f"{MAX_OPEN:,} tasks that came as goals are running or waiting already")
         else:
-            self._submit(goal, submit, self._member)
-        return True
+            self._submit(goal, submit, self._client)
 
-    def _submit(self, goal: ServerGoal, submit: Submit, member: AttachedClient) -> None:
-        goal.data = _GoalTask(source=member.source)
-        self._submitted[goal.id_hex] = goal
+    def _submit(self, goal: ServerGoal, submit: Submit, client: AttachedClient) -> None:
+        goal.data = _GoalTask(source=client.source)
+        self._submitted[goal.id.hex()] = goal
         try:
-            self._hub.submit(member, submit, partial(self._take_reply, goal))
+            self._hub.submit(client, submit, partial(self._take_reply, goal))
         except Exception as error:  # the engine's own failure, which ends the session
-            if self._submitted.pop(goal.id_hex, None) is not None:
+            if self._submitted.pop(goal.id.hex(), None) is not None:
                 self._refuse(goal, f"the engine stopped: {error or type(error).__name__}")
 
-    def _take_reply(self, goal: ServerGoal, reply: link.Reply) -> None:
+    def _take_reply(self, goal: ServerGoal, reply: client_protocol.Reply) -> None:
         """The session takes the task or does not. May be called in a step: nothing of that comes back at once."""
-        self._submitted.pop(goal.id_hex, None)
+        self._submitted.pop(goal.id.hex(), None)
         task = _task_of(goal)
-        if not reply.accepted:
-            if task.records:  # which say why
-                self._answer_later(goal.reject)
-            else:
-                self._answer_later(partial(self._refuse, goal, reply.reason))
+        if not reply.accepted:  # its records say why, if it has any
+            self._answer_later(goal.reject if task.records else partial(self._refuse, goal, reply.reason))
             return
         task.accepted = True
         self._answer_later(goal.accept)
         for record in task.records:
-            self._answer_later(partial(_apply, goal, record))
+            self._answer_later(partial(_update_goal, goal, record))
         task.records = []
 
     def _refuse(self, goal: ServerGoal, reason: str) -> None:
         """Reject what has not come to the record; the topic says why, because the wire cannot."""
-        submit = _submit_of(goal)
+        submit = _make_submit(goal)
         self.refused += 1
         goal.reject()
         self._topics.enqueue_refusal(submit, reason)
@@ -221,8 +216,8 @@ class DomainTaskServer:
 
     def _adopt_running(self) -> None:
         """Of a session that goes on: the goals whose tasks still run."""
-        for task in self._hub.tasks()[0]:
-            if task.source != self._member.source or task.ref is None or task.status in FINAL:
+        for task in self._hub.changing_tasks():
+            if task.source != self._client.source or task.ref is None or task.status in FINAL:
                 continue
             try:
                 goal = self._server.adopt(bytes.fromhex(task.ref))
@@ -233,34 +228,34 @@ class DomainTaskServer:
 
     # --- releasing a stop ---------------------------------------------------------------------------------------
 
-    def _release(self, goal: ServerGoal, until: float) -> None:
+    def _release_stop(self, goal: ServerGoal, until: float) -> None:
         """A stop is released by whoever holds control, and by nodes that the scenario names. Which node this one is, it
         says itself, and it must be seen here as a client of the action; better than that ROS knows no one."""
         self._releasing.discard(goal.id)
         if goal.is_decided:
             return
-        who = str(goal.message["domain_task_behavior"]).strip()
-        named = self._hub.engine.scenario.may_release
-        if not who.startswith("/") or who not in named:
-            self._refuse_release(goal, _why_not_released(who, named))
+        node = str(goal.message["domain_task_behavior"]).strip()
+        allowed = self._hub.engine.scenario.may_release
+        if not node.startswith("/") or node not in allowed:
+            self._refuse_release(goal, _why_not_released(node, allowed))
             return
         action = self._transport.resolve(DOMAIN_TASK)
-        if who in self._transport.client_nodes(action_topic(action, SEND_GOAL)):
-            member = self._hub.attach("node", "node", f"ros:{who}")
-            self._submit(goal, Submit(function="releaseStop", ref=goal.id_hex), member)
-            self._loop.call_soon(self._hub.detach, member)
-        elif self._loop.time() < until and not self._gone and len(self._releasing) < RELEASING:
+        if node in self._transport.client_nodes(action_topic(action, SEND_GOAL)):
+            client = self._hub.attach("node", "node", f"ros:{node}")
+            self._submit(goal, Submit(function="releaseStop", ref=goal.id.hex()), client)
+            self._loop.call_soon(self._hub.detach, client)
+        elif self._loop.time() < until and not self._gone and len(self._releasing) < MAX_RELEASING:
             self._releasing.add(goal.id)
-            self._loop.call_later(KNOWN_POLL, self._release, goal, until)
+            self._loop.call_later(KNOWN_POLL, self._release_stop, goal, until)
         else:
-            self._refuse_release(goal, f"it says that it is {who}, and no node of that name uses {action}")
+            self._refuse_release(goal, f"it says that it is {node}, and no node of that name uses {action}")
 
     def _refuse_release(self, goal: ServerGoal, reason: str) -> None:
         self._refuse(goal, reason)
         text = f"a node asked to release the stop and may not: {reason}"
-        if text not in self._refused_releases and len(self._refused_releases) < REFUSALS_NOTED:
+        if text not in self._refused_releases and len(self._refused_releases) < MAX_REFUSALS_NOTED:
             self._refused_releases.add(text)
-            self._hub.submit(self._member, Note(text=text), _ignore)
+            self._hub.submit(self._client, Note(text=text), _ignore)
 
     # --- what becomes of them -----------------------------------------------------------------------------------
 
@@ -277,7 +272,7 @@ class DomainTaskServer:
         else:
             self._running[record.id] = goal
         if _task_of(goal).accepted:
-            self._answer_later(partial(_apply, goal, record))
+            self._answer_later(partial(_update_goal, goal, record))
         else:
             _task_of(goal).records.append(record)
 
@@ -286,14 +281,11 @@ class DomainTaskServer:
         self._answers.append(answer)
         self._wake()
 
-    def _answer_next(self) -> bool:
-        if not self._answers:
-            return False
+    def _send_answer(self, answer: Callable[[], object]) -> None:
         try:
-            self._answers.popleft()()
+            answer()
         except PortError as error:
             _LOG.warning("a client could not be told about its goal: %s", error)
-        return True
 
     # --- cancelling ---------------------------------------------------------------------------------------------
 
@@ -301,25 +293,21 @@ class DomainTaskServer:
         self._cancels.append((goal, decide))
         self._wake()
 
-    def _cancel_next(self) -> bool:
-        if not self._cancels:
-            return False
-        goal, decide = self._cancels.popleft()
+    def _cancel_task(self, goal: ServerGoal, decide: Decide) -> None:
         task = _task_of(goal).id
         if task not in self._running:  # it has ended, and its client is about to be told
             self._answer_later(partial(decide, False))
-            return True
+            return
         submit = Submit(function="cancelTask", behavior=str(task))
-        self._hub.submit(self._member, submit, partial(self._take_cancel_reply, submit, decide))
-        return True
+        self._hub.submit(self._client, submit, partial(self._take_cancel_reply, submit, decide))
 
-    def _take_cancel_reply(self, submit: Submit, decide: Decide, reply: link.Reply) -> None:
+    def _take_cancel_reply(self, submit: Submit, decide: Decide, reply: client_protocol.Reply) -> None:
         if not reply.accepted and reply.task is None:
             self._topics.enqueue_refusal(submit, reply.reason)
         self._answer_later(partial(decide, reply.accepted))
 
 
-def _apply(goal: ServerGoal, record: TaskRecord) -> None:
+def _update_goal(goal: ServerGoal, record: TaskRecord) -> None:
     """Bring a goal to where its task is."""
     result = {"status": record.status, "reason": record.reason, "task": record.id}
     match record.status:
@@ -336,24 +324,24 @@ def _apply(goal: ServerGoal, record: TaskRecord) -> None:
             goal.publish_feedback({"status": status, "reason": record.reason, "position": position})
 
 
-def _why_not_released(who: str, named: tuple[str, ...]) -> str:
-    """`who`: what the node says that it is; `named`: those that the scenario allows to."""
+def _why_not_released(node: str, allowed: tuple[str, ...]) -> str:
+    """`node`: what the node says that it is; `allowed`: those that the scenario allows to."""
     reason = "a stop is released by who holds control, "
-    reason += f"or by {', '.join(named)}" if named else "or by a node that scenario.toml names"
-    if not who:
+    reason += f"or by {', '.join(allowed)}" if allowed else "or by a node that scenario.toml names"
+    if not node:
         return reason + "; a node says who it is: domain_task_behavior is its full name"
-    if not named:
-        return reason + f': [control] may_release = ["{who if who.startswith("/") else f"/{who}"}"]'
-    return reason + f", and not by {who}"
+    if not allowed:
+        return reason + f': [control] may_release = ["{node if node.startswith("/") else f"/{node}"}"]'
+    return reason + f", and not by {node}"
 
 
-def _submit_of(goal: ServerGoal) -> Submit:
+def _make_submit(goal: ServerGoal) -> Submit:
     message = goal.message
     return Submit(
         function=message["function_type"],
         behavior=message["domain_task_behavior"],
         calling_type=message["calling_type"],
-        ref=goal.id_hex,
+        ref=goal.id.hex(),
     )
 
 
@@ -361,5 +349,5 @@ def _task_of(goal: ServerGoal) -> _GoalTask:
     return cast(_GoalTask, goal.data)
 
 
-def _ignore(reply: link.Reply) -> None:
+def _ignore(reply: client_protocol.Reply) -> None:
     """Nobody waits for this answer."""

@@ -21,12 +21,12 @@ from rise_adapters.ros2.session_node import diagnostics
 from rise_adapters.ros2.session_node.domain_task import DomainTaskServer
 from rise_adapters.ros2.session_node.memory_service import MemoryService
 from rise_adapters.ros2.session_node.neighbours import NeighbourSessions
-from rise_adapters.ros2.session_node.record_topics import RecordTopics
+from rise_adapters.ros2.session_node.record_topics import RecordTopics, make_header
 from rise_adapters.ros2.transport.port import Message, PortError, QoS, Transport
 from rise_engine.kernel.inputs import Note
 from rise_engine.kernel.records import TaskRecord
 from rise_engine.lag_meter import LagMeter
-from rise_engine.protocol import client as link
+from rise_engine.protocol import client as client_protocol
 from rise_engine.server.hub import SessionHub
 from rise_engine.time_slicer import TimeSlicer
 
@@ -39,19 +39,14 @@ SLICE_SECONDS = 0.0005
 """For which work is done in one turn of the loop. A console's key waits for some turns, and may wait for 10 ms."""
 GOODBYE_SECONDS = 1.0
 """For what is still to be published at the end."""
-GONE = "the session is not on ROS any more"
+GONE_REASON = "the session is not on ROS any more"
 
 
 class RosSessionInterface:
     """One session on ROS. All methods belong to the engine's loop."""
 
     def __init__(
-        self,
-        transport: Transport,
-        hub: SessionHub,
-        neighbours: NeighbourSessions | None = None,
-        *,
-        rosout: bool = True,
+        self, transport: Transport, hub: SessionHub, neighbours: NeighbourSessions, *, rosout: bool = True
     ) -> None:
         """Make it before the engine starts, so that it misses no record, inside the running loop. `neighbours`: other
         sessions under the same names. `rosout`: whether what happens is told on /rosout, too.
@@ -62,16 +57,16 @@ class RosSessionInterface:
         self._hub = hub
         self._neighbours = neighbours
         self._loop = asyncio.get_running_loop()
-        self._member = hub.attach("domain_task", "node", SOURCE)
+        self._client = hub.attach("domain_task", "node", SOURCE)
         self._dropped = 0
         """Of the records that were never published, those that were noted."""
         self._closed = False
         self._slicer = TimeSlicer(self._work, SLICE_SECONDS)
-        self._topics = RecordTopics(transport, hub, self._member.source, rosout=rosout)
+        self._topics = RecordTopics(transport, hub, self._client.source, rosout=rosout)
         self._lag = LagMeter(self._loop)
         self._diagnostics = transport.publisher(diagnostics.TOPIC, diagnostics.TYPE, QoS())
         self._memory = MemoryService(transport, hub)
-        self._tasks = DomainTaskServer(transport, hub, self._member, self._topics, self._slicer.wake)
+        self._tasks = DomainTaskServer(transport, hub, self._client, self._topics, self._slicer.wake)
         hub.subscribe(self._take_update)
         hub.engine.on_ended(self._end_goals)
         self._timer = self._loop.call_later(diagnostics.SECONDS, self._diagnose)
@@ -87,19 +82,19 @@ class RosSessionInterface:
         self._slicer.cancel()
         self._slicer.run_slice(GOODBYE_SECONDS)
         self._publish_diagnostics()
-        await self._tasks.close(GONE)
+        await self._tasks.close(GONE_REASON)
         for handle in (self._memory, self._topics, self._diagnostics):
             handle.close()
-        self._hub.detach(self._member)
+        self._hub.detach(self._client)
 
     def _work(self) -> bool:
         """One piece of each kind of work, so that none keeps another waiting."""
         did_task = self._tasks.work()
         return self._topics.publish_next() or did_task
 
-    def _take_update(self, update: link.Update) -> None:
+    def _take_update(self, update: client_protocol.Update) -> None:
         """Every record; in the engine's step."""
-        if self._closed or isinstance(update, link.JournalStatus | link.Heartbeat):
+        if self._closed or isinstance(update, client_protocol.JournalStatus | client_protocol.Heartbeat):
             return
         if isinstance(update, TaskRecord):
             self._tasks.take_record(update)
@@ -112,9 +107,9 @@ class RosSessionInterface:
         if engine.failure is not None:
             reason = f"the engine stopped: {engine.failure or type(engine.failure).__name__}"
         elif engine.ended:
-            reason = f"the session has ended: {self._hub.end_reason}".removesuffix(": ")
+            reason = f"the session has ended: {self._hub.view.end_reason}".removesuffix(": ")
         else:
-            reason = GONE
+            reason = GONE_REASON
         self._tasks.end_all(reason)
 
     # --- how it is ----------------------------------------------------------------------------------------------
@@ -126,20 +121,19 @@ class RosSessionInterface:
         if dropped > self._dropped and not self._hub.engine.ended:
             text = f"{dropped - self._dropped:,} records were not published on ROS: they came faster than that takes"
             self._dropped = dropped
-            self._hub.submit(self._member, Note(text=text), _ignore)
+            self._hub.submit(self._client, Note(text=text), _ignore)
 
     def _publish_diagnostics(self) -> None:
         statuses = diagnostics.session_statuses(self._hub, (self._lag.recent, self._lag.max), self.status())
-        seconds, rest = divmod(time_ns(), 1_000_000_000)
         try:
-            self._diagnostics.publish({"header": {"stamp": {"sec": seconds, "nanosec": rest}}, "status": statuses})
+            self._diagnostics.publish({"header": make_header(time_ns()), "status": statuses})
         except PortError as error:
             _LOG.debug("no diagnostics: %s", error)
 
     def status(self) -> Message:
         """The connection itself, as a diagnostic_msgs/msg/DiagnosticStatus."""
         topics, tasks, lost = self._topics, self._tasks, self._transport.failure()
-        others = self._neighbours.others if self._neighbours is not None else []
+        others = self._neighbours.others
         level, message = diagnostics.OK, self._transport.about
         if lost:
             level, message = diagnostics.ERROR, lost
@@ -162,5 +156,5 @@ class RosSessionInterface:
         return diagnostics.make_status(self._hub, "ros", level, message, values)
 
 
-def _ignore(reply: link.Reply) -> None:
+def _ignore(reply: client_protocol.Reply) -> None:
     """Nobody waits for this answer."""

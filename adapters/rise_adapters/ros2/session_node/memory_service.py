@@ -3,18 +3,17 @@
 from __future__ import annotations
 
 import logging
-from collections.abc import Iterator, Mapping
-from typing import Any
 
-from rise_adapters.ros2.session_node.record_topics import encode_json
 from rise_adapters.ros2.transport.port import Message, PortError, SendReply, Transport
 from rise_engine.expression import lookup
-from rise_engine.kernel.view import MemoryView
+from rise_engine.json_codec import encode
 from rise_engine.server.hub import SessionHub
 
 _LOG = logging.getLogger(__name__)
 
 GET_MEMORY, GET_MEMORY_TYPE = "rise/get_memory", "rise_interfaces/srv/GetMemory"
+_JSON_TYPES = {"{": "object", "[": "array", '"': "string", "t": "boolean", "f": "boolean", "n": "null"}
+"""By the first character of a value in JSON; all others begin a number."""
 
 
 class MemoryService:
@@ -23,52 +22,19 @@ class MemoryService:
     def __init__(self, transport: Transport, hub: SessionHub) -> None:
         """Raises PortError when the transport does not have the type."""
         self._hub = hub
-        self._service = transport.serve(GET_MEMORY, GET_MEMORY_TYPE, self._answer)
+        self._service = transport.serve(GET_MEMORY, GET_MEMORY_TYPE, self._take_request)
 
     def close(self) -> None:
         self._service.close()
 
-    def _answer(self, request: Message, reply: SendReply) -> None:
-        found, value = lookup(_MemoryValues(self._hub.view.memory), request["request_by_key"])
-        answer: Message = {"found": False}
+    def _take_request(self, request: Message, reply: SendReply) -> None:
+        memory = {key: entry.value for key, entry in self._hub.view.memory.items()}
+        found, value = lookup(memory, request["request_by_key"])
+        response: Message = {"found": found}
         if found:
-            answer = {"found": True, "value": encode_json(value), "type": _json_type(value)}
+            text = encode(value).decode()
+            response |= {"value": text, "type": _JSON_TYPES.get(text[0], "number")}
         try:
-            reply(answer)
+            reply(response)
         except PortError as error:
             _LOG.warning("a request for the memory could not be answered: %s", error)
-
-
-class _MemoryValues(Mapping[str, Any]):
-    """The memory as the expression language sees it: keys and plain values."""
-
-    def __init__(self, memory: Mapping[str, MemoryView]) -> None:
-        self._memory = memory
-
-    def __getitem__(self, key: str) -> Any:
-        return self._memory[key].value
-
-    def __contains__(self, key: object) -> bool:
-        return key in self._memory
-
-    def __iter__(self) -> Iterator[str]:
-        return iter(self._memory)
-
-    def __len__(self) -> int:
-        return len(self._memory)
-
-
-def _json_type(value: object) -> str:
-    match value:
-        case None:
-            return "null"
-        case bool():
-            return "boolean"
-        case int() | float():
-            return "number"
-        case str():
-            return "string"
-        case list() | tuple():
-            return "array"
-        case _:
-            return "object"

@@ -52,7 +52,7 @@ class SessionAnnouncement(Struct, frozen=True, omit_defaults=True):
     pid: int = 0
 
     def __str__(self) -> str:
-        title, folder, node, host = map(_printable, (self.title, self.folder, self.node, self.host))
+        title, folder, node, host = map(_keep_printable, (self.title, self.folder, self.node, self.host))
         what = " ".join(filter(None, [title and f"“{title}”", folder and f"({folder})"]))
         return f"{what or 'a session'}, node {node} on {host}, process {self.pid}"
 
@@ -72,14 +72,13 @@ class NeighbourSessions:
         self.announcement = me or SessionAnnouncement(
             uuid4().hex, time_ns(), "asking", host=socket.gethostname(), pid=os.getpid()
         )
-        self.announcement = msgspec.structs.replace(self.announcement, node=transport.node)
         self._transport = transport
         self._others: dict[str, SessionAnnouncement] = {}
         qos = QoS(depth=1, latched=True)
         self._publisher = transport.publisher(TOPIC, TYPE, qos)
         # As deep as there may be others: of each the latest counts.
         self._subscription = transport.subscribe(TOPIC, TYPE, self._take_announcement, QoS(depth=20, latched=True))
-        self._announce()
+        self._announce(node=transport.node)
 
     @property
     def others(self) -> list[SessionAnnouncement]:
@@ -98,15 +97,13 @@ class NeighbourSessions:
 
     def announce_serving(self, title: str, folder: str) -> None:
         """From now on the names are this session's."""
-        self.announcement = msgspec.structs.replace(self.announcement, state="serving", title=title, folder=folder)
-        self._announce()
+        self._announce(state="serving", title=title, folder=folder)
         for other in self.others:
             self.on_other_session(other)
 
     def close(self) -> None:
         """Leave the names to others."""
-        self.announcement = msgspec.structs.replace(self.announcement, state="over")
-        self._announce()
+        self._announce(state="over")
         for handle in (self._publisher, self._subscription):
             handle.close()
 
@@ -114,7 +111,8 @@ class NeighbourSessions:
         """Whether there are more who may speak than have."""
         return len(self._transport.publisher_endpoints(TOPIC)) > len(self._others)
 
-    def _announce(self) -> None:
+    def _announce(self, **changes: str) -> None:
+        self.announcement = msgspec.structs.replace(self.announcement, **changes)
         try:
             self._publisher.publish({"data": msgspec.json.encode(self.announcement).decode()})
         except PortError as error:
@@ -128,9 +126,8 @@ class NeighbourSessions:
             return
         if other.id == self.announcement.id:
             return
-        before = self._others.get(other.id)
+        before = self._others.pop(other.id, None)
         if other.state == "over":
-            self._others.pop(other.id, None)
             return
         self._others[other.id] = other
         new = before is None or before.state != "serving"
@@ -155,7 +152,7 @@ def describe_other_session(other: SessionAnnouncement) -> str:
     )
 
 
-def _printable(text: str) -> str:
+def _keep_printable(text: str) -> str:
     """What others say of themselves, fit for a line on a screen."""
     return "".join(letter for letter in text if letter.isprintable())[:_MAX_CHARACTERS]
 

@@ -8,13 +8,12 @@ from collections import deque
 from datetime import datetime
 from pathlib import Path
 from time import time_ns
-from typing import TypeAlias
 
 from rise_adapters.ros2.session_node import rosout as rosout_topic
 from rise_adapters.ros2.transport.port import Message, PortError, Publisher, QoS, Transport
-from rise_engine.json_codec import encode
 from rise_engine.kernel.inputs import Submit
 from rise_engine.kernel.records import AnyRecord, RuleRecord, TaskRecord
+from rise_engine.kernel.view import RuleView
 from rise_engine.server.hub import SessionHub
 from rise_engine.session.journal_format import encode_record
 from rise_engine.text import escape_all_surrogates
@@ -33,15 +32,14 @@ RULES_LATCHED = 100
 MAX_WAITING = 20_000
 """Records that wait to be published at most; it takes 2 seconds or so to publish them."""
 
+_NO_SEQ = 0
+"""Of a task that never came to the record; that begins with 1."""
 REPEATED_STATUS = "repeated"
 """The status of a rule state that is said again only for those who subscribe later: nothing has happened."""
 
-_WaitingItem: TypeAlias = "AnyRecord | Message"
-"""A record, or a task state of which there is no record."""
-
 
 class RecordTopics:
-    """Publishes records. `take` is quick and may be called in an engine's step; the work is done by `publish_next`."""
+    """Publishes records. `enqueue` is quick and may be called in a step of the engine; `publish_next` does the work."""
 
     def __init__(self, transport: Transport, hub: SessionHub, source: str, *, rosout: bool = True) -> None:
         """`source`: of tasks whose `ref` is the id of a DomainTask goal. Raises PortError."""
@@ -51,7 +49,7 @@ class RecordTopics:
         """Why the latest message could not be published; empty when it was."""
         self._session = Path(hub.folder).name
         self._source = source
-        self._waiting: deque[_WaitingItem] = deque()
+        self._waiting: deque[AnyRecord] = deque()
         self._records = transport.publisher(RECORD, RECORD_TYPE, QoS(RECORDS_LATCHED, latched=True))
         self._tasks = transport.publisher(TASK_STATE, TASK_STATE_TYPE, QoS(TASKS_LATCHED, latched=True))
         # A latched topic holds so many of the latest messages, whatever they are about. So that they always hold the
@@ -65,9 +63,7 @@ class RecordTopics:
         """By running rule, the number of its latest message, and that; the one that was said first comes first."""
         for name, rule in hub.view.rules.items():  # of a session that goes on
             if rule.running:
-                state = _rule_state(
-                    name, REPEATED_STATUS, rule.state, rule.previous, rule.trigger, rule.priority, _header(time_ns())
-                )
+                state = _rule_state(name, REPEATED_STATUS, rule, make_header(time_ns()))
                 self._publish_rule_message(name, state, state)
 
     @property
@@ -75,34 +71,22 @@ class RecordTopics:
         return len(self._waiting)
 
     def enqueue(self, record: AnyRecord) -> None:
-        self._append(record)
+        if len(self._waiting) >= MAX_WAITING:
+            self._waiting.popleft()
+            self.dropped += 1
+        self._waiting.append(record)
 
     def enqueue_refusal(self, task: Submit, reason: str) -> None:
         """Tell of a task that was rejected before it came to the record. Its `ref` is the goal's id, if it was one."""
-        self._append(
-            {
-                "header": _header(time_ns()),
-                "domain_task_behavior": task.behavior,
-                "function_type": task.function,
-                "calling_type": task.calling_type,
-                "source": self._source,
-                "status": "REJECTED",
-                "reason": reason,
-                "position": -1,
-                "goal_id": task.ref or "",
-            }
-        )
+        wall = datetime.now().astimezone().isoformat()
+        what = (task.function, task.behavior, task.calling_type, self._source)
+        self.enqueue(TaskRecord(_NO_SEQ, 0.0, wall, 0, *what, "REJECTED", reason, ref=task.ref))
 
     def publish_next(self) -> bool:
         """Publish one of those that wait; false when nothing did."""
         if not self._waiting:
             return False
-        each = self._waiting.popleft()
-        if isinstance(each, dict):
-            self._publish(self._tasks, each)
-            self._log(rosout_topic.log_line_for_refusal(each), each["header"])
-        else:
-            self._publish_record(each)
+        self._publish_record(self._waiting.popleft())
         return True
 
     def close(self) -> None:
@@ -110,15 +94,9 @@ class RecordTopics:
             if publisher is not None:
                 publisher.close()
 
-    def _append(self, each: _WaitingItem) -> None:
-        if len(self._waiting) >= MAX_WAITING:
-            self._waiting.popleft()
-            self.dropped += 1
-        self._waiting.append(each)
-
     def _publish_record(self, record: AnyRecord) -> None:
-        header = _header(wall_to_nanoseconds(record.wall))
-        self._log(rosout_topic.log_line_for_record(record), header)
+        header = make_header(wall_to_nanoseconds(record.wall))
+        self._publish_log_line(rosout_topic.log_line_for_record(record), header)
         # What is about one thing comes first: a node that hears the whole record is seldom the one in a hurry.
         if isinstance(record, RuleRecord):
             self._publish_rule(record, header)
@@ -138,19 +116,20 @@ class RecordTopics:
                     "goal_id": record.ref if record.ref is not None and record.source.startswith("ros:") else "",
                 },
             )
-        self._publish(
-            self._records,
-            {
-                "header": header,
-                "session": self._session,
-                "seq": record.seq,
-                "t": record.t,
-                "kind": record.__struct_config__.tag,
-                "json": encode_record(record).decode(),
-            },
-        )
+        if record.seq != _NO_SEQ:
+            self._publish(
+                self._records,
+                {
+                    "header": header,
+                    "session": self._session,
+                    "seq": record.seq,
+                    "t": record.t,
+                    "kind": record.__struct_config__.tag,
+                    "json": encode_record(record).decode(),
+                },
+            )
 
-    def _log(self, line: rosout_topic.LogLine | None, header: Message) -> None:
+    def _publish_log_line(self, line: rosout_topic.LogLine | None, header: Message) -> None:
         if line is None or self._rosout is None:
             return
         level, text = line
@@ -159,11 +138,9 @@ class RecordTopics:
         )
 
     def _publish_rule(self, record: RuleRecord, header: Message) -> None:
-        parts = (record.state, record.previous, record.trigger, record.priority, header)
-        again = None
-        if record.status in ("started", "entered", "stayed"):
-            again = _rule_state(record.name, REPEATED_STATUS, *parts)
-        self._publish_rule_message(record.name, _rule_state(record.name, record.status, *parts), again)
+        message = _rule_state(record.name, record.status, record, header)
+        is_running = record.status in ("started", "entered", "stayed")
+        self._publish_rule_message(record.name, message, {**message, "status": REPEATED_STATUS} if is_running else None)
 
     def _publish_rule_message(self, name: str, message: Message, again: Message | None) -> None:
         """`again`: how to say it for those who come later; None when the rule has ended."""
@@ -204,31 +181,19 @@ def wall_to_nanoseconds(wall: str) -> int:
     return round(datetime.fromisoformat(wall).timestamp() * 1e6) * 1000
 
 
-def encode_json(value: object) -> str:
-    """A JSON value as every output writes it. Half characters are written as `\\udcff`."""
-    return encode(value).decode()
-
-
-def _header(since_1970: int) -> Message:
+def make_header(since_1970: int) -> Message:
+    """The std_msgs/msg/Header of a moment, which is given in nanoseconds."""
     seconds, rest = divmod(since_1970, 1_000_000_000)
     return {"stamp": {"sec": seconds, "nanosec": rest}}
 
 
-def _rule_state(
-    name: str,
-    status: str,
-    state: str | None,
-    previous: str | None,
-    trigger: str | None,
-    priority: float,
-    header: Message,
-) -> Message:
+def _rule_state(name: str, status: str, rule: RuleRecord | RuleView, header: Message) -> Message:
     return {
         "header": header,
         "rule": name,
         "status": status,
-        "state": state or "",
-        "previous_state": previous or "",
-        "trigger": trigger or "",
-        "priority": float(priority),
+        "state": rule.state or "",
+        "previous_state": rule.previous or "",
+        "trigger": rule.trigger or "",
+        "priority": float(rule.priority),
     }

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 from typing import Final, TypeAlias
 
-from rise_adapters.ros2.transport.port import Message, QoS
+from rise_adapters.ros2.transport.port import QoS
 from rise_engine.kernel.records import (
     ActionRecord,
     AnyRecord,
@@ -37,55 +37,47 @@ def log_line_for_record(record: AnyRecord) -> LogLine | None:
     """What is told of a record; None: nothing."""
     match record:
         case SessionRecord():
-            return _session(record)
+            return _session_line(record)
         case RobotRecord():
             level = {"connected": INFO, "degraded": WARN}.get(record.status, ERROR)
-            return level, _with(f"robot {record.status}", record.detail)
+            return level, _add_reason(f"robot {record.status}", record.detail)
         case StopRecord():
-            return _stop(record)
+            return _stop_line(record)
         case TaskRecord(status="REJECTED"):
-            return WARN, _with(
-                f"task rejected: {_task(record.function, record.behavior, record.source)}", record.reason
-            )
+            return WARN, _add_reason(f"task rejected: {_describe_task(record)}", record.reason)
         case TaskRecord(status="ABORTED"):
             what = "act failed" if record.function == "startCommunicationRobotAct" else "task failed"
-            return WARN, _with(f"{what}: {_task(record.function, record.behavior, record.source)}", record.reason)
+            return WARN, _add_reason(f"{what}: {_describe_task(record)}", record.reason)
         case ActionRecord(status="failed" | "timed-out" | "lost"):
-            return WARN, _with(f"action {record.status}: {record.type} of {record.act}", record.reason)
+            return WARN, _add_reason(f"action {record.status}: {record.type} of {record.act}", record.reason)
         case RuleRecord(status="faulted"):
-            return ERROR, _with(f"rule faulted: {record.name}", record.reason)
+            return ERROR, _add_reason(f"rule faulted: {record.name}", record.reason)
         case NoteRecord() if record.source == "engine" or record.source.startswith("ros:"):
             return INFO, f"note: {record.text}"
         case _:
             return None
 
 
-def log_line_for_refusal(task: Message) -> LogLine:
-    """Of a task that was rejected before it came to the record, as it stands on `rise/task_state`."""
-    what = _task(task["function_type"], task["domain_task_behavior"], task["source"])
-    return WARN, _with(f"task rejected: {what}", task["reason"])
-
-
-def _session(record: SessionRecord) -> LogLine:
+def _session_line(record: SessionRecord) -> LogLine:
     if record.status == "ended":
-        return INFO, _with("session ended", record.reason)
+        return INFO, _add_reason("session ended", record.reason)
     about = f"{record.scenario}, mode {record.mode}, robot {record.robot}" if record.scenario else record.reason
-    return (INFO if record.status == "started" else WARN), _with(f"session {record.status}", about)
+    return (INFO if record.status == "started" else WARN), _add_reason(f"session {record.status}", about)
 
 
-def _stop(record: StopRecord) -> LogLine:
+def _stop_line(record: StopRecord) -> LogLine:
     if record.status == "requested":
         return WARN, f"stop requested by {record.source}"
     if record.status == "released":
         return INFO, f"stop released by {record.source}"
     if record.unconfirmed:
         return ERROR, f"stopped, but NOT confirmed by {', '.join(record.unconfirmed)}"
-    return WARN, _with("stopped", (record.confirmed and f"confirmed by {', '.join(record.confirmed)}") or "")
+    return WARN, _add_reason("stopped", f"confirmed by {', '.join(record.confirmed)}" if record.confirmed else "")
 
 
-def _task(function: str, behavior: str, source: str) -> str:
-    return f"{' '.join(filter(None, [function, behavior]))[:_LONGEST]} (from {source})"
+def _describe_task(record: TaskRecord) -> str:
+    return f"{' '.join(filter(None, [record.function, record.behavior]))[:_LONGEST]} (from {record.source})"
 
 
-def _with(what: str, why: str) -> str:
+def _add_reason(what: str, why: str) -> str:
     return f"{what}: {why}" if why else what

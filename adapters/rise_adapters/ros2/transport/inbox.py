@@ -65,7 +65,7 @@ class Inbox:
                     self._room.notify_all()
             try:
                 call()
-            except Exception as error:
+            except Exception as error:  # of whoever listens: what else came is dealt with
                 self._loop.call_exception_handler(
                     {"message": f"what was received from ROS was not dealt with: {error}", "exception": error}
                 )

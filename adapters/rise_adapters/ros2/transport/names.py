@@ -40,14 +40,14 @@ class NameResolver:
         self.node = self._join(self.namespace, check_node(node))
         self._remaps: dict[str, str] = {}
         for source, target in remaps:
-            self._remaps.setdefault(self._full(source), self._full(target))
+            self._remaps.setdefault(self._make_absolute(source), self._make_absolute(target))
 
     def resolve(self, name: str) -> str:
         """The full name. Raises PortError for a name that cannot be."""
-        full = self._full(name)
+        full = self._make_absolute(name)
         return self._remaps.get(full, full)
 
-    def _full(self, name: str) -> str:
+    def _make_absolute(self, name: str) -> str:
         if not _NAME.fullmatch(name):
             raise PortError(
                 f"{name!r} cannot be a name in ROS: one is made of letters, digits and _, with single / between parts"

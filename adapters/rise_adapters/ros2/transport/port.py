@@ -102,7 +102,7 @@ class Publisher(Closable, Protocol):
 class Subscription(Closable, Protocol):
     """Hears the messages of one type on one topic."""
 
-    def publishers(self) -> int:
+    def count_publishers(self) -> int:
         """Count the publishers that it hears now: of its type, and promising what it asks for.
 
         :returns: how many.
@@ -120,11 +120,11 @@ class ServiceClient(Closable, Protocol):
         """
         ...
 
-    def call(self, request: Message, answer: Callable[[Message], None]) -> None:
+    def call(self, request: Message, on_response: Callable[[Message], None]) -> None:
         """Send a request.
 
         :param request: its fields by name, as of `Publisher.publish`.
-        :param answer: gets the response, if ever one comes; there is no deadline here.
+        :param on_response: gets the response, if ever one comes; there is no deadline here.
         :raises PortError: as `Publisher.publish`.
         """
         ...
@@ -170,24 +170,27 @@ class Transport(Protocol):
         """
         ...
 
-    def subscribe(self, topic: str, type: str, taken: Callable[[Message], None], qos: QoS = RELIABLE) -> Subscription:
+    def subscribe(
+        self, topic: str, type: str, on_message: Callable[[Message], None], qos: QoS = RELIABLE
+    ) -> Subscription:
         """Hear a topic, until what is returned is closed.
 
         :param topic: its name, which is resolved.
         :param type: of the messages, `PKG/msg/NAME`.
-        :param taken: called with each message. One that cannot be read is reported to the loop's exception handler and
-            left out.
+        :param on_message: called with each message. One that cannot be read is reported to the loop's exception handler
+            and left out.
         :param qos: what the subscription asks for; publishers that promise less are not heard.
         :raises PortError: as `publisher`.
         """
         ...
 
-    def serve(self, name: str, type: str, asked: Callable[[Message, SendReply], None]) -> Closable:
+    def serve(self, name: str, type: str, on_request: Callable[[Message, SendReply], None]) -> Closable:
         """Offer a service, until what is returned is closed.
 
         :param name: of the service, which is resolved.
         :param type: of the service, `PKG/srv/NAME`.
-        :param asked: called with each request and with what sends the answer to it, at once or later.
+        :param on_request: called with each request and with what sends the answer to it, at once or later. One that
+            cannot be read is reported as in `subscribe`, and has no answer.
         :raises PortError: as `publisher`.
         """
         ...
@@ -223,13 +226,6 @@ class Transport(Protocol):
         ...
 
     # --- what others have ---------------------------------------------------------------------------------------
-
-    def graph_version(self) -> int | None:
-        """Tell whether what the following calls answer may have changed.
-
-        :returns: a number that grows with every change of what is seen; None: this transport cannot tell, look again.
-        """
-        ...
 
     def publisher_endpoints(self, topic: str) -> list[RemoteEndpoint]:
         """List what other nodes have that publishes on a topic.

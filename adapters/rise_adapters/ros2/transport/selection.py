@@ -25,15 +25,12 @@ def why_unavailable() -> dict[TransportKind, str]:
 def select_transport(choice: str) -> TransportKind:
     """The transport that `auto`, `rclpy` or `dds` means here. Raises BridgeError."""
     missing = why_unavailable()
-    if choice == "rclpy" or (choice == "auto" and not missing["rclpy"]):
-        if missing["rclpy"]:
-            raise BridgeError([missing["rclpy"]])
-        return "rclpy"
-    if choice == "dds" or not missing["dds"]:
-        if missing["dds"]:
-            raise BridgeError([missing["dds"]])
-        return "dds"
-    raise BridgeError([*missing.values(), "to rehearse without a robot: --mode debug"])
+    wanted = [kind for kind in missing if choice in (kind, "auto")]
+    for kind in wanted:
+        if not missing[kind]:
+            return kind
+    hints = ["to rehearse without a robot: --mode debug"] if choice == "auto" else []
+    raise BridgeError([*(missing[kind] for kind in wanted), *hints])
 
 
 async def open_transport(

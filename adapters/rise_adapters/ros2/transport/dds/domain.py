@@ -8,6 +8,7 @@ A domain has one configuration in a process, the first; transports of the same d
 from __future__ import annotations
 
 import os
+from collections import Counter
 from collections.abc import Mapping
 from threading import Lock
 from xml.sax.saxutils import quoteattr
@@ -22,29 +23,26 @@ LARGEST_DOMAIN = 232
 """Above it the ports that DDS computes do not exist."""
 _MOST_PARTICIPANTS = 32
 """How many programs find each other on one machine without multicast, as in rmw_cyclonedds."""
+_LEASE_SECONDS = 1.0
+"""Without a sign of life after which others take this program for dead."""
 
 
-def domain_id(environment: Mapping[str, str] = os.environ) -> int:
-    """`ROS_DOMAIN_ID`, 0 when it is not set. Raises PortError when it is no number."""
-    text = environment.get("ROS_DOMAIN_ID", "").strip()
-    return check_domain_id(text or "0", "ROS_DOMAIN_ID")
-
-
-def check_domain_id(text: str | int, what: str = "the ROS domain") -> int:
+def read_domain_id(environment: Mapping[str, str]) -> int:
+    """`ROS_DOMAIN_ID`, 0 when it is not set. Raises PortError when it is no such number."""
+    text = environment.get("ROS_DOMAIN_ID", "").strip() or "0"
     try:
         number = int(text)
     except ValueError:
         number = -1
     if not 0 <= number <= LARGEST_DOMAIN:
-        raise PortError(f"{what} must be a number from 0 to {LARGEST_DOMAIN}, not {text!r}")
+        raise PortError(f"ROS_DOMAIN_ID must be a number from 0 to {LARGEST_DOMAIN}, not {text!r}")
     return number
 
 
-def configuration(lease: float, environment: Mapping[str, str] = os.environ) -> str:
-    """The configuration for Cyclone DDS. `lease`: seconds without a sign of life after which others take us for dead.
-    Raises PortError for a discovery range that does not exist."""
+def make_configuration(environment: Mapping[str, str]) -> str:
+    """The configuration for Cyclone DDS. Raises PortError for a discovery range that does not exist."""
     discovery, general = "", ""
-    reach, peers = _discovery_range(environment)
+    reach, peers = _read_discovery_range(environment)
     if reach in ("LOCALHOST", "OFF"):
         general = "<General><AllowMulticast>false</AllowMulticast></General>"
     if reach == "OFF":
@@ -55,12 +53,14 @@ def configuration(lease: float, environment: Mapping[str, str] = os.environ) -> 
         if peers:
             discovery += f"<Peers>{''.join(f'<Peer address={quoteattr(peer)}/>' for peer in peers)}</Peers>"
     # Signs of life at a quarter of the lease: one or two may get lost without anybody being taken for dead.
-    discovery += f"<LeaseDuration>{lease:.3f}s</LeaseDuration><SPDPInterval>{lease / 4:.3f}s</SPDPInterval>"
+    discovery += (
+        f"<LeaseDuration>{_LEASE_SECONDS:.3f}s</LeaseDuration><SPDPInterval>{_LEASE_SECONDS / 4:.3f}s</SPDPInterval>"
+    )
     own = f"<CycloneDDS><Domain>{general}<Discovery>{discovery}</Discovery></Domain></CycloneDDS>"
     return ",".join(part for part in (own, environment.get("CYCLONEDDS_URI", "")) if part)
 
 
-def _discovery_range(environment: Mapping[str, str]) -> tuple[str, list[str]]:
+def _read_discovery_range(environment: Mapping[str, str]) -> tuple[str, list[str]]:
     if environment.get("ROS_LOCALHOST_ONLY") == "1":
         return "LOCALHOST", ["localhost"]
     reach = environment.get("ROS_AUTOMATIC_DISCOVERY_RANGE", "") or "SUBNET"
@@ -72,33 +72,27 @@ def _discovery_range(environment: Mapping[str, str]) -> tuple[str, list[str]]:
     return reach, peers if reach == "SUBNET" else []
 
 
-class _SharedDomain:
-    def __init__(self, domain: Domain | None) -> None:
-        self.domain = domain
-        self.users = 0
-
-
-_domains: dict[int, _SharedDomain] = {}
+_domains: dict[int, Domain | None] = {}
+_users: Counter[int] = Counter()
 _lock = Lock()
 
 
-def acquire_domain(number: int, lease: float, environment: Mapping[str, str] = os.environ) -> None:
-    """Have the domain configured; to be paired with `release`. Raises PortError when the configuration is wrong."""
+def acquire_domain(number: int, environment: Mapping[str, str]) -> None:
+    """Have the domain configured, to be paired with `release_domain`. Raises PortError: the configuration is wrong."""
     with _lock:
         if number not in _domains:
-            _domains[number] = _SharedDomain(_create(number, configuration(lease, environment)))
-        _domains[number].users += 1
+            _domains[number] = _create_domain(number, make_configuration(environment))
+        _users[number] += 1
 
 
 def release_domain(number: int) -> None:
     with _lock:
-        shared = _domains[number]
-        shared.users -= 1
-        if not shared.users:
+        _users[number] -= 1
+        if not _users[number]:
             del _domains[number]
 
 
-def _create(number: int, config: str) -> Domain | None:
+def _create_domain(number: int, config: str) -> Domain | None:
     try:
         return Domain(number, config)
     except DDSException as error:

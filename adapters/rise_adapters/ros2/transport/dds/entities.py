@@ -40,7 +40,7 @@ def dds_qos(qos: QoS, data: Mapping[str, str], *, reader: bool) -> Qos:
         Policy.History.KeepLast(depth),
         Policy.Durability.TransientLocal if qos.latched else Policy.Durability.Volatile,
         Policy.DataRepresentation(use_cdrv0_representation=True),
-        Policy.Userdata(names.user_data(data)),
+        Policy.Userdata(names.encode_user_data(data)),
     ]
     if qos.latched and not reader:
         chosen.append(Policy.DurabilityService(0, Policy.History.KeepLast(depth), -1, -1, -1))

@@ -7,7 +7,7 @@ has.
 from __future__ import annotations
 
 import ctypes
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Sequence
 from typing import Any, TypeAlias
 
 from cyclonedds import _clayer
@@ -23,19 +23,26 @@ CYCLONE = bytes.fromhex(vendors.CYCLONE)
 """What the ids of its participants and endpoints begin with."""
 
 
+class DdsParticipant(Struct, frozen=True):
+    """A program that talks DDS."""
+
+    key: bytes
+    alive: bool = True
+
+
 class DdsEndpoint(Struct, frozen=True):
     """A reader or a writer of somebody."""
 
     key: bytes
     """Its id; the first 12 bytes are those of its participant."""
-    participant: bytes
-    topic: str
+    topic: str = ""
     """As DDS has it: `rt/chatter`."""
-    type: str
+    type: str = ""
     """As ROS has it; empty when it is none of ROS."""
-    user_data: dict[str, str]
+    user_data: dict[str, str] = {}
     """Its user data: `typehash`, `serviceid`, `clientid`."""
     qos: QoS | None = None
+    alive: bool = True
 
     @property
     def is_cyclone(self) -> bool:
@@ -46,38 +53,30 @@ _Announcement: TypeAlias = tuple[bytes, QoS | None]
 """Of what an endpoint announces: its user data, and its quality of service."""
 
 
-class VanishedEntity(Struct, frozen=True):
-    key: bytes
-
-
-class SeenParticipant(Struct, frozen=True):
-    key: bytes
-
-
 def take_participants(reader: int, most: int) -> Any:
-    def made(key: bytes, data: bytes, info: Any) -> SeenParticipant | VanishedEntity:
-        return SeenParticipant(key) if info.instance_state == InstanceState.Alive else VanishedEntity(key)
+    def make_participant(key: bytes, data: bytes, info: Any) -> DdsParticipant:
+        return DdsParticipant(key, info.instance_state == InstanceState.Alive)
 
-    return _clayer.ddspy_take_participant(reader, most, made, _no_qos)
+    return _clayer.ddspy_take_participant(reader, most, make_participant, _read_nothing)
 
 
 def take_endpoints(reader: int, most: int) -> Any:
-    return _clayer.ddspy_take_endpoint(reader, most, _endpoint, _read_announcement)
+    return _clayer.ddspy_take_endpoint(reader, most, _make_endpoint, _read_announcement)
 
 
-def matched_reader(writer: int, handle: int) -> DdsEndpoint | None:
+def find_matched_reader(writer: int, handle: int) -> DdsEndpoint | None:
     """Who a matched reader is; None when it is gone."""
-    found = _clayer.ddspy_get_matched_subscription_data(writer, handle, _endpoint, _read_announcement)
+    found = _clayer.ddspy_get_matched_subscription_data(writer, handle, _make_endpoint, _read_announcement)
     return found if isinstance(found, DdsEndpoint) else None
 
 
-def matched_writer(reader: int, handle: int) -> DdsEndpoint | None:
+def find_matched_writer(reader: int, handle: int) -> DdsEndpoint | None:
     """Who a matched writer is; None when it is gone."""
-    found = _clayer.ddspy_get_matched_publication_data(reader, handle, _endpoint, _read_announcement)
+    found = _clayer.ddspy_get_matched_publication_data(reader, handle, _make_endpoint, _read_announcement)
     return found if isinstance(found, DdsEndpoint) else None
 
 
-def _endpoint(
+def _make_endpoint(
     key: bytes,
     participant: bytes,
     handle: int,
@@ -86,11 +85,11 @@ def _endpoint(
     announcement: _Announcement,
     info: Any,
     type_id: Any,
-) -> DdsEndpoint | VanishedEntity:
+) -> DdsEndpoint:
     if info is not None and info.instance_state != InstanceState.Alive:
-        return VanishedEntity(key)
+        return DdsEndpoint(key, alive=False)
     data, qos = announcement
-    return DdsEndpoint(key, participant, topic or "", names.ros_type(type or ""), names.read_user_data(data), qos)
+    return DdsEndpoint(key, topic or "", names.ros_type(type or ""), names.decode_user_data(data), qos)
 
 
 # What is read of a QoS is read one by one and not by the library's own conversion of whole QoS objects: that is slow,
@@ -104,10 +103,10 @@ def _read_announcement(pointer: int) -> _Announcement:
         ctypes.c_void_p(pointer), ctypes.byref(reliable), ctypes.byref(blocking)
     ) and _CQos._get_durability(ctypes.c_void_p(pointer), ctypes.byref(durable)):
         qos = QoS(reliable=bool(reliable.value), latched=bool(durable.value))
-    return _user_data(pointer), qos
+    return _read_user_data(pointer), qos
 
 
-def _user_data(pointer: int) -> bytes:
+def _read_user_data(pointer: int) -> bytes:
     value, size = ctypes.c_void_p(), ctypes.c_size_t()
     if not _CQos._get_userdata(ctypes.c_void_p(pointer), ctypes.byref(value), ctypes.byref(size)) or not value.value:
         return b""
@@ -116,8 +115,12 @@ def _user_data(pointer: int) -> bytes:
     return data
 
 
-def _no_qos(pointer: int) -> bytes:
+def _read_nothing(pointer: int) -> bytes:
     return b""
+
+
+_Endpoints: TypeAlias = dict[str, dict[bytes, DdsEndpoint]]
+"""By topic and id, those that read, or those that write."""
 
 
 class DdsGraph:
@@ -125,113 +128,89 @@ class DdsGraph:
 
     def __init__(self, own: bytes) -> None:
         """`own`: the id of this participant."""
-        self.version = 0
-        """Grows with whatever is seen of anybody."""
         self._own = own[:12]
         self._participants: set[bytes] = {own}
-        self._readers = _EndpointIndex()
-        self._writers = _EndpointIndex()
-        self._nodes: dict[bytes, dict[str, int]] = {}
-        """By participant, its nodes: how many there are of each name."""
+        self._readers: _Endpoints = {}
+        self._writers: _Endpoints = {}
+        self._nodes: dict[bytes, list[str]] = {}
+        """By participant, the names of its nodes."""
         self._owners: dict[bytes, dict[bytes, str]] = {}
-        """By participant, the node that each of its endpoints belongs to."""
+        """By the first 12 bytes of a participant's id, the node that each of its endpoints belongs to."""
 
-    def update_participant(self, seen: SeenParticipant | VanishedEntity) -> None:
-        self.version += 1
-        if isinstance(seen, SeenParticipant):
+    def update_participant(self, seen: DdsParticipant) -> None:
+        if seen.alive:
             self._participants.add(seen.key)
         else:
             self._participants.discard(seen.key)
             self._nodes.pop(seen.key, None)
             self._owners.pop(seen.key[:12], None)
 
-    def update_reader(self, seen: DdsEndpoint | VanishedEntity) -> None:
-        self.version += 1
-        self._readers.update(seen)
+    def update_reader(self, seen: DdsEndpoint) -> None:
+        _update_endpoints(self._readers, seen)
 
-    def update_writer(self, seen: DdsEndpoint | VanishedEntity) -> None:
-        self.version += 1
-        self._writers.update(seen)
+    def update_writer(self, seen: DdsEndpoint) -> None:
+        _update_endpoints(self._writers, seen)
 
-    def set_nodes(self, participant: bytes, nodes: Iterable[tuple[str, Iterable[bytes]]]) -> None:
+    def set_nodes(self, participant: bytes, nodes: Sequence[tuple[str, Iterable[bytes]]]) -> None:
         """A participant says which nodes it has, and the ids of what each of them has."""
-        self.version += 1
-        counts: dict[str, int] = {}
-        owners: dict[bytes, str] = {}
-        for node, keys in nodes:
-            counts[node] = counts.get(node, 0) + 1
-            owners.update(dict.fromkeys(keys, node))
-        self._nodes[participant] = counts
-        self._owners[participant[:12]] = owners
+        self._nodes[participant] = [node for node, _ in nodes]
+        self._owners[participant[:12]] = {key: node for node, keys in nodes for key in keys}
 
-    def writer_nodes(self, topic: str) -> list[str]:
+    def find_writer_nodes(self, topic: str) -> list[str]:
         """The nodes of others that write a DDS topic, as far as they say so."""
-        return sorted({end.node for end in self.writers(topic) if end.node})
+        return sorted({end.node for end in self.find_writers(topic) if end.node})
 
     def nodes(self) -> list[str]:
         """Full names, each as often as it is there."""
         return sorted(
-            node
-            for participant, nodes in self._nodes.items()
-            if participant in self._participants
-            for node, count in nodes.items()
-            for _ in range(count)
+            node for participant, nodes in self._nodes.items() if participant in self._participants for node in nodes
         )
 
-    def writers(self, topic: str) -> list[RemoteEndpoint]:
+    def find_writers(self, topic: str) -> list[RemoteEndpoint]:
         """Those of others that write a DDS topic."""
-        return self._others(self._writers, topic)
+        return self._find_of_others(self._writers, topic)
 
-    def readers(self, topic: str) -> list[RemoteEndpoint]:
+    def find_readers(self, topic: str) -> list[RemoteEndpoint]:
         """Those of others that read a DDS topic."""
-        return self._others(self._readers, topic)
+        return self._find_of_others(self._readers, topic)
 
     def topics(self) -> list[str]:
         """The topics of ROS (without those of services) on which others have something."""
         found = {
             topic
-            for index in (self._readers, self._writers)
-            for topic, ends in index.by_topic.items()
-            if any(end.participant[:12] != self._own for end in ends.values())
+            for endpoints in (self._readers, self._writers)
+            for topic, ends in endpoints.items()
+            if any(not key.startswith(self._own) for key in ends)
         }
         return sorted(name for topic in found if (name := names.ros_topic(topic)))
 
     def programs_of_other_vendors(self) -> list[tuple[str, str]]:
         """Programs that use other software for DDS than Cyclone, or talk DDS but are not ROS 2."""
         return [
-            (", ".join(self._nodes.get(key, ())) or f"without named nodes ({key[:12].hex()})", key[:2].hex())
+            (
+                ", ".join(dict.fromkeys(self._nodes.get(key, ()))) or f"without named nodes ({key[:12].hex()})",
+                key[:2].hex(),
+            )
             for key in sorted(self._participants)
             if key[:2] != CYCLONE
         ]
 
-    def _others(self, index: _EndpointIndex, topic: str) -> list[RemoteEndpoint]:
-        return [self._end(end) for end in index.on_topic(topic) if end.participant[:12] != self._own]
+    def _find_of_others(self, endpoints: _Endpoints, topic: str) -> list[RemoteEndpoint]:
+        return [
+            RemoteEndpoint(
+                self._owners.get(key[:12], {}).get(key, ""),
+                end.type,
+                end.user_data.get("typehash", ""),
+                key[:2].hex(),
+                end.qos,
+            )
+            for key, end in endpoints.get(topic, {}).items()
+            if not key.startswith(self._own)
+        ]
 
-    def _end(self, end: DdsEndpoint) -> RemoteEndpoint:
-        owner = self._owners.get(end.participant[:12], _NO_OWNERS).get(end.key, "")
-        return RemoteEndpoint(owner, end.type, end.user_data.get("typehash", ""), end.key[:2].hex(), end.qos)
 
-
-_NO_OWNERS: Mapping[bytes, str] = {}
-
-
-class _EndpointIndex:
-    """Those that read, or those that write."""
-
-    def __init__(self) -> None:
-        self.by_topic: dict[str, dict[bytes, DdsEndpoint]] = {}
-        self._topics: dict[bytes, str] = {}
-
-    def update(self, seen: DdsEndpoint | VanishedEntity) -> None:
-        before = self._topics.pop(seen.key, None)
-        if before is not None:
-            ends = self.by_topic[before]
-            del ends[seen.key]
-            if not ends:
-                del self.by_topic[before]
-        if isinstance(seen, DdsEndpoint):
-            self._topics[seen.key] = seen.topic
-            self.by_topic.setdefault(seen.topic, {})[seen.key] = seen
-
-    def on_topic(self, topic: str) -> list[DdsEndpoint]:
-        return list(self.by_topic.get(topic, {}).values())
+def _update_endpoints(endpoints: _Endpoints, seen: DdsEndpoint) -> None:
+    for known in endpoints.values():
+        known.pop(seen.key, None)
+    if seen.alive:
+        endpoints.setdefault(seen.topic, {})[seen.key] = seen

@@ -1,7 +1,7 @@
 """Makes the type descriptions that Cyclone DDS wants of each topic, from ROS definitions.
 
-Only described here: the bytes themselves are made by `types.cdr`. Cyclone checks what comes in against the description,
-and sends it along for nodes that look at types (those of ROS do not).
+Only described here: the bytes themselves are made by `interfaces.cdr`. Cyclone checks what comes in against the
+description, and sends it along for nodes that look at types (those of ROS do not).
 """
 
 from __future__ import annotations
@@ -13,14 +13,14 @@ from cyclonedds.idl import types as idl
 
 from rise_adapters.ros2.transport.dds.names import dds_type
 from rise_adapters.ros2.transport.interfaces import InterfaceCatalog, InterfaceDefinition, InterfaceFieldType
+from rise_adapters.ros2.transport.interfaces.definitions import INTEGER_RANGES
 from rise_adapters.ros2.transport.interfaces.hashes import PLACEHOLDER_FIELD
 
 _PRIMITIVES: dict[str, Any] = {
     "bool": bool,
     "string": str,
     "byte": idl.byte,
-    **{name: getattr(idl, name) for name in ("int8", "uint8", "int16", "uint16", "int32", "uint32", "int64", "uint64")},
-    **{name: getattr(idl, name) for name in ("float32", "float64")},
+    **{name: getattr(idl, name) for name in (*INTEGER_RANGES, "float32", "float64")},
 }
 _LARGEST_BOUND = 65535
 """Cyclone's descriptions know no larger; such a sequence is described as one without a bound."""
@@ -34,16 +34,16 @@ class IdlTypes:
         self._types = types
         self._made: dict[tuple[str, bool], type[IdlStruct]] = {}
 
-    def get(self, type: str, headed: bool = False) -> type[IdlStruct]:
+    def find_or_make(self, type: str, headed: bool = False) -> type[IdlStruct]:
         """The description of a message; `headed`: of a request or reply, which begins with whose and which it is."""
-        made = self._made.get((type, headed))
-        if made is None:
+        found = self._made.get((type, headed))
+        if found is None:
             definition = self._types.message_definition(type)
-            made = self._made[type, headed] = self._make(definition, _HEADER if headed else {})
-        return made
+            found = self._made[type, headed] = self._make_type(definition, _HEADER if headed else {})
+        return found
 
-    def _make(self, definition: InterfaceDefinition, header: dict[str, Any]) -> type[IdlStruct]:
-        fields = {field.name: self._field(field.type) for field in definition.fields}
+    def _make_type(self, definition: InterfaceDefinition, header: dict[str, Any]) -> type[IdlStruct]:
+        fields = {field.name: self._field_type(field.type) for field in definition.fields}
         return make_idl_struct(
             definition.name.replace("/", "_"),
             dds_type(definition.name),
@@ -51,8 +51,8 @@ class IdlTypes:
             dataclassify=False,
         )
 
-    def _field(self, type: InterfaceFieldType) -> Any:
-        element = self.get(type.base) if type.is_nested else _PRIMITIVES[type.base]
+    def _field_type(self, type: InterfaceFieldType) -> Any:
+        element = self.find_or_make(type.base) if type.is_nested else _PRIMITIVES[type.base]
         if type.length:
             element = idl.bounded_str[type.length]  # type: ignore[misc]
         if type.container == "array":

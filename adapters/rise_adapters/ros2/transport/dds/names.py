@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 
-def topic(name: str) -> str:
+def dds_topic(name: str) -> str:
     return f"rt{name}"
 
 
@@ -14,11 +14,11 @@ def ros_topic(name: str) -> str:
     return name[2:] if name.startswith("rt/") else ""
 
 
-def request(service: str) -> str:
+def request_topic(service: str) -> str:
     return f"rq{service}Request"
 
 
-def reply(service: str) -> str:
+def reply_topic(service: str) -> str:
     return f"rr{service}Reply"
 
 
@@ -36,11 +36,11 @@ def ros_type(name: str) -> str:
     return f"{parts[0]}/{parts[1]}/{parts[3][:-1]}"
 
 
-def user_data(entries: Mapping[str, str]) -> bytes:
+def encode_user_data(entries: Mapping[str, str]) -> bytes:
     """`typehash=RIHS01_...;` and the like, as every endpoint and participant of ROS carries it."""
     return "".join(f"{key}={value};" for key, value in entries.items()).encode()
 
 
-def read_user_data(data: bytes) -> dict[str, str]:
+def decode_user_data(data: bytes) -> dict[str, str]:
     pairs = (entry.partition("=") for entry in data.decode("ascii", "replace").split(";"))
     return {key: value for key, equals, value in pairs if equals}

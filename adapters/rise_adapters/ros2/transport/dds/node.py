@@ -4,9 +4,8 @@
 from __future__ import annotations
 
 import asyncio
-import os
 from collections.abc import Mapping
-from typing import Any, TypeVar
+from typing import Any
 
 from cyclonedds.builtin import (
     BuiltinDataReader,
@@ -17,24 +16,20 @@ from cyclonedds.builtin import (
 from cyclonedds.core import DDSException
 from cyclonedds.domain import DomainParticipant
 from cyclonedds.qos import Policy, Qos
-from cyclonedds.sub import DataReader
 
 from rise_adapters.ros2.transport.dds import domain as domains
 from rise_adapters.ros2.transport.dds import graph, names
 from rise_adapters.ros2.transport.dds.entities import DdsWriter, dds_qos, delete_entity, make_reader
 from rise_adapters.ros2.transport.dds.idl import IdlTypes
-from rise_adapters.ros2.transport.dds.reader_thread import ReaderThread
+from rise_adapters.ros2.transport.dds.reader_thread import DdsReader, HandleSample, ReaderThread
 from rise_adapters.ros2.transport.interfaces import InterfaceCatalog
-from rise_adapters.ros2.transport.port import Closable, PortError, QoS
+from rise_adapters.ros2.transport.port import PortError, QoS
 
 _DISCOVERY_TOPIC = "ros_discovery_info"
 _DISCOVERY_TYPE = "rmw_dds_common/msg/ParticipantEntitiesInfo"
 _DISCOVERY_QOS = QoS(depth=1, latched=True)
 _CLOSING_SECONDS = 1.0
 """How long closing waits for the reading thread at most."""
-
-
-_Kept = TypeVar("_Kept", bound=Closable)
 
 
 class DdsNode:
@@ -45,21 +40,20 @@ class DdsNode:
         loop: asyncio.AbstractEventLoop,
         name: str,
         types: InterfaceCatalog,
-        *,
         domain: int,
-        lease: float,
-        environment: Mapping[str, str] = os.environ,
+        environment: Mapping[str, str],
     ) -> None:
-        """`name`: the full name. `lease`: seconds without a sign of life after which others take this node for dead.
-        Raises PortError when DDS does not start."""
+        """`name`: the full name. Raises PortError when DDS does not start."""
         self.loop = loop
         self.name = name
         self.types = types
         self._idl = IdlTypes(types)
         self._domain = domain
-        domains.acquire_domain(domain, lease, environment)
+        domains.acquire_domain(domain, environment)
         try:
-            self._participant = DomainParticipant(domain, Qos(Policy.Userdata(names.user_data({"enclave": "/"}))))
+            self._participant = DomainParticipant(
+                domain, Qos(Policy.Userdata(names.encode_user_data({"enclave": "/"})))
+            )
         except DDSException as error:
             domains.release_domain(domain)
             raise PortError(
@@ -69,54 +63,41 @@ class DdsNode:
         self._gid = self._participant.guid.bytes
         self.closed = False
         self._services = 0
-        self._open: dict[Closable, None] = {}
-        """What is to be closed with it."""
-        self._reader_gids: dict[bytes, None] = {}
-        self._writer_gids: dict[bytes, None] = {}
+        self._gids: dict[DdsReader | DdsWriter, bytes] = {}
+        """The ids of the readers and writers that it has given out."""
         self._announcing = False
         self.reader_thread = ReaderThread(loop, self._participant, f"dds {name}")
         self.graph = graph.DdsGraph(self._gid)
-        self._watched: list[DataReader[Any]] = []
         self._watch_builtin_topics()
         self._watch_discovery_info()
         self._announce()
 
-    def keep(self, one: _Kept) -> _Kept:
-        """Have it closed with this node, unless it is given to `release` before."""
-        self._open[one] = None
-        return one
-
-    def release(self, one: Closable, writer: DdsWriter | None, reader: DataReader[Any] | None) -> None:
-        """For what is closed: delete its entities, and tell the others."""
-        self._open.pop(one, None)
-        if reader is not None:
-            self._reader_gids.pop(reader.guid.bytes, None)
-            delete_entity(reader)
-        if writer is not None:
-            self._writer_gids.pop(writer.gid, None)
-            writer.close()
+    def open_writer(self, topic: str, type: str, qos: QoS, ids: Mapping[str, str] | None = None) -> DdsWriter:
+        """A writer of a DDS topic, to be given to `release` in the end. `ids`: of an end of a service, what it says of
+        itself; its messages begin with whose request it is and which one. Raises PortError: the type is not known, DDS
+        refuses, or this node is closed."""
+        settings = self._make_settings(type, qos, ids, reader=False)
+        writer = DdsWriter(self.loop, self._participant, topic, *settings)
+        self._gids[writer] = writer.gid
         self._announce_soon()
+        return writer
 
-    def writer(
-        self, topic: str, type: str, qos: QoS, user_data: Mapping[str, str] | None = None, *, headed: bool = False
-    ) -> DdsWriter:
-        """A writer of a DDS topic. `headed`: of requests or replies, which begin with whose and which they are.
-        Raises PortError: the type is not known, DDS refuses, or this node is closed."""
-        made = DdsWriter(
-            self.loop, self._participant, topic, *self._described(type, qos, user_data, headed, reader=False)
-        )
-        self._writer_gids[made.gid] = None
+    def open_reader(
+        self, topic: str, type: str, qos: QoS, on_sample: HandleSample, ids: Mapping[str, str] | None = None
+    ) -> DdsReader:
+        """As `open_writer`. `on_sample` is given pairs of bytes and `SampleInfo`."""
+        reader = make_reader(self._participant, topic, *self._make_settings(type, qos, ids, reader=True))
+        watched = self.reader_thread.add(reader, on_sample)
+        self._gids[watched] = reader.guid.bytes
         self._announce_soon()
-        return made
+        return watched
 
-    def reader(
-        self, topic: str, type: str, qos: QoS, user_data: Mapping[str, str] | None = None, *, headed: bool = False
-    ) -> DataReader[Any]:
-        """As `writer`."""
-        made = make_reader(self._participant, topic, *self._described(type, qos, user_data, headed, reader=True))
-        self._reader_gids[made.guid.bytes] = None
+    def release(self, *entities: DdsReader | DdsWriter) -> None:
+        """Close what `open_reader` and `open_writer` gave out, and tell the others. (The rest is closed with it.)"""
+        for entity in entities:
+            entity.close()
+            self._gids.pop(entity, None)
         self._announce_soon()
-        return made
 
     def new_service_id(self) -> str:
         """By which others see that a reader and a writer are two ends of one client or server."""
@@ -127,45 +108,38 @@ class DdsNode:
         if self.closed:
             return
         self.closed = True
-        for one in tuple(self._open):
-            one.close()
-        self._info.close()
+        for entity in (*self._gids, self._info):
+            entity.close()
         self.reader_thread.close(_CLOSING_SECONDS)
-        for reader in self._watched:
-            delete_entity(reader)
         delete_entity(self._participant)
         domains.release_domain(self._domain)
 
-    def _described(
-        self, type: str, qos: QoS, user_data: Mapping[str, str] | None, headed: bool, *, reader: bool
+    def _make_settings(
+        self, type: str, qos: QoS, ids: Mapping[str, str] | None = None, *, reader: bool
     ) -> tuple[Any, Qos]:
         if self.closed:
             raise PortError("the transport is closed")
-        data = {**(user_data or {}), "typehash": self.types.type_hash(type)}
-        return self._idl.get(type, headed), dds_qos(qos, data, reader=reader)
+        data = {**(ids or {}), "typehash": self.types.type_hash(type)}
+        return self._idl.find_or_make(type, headed=bool(ids)), dds_qos(qos, data, reader=reader)
 
     # --- who is there ---------------------------------------------------------------------------------------------
 
     def _watch_builtin_topics(self) -> None:
-        for topic, taken, take in (
+        for topic, update, take in (
             (BuiltinTopicDcpsParticipant, self.graph.update_participant, graph.take_participants),
             (BuiltinTopicDcpsSubscription, self.graph.update_reader, graph.take_endpoints),
             (BuiltinTopicDcpsPublication, self.graph.update_writer, graph.take_endpoints),
         ):
-            reader = BuiltinDataReader(self._participant, topic)
-            self.reader_thread.add(reader, taken, take)
-            self._watched.append(reader)
+            self.reader_thread.add(BuiltinDataReader(self._participant, topic), update, take)
 
     def _watch_discovery_info(self) -> None:
         self._codec = self.types.codec(_DISCOVERY_TYPE)
-        idl, qos = self._described(_DISCOVERY_TYPE, _DISCOVERY_QOS, None, False, reader=False)
+        idl, qos = self._make_settings(_DISCOVERY_TYPE, _DISCOVERY_QOS, reader=False)
         self._info = DdsWriter(self.loop, self._participant, _DISCOVERY_TOPIC, idl, qos)
-        _, qos = self._described(_DISCOVERY_TYPE, _DISCOVERY_QOS, None, False, reader=True)
+        _, qos = self._make_settings(_DISCOVERY_TYPE, _DISCOVERY_QOS, reader=True)
         # All, because it has no key: the last of one participant must not replace that of another.
         qos = qos - Qos(Policy.History.KeepLast(1)) + Qos(Policy.History.KeepAll)
-        reader = make_reader(self._participant, _DISCOVERY_TOPIC, idl, qos)
-        self.reader_thread.add(reader, self._on_discovery_info)
-        self._watched.append(reader)
+        self.reader_thread.add(make_reader(self._participant, _DISCOVERY_TOPIC, idl, qos), self._on_discovery_info)
 
     def _on_discovery_info(self, sample: tuple[bytes, Any]) -> None:
         data, info = sample
@@ -195,7 +169,7 @@ class DdsNode:
         node = {
             "node_namespace": namespace or "/",
             "node_name": name,
-            "reader_gid_seq": [{"data": gid} for gid in self._reader_gids],
-            "writer_gid_seq": [{"data": gid} for gid in self._writer_gids],
+            "reader_gid_seq": [{"data": gid} for entity, gid in self._gids.items() if isinstance(entity, DdsReader)],
+            "writer_gid_seq": [{"data": gid} for entity, gid in self._gids.items() if isinstance(entity, DdsWriter)],
         }
         self._info.write(self._codec.pack({"gid": {"data": self._gid}, "node_entities_info_seq": [node]}))

@@ -40,21 +40,34 @@ def take_samples(reader: int, most: int) -> Any:
     return _clayer.ddspy_take(reader, _ANY, most)
 
 
-class ReadSource:
-    """One reader that is read."""
+class DdsReader:
+    """One reader that the thread reads, until it is closed. Its methods belong to the loop's thread."""
 
-    def __init__(self, reader: DataReader[Any], taken: HandleSample, take: TakeSamples) -> None:
-        self.reader = reader
-        self.handler = taken
+    def __init__(
+        self, reader: DataReader[Any], on_sample: HandleSample, take: TakeSamples, closed: Callable[[DdsReader], None]
+    ) -> None:
+        self.is_open = True
+        self.handle = int(reader._ref)
         self.take = take
         self.condition = ReadCondition(reader, _NOT_READ)
-        self.handle = int(reader._ref)
-        self.open = True
+        self._reader = reader
+        self._on_sample = on_sample
+        self._closed = closed
 
-    def deliver(self, one: Any) -> None:
-        """On the loop."""
-        if self.open:
-            self.handler(one)
+    def matched_writers(self) -> list[int]:
+        """Handles of the writers that it hears."""
+        return self._reader.get_matched_publications() if self.is_open else []
+
+    def deliver(self, sample: Any) -> None:
+        if self.is_open:
+            self._on_sample(sample)
+
+    def close(self) -> None:
+        if self.is_open:
+            self.is_open = False
+            self._closed(self)
+            delete_entity(self.condition)
+            delete_entity(self._reader)
 
 
 class ReaderThread:
@@ -66,47 +79,41 @@ class ReaderThread:
         self._inbox = Inbox(loop)
         self._waitset = WaitSet(participant)
         self._guard = GuardCondition(participant)
-        self._guard_key = 0
-        self._sources: dict[int, ReadSource] = {}
-        self._next = 1
+        self._readers: dict[int, DdsReader] = {}
+        """By the handle, which the wait set gives back when there is something to read."""
         self._closing = False
-        self._waitset._waitset_attach(self._waitset._ref, self._guard._ref, self._guard_key)
+        self._waitset._waitset_attach(self._waitset._ref, self._guard._ref, 0)
         self._thread = Thread(target=self._run, name=name, daemon=True)
         self._thread.start()
 
-    def add(self, reader: DataReader[Any], taken: HandleSample, take: TakeSamples = take_samples) -> Callable[[], None]:
-        """Have `taken` called with everything that comes; what is returned ends that."""
-        source = ReadSource(reader, taken, take)
-        key, self._next = self._next, self._next + 1
-        self._sources[key] = source
-        self._waitset._waitset_attach(self._waitset._ref, source.condition._ref, key)
+    def add(self, reader: DataReader[Any], on_sample: HandleSample, take: TakeSamples = take_samples) -> DdsReader:
+        """Have `on_sample` called with everything that comes, until what is returned is closed."""
+        added = DdsReader(reader, on_sample, take, self._remove)
+        self._readers[added.handle] = added
+        self._waitset._waitset_attach(self._waitset._ref, added.condition._ref, added.handle)
+        return added
 
-        def remove() -> None:
-            source.open = False
-            if self._sources.pop(key, None) is not None:
-                self._waitset._waitset_detach(self._waitset._ref, source.condition._ref)
-                delete_entity(source.condition)
-
-        return remove
+    def _remove(self, reader: DdsReader) -> None:
+        del self._readers[reader.handle]
+        self._waitset._waitset_detach(self._waitset._ref, reader.condition._ref)
 
     def close(self, wait: float) -> None:
-        """End the thread and wait for it, at most so many seconds."""
+        """End the thread and wait for it, at most so many seconds; close what is still read."""
         self._closing = True
-        for source in self._sources.values():
-            source.open = False
         self._guard.set(True)
         self._inbox.close()
         self._thread.join(wait)
-        for entity in (*(source.condition for source in self._sources.values()), self._guard, self._waitset):
+        for reader in tuple(self._readers.values()):
+            reader.close()
+        for entity in (self._guard, self._waitset):
             delete_entity(entity)
-        self._sources.clear()
 
     # --- the thread ---------------------------------------------------------------------------------------------
 
     def _run(self) -> None:
         try:
             self._read()
-        except Exception as error:
+        except Exception as error:  # whatever it is, the transport says that it works no more
             if not self._closing:
                 self.failure = f"reading from DDS ended: {error}"
                 _LOG.exception("reading from DDS ended")
@@ -118,13 +125,13 @@ class ReaderThread:
             count = wait(waitset, triggered, len(triggered), dds_infinity)
             if count < 0:
                 raise RuntimeError(f"waiting failed with code {count}")
-            came: list[partial[None]] = []
+            deliveries: list[partial[None]] = []
             for index in range(min(count, len(triggered))):
-                source = self._sources.get(triggered[index] or 0)
-                if source is None:
+                reader = self._readers.get(triggered[index] or 0)
+                if reader is None:
                     continue
-                taken = source.take(source.handle, _MOST_PER_TAKE)
+                taken = reader.take(reader.handle, _MOST_PER_TAKE)
                 if not isinstance(taken, int):
-                    came += [partial(source.deliver, one) for one in taken]
-            if came:
-                self._inbox.put(*came)
+                    deliveries += [partial(reader.deliver, sample) for sample in taken]
+            if deliveries:
+                self._inbox.put(*deliveries)

@@ -20,72 +20,57 @@ _FLAGS = {
 }
 
 
-class Remap(Struct, frozen=True):
-    """`[node:]from:=to`"""
-
-    source: str
-    target: str
-    node: str = ""
-    """Only for the node of this name; empty: for all."""
-
-
 class RosArguments(Struct, frozen=True):
-    remaps: tuple[Remap, ...] = ()
-    """Of topics, services and actions."""
-    namespace: str = ""
-    node: str = ""
-
-    def remaps_for(self, node: str) -> dict[str, str]:
-        """The remappings that hold for the node of that name, by what they replace, in the order that counts."""
-        found: dict[str, str] = {}
-        for remap in self.remaps:
-            if remap.node in ("", node):
-                found.setdefault(remap.source, remap.target)
-        return found
+    node: str
+    namespace: str = "/"
+    remaps: tuple[tuple[str, str], ...] = ()
+    """Of topics, services and actions of that node: what is replaced, and by what. The first that fits counts."""
 
 
-def parse_ros_arguments(arguments: Sequence[str], node: str = "") -> RosArguments:
+def parse_ros_arguments(arguments: Sequence[str], node: str) -> RosArguments:
     """Read the arguments, with or without a leading `--ros-args` and a closing `--`; `node` is the program's own name
     for its node, for rules such as `rise:__ns:=/lab`. Raises PortError with a sentence."""
-    remaps: list[Remap] = []
+    remaps: list[tuple[str, str, str]] = []
     special: dict[str, str] = {}
     rest = iter(arguments)
     for argument in rest:
         if argument in ("--ros-args", "--", *_FLAGS):
             continue
         if argument in ("-r", "--remap"):
-            remap = _remap(_value(argument, rest))
-            if remap.source not in ("__ns", "__node", "__name"):
-                remaps.append(remap)
-            elif remap.node in ("", node):
-                special.setdefault("__node" if remap.source == "__name" else remap.source, remap.target)
+            only_for, source, target = _parse_remap(_next_value(argument, rest))
+            if source not in ("__ns", "__node", "__name"):
+                remaps.append((only_for, source, target))
+            elif only_for in ("", node):
+                special.setdefault("__node" if source == "__name" else source, target)
         elif argument in ("-p", "--param"):
-            value = _value(argument, rest)
+            value = _next_value(argument, rest)
             if ":=" not in value:
                 raise PortError(f"--ros-args: {value!r} is no parameter; one looks like name:=value")
         elif argument in _WITH_VALUE:
-            _value(argument, rest)
+            _next_value(argument, rest)
         else:
             hint = "; did you forget -r before it?" if ":=" in argument else ""
             raise PortError(f"--ros-args: {argument!r} is not understood{hint}")
-    namespace = special.get("__ns", "")
-    if namespace and not namespace.startswith("/"):
+    namespace = special.get("__ns", "/")
+    if not namespace.startswith("/"):
         raise PortError(f"--ros-args: the namespace {namespace!r} must begin with a slash")
-    return RosArguments(tuple(remaps), namespace, special.get("__node", ""))
+    name = special.get("__node", node)
+    return RosArguments(name, namespace, tuple((source, to) for only, source, to in remaps if only in ("", name)))
 
 
-def _value(option: str, rest: Iterator[str]) -> str:
+def _next_value(option: str, rest: Iterator[str]) -> str:
     value = next(rest, None)
     if value is None:
         raise PortError(f"--ros-args: something must follow {option}")
     return value
 
 
-def _remap(rule: str) -> Remap:
+def _parse_remap(rule: str) -> tuple[str, str, str]:
+    """`[node:]from:=to` as the node that it holds for (empty: for all), from, to."""
     source, separator, target = rule.partition(":=")
     if not separator or not source or not target:
         raise PortError(f"--ros-args: {rule!r} is no remapping; one looks like from:=to")
     node, _, name = source.rpartition(":")
     if "://" in source:
         raise PortError(f"--ros-args: {rule!r}: remappings of rostopic:// and rosservice:// are not supported")
-    return Remap(name, target, node)
+    return node, name, target

@@ -3,9 +3,9 @@
 Nodes on the other side must use `RMW_IMPLEMENTATION=rmw_cyclonedds_cpp`. With another, topics may arrive, but services,
 and with them actions, do not (`DdsTransport.programs_of_other_vendors` says who does).
 
-How fast a death is noticed is announced by the one who may die: the nodes of this transport do it with `lease`; others
-need `<Discovery><LeaseDuration>1s</LeaseDuration></Discovery>` in their own CYCLONEDDS_URI, or it takes 10 seconds. One
-that ends in order says so at once.
+How fast a death is noticed is announced by the one who may die: this transport has a lease of one second (`domain`);
+others need `<Discovery><LeaseDuration>1s</LeaseDuration></Discovery>` in their own CYCLONEDDS_URI, or it takes 10
+seconds. One that ends in order says so at once.
 """
 
 from __future__ import annotations
@@ -18,12 +18,12 @@ from pathlib import Path
 from typing import Literal
 
 from rise_adapters.ros2.transport import vendors
-from rise_adapters.ros2.transport.dds import domain as domains
 from rise_adapters.ros2.transport.dds import names, ros_arguments
+from rise_adapters.ros2.transport.dds.domain import read_domain_id
 from rise_adapters.ros2.transport.dds.node import DdsNode
 from rise_adapters.ros2.transport.dds.services import DdsClient, DdsServer
 from rise_adapters.ros2.transport.dds.topics import DdsPublisher, DdsSubscription
-from rise_adapters.ros2.transport.interfaces import InterfaceCatalog, MessageCodec
+from rise_adapters.ros2.transport.interfaces import InterfaceCatalog
 from rise_adapters.ros2.transport.names import NameResolver
 from rise_adapters.ros2.transport.port import RELIABLE, Message, PortError, QoS, RemoteEndpoint, SendReply
 
@@ -37,63 +37,37 @@ class DdsTransport:
         self,
         loop: asyncio.AbstractEventLoop,
         *,
-        node: str = "rise",
-        namespace: str = "/",
-        domain: int | None = None,
-        remaps: Mapping[str, str] | None = None,
+        node: str,
         arguments: Sequence[str] = (),
         share: Sequence[str | Path] = (),
-        lease: float = 1.0,
         environment: Mapping[str, str] = os.environ,
     ) -> None:
-        """`domain`: None takes `ROS_DOMAIN_ID`. `remaps`: full or relative names by those that they replace.
-        `arguments`: what stands behind `--ros-args`; it counts more than `node`, `namespace` and `remaps`. `share`:
-        further folders of definitions. `lease`: seconds without a sign of life after which others take this node for
-        dead (CYCLONEDDS_URI can say otherwise).
-
-        Raises PortError with a sentence."""
+        """`node`: its name, unless `arguments` (what stands behind `--ros-args`) say another. `share`: further folders
+        of definitions. Raises PortError with a sentence."""
         given = ros_arguments.parse_ros_arguments(arguments, node)
-        name = given.node or node
-        # What comes first counts, also where two ways to write a name mean the same.
-        rules = [*given.remaps_for(name).items(), *(remaps or {}).items()]
-        self._names = NameResolver(name, given.namespace or namespace, rules)
+        self._names = NameResolver(given.node, given.namespace, given.remaps)
         self._types = InterfaceCatalog(share, environment)
-        self.domain = domains.domain_id(environment) if domain is None else domains.check_domain_id(domain)
         self.node = self._names.node
         self.vendor = vendors.CYCLONE
-        self.about = f"dds, Cyclone DDS {version('cyclonedds')} without ROS, domain {self.domain}"
-        self._dds = DdsNode(loop, self.node, self._types, domain=self.domain, lease=lease, environment=environment)
+        domain = read_domain_id(environment)
+        self.about = f"dds, Cyclone DDS {version('cyclonedds')} without ROS, domain {domain}"
+        self._dds = DdsNode(loop, self.node, self._types, domain, environment)
 
-    # --- topics -------------------------------------------------------------------------------------------------
+    # --- topics and services ------------------------------------------------------------------------------------
 
     def publisher(self, topic: str, type: str, qos: QoS = RELIABLE) -> DdsPublisher:
-        """As the port says; raises PortError for names and types."""
-        codec = self._types.codec(type)
-        writer = self._dds.writer(names.topic(self.resolve(topic)), type, qos)
-        return self._dds.keep(DdsPublisher(self._dds, writer, codec))
+        return DdsPublisher(self._dds, self.resolve(topic), type, qos)
 
     def subscribe(
-        self, topic: str, type: str, taken: Callable[[Message], None], qos: QoS = RELIABLE
+        self, topic: str, type: str, on_message: Callable[[Message], None], qos: QoS = RELIABLE
     ) -> DdsSubscription:
-        """As the port says; raises PortError for names and types."""
-        codec = self._types.codec(type)
-        reader = self._dds.reader(names.topic(self.resolve(topic)), type, qos)
-        return self._dds.keep(DdsSubscription(self._dds, reader, codec, taken))
+        return DdsSubscription(self._dds, self.resolve(topic), type, on_message, qos)
 
-    # --- services -----------------------------------------------------------------------------------------------
-
-    def serve(self, name: str, type: str, asked: Callable[[Message, SendReply], None]) -> DdsServer:
-        """As the port says; raises PortError for names and types."""
-        full = self.resolve(name)
-        return self._dds.keep(DdsServer(self._dds, full, *self._service_codecs(type), asked))
+    def serve(self, name: str, type: str, on_request: Callable[[Message, SendReply], None]) -> DdsServer:
+        return DdsServer(self._dds, self.resolve(name), type, on_request)
 
     def client(self, name: str, type: str) -> DdsClient:
-        """As the port says; raises PortError for names and types."""
-        full = self.resolve(name)
-        return self._dds.keep(DdsClient(self._dds, full, *self._service_codecs(type)))
-
-    def _service_codecs(self, type: str) -> tuple[MessageCodec, MessageCodec]:
-        return self._types.codec(f"{type}_Request"), self._types.codec(f"{type}_Response")
+        return DdsClient(self._dds, self.resolve(name), type)
 
     # --- what is known ------------------------------------------------------------------------------------------
 
@@ -109,18 +83,18 @@ class DdsTransport:
         except PortError:
             return ""
 
-    def graph_version(self) -> int:
-        return self._dds.graph.version
-
     def publisher_endpoints(self, topic: str) -> list[RemoteEndpoint]:
-        return self._dds.graph.writers(names.topic(self.resolve(topic)))
+        return self._dds.graph.find_writers(names.dds_topic(self.resolve(topic)))
 
     def subscriber_endpoints(self, topic: str) -> list[RemoteEndpoint]:
-        return self._dds.graph.readers(names.topic(self.resolve(topic)))
+        return self._dds.graph.find_readers(names.dds_topic(self.resolve(topic)))
 
     def server_endpoints(self, service: str) -> list[RemoteEndpoint]:
         full = self.resolve(service)
-        return [*self._dds.graph.readers(names.request(full)), *self._dds.graph.writers(names.reply(full))]
+        return [
+            *self._dds.graph.find_readers(names.request_topic(full)),
+            *self._dds.graph.find_writers(names.reply_topic(full)),
+        ]
 
     def topics(self) -> list[str]:
         return self._dds.graph.topics()
@@ -132,7 +106,7 @@ class DdsTransport:
         return self._dds.graph.programs_of_other_vendors()
 
     def client_nodes(self, service: str) -> list[str]:
-        return self._dds.graph.writer_nodes(names.request(self.resolve(service)))
+        return self._dds.graph.find_writer_nodes(names.request_topic(self.resolve(service)))
 
     def failure(self) -> str:
         return "the transport is closed" if self._dds.closed else self._dds.reader_thread.failure

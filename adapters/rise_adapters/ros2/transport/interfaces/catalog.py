@@ -28,7 +28,13 @@ from rise_adapters.ros2.transport.port import PortError
 from rise_engine.nearest_name import nearest_name
 
 SHARE_FOLDER = Path(rise_adapters.ros2.__file__).parent / "share"
-"""The definitions that travel with this program."""
+"""The definitions of others that travel with this program."""
+RISE_INTERFACES = next(
+    folder
+    for folder in (SHARE_FOLDER / "rise_interfaces", Path(rise_adapters.ros2.__file__).parents[2] / "rise_interfaces")
+    if folder.is_dir()
+)
+"""RISE's own: the package that colcon builds, in a checkout where it lies, in a wheel beside those of others."""
 _KINDS = ("msg", "srv", "action")
 _STANDARD_ORIGIN = "the standard definitions of ROS 2 Jazzy"
 
@@ -46,7 +52,12 @@ class InterfaceCatalog:
         sourced = [
             Path(prefix, "share") for prefix in environment.get("AMENT_PREFIX_PATH", "").split(os.pathsep) if prefix
         ]
-        self.folders: tuple[Path, ...] = (*own, *(folder for folder in sourced if folder.is_dir()), SHARE_FOLDER)
+        self.folders: tuple[Path, ...] = (
+            *own,
+            *(folder for folder in sourced if folder.is_dir()),
+            SHARE_FOLDER,
+            RISE_INTERFACES,
+        )
         """Where definitions are looked for, before the standard ones."""
         self._definitions: dict[str, InterfaceDefinition] = {}
         self._hashes: dict[str, str] = {}
@@ -59,7 +70,7 @@ class InterfaceCatalog:
             self._load(type)
             known = self._definitions.get(type)
         if known is None:
-            raise PortError(self._not_known(type))
+            raise PortError(self._describe_unknown(type))
         return known
 
     def message_definition(self, type: str) -> InterfaceDefinition:
@@ -73,8 +84,7 @@ class InterfaceCatalog:
     def fields(self, type: str) -> dict[str, str]:
         """As `port.Transport.fields`. All nested types are known then, too."""
         definition = self.message_definition(type)
-        self._check_nested(definition, ())
-        self._check_has_bytes(definition, definition, ())
+        self._check_fields(definition, definition, (), ())
         return {field.name: str(field.type) for field in definition.fields}
 
     def type_hash(self, type: str) -> str:
@@ -92,7 +102,7 @@ class InterfaceCatalog:
 
     def known_names(self) -> set[str]:
         """All messages, services and actions that have a file (or are standard), without those that they imply."""
-        found = {name for name in _standard() if "/msg/" in name}
+        found = {name for name in _standard_definitions() if "/msg/" in name}
         for folder in self.folders:
             for package in (folder, *sorted(folder.iterdir())):
                 for kind in _KINDS:
@@ -110,30 +120,27 @@ class InterfaceCatalog:
             if type in found:
                 self._definitions.update(found)
                 return
-        if type in _standard():
-            self._definitions[type] = _standard()[type]
+        if type in _standard_definitions():
+            self._definitions[type] = _standard_definitions()[type]
 
     def _candidate_files(self, package: str, kind: str, name: str) -> Iterator[Path]:
+        for folder in self._package_folders(package):
+            for stem in file_stems(kind, name):
+                path = folder / kind / f"{stem}.{kind}"
+                if path.is_file():
+                    yield path
+
+    def _package_folders(self, package: str) -> Iterator[Path]:
         for folder in self.folders:
-            for root in (folder / package, *([folder] if folder.name == package else [])):
-                for stem in file_stems(kind, name):
-                    path = root / kind / f"{stem}.{kind}"
-                    if path.is_file():
-                        yield path
+            yield from (path for path in (folder / package, folder) if path.name == package and path.is_dir())
 
-    def _check_nested(self, definition: InterfaceDefinition, path: tuple[str, ...]) -> None:
-        if definition.name in path:
-            raise PortError(f"{definition.origin}: {definition.name} contains itself, by way of {' in '.join(path)}")
-        for field in definition.fields:
-            if field.type.is_nested:
-                try:
-                    nested = self.definition(field.type.base)
-                except PortError as missing:
-                    raise PortError(f"{definition.origin}: the field {field.name!r}: {missing}") from None
-                self._check_nested(nested, (*path, definition.name))
-
-    def _check_has_bytes(self, whole: InterfaceDefinition, part: InterfaceDefinition, path: tuple[str, ...]) -> None:
-        """Raises PortError naming a field that `cdr` cannot make. That nothing contains itself was checked."""
+    def _check_fields(
+        self, whole: InterfaceDefinition, part: InterfaceDefinition, within: tuple[str, ...], path: tuple[str, ...]
+    ) -> None:
+        """Raises PortError: a nested type is not known, or contains itself, or there is a field that `cdr` cannot make.
+        `within`: the types that `part` stands in; `path`: the fields of `whole` on the way to it."""
+        if part.name in within:
+            raise PortError(f"{part.origin}: {part.name} contains itself, by way of {' in '.join(within)}")
         for field in part.fields:
             here = (*path, field.name)
             if field.type.base == "wstring":
@@ -142,9 +149,13 @@ class InterfaceCatalog:
                     "which the transport `dds` cannot carry; make it a string, or use --ros rclpy"
                 )
             if field.type.is_nested:
-                self._check_has_bytes(whole, self.definition(field.type.base), here)
+                try:
+                    nested = self.definition(field.type.base)
+                except PortError as missing:
+                    raise PortError(f"{part.origin}: the field {field.name!r}: {missing}") from None
+                self._check_fields(whole, nested, (*within, part.name), here)
 
-    def _not_known(self, type: str) -> str:
+    def _describe_unknown(self, type: str) -> str:
         package, kind, name = split_name(type)
         names = self.known_names()
         if not any(known.startswith(f"{package}/") for known in names):
@@ -158,31 +169,27 @@ class InterfaceCatalog:
         *_, stem = file_stems(kind, name)
         near = nearest_name(f"{package}/{kind}/{stem}", names)
         hint = f". Did you mean {near}?" if near else ""
-        where = next(
-            (str(folder / package) for folder in self.folders if (folder / package).is_dir()), _STANDARD_ORIGIN
-        )
+        where = next(map(str, self._package_folders(package)), _STANDARD_ORIGIN)
         return f"the type {type} is not known: there is no {kind}/{stem}.{kind} in {where}{hint}"
 
 
 @cache
-def _standard() -> dict[str, InterfaceDefinition]:
+def _standard_definitions() -> dict[str, InterfaceDefinition]:
     """Jazzy's standard messages; none where `rosbags` is not installed."""
     try:
-        from rosbags.typesys.stores import ros2_jazzy
+        from rosbags.typesys.stores import ros2_jazzy  # may not be installed, and takes 80 ms
     except ImportError:
         return {}
     return {
-        name: _definition_of_rosbags(name, fields)
-        for name, (_, fields) in ros2_jazzy.FIELDDEFS.items()
-        if "/msg/" in name
+        name: _convert_definition(name, fields) for name, (_, fields) in ros2_jazzy.FIELDDEFS.items() if "/msg/" in name
     }
 
 
-def _definition_of_rosbags(name: str, fields: Any) -> InterfaceDefinition:
+def _convert_definition(name: str, fields: Any) -> InterfaceDefinition:
     return InterfaceDefinition(
         name,
         tuple(
-            InterfaceField(field, _field_type_of_rosbags(*type))
+            InterfaceField(field, _convert_field_type(*type))
             for field, type in fields
             if field != hashes.PLACEHOLDER_FIELD
         ),
@@ -190,7 +197,7 @@ def _definition_of_rosbags(name: str, fields: Any) -> InterfaceDefinition:
     )
 
 
-def _field_type_of_rosbags(node: int, content: Any) -> InterfaceFieldType:
+def _convert_field_type(node: int, content: Any) -> InterfaceFieldType:
     base, named, array = 1, 2, 3
     if node == base:
         primitive, length = content
@@ -198,6 +205,6 @@ def _field_type_of_rosbags(node: int, content: Any) -> InterfaceFieldType:
     if node == named:
         return InterfaceFieldType(content)
     inner, count = content
-    element = _field_type_of_rosbags(*inner)
+    element = _convert_field_type(*inner)
     many = "array" if node == array else "bounded" if count else "sequence"
     return InterfaceFieldType(element.base, element.length, many, count)

@@ -14,14 +14,23 @@ from collections.abc import Callable
 from contextlib import suppress
 from typing import Any, NamedTuple, TypeAlias
 
-from rise_adapters.ros2.transport.interfaces.definitions import InterfaceDefinition, InterfaceFieldType
+from rise_adapters.ros2.transport.interfaces.definitions import (
+    INTEGER_RANGES,
+    InterfaceDefinition,
+    InterfaceFieldType,
+)
 from rise_adapters.ros2.transport.port import Message, PortError
 
 HEADER = b"\x00\x01\x00\x00"
 """CDR, little endian, no options."""
 
-_INTEGERS = ("int8", "int16", "int32", "int64", "uint8", "uint16", "uint32", "uint64")
-_CODES = {**dict(zip(_INTEGERS, "bhiqBHIQ", strict=True)), "bool": "?", "byte": "B", "float32": "f", "float64": "d"}
+_CODES = {
+    **dict(zip(INTEGER_RANGES, "bBhHiIqQ", strict=True)),
+    "bool": "?",
+    "byte": "B",
+    "float32": "f",
+    "float64": "d",
+}
 """The numbers, as `struct` names them."""
 _NO_NUMBERS = (struct.error, TypeError, ValueError, OverflowError)
 """What `struct` raises for values that are none of the type's."""
@@ -107,8 +116,8 @@ class _CodecBuilder:
 
     def _field_codec(self, type: InterfaceFieldType) -> _FieldCodec:
         text = type.base == "string"
-        one = self.codec(type.base) if type.is_nested else _text_codec(type) if text else _number_codec(type.base)
-        return _list_codec(type, one) if type.container else one
+        element = self.codec(type.base) if type.is_nested else _text_codec(type) if text else _number_codec(type.base)
+        return _list_codec(type, element) if type.container else element
 
 
 def _message_codec(type: str, fields: dict[str, _FieldCodec]) -> _FieldCodec:
@@ -191,7 +200,7 @@ def _text_codec(type: InterfaceFieldType) -> _FieldCodec:
     return _FieldCodec(write, read, "")
 
 
-def _list_codec(type: InterfaceFieldType, one: _FieldCodec) -> _FieldCodec:
+def _list_codec(type: InterfaceFieldType, element: _FieldCodec) -> _FieldCodec:
     """An array or a sequence of what `one` writes and reads."""
     code = "" if type.is_nested else _CODES.get(type.base, "")
     plain = code not in ("", "?")
@@ -212,7 +221,7 @@ def _list_codec(type: InterfaceFieldType, one: _FieldCodec) -> _FieldCodec:
                 return
         for index, value in enumerate(values):
             try:
-                one.write(out, value)
+                element.write(out, value)
             except _FieldMisfit as misfit:
                 raise misfit.within(f"[{index}]") from None
 
@@ -221,7 +230,7 @@ def _list_codec(type: InterfaceFieldType, one: _FieldCodec) -> _FieldCodec:
         if not code:
             values = []
             for _ in range(count):
-                value, at = one.read(data, at)
+                value, at = element.read(data, at)
                 values.append(value)
                 if at > len(data):
                     raise ValueError("a sequence is longer than the message")
@@ -232,7 +241,7 @@ def _list_codec(type: InterfaceFieldType, one: _FieldCodec) -> _FieldCodec:
             raise ValueError("a sequence is longer than the message")
         return data[at:end] if code == "B" else list(struct.unpack_from(f"<{count}{code}", data, at)), end
 
-    return _FieldCodec(write, read, (one.zero,) * (fixed or 0))
+    return _FieldCodec(write, read, (element.zero,) * (fixed or 0))
 
 
 def _write_count(out: bytearray, count: int) -> None:

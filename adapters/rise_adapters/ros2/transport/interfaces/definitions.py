@@ -15,12 +15,13 @@ from msgspec import Struct
 
 from rise_adapters.ros2.transport.port import PortError
 
-PRIMITIVES = frozenset(
-    {
-        *("bool", "byte", "float32", "float64", "string", "wstring"),
-        *("int8", "uint8", "int16", "uint16", "int32", "uint32", "int64", "uint64"),
-    }
-)
+INTEGER_RANGES = {
+    f"{sign}int{bits}": (0, 2**bits - 1) if sign else (-(2 ** (bits - 1)), 2 ** (bits - 1) - 1)
+    for bits in (8, 16, 32, 64)
+    for sign in ("", "u")
+}
+"""The whole numbers, in the order of their ids in type hashes: the least and the largest of each."""
+PRIMITIVES = frozenset({"bool", "byte", "float32", "float64", "string", "wstring", *INTEGER_RANGES})
 _ALIASES = {"char": "uint8"}
 """ROS 2 keeps `char` as another name of `uint8`; on the wire and in type hashes there is only the latter."""
 _ROS_1 = {"time": "builtin_interfaces/Time", "duration": "builtin_interfaces/Duration"}
@@ -100,7 +101,7 @@ def read_definitions(package: str, kind: str, name: str, text: str, origin: str)
     found = {}
     for part, lines in zip(wanted, parts, strict=True):
         fields: list[InterfaceField] = []
-        for place, content in _contents(lines, origin):
+        for place, content in _strip_comments(lines, origin):
             _read_line(package, place, content, fields)
         found[full + part] = InterfaceDefinition(full + part, tuple(fields), origin)
     if kind == "srv":
@@ -155,26 +156,19 @@ def action_definitions(name: str, origin: str) -> dict[str, InterfaceDefinition]
 
 
 def file_stems(kind: str, name: str) -> Iterator[str]:
-    """The files that may define a type of this name, the likeliest first."""
+    """The files that may define a type of this name, the likeliest first: what a service or an action implies is called
+    as that is, with more after a `_`."""
     yield name
-    suffixes = {
-        "msg": (),
-        "srv": ("_Request", "_Response", "_Event"),
-        "action": (
-            *("_Goal", "_Result", "_Feedback", "_FeedbackMessage"),
-            *(f"_{part}{end}" for part in ("SendGoal", "GetResult") for end in ("", "_Request", "_Response", "_Event")),
-        ),
-    }
-    for suffix in suffixes[kind]:
-        if name.endswith(suffix) and name != suffix:
-            yield name.removesuffix(suffix)
+    while kind != "msg" and "_" in name:
+        name = name.rpartition("_")[0]
+        yield name
 
 
 def _field(name: str, base: str) -> InterfaceField:
     return InterfaceField(name, InterfaceFieldType(base))
 
 
-def _contents(lines: list[tuple[int, str]], origin: str) -> Iterator[tuple[str, str]]:
+def _strip_comments(lines: list[tuple[int, str]], origin: str) -> Iterator[tuple[str, str]]:
     """The lines that say something, without comments, and where they are."""
     for number, line in lines:
         content = line.partition("#")[0].strip()
@@ -186,7 +180,7 @@ def _read_line(package: str, place: str, line: str, fields: list[InterfaceField]
     words = line.split(maxsplit=1)
     if len(words) != 2:
         raise PortError(f"{place}: {line!r} is neither a field nor a constant")
-    type = _read_type(package, place, words[0])
+    type = read_field_type(words[0], place, package)
     name, equals, value = words[1].partition("=")
     if equals and _CONSTANT.fullmatch(name.strip()):
         _check_constant(place, type, value.strip())
@@ -199,7 +193,8 @@ def _read_line(package: str, place: str, line: str, fields: list[InterfaceField]
     fields.append(InterfaceField(name, type))
 
 
-def _read_type(package: str, place: str, text: str) -> InterfaceFieldType:
+def read_field_type(text: str, place: str, package: str = "") -> InterfaceFieldType:
+    """A type as ROS writes it. `package`: of a message that is named without one. Raises PortError naming the place."""
     match = _TYPE.fullmatch(text)
     if match is None:
         raise PortError(f"{place}: {text!r} is not a type")
@@ -210,7 +205,7 @@ def _read_type(package: str, place: str, text: str) -> InterfaceFieldType:
     if length and base not in ("string", "wstring"):
         raise PortError(f"{place}: only texts can have a largest length, not {base}")
     if base not in PRIMITIVES:
-        base = _full_base(package, place, base)
+        base = _qualify_base(package, place, base)
     if not match["array"]:
         return InterfaceFieldType(base, length)
     if match["most"]:
@@ -220,7 +215,7 @@ def _read_type(package: str, place: str, text: str) -> InterfaceFieldType:
     return InterfaceFieldType(base, length, "sequence")
 
 
-def _full_base(package: str, place: str, base: str) -> str:
+def _qualify_base(package: str, place: str, base: str) -> str:
     owner, slash, name = base.rpartition("/")
     owner = owner.removesuffix("/msg") if slash else package
     if not re.fullmatch(_NAME, name):

@@ -6,11 +6,15 @@ from __future__ import annotations
 import json
 from collections.abc import Callable
 from hashlib import sha256
+from pathlib import Path
 from typing import Any
 
-from rise_adapters.ros2.transport.interfaces.definitions import InterfaceDefinition, InterfaceFieldType
+from rise_adapters.ros2.transport.interfaces.definitions import (
+    INTEGER_RANGES,
+    InterfaceDefinition,
+    InterfaceFieldType,
+)
 
-_INTEGERS = ("int8", "uint8", "int16", "uint16", "int32", "uint32", "int64", "uint64")
 _IDS = {
     "float32": 10,
     "float64": 11,
@@ -18,7 +22,7 @@ _IDS = {
     "byte": 16,
     "string": 17,
     "wstring": 18,
-    **{name: id for id, name in enumerate(_INTEGERS, 2)},
+    **{name: id for id, name in enumerate(INTEGER_RANGES, 2)},
 }
 _NESTED = 1
 _BOUNDED_TEXT = {"string": 21, "wstring": 22}
@@ -38,8 +42,8 @@ def type_hash(name: str, definition: Callable[[str], InterfaceDefinition]) -> st
         fields = definition(type).fields
         described[type] = {
             "type_name": type,
-            "fields": [_field(field.name, field.type) for field in fields]
-            or [_field(PLACEHOLDER_FIELD, InterfaceFieldType("uint8"))],
+            "fields": [_describe_field(field.name, field.type) for field in fields]
+            or [_describe_field(PLACEHOLDER_FIELD, InterfaceFieldType("uint8"))],
         }
         for field in fields:
             if field.type.is_nested:
@@ -54,7 +58,16 @@ def type_hash(name: str, definition: Callable[[str], InterfaceDefinition]) -> st
     return f"RIHS01_{sha256(json.dumps(whole, separators=(', ', ': ')).encode()).hexdigest()}"
 
 
-def _field(name: str, type: InterfaceFieldType) -> dict[str, Any]:
+def read_built_hashes(file: Path) -> dict[str, str]:
+    """By type, the hashes that rosidl wrote beside a definition when its package was built; none if they cannot be
+    read."""
+    try:
+        return {each["type_name"]: each["hash_string"] for each in json.loads(file.read_text("utf-8"))["type_hashes"]}
+    except (OSError, ValueError, LookupError, TypeError):
+        return {}
+
+
+def _describe_field(name: str, type: InterfaceFieldType) -> dict[str, Any]:
     id = _NESTED if type.is_nested else _BOUNDED_TEXT[type.base] if type.length else _IDS[type.base]
     return {
         "name": name,

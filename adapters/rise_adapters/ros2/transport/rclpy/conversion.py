@@ -6,14 +6,13 @@ of it is checked here, and what does not fit is said with the path of the field:
 
 from __future__ import annotations
 
-import re
 from collections.abc import Callable, Mapping, Sequence
 from math import isfinite
 from typing import Any, NamedTuple, TypeAlias
 
+from rise_adapters.ros2.transport.interfaces.definitions import INTEGER_RANGES
 from rise_adapters.ros2.transport.port import Message, PortError
 
-_INTEGERS = {f"{sign}int{bits}" for sign in ("", "u") for bits in (8, 16, 32, 64)}
 _FLOATS = {"float": "float32", "double": "float64"}
 _LARGEST_FLOAT32 = 3.4028235677973366e38
 """Everything below it (in size) is rounded to a finite float32."""
@@ -29,10 +28,12 @@ class FieldConverter(NamedTuple):
     type: str
     """As ROS writes it."""
     write: Write
+    zero: Callable[[], Any]
+    """Makes the zero value."""
     read: Read | None = None
     """None: as it is."""
-    zero: Callable[[], Any] | None = None
-    """Makes the zero value where rclpy would not have it by itself."""
+    has_default: bool = False
+    """Whether a new message of rclpy holds something else than zero there."""
 
 
 class MessageConverter:
@@ -49,13 +50,11 @@ class MessageConverter:
         self._read = [(name, converter.read) for name, converter in converters.items()]
         self._write = {name: converter.write for name, converter in converters.items()}
         self._zero = {
-            name: converter.zero or _zero(converter.type)
-            for name, converter in converters.items()
-            if name in defaults or converter.zero is not None
+            name: converter.zero for name, converter in converters.items() if name in defaults or converter.has_default
         }
 
     @property
-    def defaults(self) -> bool:
+    def has_defaults(self) -> bool:
         """Whether a new message of rclpy holds something else than zero."""
         return bool(self._zero)
 
@@ -68,42 +67,42 @@ class MessageConverter:
     def write(self, message: Any, path: str = "") -> Any:
         """Plain values as a message of rclpy. Raises PortError when they do not fit."""
         if not isinstance(message, Mapping):
-            raise _misfit(path, f"{self.type} is written as its fields by name, not as {_shown(message)}")
-        made = self._maker()
+            raise _misfit(path, f"{self.type} is written as its fields by name, not as {_shorten(message)}")
+        written = self._maker()
         for name, zero in self._zero.items():
             if name not in message:
-                setattr(made, name, zero())
+                setattr(written, name, zero())
         for name, value in message.items():
             write = self._write.get(name)
             if write is None:
                 known = ", ".join(self._write) or "no fields"
                 raise _misfit(path, f"{self.type} has no field {name!r}; it has {known}")
-            setattr(made, name, write(value, f"{path}.{name}" if path else name))
-        return made
+            setattr(written, name, write(value, f"{path}.{name}" if path else name))
+        return written
 
 
 # --- one value --------------------------------------------------------------------------------------------------------
 
 
 def number_converter(name: str) -> FieldConverter:
-    if name in _INTEGERS:
-        bits = int(name.removeprefix("u").removeprefix("int"))
-        low, high = (0, 2**bits - 1) if name.startswith("u") else (-(2 ** (bits - 1)), 2 ** (bits - 1) - 1)
-        return FieldConverter(name, _integer(name, low, high))
+    if name in INTEGER_RANGES:
+        return FieldConverter(name, _integer_writer(name, *INTEGER_RANGES[name]), int)
     if name in _FLOATS:
-        return FieldConverter(_FLOATS[name], _float(_FLOATS[name]))
+        return FieldConverter(_FLOATS[name], _float_writer(_FLOATS[name]), float)
     if name == "boolean":
-        return FieldConverter("bool", _boolean)
+        return FieldConverter("bool", _write_boolean, bool)
     if name == "octet":  # rclpy keeps it as `bytes` of length one
-        check = _integer("byte", 0, 255)
-        return FieldConverter("byte", lambda value, path: bytes((check(value, path),)), lambda value: value[0])
+        check = _integer_writer("byte", 0, 255)
+        return FieldConverter(
+            "byte", lambda value, path: bytes((check(value, path),)), lambda: b"\0", lambda value: value[0]
+        )
     raise PortError(f"a field of the type {name} cannot be used here")
 
 
-def _integer(name: str, low: int, high: int) -> Write:
+def _integer_writer(name: str, low: int, high: int) -> Write:
     def write(value: Any, path: str) -> int:
         if isinstance(value, bool) or not isinstance(value, int):
-            raise _misfit(path, f"{name} needs a whole number, not {_shown(value)}")
+            raise _misfit(path, f"{name} needs a whole number, not {_shorten(value)}")
         if not low <= value <= high:
             raise _misfit(path, f"{value} is outside of {name}, which goes from {low} to {high}")
         return value
@@ -111,14 +110,14 @@ def _integer(name: str, low: int, high: int) -> Write:
     return write
 
 
-def _float(name: str) -> Write:
+def _float_writer(name: str) -> Write:
     def write(value: Any, path: str) -> float:
         if isinstance(value, bool) or not isinstance(value, int | float):
-            raise _misfit(path, f"{name} needs a number, not {_shown(value)}")
+            raise _misfit(path, f"{name} needs a number, not {_shorten(value)}")
         try:
             number = float(value)
         except OverflowError:
-            raise _misfit(path, f"{_shown(value)} is too large for {name}") from None
+            raise _misfit(path, f"{_shorten(value)} is too large for {name}") from None
         if name == "float32" and isfinite(number) and abs(number) >= _LARGEST_FLOAT32:
             raise _misfit(path, f"{number:g} is too large for float32")
         return number
@@ -126,9 +125,9 @@ def _float(name: str) -> Write:
     return write
 
 
-def _boolean(value: Any, path: str) -> bool:
+def _write_boolean(value: Any, path: str) -> bool:
     if not isinstance(value, bool):
-        raise _misfit(path, f"bool needs true or false, not {_shown(value)}")
+        raise _misfit(path, f"bool needs true or false, not {_shorten(value)}")
     return value
 
 
@@ -137,7 +136,7 @@ def text_converter(name: str, most: int | None) -> FieldConverter:
 
     def write(value: Any, path: str) -> str:
         if not isinstance(value, str):
-            raise _misfit(path, f"{text} needs a text, not {_shown(value)}")
+            raise _misfit(path, f"{text} needs a text, not {_shorten(value)}")
         if "\0" in value:
             raise _misfit(path, "a text may not hold the character NUL")
         try:
@@ -148,7 +147,7 @@ def text_converter(name: str, most: int | None) -> FieldConverter:
             raise _misfit(path, f"the text has {size} bytes; {text} takes {most}")
         return value
 
-    return FieldConverter(text, write)
+    return FieldConverter(text, write, str)
 
 
 def list_converter(
@@ -157,64 +156,55 @@ def list_converter(
     text = element.type + suffix
     whole = fixed if fixed is not None else most
 
-    def check(size: int, path: str) -> None:
+    def check_size(size: int, path: str) -> None:
         if (fixed is not None and size != fixed) or (most is not None and size > most):
             raise _misfit(path, f"{size} elements do not fit into {text}, which takes {whole}")
 
-    def octets(given: Any, path: str) -> bytes:
+    def write_octets(given: Any, path: str) -> bytes:
         if isinstance(given, bytes | bytearray | memoryview):
             found = bytes(given)
         else:
-            found = bytes(_numbers(given, path, text))
-        check(len(found), path)
+            found = bytes(_check_octets(given, path, text))
+        check_size(len(found), path)
         return found
 
-    def elements(given: Any, path: str) -> list[Any]:
+    def write_elements(given: Any, path: str) -> list[Any]:
         if not isinstance(given, Sequence) or isinstance(given, str | bytes | bytearray):
-            raise _misfit(path, f"{text} needs a list, not {_shown(given)}")
-        check(len(given), path)
+            raise _misfit(path, f"{text} needs a list, not {_shorten(given)}")
+        check_size(len(given), path)
         return [element.write(one, f"{path}[{number}]") for number, one in enumerate(given)]
 
-    zero_element = element.zero
-    zero = None if zero_element is None or fixed is None else lambda: [zero_element() for _ in range(fixed)]
+    def make_zeros() -> list[Any]:
+        return [element.zero() for _ in range(fixed or 0)]
+
+    def read(held: Any) -> Any:
+        if element.read is not None:
+            return [element.read(one) for one in held]
+        return held.tolist() if hasattr(held, "tolist") else list(held)  # an array.array, a numpy array, or a list
+
+    converter = FieldConverter(text, write_elements, make_zeros, read, element.has_default and bool(fixed))
     if element.type == "uint8":  # an array.array or a numpy array in rclpy; both take a bytearray
-        return FieldConverter(
-            text, lambda given, path: bytearray(octets(given, path)), lambda held: held.tobytes(), zero
+        return converter._replace(
+            write=lambda given, path: bytearray(write_octets(given, path)), read=lambda held: held.tobytes()
         )
     if element.type == "byte":
-        return FieldConverter(text, lambda given, path: [bytes((one,)) for one in octets(given, path)], b"".join, zero)
-    read_element = element.read
-    if read_element is not None:
-        return FieldConverter(text, elements, lambda held: [read_element(one) for one in held], zero)
-    # An array.array or a numpy array, or else a list already.
-    return FieldConverter(text, elements, lambda held: held.tolist() if hasattr(held, "tolist") else list(held), zero)
+        return converter._replace(
+            write=lambda given, path: [bytes((one,)) for one in write_octets(given, path)], read=b"".join
+        )
+    return converter
 
 
-def _numbers(given: Any, path: str, text: str) -> list[int]:
+def _check_octets(given: Any, path: str, text: str) -> list[int]:
     if not isinstance(given, Sequence) or isinstance(given, str):
-        raise _misfit(path, f"{text} needs bytes, not {_shown(given)}")
-    check = _integer("uint8", 0, 255)
+        raise _misfit(path, f"{text} needs bytes, not {_shorten(given)}")
+    check = _integer_writer("uint8", 0, 255)
     return [check(one, f"{path}[{number}]") for number, one in enumerate(given)]
-
-
-def _zero(text: str) -> Callable[[], Any]:
-    """Makes the zero value of a field that has a default: a number, a text, a truth value or an array of those."""
-    array = re.search(r"\[(<=)?(\d*)\]$", text)
-    if array is not None:
-        element = _zero(text[: array.start()])()
-        count = 0 if array[1] or not array[2] else int(array[2])
-        return lambda: [element] * count
-    if text.startswith(("string", "wstring")):
-        return str
-    if text == "byte":
-        return lambda: b"\0"
-    return {"bool": bool, "float32": float, "float64": float}.get(text, int)
 
 
 def _misfit(path: str, why: str) -> PortError:
     return PortError(f"{path}: {why}" if path else why)
 
 
-def _shown(value: Any) -> str:
+def _shorten(value: Any) -> str:
     shown = repr(value)
     return shown if len(shown) <= 60 else shown[:57] + "..."

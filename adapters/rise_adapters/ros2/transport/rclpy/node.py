@@ -33,33 +33,31 @@ class SpinningNode:
         self,
         loop: asyncio.AbstractEventLoop,
         node: str,
-        namespace: str = "",
-        arguments: Sequence[str] = (),
-        domain: int | None = None,
+        arguments: Sequence[str],
     ) -> None:
         """Make the node and begin to spin. Arguments as for `RclpyTransport`. Raises PortError when rclpy cannot be
         used or refuses them."""
-        self._rclpy = load_rclpy()
-        self._context: Any = self._rclpy.Context()
+        self.rclpy = load_rclpy()
+        self._context: Any = self.rclpy.Context()
         try:
-            self._context.init(_ros_arguments(arguments), domain_id=domain)
-            self.rclpy_node: Any = self._rclpy.Node(
+            flag = ["--ros-args"] if arguments and "--ros-args" not in arguments else []
+            self._context.init([*flag, *arguments])
+            self.rclpy_node: Any = self.rclpy.Node(
                 node,
                 context=self._context,
-                namespace=namespace,
                 start_parameter_services=False,  # ours are the same on both transports (parameters.py)
             )
-        except Exception as error:
+        except Exception as error:  # rclpy and its C code raise all kinds
             self._context.try_shutdown()
             raise PortError(f"ROS does not start the node {node!r}: {first_line(error)}") from error
         self.name: str = self.rclpy_node.get_fully_qualified_name()
-        self.rmw = self._rclpy.rmw
+        self.rmw = self.rclpy.rmw
         self.domain: int = self._context.get_domain_id()
         self._inbox = Inbox(loop)
         self._lost = ""
         self._closed = False
         self._closed_things: deque[Any] = deque(maxlen=_CLOSED_KEPT)
-        self._executor, self.spins_on = _executor(self._context, self._rclpy)
+        self._executor, self.spins_on = _make_executor(self._context, self.rclpy)
         self._executor.add_node(self.rclpy_node)
         self._thread = threading.Thread(target=self._spin, name=f"rclpy {self.name}", daemon=True)
         self._thread.start()
@@ -82,66 +80,43 @@ class SpinningNode:
         The executor may still hold events for it that name it by its address only, so it is kept for a while.
         """
         self._closed_things.append(thing)
-        if not self.ended():
+        if not self.failure():
             self.call_on_thread(destroy, thing)
 
-    # --- what rclpy wants -----------------------------------------------------------------------------------------
+    # --- quality of service -----------------------------------------------------------------------------------------
 
-    def create(self, what: str, create: Callable[..., Any], type: Any, name: str, qos: QoS, **more: Any) -> Any:
-        """Create something of the node's; rclpy's manifold complaints become one sentence. `what`: for it. Raises
-        PortError."""
-        try:
-            return create(type, name, qos_profile=self._profile(qos), **more)
-        except Exception as error:
-            raise PortError(f"The {what} cannot be made: {first_line(error)}") from error
-
-    def publisher_events(self) -> Any:
-        """rclpy's own callbacks for events would only write log lines, and each makes every turn of the executor
-        longer."""
-        return self._rclpy.events.PublisherEventCallbacks(use_default_callbacks=False)
-
-    def subscription_events(self) -> Any:
-        """As `publisher_events`."""
-        return self._rclpy.events.SubscriptionEventCallbacks(use_default_callbacks=False)
-
-    def qos_of(self, profile: Any) -> QoS | None:
+    def read_profile(self, profile: Any) -> QoS | None:
         """What a quality of service of rclpy means; None: the middleware does not say."""
-        of = self._rclpy.qos
-        reliable = {of.ReliabilityPolicy.RELIABLE: True, of.ReliabilityPolicy.BEST_EFFORT: False}
-        latched = {of.DurabilityPolicy.TRANSIENT_LOCAL: True, of.DurabilityPolicy.VOLATILE: False}
+        policies = self.rclpy.qos
+        reliable = {policies.ReliabilityPolicy.RELIABLE: True, policies.ReliabilityPolicy.BEST_EFFORT: False}
+        latched = {policies.DurabilityPolicy.TRANSIENT_LOCAL: True, policies.DurabilityPolicy.VOLATILE: False}
         try:
             return QoS(reliable=reliable[profile.reliability], latched=latched[profile.durability])
         except KeyError:
             return None
 
-    def _profile(self, qos: QoS) -> Any:
-        of = self._rclpy.qos
-        return of.QoSProfile(
-            history=of.HistoryPolicy.KEEP_LAST,
+    def make_profile(self, qos: QoS) -> Any:
+        """rclpy's own quality of service."""
+        policies = self.rclpy.qos
+        return policies.QoSProfile(
+            history=policies.HistoryPolicy.KEEP_LAST,
             depth=qos.depth,
-            reliability=of.ReliabilityPolicy.RELIABLE if qos.reliable else of.ReliabilityPolicy.BEST_EFFORT,
-            durability=of.DurabilityPolicy.TRANSIENT_LOCAL if qos.latched else of.DurabilityPolicy.VOLATILE,
+            reliability=policies.ReliabilityPolicy.RELIABLE if qos.reliable else policies.ReliabilityPolicy.BEST_EFFORT,
+            durability=policies.DurabilityPolicy.TRANSIENT_LOCAL if qos.latched else policies.DurabilityPolicy.VOLATILE,
         )
 
     # --- its end --------------------------------------------------------------------------------------------------
 
-    def lost(self) -> str:
+    def failure(self) -> str:
         """Why it works no more; empty while it does."""
         if not self._lost and not self._context.ok():
             self._lost = "the ROS context was shut down"
         return self._lost
 
-    def ended(self) -> bool:
-        return self._closed or bool(self.lost())
-
-    def known_to_have_ended(self) -> bool:
-        """As `ended`, as far as it is known already: asking ROS costs as much as a third of a small message."""
-        return self._closed or bool(self._lost)
-
-    def check(self) -> None:
+    def check_works(self) -> None:
         """Raises PortError when it has ended."""
-        if self.ended():
-            raise PortError(f"The ROS node {self.name} can be used no more: {self.lost()}.")
+        if self.failure():
+            raise PortError(f"The ROS node {self.name} can be used no more: {self.failure()}.")
 
     def close(self) -> None:
         """End the thread and wait for it, shortly."""
@@ -154,7 +129,7 @@ class SpinningNode:
         if self.spins_on:
             self._executor.shutdown(timeout_sec=_JOIN_SECONDS)
         elif self._context.ok():
-            self._executor.create_task(_nothing)  # wakes the thread, which then sees that it is to end
+            self._executor.create_task(lambda: None)  # wakes the thread, which then sees that it is to end
         self._thread.join(_JOIN_SECONDS)
         if self._thread.is_alive():
             _log.warning("the thread of the ROS node %s did not end", self.name)
@@ -163,7 +138,7 @@ class SpinningNode:
         for step in (self._executor.shutdown, self.rclpy_node.destroy_node, self._context.try_shutdown):
             try:
                 step()
-            except Exception as error:
+            except Exception as error:  # the other steps are still to be done
                 _log.warning("closing the ROS node %s: %s", self.name, first_line(error))
 
     def _spin(self) -> None:
@@ -173,7 +148,7 @@ class SpinningNode:
             try:
                 spin()
                 failures = 0
-            except self._rclpy.executors.ExternalShutdownException:
+            except self.rclpy.executors.ExternalShutdownException:
                 break
             except Exception as error:
                 # One bad message or one entity that was closed meanwhile; what else is ready comes in the next turn.
@@ -184,7 +159,7 @@ class SpinningNode:
                     break
 
 
-def _executor(context: Any, rclpy: Rclpy) -> tuple[Any, bool]:
+def _make_executor(context: Any, rclpy: Rclpy) -> tuple[Any, bool]:
     """What waits for the middleware, and whether its `spin` goes on until `shutdown` and may be ended by it.
 
     rclpy's executor of events costs the same for a node with a hundred endpoints as for one with three, 0.5 ms for a
@@ -194,15 +169,6 @@ def _executor(context: Any, rclpy: Rclpy) -> tuple[Any, bool]:
     try:
         events = import_module("rclpy.experimental.events_executor")
         return events.EventsExecutor(context=context), True
-    except Exception as error:
+    except Exception as error:  # not there, or not as it was when this was written: it is an experiment of rclpy's
         _log.info("rclpy's executor of events cannot be used (%s); the usual one is", first_line(error))
         return rclpy.executors.SingleThreadedExecutor(context=context), False
-
-
-def _ros_arguments(arguments: Sequence[str]) -> list[str]:
-    given = list(arguments)
-    return ["--ros-args", *given] if given and "--ros-args" not in given else given
-
-
-def _nothing() -> None:
-    pass

@@ -7,47 +7,37 @@ from typing import Any
 
 from rise_adapters.ros2.transport.port import Message, PortError, QoS
 from rise_adapters.ros2.transport.rclpy.conversion import MessageConverter
+from rise_adapters.ros2.transport.rclpy.entities import RclpyEntity
 from rise_adapters.ros2.transport.rclpy.installation import first_line
 from rise_adapters.ros2.transport.rclpy.node import SpinningNode
 
+# rclpy's own callbacks for events would only write log lines, and each makes every turn of the executor longer.
 
-class RclpyPublisher:
+
+class RclpyPublisher(RclpyEntity):
     """Implements `port.Publisher`."""
 
     def __init__(self, node: SpinningNode, topic: str, type: Any, converter: MessageConverter, qos: QoS) -> None:
         """`type`: rclpy's class of it. Raises PortError."""
-        self._node = node
+        events = node.rclpy.events.PublisherEventCallbacks(use_default_callbacks=False)
+        super().__init__(node, "publisher", topic, converter.type, type, qos, event_callbacks=events)
         self._converter = converter
-        self._closed = False
-        self._publisher = node.create(
-            f"topic {topic} of the type {converter.type}",
-            node.rclpy_node.create_publisher,
-            type,
-            topic,
-            qos,
-            event_callbacks=node.publisher_events(),
-        )
 
     def publish(self, message: Message) -> None:
         written = self._converter.write(message)
-        if self._closed or self._node.known_to_have_ended():
+        if not self.works:
             return
         try:
-            self._publisher.publish(written)
-        except Exception as error:
-            if not self._node.ended():
-                raise PortError(f"{self._publisher.topic_name}: not published: {first_line(error)}") from error
+            self._entity.publish(written)
+        except Exception as error:  # as in `RclpyEntity`
+            if self.works:
+                raise PortError(f"{self._entity.topic_name}: not published: {first_line(error)}") from error
 
     def count_subscribers(self) -> int:
-        return 0 if self._closed or self._node.ended() else int(self._publisher.get_subscription_count())
-
-    def close(self) -> None:
-        if not self._closed:
-            self._closed = True
-            self._node.destroy(self._node.rclpy_node.destroy_publisher, self._publisher)
+        return int(self._entity.get_subscription_count()) if self.works else 0
 
 
-class RclpySubscription:
+class RclpySubscription(RclpyEntity):
     """Implements `port.Subscription`."""
 
     def __init__(
@@ -60,32 +50,13 @@ class RclpySubscription:
         qos: QoS,
     ) -> None:
         """As `RclpyPublisher`."""
-        self._node = node
-        self._converter = converter
-        self._on_message = on_message
-        self._closed = False
-        self._subscription = node.create(
-            f"topic {topic} of the type {converter.type}",
-            node.rclpy_node.create_subscription,
-            type,
-            topic,
-            qos,
-            callback=self._take,
-            event_callbacks=node.subscription_events(),
-        )
 
-    def publishers(self) -> int:
-        return 0 if self._closed or self._node.ended() else int(self._subscription.get_publisher_count())
+        def take(message: Any) -> None:
+            """In the spinning thread."""
+            self.hand_over(on_message, converter.read(message))
 
-    def close(self) -> None:
-        if not self._closed:
-            self._closed = True
-            self._node.destroy(self._node.rclpy_node.destroy_subscription, self._subscription)
+        events = node.rclpy.events.SubscriptionEventCallbacks(use_default_callbacks=False)
+        super().__init__(node, "subscription", topic, converter.type, type, qos, callback=take, event_callbacks=events)
 
-    def _take(self, message: Any) -> None:
-        """In the spinning thread."""
-        self._node.call_on_loop(self._deliver, self._converter.read(message))
-
-    def _deliver(self, message: Message) -> None:
-        if not self._closed:
-            self._on_message(message)
+    def count_publishers(self) -> int:
+        return int(self._entity.get_publisher_count()) if self.works else 0

@@ -23,23 +23,21 @@ from rise_adapters.ros2.transport.rclpy.types import InstalledTypes
 class RclpyTransport:
     """Implements `port.Transport`."""
 
-    kind: Literal["rclpy", "dds", "memory"] = "rclpy"
+    kind: Literal["rclpy"] = "rclpy"
 
     def __init__(
         self,
         loop: asyncio.AbstractEventLoop,
         *,
         node: str,
-        namespace: str = "",
         arguments: Sequence[str] = (),
-        domain: int | None = None,
     ) -> None:
         """Make the node `node` and begin to spin. Must be called on the thread of `loop`.
 
         `arguments` are those of `--ros-args` (remappings, parameters, enclave, log levels), with or without the flag
-        itself. `domain` None: what ROS_DOMAIN_ID says. Raises PortError when rclpy cannot be used or refuses them.
+        itself. Raises PortError when rclpy cannot be used or refuses them.
         """
-        self._node = SpinningNode(loop, node, namespace, arguments, domain)
+        self._node = SpinningNode(loop, node, arguments)
         self._types = InstalledTypes()
         self.node = self._node.name
         self.vendor = vendors.vendor_of_rmw(self._node.rmw)
@@ -49,22 +47,18 @@ class RclpyTransport:
     # --- topics and services --------------------------------------------------------------------------------------
 
     def publisher(self, topic: str, type: str, qos: QoS = RELIABLE) -> RclpyPublisher:
-        self._node.check()
-        return RclpyPublisher(self._node, topic, *self._types.message(type), qos)
+        return RclpyPublisher(self._node, topic, *self._types.find_message(type), qos)
 
     def subscribe(
-        self, topic: str, type: str, taken: Callable[[Message], None], qos: QoS = RELIABLE
+        self, topic: str, type: str, on_message: Callable[[Message], None], qos: QoS = RELIABLE
     ) -> RclpySubscription:
-        self._node.check()
-        return RclpySubscription(self._node, topic, *self._types.message(type), taken, qos)
+        return RclpySubscription(self._node, topic, *self._types.find_message(type), on_message, qos)
 
-    def serve(self, name: str, type: str, asked: Callable[[Message, SendReply], None]) -> RclpyServer:
-        self._node.check()
-        return RclpyServer(self._node, name, type, *self._types.service(type), asked)
+    def serve(self, name: str, type: str, on_request: Callable[[Message, SendReply], None]) -> RclpyServer:
+        return RclpyServer(self._node, name, type, *self._types.find_service(type), on_request)
 
     def client(self, name: str, type: str) -> RclpyClient:
-        self._node.check()
-        return RclpyClient(self._node, name, type, *self._types.service(type))
+        return RclpyClient(self._node, name, type, *self._types.find_service(type))
 
     # --- what is known --------------------------------------------------------------------------------------------
 
@@ -76,26 +70,23 @@ class RclpyTransport:
             plain: str = node.resolve_topic_name(name, only_expand=True)
             topic: str = node.resolve_topic_name(name)
             return topic if topic != plain else str(node.resolve_service_name(name))
-        except Exception as error:
+        except Exception as error:  # as in `RclpyEntity`
             raise PortError(f"{name!r} cannot be the name of a topic or service: {first_line(error)}") from error
 
     def fields(self, type: str) -> Mapping[str, str]:
         return self._types.fields(type)
 
     def type_hash(self, type: str) -> str:
-        return self._types.hash(type)
-
-    def graph_version(self) -> None:
-        """rclpy does not tell that the graph has changed."""
+        return self._types.find_hash(type)
 
     def publisher_endpoints(self, topic: str) -> list[RemoteEndpoint]:
-        return self._graph.publishers(self.resolve(topic))
+        return self._graph.find_publishers(self.resolve(topic))
 
     def subscriber_endpoints(self, topic: str) -> list[RemoteEndpoint]:
-        return self._graph.subscribers(self.resolve(topic))
+        return self._graph.find_subscribers(self.resolve(topic))
 
     def server_endpoints(self, service: str) -> list[RemoteEndpoint]:
-        return self._graph.servers(self.resolve(service))
+        return self._graph.find_servers(self.resolve(service))
 
     def topics(self) -> list[str]:
         return self._graph.topics()
@@ -107,10 +98,10 @@ class RclpyTransport:
         return self._graph.nodes()
 
     def client_nodes(self, service: str) -> list[str]:
-        return self._graph.clients(self.resolve(service))
+        return self._graph.find_clients(self.resolve(service))
 
     def failure(self) -> str:
-        return self._node.lost()
+        return self._node.failure()
 
     def close(self) -> None:
         self._node.close()

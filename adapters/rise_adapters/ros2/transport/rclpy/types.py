@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-import json
 import re
 from importlib import import_module
 from pathlib import Path
 from typing import Any
 
+from rise_adapters.ros2.transport.interfaces.hashes import read_built_hashes
 from rise_adapters.ros2.transport.port import PortError
 from rise_adapters.ros2.transport.rclpy.conversion import (
     FieldConverter,
@@ -44,29 +44,29 @@ class InstalledTypes:
         self._converters: dict[str, MessageConverter] = {}
         self._hashes: dict[str, dict[str, str]] = {}
 
-    def message(self, type: str) -> tuple[Any, MessageConverter]:
+    def find_message(self, type: str) -> tuple[Any, MessageConverter]:
         """rclpy's class of a message type, and how to convert it."""
-        found = self._find(type)
+        found = self._import_class(type)
         if not hasattr(found, "SLOT_TYPES"):
             raise PortError(f"{type} is not a message")
-        return found, self._converter(type, found)
+        return found, self._converter_of(type, found)
 
-    def service(self, type: str) -> tuple[Any, MessageConverter, MessageConverter]:
+    def find_service(self, type: str) -> tuple[Any, MessageConverter, MessageConverter]:
         """rclpy's class of a service type, and how to convert its request and its response."""
-        found = self._find(type)
+        found = self._import_class(type)
         if not hasattr(found, "Request") or not hasattr(found, "Response"):
             raise PortError(f"{type} is not a service")
         return (
             found,
-            self._converter(f"{type}_Request", found.Request),
-            self._converter(f"{type}_Response", found.Response),
+            self._converter_of(f"{type}_Request", found.Request),
+            self._converter_of(f"{type}_Response", found.Response),
         )
 
     def fields(self, type: str) -> dict[str, str]:
         """As `port.Transport.fields`."""
-        return dict(self.message(type)[1].fields)
+        return dict(self.find_message(type)[1].fields)
 
-    def hash(self, type: str) -> str:
+    def find_hash(self, type: str) -> str:
         """`RIHS01_...` as rosidl wrote it next to the definition; empty when it cannot be had."""
         match = _NAME.fullmatch(type)
         if match is None:
@@ -76,7 +76,7 @@ class InstalledTypes:
             self._hashes[whole] = _read_hashes(match["package"], f"{match['kind']}/{match['base']}.json")
         return self._hashes[whole].get(type, "")
 
-    def _find(self, type: str) -> Any:
+    def _import_class(self, type: str) -> Any:
         match = _NAME.fullmatch(type)
         if match is None:
             raise PortError(f"{type!r} is not the name of a type; one is written like std_msgs/msg/String")
@@ -84,7 +84,7 @@ class InstalledTypes:
         try:
             found = getattr(import_module(f"{package}.{kind}"), base, None)
         except ImportError as error:
-            raise PortError(_missing(type, package, kind, error)) from None
+            raise PortError(_describe_missing(type, package, kind, error)) from None
         path = _PARTS.get((kind, part), "?") if part else ""
         for name in path.split(".") if path else ():
             found = getattr(found, name, None)
@@ -92,7 +92,7 @@ class InstalledTypes:
             raise PortError(f"The ROS package {package} that is installed here has no {type}.")
         return found
 
-    def _converter(self, type: str, found: Any) -> MessageConverter:
+    def _converter_of(self, type: str, found: Any) -> MessageConverter:
         if type not in self._converters:
             names = list(found.get_fields_and_field_types())
             converters = {name: self._field_converter(slot) for name, slot in zip(names, found.SLOT_TYPES, strict=True)}
@@ -110,7 +110,7 @@ class InstalledTypes:
         if kind in ("BoundedString", "BoundedWString"):
             return text_converter("string" if kind == "BoundedString" else "wstring", slot.maximum_size)
         if kind == "NamespacedType":
-            return self._nested("/".join((*slot.namespaces, slot.name)))
+            return self._nested_converter("/".join((*slot.namespaces, slot.name)))
         if kind == "Array":
             return list_converter(self._field_converter(slot.value_type), f"[{slot.size}]", fixed=slot.size)
         if kind == "BoundedSequence":
@@ -121,17 +121,17 @@ class InstalledTypes:
             return list_converter(self._field_converter(slot.value_type), "[]")
         raise PortError(f"a field of the type {slot} cannot be used here")
 
-    def _nested(self, type: str) -> FieldConverter:
-        _, converter = self.message(type)
+    def _nested_converter(self, type: str) -> FieldConverter:
+        _, converter = self.find_message(type)
         return FieldConverter(
-            type, converter.write, converter.read, (lambda: converter.write({})) if converter.defaults else None
+            type, converter.write, lambda: converter.write({}), converter.read, converter.has_defaults
         )
 
 
 # --- what is not there ------------------------------------------------------------------------------------------------
 
 
-def _missing(type: str, package: str, kind: str, error: ImportError) -> str:
+def _describe_missing(type: str, package: str, kind: str, error: ImportError) -> str:
     name = getattr(error, "name", None)
     if name == f"{package}.{kind}":
         return f"The ROS package {package} that is installed here has no {type}."
@@ -147,7 +147,6 @@ def _missing(type: str, package: str, kind: str, error: ImportError) -> str:
 def _read_hashes(package: str, file: str) -> dict[str, str]:
     try:
         share = import_module("ament_index_python.packages").get_package_share_directory(package)
-        content = json.loads((Path(share) / file).read_text("utf-8"))
-        return {entry["type_name"]: entry["hash_string"] for entry in content["type_hashes"]}
-    except (ImportError, LookupError, OSError, ValueError, TypeError):
+    except (ImportError, LookupError):
         return {}
+    return read_built_hashes(Path(share, file))

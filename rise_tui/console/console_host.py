@@ -12,7 +12,7 @@ from rise_tui.model.notice import Level
 from rise_tui.model.store import Store
 
 
-class ConsoleActions(Protocol):
+class ConsoleHost(Protocol):
     """For what opens over the console: questions, help, palette, tour."""
 
     @property
