@@ -40,6 +40,8 @@ def wait_text(scenario: Scenario, transition: Transition) -> str:
     """What must happen for a transition, in words."""
     if transition.after is not None:
         return f"{transition.after:g} s to pass"
+    if transition.ended is not None:
+        return f"its own {transition.ended} {' or '.join(ENDINGS[end] for end in awaited_ends(transition))}"
     if transition.event is None:
         return "its condition alone"
     if (found := parse_engine_event(scenario, transition.event)) is not None:
@@ -62,8 +64,23 @@ def parse_engine_event(scenario: Scenario, topic: str) -> tuple[str, str] | None
     return None
 
 
+def awaited_ends(transition: Transition) -> tuple[str, ...]:
+    """Of a transition that waits for the end of its rule's own act, the endings: `_end`, or those that it names."""
+    return tuple(f"_{outcome}" for outcome in transition.outcomes) or ("_end",)
+
+
+def find_awaited_act(scenario: Scenario, transition: Transition) -> str | None:
+    """The act or rule whose end a transition waits for."""
+    if transition.ended is not None:
+        return transition.ended
+    found = parse_engine_event(scenario, transition.event) if transition.event is not None else None
+    return found[0] if found is not None else None
+
+
 def transition_label(transition: Transition) -> str:
     """A transition's short name: its event, its time, or its condition."""
+    if transition.ended is not None:
+        return f"{transition.ended} {' or '.join(transition.outcomes) or 'ended'}"
     if transition.event is not None:
         return transition.event
     if transition.after is not None:

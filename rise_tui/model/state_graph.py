@@ -165,7 +165,7 @@ def _plan_rows(rule: Rule, order: StateOrder, compact: bool) -> list[GraphRow]:
                 else "word"
             )  # fmt: skip
             label = transition_label(transition)
-            if transition.condition is not None and (transition.event is not None or transition.after is not None):
+            if transition.condition is not None and not transition.is_eventless:
                 label = f"{label} if {transition.condition.text}"
             (down if way == "down" else other).append(GraphEdge(name, index, target, label, way, 0))
         beside = down.pop(0)._replace(row=len(plan)) if compact and down else None

@@ -90,9 +90,9 @@ class StudyKeys:
         self, transition: Transition, memory: Mapping[str, Any], running: Iterable[str] = ()
     ) -> Iterator[KeyBinding]:
         """The keys that would make a rule take this way now. `running`: acts and rules that run or wait already."""
+        if transition.is_eventless and transition.condition is not None:
+            yield from self.keys_setting(transition.condition, memory)
         if transition.event is None:
-            if transition.after is None and transition.condition is not None:
-                yield from self.keys_setting(transition.condition, memory)
             return
         if not is_met(transition.condition, memory):
             return
@@ -160,7 +160,7 @@ class StudyKeys:
             starter = self.key_of(ACT, found[0]) if found is not None and found[1] in _STARTS else None
             if starter is not None and starter.behavior not in started:
                 yield starter
-        elif transition.after is None and transition.condition is not None:
+        elif transition.is_eventless and transition.condition is not None:
             yield from (key for key, _ in self._assignments_for(transition.condition))
 
 

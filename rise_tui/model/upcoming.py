@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator
 from typing import NamedTuple
 
+from rise_engine.kernel.view import TaskView
 from rise_engine.scenario.fillers import next_filler
 from rise_engine.scenario.model import KeyBinding, Transition
 from rise_tui.model.conditions import is_met
@@ -115,11 +116,26 @@ def _transition_at_end(store: Store, stack: list[str]) -> tuple[str, Transition]
     memory = store.memory
     for task in reversed(store.running_tasks):
         name = "say" if task.function == "say" else task.behavior
+        if (own := _transition_at_own_end(store, stack, task)) is not None:
+            return own
         for event in (f"{name}_succeeded", f"{name}_end"):
             for rule in stack:
                 for transition in transitions_of(store.scenario, rule, store.view.rules[rule].state):
                     if transition.event == event and is_met(transition.condition, memory):
                         return rule, transition
+    return None
+
+
+def _transition_at_own_end(store: Store, stack: list[str], task: TaskView) -> tuple[str, Transition] | None:
+    """As above, for an act that the rule started itself and whose end it waits for as its own."""
+    rule = task.source.removeprefix("rule:")
+    for transition in transitions_of(store.scenario, rule, store.view.rules[rule].state) if rule in stack else ():
+        if (
+            transition.ended == task.behavior
+            and "succeeded" in (transition.outcomes or ("succeeded",))
+            and is_met(transition.condition, store.memory)
+        ):
+            return rule, transition
     return None
 
 
@@ -168,8 +184,8 @@ def _find_keys(store: Store, transitions: Iterable[Transition], busy: Iterable[s
 def _other_wait_text(store: Store, transitions: Iterable[Transition]) -> str:
     """The first thing that is waited for and that no key brings about."""
     for transition in transitions:
-        if transition.event is not None:
+        if transition.event is not None or transition.ended is not None:
             return wait_text(store.scenario, transition)
-        if transition.after is None and transition.condition is not None:
+        if transition.is_eventless and transition.condition is not None:
             return transition.condition.text
     return ""

@@ -13,7 +13,7 @@ from rise_engine.expression import Expression
 from rise_engine.kernel.view import RuleView
 from rise_engine.scenario.model import Rule, State, Transition
 from rise_tui.model.conditions import is_met, split_condition
-from rise_tui.model.rule_text import Truth, parse_engine_event, truth_of, wait_text
+from rise_tui.model.rule_text import Truth, find_awaited_act, truth_of, wait_text
 from rise_tui.model.states import act_state, newest_task, rule_state
 from rise_tui.model.store import Store
 from rise_tui.model.study_keys import ACT, RULE, transitions_of
@@ -63,14 +63,9 @@ class WaitExplanations:
 
     def changes_with_time(self, state: State) -> bool:
         """Whether what is said changes by the clock alone."""
-        awaited = [found[0] for each in state.transitions if (found := self._engine_event(each)) is not None]
+        awaited = (find_awaited_act(self._store.scenario, transition) for transition in state.transitions)
         timed = any(transition.after is not None for transition in state.transitions)
-        return timed or any(self._store.act(name).running for name in awaited)
-
-    def _engine_event(self, transition: Transition) -> tuple[str, str] | None:
-        """The act or rule whose end is awaited, and which end."""
-        event = transition.event
-        return parse_engine_event(self._store.scenario, event) if event is not None else None
+        return timed or any(name is not None and self._store.act(name).running for name in awaited)
 
     def _transition_rows(
         self, index: int, transition: Transition, view: RuleView, memory: Mapping[str, Any], width: int
@@ -99,10 +94,9 @@ class WaitExplanations:
             if left <= 0:
                 return (("  the time is up", "wait"),)
             return ((f"  {format_seconds(left) if left >= 60 else f'{left} s'} left", "plain"),)
-        found = self._engine_event(transition)
-        if found is None:
+        name = find_awaited_act(self._store.scenario, transition)
+        if name is None:
             return ()
-        name, _ = found
         is_act = name in self._store.scenario.acts
         state, task = (act_state if is_act else rule_state)(self._store, name), newest_task(self._store, name)
         took = ""
@@ -113,12 +107,13 @@ class WaitExplanations:
         return ((f"  {state.glyph} {state.word}", state.role), (took, "plain"))
 
     def _key_labels(self, transition: Transition) -> list[str]:
-        """The keys by which the wizard can bring the event about; an act that runs already needs none."""
+        """The keys by which the wizard can bring the event about; an act that runs already needs none. The rule's own
+        act, nobody else can start."""
         keys = list(dict.fromkeys(key.label for key in self._store.study_keys.keys_raising(transition.event)))
-        found = self._engine_event(transition)
-        if found is not None and not self._store.act(found[0]).running and not self._store.act(found[0]).waiting:
-            binding = self._store.key_of(ACT, found[0]) or self._store.key_of(RULE, found[0])
-            if binding is not None and not self._store.rule(found[0]).running:
+        name = find_awaited_act(self._store.scenario, transition) if transition.ended is None else None
+        if name is not None and not self._store.act(name).running and not self._store.act(name).waiting:
+            binding = self._store.key_of(ACT, name) or self._store.key_of(RULE, name)
+            if binding is not None and not self._store.rule(name).running:
                 keys.append(binding.label)
         return keys
 

@@ -120,6 +120,7 @@ def test_acts(tmp_path: Path, name: str) -> None:
 
 
 # What stands in <onEntry> (from line 3, column 10), what follows, and what is found in rules/r.xml.
+START_A = '<function startCommunicationRobotAct="A"/>'
 RULES: dict[str, tuple[str, str, list[str]]] = {
     "fine": ('<function startCommunicationRobotAct="A"/>', "", []),
     "unknown act": ('<function startCommunicationRobotAct="B"/>', "", ["3:48 unknown-act"]),
@@ -194,6 +195,40 @@ RULES: dict[str, tuple[str, str, list[str]]] = {
     "longest time": ("", '\n<transition after="1440min" target="S"/>', []),
     "too long": ("", '\n<transition after="99999999999999999999min" target="S"/>', ["4:20 out-of-range"]),
     "no effect": ("", '\n<transition after="2s"/>', ["4:1 no-effect"]),
+    "own act": (START_A, '\n<transition ended="A" outcome="failed | stopped" target="S"/>', []),
+    "own act that nobody knows": (
+        "",
+        '\n<transition ended="a" target="S"/>',
+        ["4:1 unreachable-transition", "4:20 unknown-act"],
+    ),
+    "own act that it never starts": ("", '\n<transition ended="A" target="S"/>', ["4:1 unreachable-transition"]),
+    "outcome that is none": (START_A, '\n<transition ended="A" outcome="fine" target="S"/>', ["4:32 wrong-value"]),
+    "outcome of nothing": ("", '\n<transition cond="pause" outcome="failed" target="S"/>', ["4:26 trigger"]),
+    "own act and event": (
+        START_A,
+        '\n<transition eventTopic="x" ended="A" target="S"/>',
+        ["4:25 unraised-event", "4:28 trigger"],
+    ),
+    "own act, all its ends": (
+        START_A,
+        '\n<transition ended="A" target="S"/>\n<transition ended="A" outcome="failed" target="S"/>',
+        ["5:1 unreachable-transition"],
+    ),
+    "shared ways": (
+        "",
+        '</State>\n<transitions in="S"><transition eventTopic="A_end" target="S"/></transitions><State id="T">',
+        ["4:78 unreachable-state"],
+    ),
+    "shared by nobody": (
+        "",
+        '</State>\n<transitions in="S | s"><transition after="2s" target="S"/></transitions><State id="T">',
+        ["4:18 unknown-state", "4:74 unreachable-state"],
+    ),
+    "shared nothing": (
+        "",
+        '</State>\n<transitions in="S"/><State id="T">',
+        ["4:1 no-effect", "4:22 unreachable-state"],
+    ),
     "never taken": (
         "",
         '\n<transition eventTopic="A_end" target="S"/>\n<transition eventTopic="/A_end" cond="pause" target="S"/>',
