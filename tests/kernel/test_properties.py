@@ -34,6 +34,7 @@ from rise_engine.scenario.model import (
     Action,
     ActionCall,
     ActionSpec,
+    ActOutcome,
     Branch,
     Function,
     If,
@@ -153,11 +154,14 @@ class Author:
         guard = self.condition() if self.random.random() < 0.4 else None
         target = self.random.choice([*STATES, None])
         block = self.some(self.function, 1)
-        match self.random.randrange(4):
+        match self.random.randrange(5):
             case 0:
                 return Transition(None, self.condition(), None, target, block)
             case 1:
                 return Transition(None, guard, self.random.choice([0.1, 1.0]), target, block)
+            case 2:
+                outcomes: tuple[ActOutcome, ...] = self.random.choice([(), ("succeeded",), ("failed", "stopped")])
+                return Transition(None, guard, None, target, block, ended=self.random.choice(ACTS), outcomes=outcomes)
             case _:
                 return Transition(self.random.choice(TOPICS), guard, None, target, block)
 

@@ -191,3 +191,18 @@ async def test_before_any_rule_has_run_the_one_with_the_first_key_is_shown() -> 
         store = Store(client.attach_reply(), "anna", client.now)
         pane = RulePane(store)
         assert pane._shown_rule is not None and pane._shown_rule.name == first
+
+
+async def test_a_rule_that_waits_for_its_own_act_says_so_and_names_no_key() -> None:
+    """A key that starts the same act by hand would not help."""
+    states = {
+        "Say it": State("Say it", (), (), (Transition(ended="Greet", outcomes=("failed", "stopped"), target="Over"),)),
+        "Over": State("Over"),
+    }
+    client = FakeClient(replace(demo(), rules={"Own": Rule("Own", "Say it", states)}))
+    async with console(client=client) as it:
+        it.client.rule("Own", "entered", "Say it", trigger="start")
+        await it.until(lambda: "its own Greet to fail or to be stopped" in it.text("rule"))
+        row = next(row for row in it.text("rule").splitlines() if "its own Greet" in row)
+        assert "you:" not in row and "→ Over" in row
+        assert "Greet failed or stopped" in it.text("rule"), "the drawing names the way"
