@@ -89,6 +89,9 @@ _controllable = _blocks(
 )
 _fillable = _blocks("start", lambda store: filler_acts(store.scenario), "this scenario has no filler")
 _markable = _blocks("remark", lambda store: store.view.tasks, "nothing has been started yet")
+_cue_open = _blocks(
+    "change", lambda store: store.view.cue is not None and store.view.cue.answered is None, "no cue is open"
+)
 _failed = _blocks("change", lambda store: store.view.failed, "no act has failed")
 _releasable = _blocks("change", lambda store: store.key_state == "STOPPED", "nothing is stopped")
 _start_values = _blocks("change", lambda store: store.scenario.folder, "this session's scenario has no folder")
@@ -118,6 +121,8 @@ ACTIONS: tuple[ConsoleAction, ...] = (
     ConsoleAction("cue", "Mark the participant's cue", ("space",), "console",
            "The participant's turn has ended: the time is counted from here until the next act starts, and recorded.",
            "cue", _change),
+    ConsoleAction("undo-cue", "Take back the cue", (), "console",
+           "The participant goes on speaking: the cue that was marked last does not count.", "", _cue_open),
     ConsoleAction("filler", "Say the next filler", ("comma",), "console",
            "Starts the next of the scenario's fillers, in turn, to bridge the time until you have an answer.",
            "filler", _fillable),

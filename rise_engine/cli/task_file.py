@@ -23,7 +23,7 @@ FUNCTIONS: tuple[str, ...] = get_args(TaskFunction)
 KEYS = ("function_type", "domain_task_behavior", "calling_type", "at", "source")
 LATEST_SECONDS = 366 * 86_400.0
 """Seconds; nothing is planned more than a year ahead."""
-_WITHOUT_BEHAVIOR = ("stopAll", "releaseStop", "markCue", "nextFiller")
+_WITHOUT_BEHAVIOR = ("stopAll", "releaseStop", "markCue", "undoCue", "nextFiller")
 
 
 class TimedTask(Struct, frozen=True):

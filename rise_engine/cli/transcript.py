@@ -45,6 +45,7 @@ _FUNCTION_LABELS = {
     "stopAll": "stop all",
     "releaseStop": "release stop",
     "markCue": "mark cue",
+    "undoCue": "undo cue",
     "nextFiller": "next filler",
     "markMistake": "mark mistake",
     "goOn": "go on without",
@@ -53,7 +54,16 @@ _ACTS = ("startCommunicationRobotAct", "say")
 _MARK_LABELS = {"none": "no mistake after all"} | {mark: mark for mark in ("wrong", "late", "early", "double")}
 _MAX_CLOCK_SECONDS = 1e12
 """Seconds, more than any session has: the clock shows no more."""
-_WITH_OWN_RECORD = {"stopAll", "releaseStop", "raiseEventTopic", "assignValue", "deleteValue", "markCue", "markMistake"}
+_WITH_OWN_RECORD = {
+    "stopAll",
+    "releaseStop",
+    "raiseEventTopic",
+    "assignValue",
+    "deleteValue",
+    "markCue",
+    "undoCue",
+    "markMistake",
+}
 """Functions whose success has a record of its own that says more."""
 
 
@@ -218,6 +228,8 @@ def _memory_text(record: MemoryRecord) -> str:
 def _cue_text(record: CueRecord) -> tuple[str, str]:
     if record.status == "marked":
         return record.text or "the participant's turn has ended", f"marked by {record.source}"
+    if record.status == "undone":
+        return "the participant has not finished", f"taken back by {record.source}"
     return f"{record.status} by task {record.task}", f"after {record.since:.1f} s"
 
 

@@ -25,6 +25,7 @@ TaskFunction: TypeAlias = Literal[
     "releaseStop",  # behavior is empty
     "say",  # behavior: the text, as it is to be said
     "markCue",  # behavior is empty, or a word about it: the participant's turn has ended
+    "undoCue",  # behavior is empty: the participant has not finished after all
     "nextFiller",  # behavior is empty: the next of the scenario's fillers
     "markMistake",  # behavior: "<id> <wrong|late|early|double|none>", about an act or another task of a wizard
     "goOn",  # behavior: the id of a task whose act has failed: somebody has seen it, and goes on without it

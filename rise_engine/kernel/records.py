@@ -147,10 +147,11 @@ class NoteRecord(Record, tag="note"):
 class CueRecord(Record, tag="cue"):
     """The participant's turn has ended; from here the time until the robot answers is counted."""
 
-    status: Literal["marked", "filled", "answered"]
-    """filled: a filler has started; answered: the first other act has, and the cue is over."""
+    status: Literal["marked", "filled", "answered", "undone"]
+    """filled: a filler has started; answered: the first other act has, and the cue is over; undone: it was taken
+    back."""
     source: str
-    """Who marked it; for the other two: who asked for the act."""
+    """Who marked it or took it back; for the other two: who asked for the act."""
     text: str = ""
     """What the one who marked it says about it."""
     task: int | None = None

@@ -49,6 +49,7 @@ class TaskHandlers:
             "releaseStop": self._release_stop,
             "say": self._speak,
             "markCue": self._mark_cue,
+            "undoCue": self._undo_cue,
             "nextFiller": self._next_filler,
             "markMistake": self._mark_mistake,
             "goOn": self._go_on,
@@ -237,6 +238,10 @@ class TaskHandlers:
     def _mark_cue(self, task: Submit) -> None:
         self._succeed(task)
         self._wizard.mark_cue(task.source, task.behavior.strip())
+
+    def _undo_cue(self, task: Submit) -> None:
+        if self._succeed_unless(task, self._wizard.why_not_undo_cue()):
+            self._wizard.undo_cue(task.source)
 
     def _next_filler(self, task: Submit) -> None:
         name = self._wizard.next_filler()

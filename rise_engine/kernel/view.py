@@ -286,6 +286,8 @@ class SessionView(Struct):
             self.cue = CueView(record.t, record.source)
         elif self.cue is not None and record.status == "answered":
             self.cue.answered = record.t
+        elif record.status == "undone":
+            self.cue = None
         elif self.cue is not None:
             self.cue.filled = record.t
 

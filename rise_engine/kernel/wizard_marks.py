@@ -99,10 +99,23 @@ class WizardMarks:
         core = self._core
         core.open_cue_at = core.t
         core.emit(CueRecord, "marked", source, text)
+        core.raise_event_if_named("cue")
         self.cancel_filler()
         seconds = core.scenario.fillers.auto_after
         if seconds is not None and self.next_filler() is not None:
             self.state.filler_timer = core.set_timer(seconds, TimerTarget("filler"))
+
+    def why_not_undo_cue(self) -> str:
+        """Why no cue can be taken back, or empty."""
+        return "no cue is open: none was marked, or an act has answered it" if self._core.open_cue_at is None else ""
+
+    def undo_cue(self, source: str) -> None:
+        """The participant has not finished after all."""
+        core = self._core
+        core.open_cue_at = None
+        self.cancel_filler()
+        core.emit(CueRecord, "undone", source)
+        core.raise_event_if_named("cue_undone")
 
     # --- fillers ---
 

@@ -9,7 +9,7 @@ from rise_engine.nearest_name import did_you_mean
 from rise_engine.scenario.diagnostics import Diagnostics
 from rise_engine.scenario.draft import Mention, ScenarioDraft
 from rise_engine.scenario.memory_paths import MemoryPaths
-from rise_engine.scenario.model import result_topics
+from rise_engine.scenario.model import CUE_TOPICS, result_topics
 
 ACT_END_SUFFIXES = ("_succeeded", "_failed", "_stopped", "_end")
 """Events that the engine raises when an act ends (semantics.md 6.1)."""
@@ -39,6 +39,7 @@ def check_cross_references(draft: ScenarioDraft, diagnostics: Diagnostics) -> No
 def engine_topics(draft: ScenarioDraft) -> set[str]:
     """The topics that the engine itself raises for the acts and rules of a scenario."""
     topics = {name + ending for name in draft.acts for ending in ACT_END_SUFFIXES}
+    topics.update(CUE_TOPICS)
     for name, rule in draft.rules.items():
         topics.add(f"{name}_end")
         topics.update(topic for _, topic in result_topics(rule))

@@ -298,6 +298,10 @@ class Scenario(Struct, frozen=True):
 _DEFAULT_SETTINGS = ActSettings()
 
 
+CUE_TOPICS = ("cue", "cue_undone")
+"""What is raised when the participant's turn has ended, and when that is taken back (semantics.md 4.2)."""
+
+
 def functions_in(block: Block) -> Iterator[Function]:
     """All functions of a block, also those in its branches and choices, in no particular order."""
     pending = [*block]

@@ -24,7 +24,7 @@ from rise_tui.console.refresh import RefreshScheduler
 from rise_tui.console.session import ConsoleSession
 from rise_tui.key_labels import why_unavailable
 from rise_tui.messages import FocusPane, RequestStart, RunAction, ShowNotice, ShowSelection, SubmitTask
-from rise_tui.model.key_action import MARK_CUE, NEXT_FILLER, KeyAction
+from rise_tui.model.key_action import MARK_CUE, NEXT_FILLER, UNDO_CUE, KeyAction
 from rise_tui.model.notice import Level, Notice
 from rise_tui.model.store import Store, StorePart
 from rise_tui.rendering.terminal_app import TerminalApp
@@ -272,6 +272,7 @@ class ConsoleScreen(Screen[None]):
             "note": lambda: self.bars.open_note(self._kept_note),
             "say": self.bars.speech_input.open,
             "cue": lambda: self.start(MARK_CUE),
+            "undo-cue": lambda: self.start(UNDO_CUE),
             "filler": lambda: self.start(NEXT_FILLER),
             "mistake": self.input.mark_mistake,
             "repeat": self.input.repeat_failed_act,

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import Literal, TypeAlias
 
+from rise_engine.scenario.model import CUE_TOPICS
 from rise_tui.model.blocked import KeyNames
 
 InputMode: TypeAlias = Literal["LIVE", "SAFE", "LOCKED"]
@@ -13,6 +14,9 @@ STARTING_FUNCTIONS = frozenset(
     {"startCommunicationRobotAct", "startInteractionRule", "raiseEventTopic", "assignValue", "say", "nextFiller"}
 )
 """What a key may ask for that makes something happen; stopping, and marks for the record, are not among it."""
+
+CUE_EVENTS = dict(zip(("markCue", "undoCue"), CUE_TOPICS, strict=True))
+"""The event of a cue: where a rule waits for it, marking one makes something happen, too."""
 
 LOCKED_ACTIONS = ("stop", "quit", "lock")
 """Actions of the registry that work while everything is locked."""

@@ -24,6 +24,7 @@ class KeyAction(Struct, frozen=True):
 
 
 MARK_CUE = KeyAction("markCue", "")
+UNDO_CUE = KeyAction("undoCue", "")
 NEXT_FILLER = KeyAction("nextFiller", "")
 
 

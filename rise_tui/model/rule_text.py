@@ -6,7 +6,18 @@ from collections.abc import Iterator, Mapping
 from typing import Any, NamedTuple
 
 from rise_engine.expression import EvaluationError, Expression, lookup
-from rise_engine.scenario.model import Block, Function, If, OneOf, Rule, Scenario, Statement, Transition, normal_topic
+from rise_engine.scenario.model import (
+    CUE_TOPICS,
+    Block,
+    Function,
+    If,
+    OneOf,
+    Rule,
+    Scenario,
+    Statement,
+    Transition,
+    normal_topic,
+)
 from rise_tui.rendering.text import format_value
 
 ENDINGS = {"_end": "to end", "_succeeded": "to succeed", "_failed": "to fail", "_stopped": "to be stopped"}
@@ -46,6 +57,8 @@ def wait_text(scenario: Scenario, transition: Transition) -> str:
         return "its condition alone"
     if (found := parse_engine_event(scenario, transition.event)) is not None:
         return f"{found[0]} {ENDINGS[found[1]]}"
+    if transition.event in CUE_TOPICS:
+        return "the participant's cue" if transition.event == CUE_TOPICS[0] else "the cue to be taken back"
     return f"event {transition.event}"
 
 

@@ -32,7 +32,7 @@ from rise_tui.model import control
 from rise_tui.model.act_levels import estimate_act_seconds
 from rise_tui.model.blocked import BlockedReason, Deed
 from rise_tui.model.expected_inputs import ExpectedInputs, find_expected_inputs
-from rise_tui.model.input_lock import STARTING_FUNCTIONS, InputMode
+from rise_tui.model.input_lock import CUE_EVENTS, STARTING_FUNCTIONS, InputMode
 from rise_tui.model.log_rows import LogRows
 from rise_tui.model.notice import Notice
 from rise_tui.model.robot_speech import CurrentSentence, SentenceTracker
@@ -239,7 +239,8 @@ class Store:
 
     def task_blocked(self, function: str) -> BlockedReason | None:
         """What stands in the way of a task with this function."""
-        return self.blocked_reason("start" if function in STARTING_FUNCTIONS else "change")
+        starts = function in STARTING_FUNCTIONS or CUE_EVENTS.get(function) in self.scenario.topics
+        return self.blocked_reason("start" if starts else "change")
 
     def current_sentence(self) -> CurrentSentence:
         """What the robot says, or said last."""

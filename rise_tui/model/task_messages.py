@@ -24,6 +24,7 @@ FUNCTION_LABELS = {
     "releaseStop": "release",
     "say": "say",
     "markCue": "cue",
+    "undoCue": "undo cue",
     "nextFiller": "filler",
     "markMistake": "mistake",
     "goOn": "go on",

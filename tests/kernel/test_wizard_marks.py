@@ -13,6 +13,7 @@ from rise_engine.kernel.inputs import RobotChanged, SessionRecovered, SessionSta
 from rise_engine.kernel.records import (
     ActionRecord,
     CueRecord,
+    EventRecord,
     MistakeRecord,
     SessionRecord,
     TaskRecord,
@@ -199,6 +200,29 @@ def test_a_new_cue_begins_anew(s: Session) -> None:
     s.t = 5.0
     s.submit("markCue")
     assert view_of(s).cue == CueView(5.0, "wizard:w")
+
+
+def test_a_cue_is_taken_back(s: Session) -> None:
+    assert s.submit("undoCue").reason.startswith("no cue is open")
+    s.submit("markCue")
+    s.t = 1.0
+    assert s.submit("undoCue").status == "SUCCEEDED"
+    assert view_of(s).cue is None
+    s.act("Answer")
+    assert [cue.status for cue in of(s, CueRecord)] == ["marked", "undone"], "nothing is answered"
+    assert s.submit("undoCue").status == "REJECTED"
+
+
+def test_rules_wait_for_the_cue(tmp_path: Path) -> None:
+    ways = '<State id="{}"><transition eventTopic="/{}" target="{}"/></State>'
+    rules = f'<InteractionRule name="R" initial="a">{ways.format("a", "cue", "b")}{ways.format("b", "cue_undone", "a")}'
+    s = Session(read(write(tmp_path, rules=f"{rules}</InteractionRule>")))
+    s.rule("R")
+    s.submit("markCue")
+    assert s.states == {"R": "b"}
+    s.submit("undoCue")
+    assert s.states == {"R": "a"}
+    assert [record.source for record in of(s, EventRecord)] == ["engine", "engine"]
 
 
 # --- fillers ---

@@ -171,3 +171,28 @@ async def test_a_scenario_without_fillers_names_none() -> None:
         await it.press("comma")
         await it.until(lambda: "this scenario has no filler" in it.notice)
         assert client.asked() == []
+
+
+async def test_a_cue_is_taken_back_from_the_palette() -> None:
+    async with console() as it:
+        it.screen.action_do("undo-cue")
+        await it.until(lambda: "not now, no cue is open" in it.notice)
+        mark(it)
+        await it.until(lambda: "cue 0.0 s" in it.bars.status_line.text)
+        it.screen.action_do("undo-cue")
+        await it.sent("undoCue", "")
+        mark(it, "undone")
+        await it.until(lambda: "cue 0" not in it.bars.status_line.text)
+
+
+async def test_a_cue_that_a_rule_waits_for_starts_something_so_safe_holds_it_back() -> None:
+    client = FakeClient(replace(demo(), topics=frozenset({"cue"})))
+    async with console(client=client) as it:
+        it.screen.input.switch_safe()
+        await it.press("space")
+        await it.until(lambda: "cue not" in it.notice or "cue: not now" in it.notice)
+        assert it.client.asked() == []
+    async with console() as it:
+        it.screen.input.switch_safe()
+        await it.press("space")
+        await it.sent("markCue", "")
