@@ -18,6 +18,7 @@ from rise_engine.expression import EvaluationError, Expression, ExpressionError
 from rise_engine.expression.rise1_compat import rise1_difference
 from rise_engine.expression.signatures import SIGNATURES
 from rise_engine.json_codec import JsonError, decode
+from rise_engine.nearest_name import did_you_mean
 from rise_engine.ports.bridge import Examiner, RosConnection
 from rise_engine.scenario import act_schema_text, load, rule_schema_text
 from rise_engine.scenario.diagnostics import Diagnostic, Diagnostics
@@ -60,6 +61,42 @@ def check_report(folder: str, *, robot: str | None, mode: str | None, as_json: b
         found += f", {len(silenced)} silenced" if silenced else ""
         print(f"{found}{_contents_text(scenario)}")
     return 1 if errors else 0
+
+
+class UnknownActError(RiseError):
+    """There is no such act; the message is a sentence for a person."""
+
+
+def explain_act_report(folder: str, act: str, *, robot: str | None, mode: str | None, as_json: bool) -> int:
+    """Print what holds for an act, and which line of scenario.toml says so.
+
+    :param folder: the scenario's.
+    :param act: the act's name.
+    :param robot: another robot than the scenario's; None: its own.
+    :param mode: the same for the mode.
+    :param as_json: as one document.
+    :return: the exit status, 1 when the scenario has errors (they go to standard error).
+    :raises UnknownActError: the scenario has no act of that name.
+    """
+    loaded = load(folder, robot=robot, mode=mode)
+    if loaded.scenario is None:
+        load_or_refuse(folder, robot=robot, mode=mode)
+        return 1
+    if act not in loaded.scenario.acts:
+        raise UnknownActError(f"there is no act {act!r}{did_you_mean(act, loaded.scenario.acts)}")
+    settings = loaded.act_tables.explain(act)
+    if as_json:
+        rows = [
+            {"setting": name, "value": value, "table": table and table.name, "line": table and table.location.line}
+            for name, value, table in settings
+        ]
+        write_json({"act": act, "settings": rows})
+    else:
+        print(act)
+        for name, value, table in settings:
+            source = "as usual" if table is None else f"{table.header} ({table.location.file}:{table.location.line})"
+            print(f"  {name:<13} {json.dumps(value):<11} {source}")
+    return 0
 
 
 def _diagnostic_row(diagnostic: Diagnostic) -> dict[str, Any]:

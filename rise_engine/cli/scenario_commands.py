@@ -9,10 +9,12 @@ import click
 from rise_engine import exit_status
 from rise_engine.cli.arguments import exit_with_usage, parse_number, resolve_scenario
 from rise_engine.cli.check import (
+    UnknownActError,
     UnusableMemoryError,
     check_report,
     doctor_report,
     eval_report,
+    explain_act_report,
     functions_report,
     new_report,
     read_memory,
@@ -56,14 +58,22 @@ class _ExpressionCommand(click.Command):
 @FOLDER
 @JSON
 @click.option("--all", "all_of_them", is_flag=True, help="Also the warnings that were silenced, with their reasons.")
+@click.option(
+    "--explain", "act", metavar="ACT", help="Say what scenario.toml sets for an act instead, and in which line."
+)
 @ROBOT
 @MODE
-def check(folder: str, as_json: bool, all_of_them: bool, robot: str | None, mode: str | None) -> None:
+def check(folder: str, as_json: bool, all_of_them: bool, act: str | None, robot: str | None, mode: str | None) -> None:
     """Say everything that is wrong with the scenario in DIR.
 
-    Exit status: 0 without errors (warnings may be there), 1 with errors, 2 when there is no such folder.
+    Exit status: 0 without errors (warnings may be there), 1 with errors, 2 when there is no such folder or act.
     """
     folder = resolve_scenario(folder)
+    if act is not None:
+        try:
+            sys.exit(explain_act_report(folder, act, robot=robot, mode=mode, as_json=as_json))
+        except UnknownActError as error:
+            exit_with_usage(str(error))
     sys.exit(check_report(folder, robot=robot, mode=mode, as_json=as_json, all_of_them=all_of_them))
 
 

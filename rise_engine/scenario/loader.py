@@ -8,10 +8,11 @@ from hashlib import sha256
 from pathlib import Path
 from typing import Any
 
-from msgspec import Struct
+from msgspec import Struct, field
 from msgspec.structs import replace
 
 from rise_engine.nearest_name import limited_comparisons
+from rise_engine.scenario.act_settings import ActTables
 from rise_engine.scenario.action_declarations import apply_declarations
 from rise_engine.scenario.acts import read_acts
 from rise_engine.scenario.cross_references import check_cross_references
@@ -47,6 +48,8 @@ class LoadResult(Struct, frozen=True):
     wherever it lay: written there, it is the same scenario (`DEFAULT_PATHS`)."""
     suppressed: list[SuppressedWarning] = []
     """Warnings that are meant, in reading order; they are not among the findings."""
+    act_tables: ActTables = field(default_factory=ActTables)
+    """What scenario.toml says of acts."""
 
     def __iter__(self) -> Iterator[Any]:
         """`scenario, findings = load(...)` works too."""
@@ -120,6 +123,8 @@ class _Loader:
             read_rules(file, draft, diagnostics)
         self.read_memory(paths["memory"])
         check_cross_references(draft, diagnostics)
+        if "acts" not in draft.unreadable_parts:
+            settings.act_tables.check_patterns(draft.acts, diagnostics)
 
         suppressions = [
             *read_suppressions(self.files.sources, diagnostics),
@@ -138,7 +143,7 @@ class _Loader:
             rules=draft.rules,
             memory=draft.memory,
             keys=settings.keys,
-            act_settings=settings.act_settings,
+            act_settings=settings.act_tables.settings_by_act(draft.acts),
             fillers=settings.fillers,
             study=settings.study,
             may_release=settings.may_release,
@@ -147,7 +152,7 @@ class _Loader:
             topics=frozenset(mention.name for mention in draft.awaited_topics),
             hash=_hash(files, profile.name),
         )
-        return LoadResult(scenario, found, files, silenced)
+        return LoadResult(scenario, found, files, silenced, settings.act_tables)
 
     def read_settings(self) -> None:
         path = self.folder / (self.path.name if self.path.suffix == ".toml" else SCENARIO_FILE)

@@ -7,14 +7,12 @@ from functools import partial
 from typing import Any
 
 from rise_engine.expression import Assignment, ExpressionError
-from rise_engine.nearest_name import did_you_mean, in_backquotes
+from rise_engine.scenario.act_settings import read_act_tables
 from rise_engine.scenario.diagnostics import Diagnostics
 from rise_engine.scenario.draft import Mention, ScenarioDraft
 from rise_engine.scenario.expression_checks import expression_message, note_assignment
 from rise_engine.scenario.keys import KeyRefusedError, bindable_key_name
 from rise_engine.scenario.model import (
-    ActSettings,
-    CallingType,
     FillerSettings,
     FunctionName,
     KeyBinding,
@@ -24,7 +22,7 @@ from rise_engine.scenario.model import (
 )
 from rise_engine.scenario.suppressions import check_warning_code
 from rise_engine.scenario.toml_locations import TomlFile
-from rise_engine.scenario.toml_tables import TomlTable, is_integer
+from rise_engine.scenario.toml_tables import TomlTable, is_integer, quote_toml_key, read_seconds
 
 TOP_KEYS = (
     "title",
@@ -52,9 +50,6 @@ BINDINGS: dict[str, tuple[FunctionName, str]] = {
 """What a key can submit: the function of the DomainTask that comes of it, and what its author has to write."""
 MAX_LABEL_LENGTH = 24
 """Characters of a key's `label`: it stands beside others in one line."""
-_ACT_KEYS = ("hold", "debounce", "filler", "calling_type")
-_CALLING_TYPES: dict[str, CallingType] = {"none": "None", "blocking": "Blocking"}
-MAX_DEBOUNCE = 60.0
 _ALLOW_KEYS = ("code", "key", "reason")
 MAX_PARTICIPANTS = 1_000_000
 MIN_AUTO_AFTER, MAX_FILLER_DELAY = 0.5, 600.0
@@ -79,7 +74,7 @@ class ScenarioSettings:
         }
         self.study = self.read_study()
         self.keys = self.read_keys()
-        self.act_settings = self.read_acts()
+        self.act_tables = read_act_tables(self.table.section("act"), draft)
         self.fillers = self.read_fillers()
         self.may_release = self.read_control()
         self.suppressions = self.read_suppressions()
@@ -88,7 +83,7 @@ class ScenarioSettings:
     def read_text(self, key: str, usual: str) -> str:
         value = self.table.values.get(key)
         if key == "acts" and isinstance(value, dict):
-            names = [_toml_key(name) for name in value] or ["NAME"]
+            names = [quote_toml_key(name) for name in value] or ["NAME"]
             message = f"`acts` says where the acts are; settings of an act stand in [act.{names[0]}], not [acts...]"
             self.table.report_value("wrong-type", key, message)
             return usual
@@ -161,7 +156,7 @@ class ScenarioSettings:
         return bindings
 
     def read_binding(self, table: TomlTable, written: str, key: str) -> KeyBinding | None:
-        example = f'write {_toml_key(written)} = {{ act = "..." }} (or {", ".join(list(BINDINGS)[1:])})'
+        example = f'write {quote_toml_key(written)} = {{ act = "..." }} (or {", ".join(list(BINDINGS)[1:])})'
         if not isinstance(table.values[written], dict):
             table.report_value("binding", written, f"a key submits something; {example}")
             return None
@@ -217,37 +212,12 @@ class ScenarioSettings:
             return title
         return ""
 
-    def read_acts(self) -> dict[str, ActSettings]:
-        table = self.table.section("act")
-        usual = ActSettings()
-        result: dict[str, ActSettings] = {}
-        for name in table.values:
-            self.draft.act_mentions.append(Mention(name, partial(table.key_location, name)))
-            inner = table.subtable(name, f"settings of an act are a table: [act.{_toml_key(name)}]")
-            if inner is None:
-                continue
-            inner.report_unknown_keys(_ACT_KEYS)
-            calling = inner.values.get("calling_type", "Blocking")
-            if not isinstance(calling, str) or calling.lower() not in _CALLING_TYPES:
-                types = _CALLING_TYPES.values()
-                near = did_you_mean(calling, types, limit=0) if isinstance(calling, str) else ""
-                message = f"`calling_type` is one of {in_backquotes(types)}{near}"
-                inner.report_value("wrong-value", "calling_type", message)
-                calling = "Blocking"
-            result[name] = ActSettings(
-                hold=inner.read("hold", bool, usual.hold),
-                debounce=_read_seconds(inner, "debounce", usual.debounce, 0.0, MAX_DEBOUNCE) or 0.0,
-                filler=inner.read("filler", bool, usual.filler),
-                calling_type=_CALLING_TYPES[calling.lower()],
-            )
-        return result
-
     def read_fillers(self) -> FillerSettings:
         table = self.table.section("fillers", ("offer_after", "auto_after"))
         usual = FillerSettings()
-        offer = _read_seconds(table, "offer_after", usual.offer_after, 0.0, MAX_FILLER_DELAY)
-        auto = _read_seconds(table, "auto_after", usual.auto_after, MIN_AUTO_AFTER, MAX_FILLER_DELAY)
-        if auto is not None and not any(settings.filler for settings in self.act_settings.values()):
+        offer = read_seconds(table, "offer_after", usual.offer_after, 0.0, MAX_FILLER_DELAY)
+        auto = read_seconds(table, "auto_after", usual.auto_after, MIN_AUTO_AFTER, MAX_FILLER_DELAY)
+        if auto is not None and not any(table.given.get("filler") for table in self.act_tables.by_name.values()):
             message = "no act is a filler, so none will ever be started: `filler = true` under [act.NAME] makes one"
             table.diagnostics.warning("no-filler", table.key_location("auto_after"), message)
         return FillerSettings(offer or 0.0, auto)
@@ -264,18 +234,3 @@ class ScenarioSettings:
             table.report_value("wrong-type", "may_release", message)
             return ()
         return tuple(name.strip() for name in names)
-
-
-def _read_seconds(table: TomlTable, key: str, usual: float | None, least: float, most: float) -> float | None:
-    value = table.read_number(key, usual, " of seconds")
-    if value is None or least <= value <= most:
-        return value if value is None else float(value)
-    table.report_value("out-of-range", key, f"`{key}` is from {least:g} to {most:g} seconds")
-    return usual
-
-
-def _toml_key(key: str) -> str:
-    bare = key.replace("_", "").replace("-", "")
-    if bare.isascii() and bare.isalnum():
-        return key
-    return '"' + key.replace("\\", "\\\\").replace('"', '\\"') + '"'

@@ -89,3 +89,20 @@ class TomlTable:
 def is_integer(value: Any) -> bool:
     """Whether a TOML value is a whole number; for Python, a boolean is one too."""
     return isinstance(value, int) and not isinstance(value, bool)
+
+
+def read_seconds(table: TomlTable, key: str, usual: float | None, least: float, most: float) -> float | None:
+    """The value of a key, in seconds within these limits."""
+    value = table.read_number(key, usual, " of seconds")
+    if value is None or least <= value <= most:
+        return value if value is None else float(value)
+    table.report_value("out-of-range", key, f"`{key}` is from {least:g} to {most:g} seconds")
+    return usual
+
+
+def quote_toml_key(key: str) -> str:
+    """A key as it is written in TOML: in quotation marks where it must be."""
+    bare = key.replace("_", "").replace("-", "")
+    if bare.isascii() and bare.isalnum():
+        return key
+    return '"' + key.replace("\\", "\\\\").replace('"', '\\"') + '"'

@@ -1,0 +1,124 @@
+"""`[act.NAME]` in scenario.toml, and `[act."R_Task*"]` for several acts at once (docs/reference/scenario.md)."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterable
+from fnmatch import fnmatchcase
+from functools import partial
+from typing import Any
+
+from msgspec import Struct
+from msgspec.structs import asdict
+
+from rise_engine.nearest_name import did_you_mean, in_backquotes
+from rise_engine.scenario.diagnostics import Diagnostics
+from rise_engine.scenario.draft import Mention, ScenarioDraft
+from rise_engine.scenario.model import ActSettings, CallingType, SourceLocation
+from rise_engine.scenario.toml_tables import TomlTable, quote_toml_key, read_seconds
+
+MAX_DEBOUNCE = 60.0
+MAX_PATTERNS = 100
+"""Tables for several acts at once: each is compared with each act."""
+SETTINGS = ("hold", "debounce", "filler", "calling_type")
+_CALLING_TYPES: dict[str, CallingType] = {"none": "None", "blocking": "Blocking"}
+_WILDCARD = re.compile(r"\[[^\]]*\]|[*?]")
+
+
+class ActTable(Struct, frozen=True):
+    """One table `[act.NAME]` as it is written."""
+
+    name: str
+    """An act, or a pattern: `*` is any text, `?` any character, `[12]` one of these."""
+    given: dict[str, Any]
+    """The settings that it says."""
+    location: SourceLocation
+
+    @property
+    def has_wildcards(self) -> bool:
+        return _WILDCARD.search(self.name) is not None
+
+    @property
+    def header(self) -> str:
+        return f"[act.{quote_toml_key(self.name)}]"
+
+
+class ActTables:
+    """All these tables, and what holds for an act because of them."""
+
+    def __init__(self, tables: Iterable[ActTable] = ()) -> None:
+        self.by_name = {table.name: table for table in tables}
+        """In file order. (No two have one name: that would be no TOML.)"""
+        self.patterns = sorted((table for table in self.by_name.values() if table.has_wildcards), key=_exactness)
+        """Those that name more characters come later, and of those that name as many the later ones in the file."""
+
+    def check_patterns(self, acts: Iterable[str], diagnostics: Diagnostics) -> None:
+        """An error for each pattern that fits no act, and for too many of them."""
+        names = tuple(acts)
+        if len(self.patterns) > MAX_PATTERNS:
+            message = f"at most {MAX_PATTERNS} tables are for several acts at once; there are {len(self.patterns)}"
+            diagnostics.error("out-of-range", self.patterns[0].location, message)
+            return
+        for table in self.patterns:
+            if table.name not in names and not any(fnmatchcase(name, table.name) for name in names):
+                message = f"no act has a name like `{table.name}`"
+                diagnostics.error("unknown-act", table.location, message + did_you_mean(table.name, names))
+
+    def find_sources(self, act: str) -> dict[str, ActTable]:
+        """For each setting of an act that some table says: the table that counts. That is the act's own, else the
+        pattern that names the most characters, and of two that name as many the later one."""
+        fitting = [table for table in self.patterns if fnmatchcase(act, table.name)]
+        if (own := self.by_name.get(act)) is not None:
+            fitting.append(own)
+        return {key: table for table in fitting for key in table.given}
+
+    def settings_by_act(self, acts: Iterable[str]) -> dict[str, ActSettings]:
+        """The settings of each act for which any table says something."""
+        found = ((act, self.find_sources(act)) for act in acts)
+        return {
+            act: ActSettings(**{key: table.given[key] for key, table in sources.items()})
+            for act, sources in found
+            if sources
+        }
+
+    def explain(self, act: str) -> list[tuple[str, Any, ActTable | None]]:
+        """Each setting of an act with its value and the table that says it; None: it is the usual one."""
+        sources, usual = self.find_sources(act), asdict(ActSettings())
+        return [(key, sources[key].given[key] if key in sources else usual[key], sources.get(key)) for key in SETTINGS]
+
+
+def _exactness(table: ActTable) -> int:
+    return len(_WILDCARD.sub("", table.name))
+
+
+def read_act_tables(table: TomlTable, draft: ScenarioDraft) -> ActTables:
+    """Read the tables below `[act]`; names of single acts are noted in `draft`."""
+    usual = ActSettings()
+    found = []
+    for name in table.values:
+        inner = table.subtable(name, f"settings of an act are a table: [act.{quote_toml_key(name)}]")
+        given: dict[str, Any] = {}
+        if inner is not None:
+            inner.report_unknown_keys(SETTINGS)
+            read = {
+                "hold": partial(inner.read, "hold", bool, usual.hold),
+                "debounce": partial(read_seconds, inner, "debounce", usual.debounce, 0.0, MAX_DEBOUNCE),
+                "filler": partial(inner.read, "filler", bool, usual.filler),
+                "calling_type": partial(_read_calling_type, inner),
+            }
+            given = {key: read[key]() for key in SETTINGS if key in inner.values}
+        each = ActTable(name, given, table.key_location(name))
+        found.append(each)
+        if not each.has_wildcards:
+            draft.act_mentions.append(Mention(name, partial(table.key_location, name)))
+    return ActTables(found)
+
+
+def _read_calling_type(table: TomlTable) -> CallingType:
+    written = table.values["calling_type"]
+    if isinstance(written, str) and written.lower() in _CALLING_TYPES:
+        return _CALLING_TYPES[written.lower()]
+    types = _CALLING_TYPES.values()
+    near = did_you_mean(written, types, limit=0) if isinstance(written, str) else ""
+    table.report_value("wrong-value", "calling_type", f"`calling_type` is one of {in_backquotes(types)}{near}")
+    return "Blocking"
