@@ -43,14 +43,18 @@ class ActTable(Struct, frozen=True):
         return f"[act.{quote_toml_key(self.name)}]"
 
 
-class ActTables:
+class ActTables(Struct):
     """All these tables, and what holds for an act because of them."""
 
-    def __init__(self, tables: Iterable[ActTable] = ()) -> None:
-        self.by_name = {table.name: table for table in tables}
-        """In file order. (No two have one name: that would be no TOML.)"""
+    tables: tuple[ActTable, ...] = ()
+    by_name: dict[str, ActTable] = {}
+    """In file order. (No two have one name: that would be no TOML.)"""
+    patterns: list[ActTable] = []
+    """Those that name more characters come later, and of those that name as many the later ones in the file."""
+
+    def __post_init__(self) -> None:
+        self.by_name = {table.name: table for table in self.tables}
         self.patterns = sorted((table for table in self.by_name.values() if table.has_wildcards), key=_exactness)
-        """Those that name more characters come later, and of those that name as many the later ones in the file."""
 
     def check_patterns(self, acts: Iterable[str], diagnostics: Diagnostics) -> None:
         """An error for each pattern that fits no act, and for too many of them."""
@@ -111,7 +115,7 @@ def read_act_tables(table: TomlTable, draft: ScenarioDraft) -> ActTables:
         found.append(each)
         if not each.has_wildcards:
             draft.act_mentions.append(Mention(name, partial(table.key_location, name)))
-    return ActTables(found)
+    return ActTables(tuple(found))
 
 
 def _read_calling_type(table: TomlTable) -> CallingType:

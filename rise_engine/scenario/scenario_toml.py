@@ -217,7 +217,7 @@ class ScenarioSettings:
         usual = FillerSettings()
         offer = read_seconds(table, "offer_after", usual.offer_after, 0.0, MAX_FILLER_DELAY)
         auto = read_seconds(table, "auto_after", usual.auto_after, MIN_AUTO_AFTER, MAX_FILLER_DELAY)
-        if auto is not None and not any(table.given.get("filler") for table in self.act_tables.by_name.values()):
+        if auto is not None and not any(table.given.get("filler") for table in self.act_tables.tables):
             message = "no act is a filler, so none will ever be started: `filler = true` under [act.NAME] makes one"
             table.diagnostics.warning("no-filler", table.key_location("auto_after"), message)
         return FillerSettings(offer or 0.0, auto)

@@ -62,7 +62,10 @@ def test_what_holds(tmp_path: Path, toml: str, expected: dict[str, ActSettings])
 @pytest.mark.parametrize(
     ("toml", "expected"),
     [
-        ('[act."R_Tusk*"]\nhold = true', ["1:6 unknown-act: no act has a name like `R_Tusk*`; known: " + ", ".join(f"`{name}`" for name in NAMES)]),
+        (
+            '[act."R_Tusk*"]\nhold = true',
+            ["1:6 unknown-act: no act has a name like `R_Tusk*`; known: " + ", ".join(f"`{name}`" for name in NAMES)],
+        ),
         ("[act.R_Nodd]\nhold = true", ["1:6 unknown-act: there is no act `R_Nodd`; did you mean `R_Nod`?"]),
         ('[act."R_*"]\nholt = true', ["2:1 unknown-key: unknown key `holt`; did you mean `hold`?"]),
         ('[act."R_*"]\ndebounce = 99', ["2:12 out-of-range: `debounce` is from 0 to 60 seconds"]),
