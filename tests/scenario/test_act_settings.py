@@ -24,6 +24,7 @@ def settings(folder: Path, toml: str) -> dict[str, ActSettings]:
     return scenario.act_settings
 
 
+KNOWN = ", ".join(f"`{name}`" for name in NAMES)
 HOLD, SLOW = ActSettings(hold=True), ActSettings(debounce=2.0)
 
 
@@ -64,7 +65,7 @@ def test_what_holds(tmp_path: Path, toml: str, expected: dict[str, ActSettings])
     [
         (
             '[act."R_Tusk*"]\nhold = true',
-            ["1:6 unknown-act: no act has a name like `R_Tusk*`; known: " + ", ".join(f"`{name}`" for name in NAMES)],
+            [f"1:6 unknown-act: no act has a name like `R_Tusk*`; known: {KNOWN}"],
         ),
         ("[act.R_Nodd]\nhold = true", ["1:6 unknown-act: there is no act `R_Nodd`; did you mean `R_Nod`?"]),
         ('[act."R_*"]\nholt = true', ["2:1 unknown-key: unknown key `holt`; did you mean `hold`?"]),
