@@ -43,6 +43,7 @@
       StudyCopyError              A study could not be copied
       TaskFileError               A task file with mistakes
       TemplateError               A template that cannot be read
+      UnknownActError             There is no such act
       UnusableArgument            Something on the command line cannot be used
       UnusableMemoryError         `--memory` cannot be read
       WebError                    Nothing is served
