@@ -332,17 +332,17 @@ class _RuleReader(BlockReader):
         """Of two transitions of a state with one trigger, the second is dead when the first has no condition."""
         always: dict[object, Transition] = {}
         for transition in state.transitions:
-            for trigger in _triggers(transition):
-                if trigger in always:
-                    message = (
-                        f"never taken in the state `{state.id}`: the transition in line "
-                        f"{always[trigger].location.line} has the same trigger and no condition"
-                    )
-                    self.diagnostics.warning("unreachable-transition", transition.location, message)
-                    break
-            else:
-                if transition.condition is None:
-                    always.update(dict.fromkeys(_triggers(transition), transition))
+            triggers = tuple(_triggers(transition))
+            earlier = [always[trigger] for trigger in triggers if trigger in always]
+            if triggers and len(earlier) == len(triggers):
+                message = (
+                    f"never taken in the state `{state.id}`: the transition in line {earlier[0].location.line} "
+                    "has the same trigger and no condition"
+                )
+                self.diagnostics.warning("unreachable-transition", transition.location, message)
+            elif transition.condition is None:
+                for trigger in triggers:
+                    always.setdefault(trigger, transition)
 
 
 def _triggers(transition: Transition) -> Iterator[object]:

@@ -209,6 +209,18 @@ RULES: dict[str, tuple[str, str, list[str]]] = {
         '\n<transition eventTopic="x" ended="A" target="S"/>',
         ["4:25 unraised-event", "4:28 trigger"],
     ),
+    "own act, the other ends": (
+        START_A,
+        '\n<transition ended="A" outcome="succeeded" target="S"/>\n<transition ended="A" target="S"/>',
+        [],
+    ),
+    "own act, one end after the other": (
+        START_A,
+        '\n<transition ended="A" outcome="succeeded" target="S"/>'
+        '\n<transition ended="A" outcome="failed | stopped" target="S"/>'
+        '\n<transition ended="A" target="S"/>',
+        ["6:1 unreachable-transition"],
+    ),
     "own act, all its ends": (
         START_A,
         '\n<transition ended="A" target="S"/>\n<transition ended="A" outcome="failed" target="S"/>',
