@@ -102,6 +102,7 @@ def test_the_kernel_and_the_expressions_are_pure(file: Path) -> None:
     assert calls & IMPURE_CALLS == set()
 
 
+@pytest.mark.slow
 def test_every_module_says_what_it_is_for() -> None:
     missing = [
         str(file.relative_to(ROOT))

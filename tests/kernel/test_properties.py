@@ -9,6 +9,7 @@ from random import Random
 from typing import Any
 
 import msgspec
+import pytest
 from hypothesis import Phase, given, settings
 from hypothesis import strategies as st
 
@@ -300,6 +301,7 @@ cases = given(scenarios(), st.lists(MOVES, max_size=25))
 quick = settings(max_examples=60, phases=[p for p in Phase if p not in (Phase.shrink, Phase.explain)])
 
 
+@pytest.mark.slow
 @quick
 @cases
 def test_same_inputs_same_outputs(scenario: Scenario, moves: list[Move]) -> None:

@@ -379,6 +379,7 @@ def test_requests_to_cancel_that_nobody_decides_have_a_bound() -> None:
 # --- many, and for long -------------------------------------------------------------------------------------------
 
 
+@pytest.mark.slow
 def test_the_status_array_lists_what_runs_and_the_latest_that_ended() -> None:
     pair = Pair()
     for number in range(1, 201):

@@ -130,6 +130,7 @@ def test_every_warning_can_be_silenced() -> None:
     assert codes - {"bad-allow", "unused-allow"} == WARNING_CODES
 
 
+@pytest.mark.slow
 def test_the_work_grows_with_the_file_only(tmp_path: Path) -> None:
     """Thousands of silencings, one behind the other and each before its warning."""
     comments = "<!-- check: allow unset-key: x -->" * 20_000

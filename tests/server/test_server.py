@@ -121,6 +121,7 @@ async def test_a_name_can_be_shown(scratch: Path, name: str) -> None:
         assert "name" in await raw.refused()
 
 
+@pytest.mark.slow
 async def test_a_connection_that_does_not_attach_is_closed(scratch: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(serving, "ATTACH_SECONDS", 0.05)
     async with served(scratch) as session:

@@ -426,6 +426,7 @@ def test_marking_a_line() -> None:
     )
 
 
+@pytest.mark.slow
 async def test_older_tasks_that_are_in_the_record_only_are_told_of(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -118,6 +118,7 @@ async def test_the_status_line_counts_from_the_cue_until_the_answer() -> None:
         await it.until(lambda: "answered" not in it.bars.status_line.text)
 
 
+@pytest.mark.slow
 async def test_the_cue_moves_nothing_else_in_the_status_line() -> None:
     for size in ((80, 24), (120, 40), (200, 50)):
         async with console(size=size) as it:
@@ -185,6 +186,7 @@ async def test_a_cue_is_taken_back_from_the_palette() -> None:
         await it.until(lambda: "cue 0" not in it.bars.status_line.text)
 
 
+@pytest.mark.slow
 async def test_a_cue_that_a_rule_waits_for_starts_something_so_safe_holds_it_back() -> None:
     client = FakeClient(replace(demo(), topics=frozenset({"cue"})))
     async with console(client=client) as it:

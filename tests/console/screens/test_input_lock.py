@@ -137,6 +137,7 @@ async def test_a_locked_console_can_be_left() -> None:
         await it.until(lambda: it.client.closed == [False])
 
 
+@pytest.mark.slow
 async def test_locking_closes_what_is_open_unanswered() -> None:
     async with console() as it:
         await it.press("question_mark")

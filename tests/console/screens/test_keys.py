@@ -123,6 +123,7 @@ async def test_stopped_keys_start_nothing_and_say_why() -> None:
         assert "STOPPED" in it.notice and "ctrl+r" in it.notice
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("key", ["f9", "ctrl+g"])
 @pytest.mark.parametrize(
     "opening", [(), ("slash",), ("f3", "f3", "f3", "enter"), ("question_mark",), ("colon",), ("f8",), ("ctrl+c",)]

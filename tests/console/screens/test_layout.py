@@ -195,6 +195,7 @@ async def test_a_console_that_begins_in_a_small_window_says_so_at_once() -> None
         await it.until(lambda: isinstance(it.app.screen, TooSmallScreen))
 
 
+@pytest.mark.slow
 async def test_a_window_that_grows_below_a_question_leaves_the_question() -> None:
     async with console(size=(80, 24)) as it:
         await shrunk(it)

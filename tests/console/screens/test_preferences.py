@@ -152,6 +152,7 @@ async def test_those_who_only_watch_change_nothing() -> None:
         assert not state_folder().exists()
 
 
+@pytest.mark.slow
 async def test_a_theme_that_was_not_changed_is_not_kept() -> None:
     async with console(ui_state=UiState(Preferences(theme="light")), theme="contrast") as it:
         it.screen.pane_layout.focus_pane("memory")

@@ -148,6 +148,7 @@ async def test_in_safe_nothing_is_said_and_what_was_typed_is_kept() -> None:
         assert said(it.client) == [] and it.bars.speech_input.field.value == "Hello"
 
 
+@pytest.mark.slow
 async def test_a_missing_value_says_so_and_is_not_said() -> None:
     async with console() as it:
         await it.press("ctrl+t", *"Hello ", "left_curly_bracket", *"nobody", "right_curly_bracket")
@@ -192,6 +193,7 @@ async def test_what_was_rejected_is_still_there() -> None:
         assert it.bars.speech_input.field.value == "Hi"
 
 
+@pytest.mark.slow
 async def test_esc_keeps_what_was_typed() -> None:
     async with console() as it:
         await it.press("f2", "ctrl+t", *"Hi", "escape")
