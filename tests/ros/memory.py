@@ -425,6 +425,9 @@ class MemoryTransport:
     def type_hash(self, type: str) -> str:
         return self.hashes.get(type, self.wire.types.hash(type))
 
+    def graph_version(self) -> None:
+        return None
+
     def publisher_endpoints(self, topic: str) -> list[RemoteEndpoint]:
         full = self.resolve(topic)
         return [t.end(p.type, p.qos) for t in self._others() for p in t.publishers if p.topic == full]

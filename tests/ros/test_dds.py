@@ -457,3 +457,15 @@ def test_endpoints_of_others_come_and_go() -> None:
     assert seen.find_readers("rt/a") == seen.find_writers("rt/b") == []
     seen.update_writer(graph.DdsEndpoint(key, alive=False))
     assert seen.find_writers("rt/a") == []
+
+
+async def test_the_graph_has_another_version_when_somebody_comes_or_goes(transport: DdsTransport) -> None:
+    other = opened("there")
+    before = transport.graph_version()
+    publisher = other.publisher("/chat", TEXT)
+    await until(lambda: transport.publisher_endpoints("/chat"))
+    between = transport.graph_version()
+    publisher.close()
+    await until(lambda: not transport.publisher_endpoints("/chat"))
+    assert before < between < transport.graph_version()
+    other.close()

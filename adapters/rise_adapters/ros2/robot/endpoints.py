@@ -41,9 +41,16 @@ class _ComparedEndpoint:
         self._transport = transport
         self._mapping = mapping
         self._clock = clock
+        self._compared_version: int | None = None
+        """Of the graph (`Transport.graph_version`), when it was compared."""
 
     def compare(self) -> None:
-        """Compare what is there with what the profile says."""
+        """Compare what is there with what the profile says, unless nothing has changed since that was done last: it is
+        asked for before each goal, and is 2 % of a task (benchmarks/ros)."""
+        version = self._transport.graph_version()
+        if version is not None and version == self._compared_version:
+            return
+        self._compared_version = version
         before, self.comparison = self.comparison, compatibility.compare(self._transport, self._mapping)
         if before.complete and not self.comparison.complete:  # another one is appearing
             self.presence.appeared_at = self._clock.now()

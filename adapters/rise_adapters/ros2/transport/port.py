@@ -227,6 +227,13 @@ class Transport(Protocol):
 
     # --- what others have ---------------------------------------------------------------------------------------
 
+    def graph_version(self) -> int | None:
+        """Tell whether what the following calls answer may have changed.
+
+        :returns: a number that grows with every change of what is seen; None: this transport cannot tell, look again.
+        """
+        ...
+
     def publisher_endpoints(self, topic: str) -> list[RemoteEndpoint]:
         """List what other nodes have that publishes on a topic.
 

@@ -136,8 +136,11 @@ class DdsGraph:
         """By participant, the names of its nodes."""
         self._owners: dict[bytes, dict[bytes, str]] = {}
         """By the first 12 bytes of a participant's id, the node that each of its endpoints belongs to."""
+        self.version = 0
+        """Grows with every change."""
 
     def update_participant(self, seen: DdsParticipant) -> None:
+        self.version += 1
         if seen.alive:
             self._participants.add(seen.key)
         else:
@@ -146,13 +149,16 @@ class DdsGraph:
             self._owners.pop(seen.key[:12], None)
 
     def update_reader(self, seen: DdsEndpoint) -> None:
+        self.version += 1
         _update_endpoints(self._readers, seen)
 
     def update_writer(self, seen: DdsEndpoint) -> None:
+        self.version += 1
         _update_endpoints(self._writers, seen)
 
     def set_nodes(self, participant: bytes, nodes: Sequence[tuple[str, Iterable[bytes]]]) -> None:
         """A participant says which nodes it has, and the ids of what each of them has."""
+        self.version += 1
         self._nodes[participant] = [node for node, _ in nodes]
         self._owners[participant[:12]] = {key: node for node, keys in nodes for key in keys}
 

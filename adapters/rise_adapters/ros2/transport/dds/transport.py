@@ -83,6 +83,9 @@ class DdsTransport:
         except PortError:
             return ""
 
+    def graph_version(self) -> int:
+        return self._dds.graph.version
+
     def publisher_endpoints(self, topic: str) -> list[RemoteEndpoint]:
         return self._dds.graph.find_writers(names.dds_topic(self.resolve(topic)))
 

@@ -79,6 +79,9 @@ class RclpyTransport:
     def type_hash(self, type: str) -> str:
         return self._types.find_hash(type)
 
+    def graph_version(self) -> None:
+        """rclpy does not tell that the graph has changed."""
+
     def publisher_endpoints(self, topic: str) -> list[RemoteEndpoint]:
         return self._graph.find_publishers(self.resolve(topic))
 
