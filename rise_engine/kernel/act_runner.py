@@ -221,10 +221,10 @@ class ActRunner:
         self._record(run, id, status, reason)
         if run.cancel_reason is not None or run.failure is not None:
             return
-        actions = self._act_of(run).actions
-        if status == "succeeded" or actions[state.index].continue_on_failure:
-            for successor in actions:
-                if id in successor.wait_for and all(run.actions[each].state == "ended" for each in successor.wait_for):
+        act = self._act_of(run)
+        if status == "succeeded" or act.actions[state.index].continue_on_failure:
+            for successor in act.successors.get(id, ()):
+                if all(run.actions[each].state == "ended" for each in successor.wait_for):
                     run.ready.append(successor.id)
         else:
             run.failure = f"action {id} ({state.type}) {status}" + (f": {reason}" if reason else "")

@@ -85,7 +85,7 @@ class _ActReader(ElementReader):
         """An error where an actionID stands in what an action waits for; without one, where the first does."""
         element = self.waits[action]
         offsets = _id_offsets(element.text)
-        index = offsets.get(id, min(offsets.values(), default=0))
+        index = offsets[id] if id in offsets else min(offsets.values(), default=0)
         self.diagnostics.error(code, self.file.text_location(element, index), message)
 
     def read_action(self, element: Element) -> Action | None:

@@ -8,6 +8,7 @@ screen or file system; `rise_engine.scenario.load` builds these values from a fo
 from __future__ import annotations
 
 from collections.abc import Iterator
+from functools import cached_property
 from typing import Any, Literal, TypeAlias
 
 from msgspec import Struct, field
@@ -113,7 +114,7 @@ class Action(Struct, frozen=True):
     location: SourceLocation = field(default=SourceLocation(""), name="place")
 
 
-class Act(Struct, frozen=True):
+class Act(Struct, frozen=True, dict=True):
     """A CommunicationRobotAct (paper, section 4.2.1)."""
 
     name: str
@@ -122,6 +123,15 @@ class Act(Struct, frozen=True):
     channels: frozenset[str] = frozenset()
     """All channels that its actions occupy on the scenario's robot."""
     location: SourceLocation = field(default=SourceLocation(""), name="place")
+
+    @cached_property
+    def successors(self) -> dict[str, list[Action]]:
+        """By action id, the actions that wait for it, in file order."""
+        found: dict[str, list[Action]] = {}
+        for action in self.actions:
+            for id in dict.fromkeys(action.wait_for):
+                found.setdefault(id, []).append(action)
+        return found
 
 
 # --- IR -------------------------------------------------------------------------------------------------------------

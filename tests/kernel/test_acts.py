@@ -249,7 +249,6 @@ def test_variants_never_repeat_and_all_come_up(tmp_path: Path) -> None:
         again.finish_all()
 
 
-@pytest.mark.slow
 def test_a_chain_of_ten_thousand_ends_without_recursion(tmp_path: Path) -> None:
     chain = [pause(1, 0)] + [pause(n, 0, wait=str(n - 1)) for n in range(2, 10_001)]
     s = session(tmp_path, dialog("A", *chain))
