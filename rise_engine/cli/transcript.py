@@ -17,8 +17,10 @@ from rise_engine.kernel.records import (
     AnyRecord,
     ConditionRecord,
     ControlRecord,
+    CountdownRecord,
     CueRecord,
     EventRecord,
+    KeptRecord,
     MemoryRecord,
     MistakeRecord,
     NoteRecord,
@@ -111,6 +113,10 @@ class Transcript:
             case MistakeRecord():
                 what = f"{record.act} (task {record.task})" if record.act else f"task {record.task}"
                 return "mistake", what, f"{_MARK_LABELS[record.mark]}, says {record.source}"
+            case CountdownRecord():
+                return "countdown", f"{record.rule}: {record.state}", _countdown_text(record)
+            case KeptRecord():
+                return "kept", record.topic, _kept_text(record)
             case TimingRecord():
                 return None  # its times are those of other records
             case NoteRecord():
@@ -167,6 +173,26 @@ class Transcript:
         took = "" if began is None else f", {record.t - began:.1f} s"
         reason = f": {record.reason}" if record.reason else ""
         return f"  {name}", what or record.action, f"{record.status}{took}{reason}"
+
+
+def _countdown_text(record: CountdownRecord) -> str:
+    if record.status == "began":
+        return f"way {record.transition + 1} is taken in {record.seconds:g} s"
+    if record.status == "broken":
+        return f"way {record.transition + 1} begins anew: what must hold does not"
+    return f"way {record.transition + 1} is never taken: {record.reason}"
+
+
+def _kept_text(record: KeptRecord) -> str:
+    match record.status:
+        case "kept":
+            return f"for up to {record.seconds:g} s, until a rule waits for it"
+        case "taken":
+            return f"until now, for {record.rule}"
+        case "expired":
+            return "in vain: no rule waited for it"
+        case "taken-back":
+            return "no more: it was taken back"
 
 
 def clock_text(t: float) -> str:

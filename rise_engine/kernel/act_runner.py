@@ -16,6 +16,7 @@ from rise_engine.scenario.model import Act, Action, ActionCall
 from rise_engine.scenario.parameters import fill_parameters
 from rise_engine.scenario.template import MissingValueError
 
+SPEECH_CHANNEL = "speech"
 CANCEL_LIMIT = 5.0
 """Seconds that the robot has to confirm a cancel; after that the action counts as lost."""
 
@@ -61,6 +62,18 @@ class ActRunner:
         """Why goals cannot be sent, while the robot is away."""
         self.runs: dict[int, ActRun] = {}
         """By task id, oldest first."""
+
+    @property
+    def is_speaking(self) -> bool:
+        """Whether the robot is doing something that takes its voice."""
+        specs = self._core.scenario.robot.actions
+        under_way = (
+            specs[action.sent_as or action.type]
+            for run in self.runs.values()
+            for action in run.actions.values()
+            if action.state in ("running", "canceling")
+        )
+        return any(SPEECH_CHANNEL in spec.channels for spec in under_way)
 
     # --- start ---
 

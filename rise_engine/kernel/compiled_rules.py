@@ -13,6 +13,7 @@ from itertools import accumulate
 from typing import get_args
 
 from rise_engine.expression import Assignment, Expression
+from rise_engine.kernel.behaviors import event_behavior
 from rise_engine.kernel.core import EventTopic, EventTopics, RuleList
 from rise_engine.scenario.model import (
     ActOutcome,
@@ -85,6 +86,7 @@ class CompiledTransition:
         "condition",
         "entered_at_once",
         "entry_after_actions",
+        "held",
         "index",
         "next",
         "topics",
@@ -108,6 +110,7 @@ class CompiledTransition:
             ends = [(transition.ended, outcome) for outcome in transition.outcomes or OUTCOMES]
             self.topics = tuple(own_ends.setdefault(end, _own_end_topic(*end)) for end in ends)
         self.condition = _compile_condition(transition.condition) if transition.condition is not None else None
+        self.held = _compile_condition(transition.held) if transition.held is not None else None
         self.after = transition.after
         self.block = blocks.compile(transition.block)
         self.next: CompiledTransition | None = None
@@ -121,7 +124,10 @@ class CompiledTransition:
         elif transition.event is not None:
             self.trigger = self.topics[0].with_slash
         elif transition.after is not None:
-            self.trigger = f"after {transition.after:g}s"
+            seconds = transition.after.seconds
+            self.trigger = f"after {transition.after.text if seconds is None else f'{seconds:g}s'}"
+            if transition.held is not None:
+                self.trigger = f"while {transition.held.text} {self.trigger}"
         else:
             self.trigger = transition.condition.text if transition.condition is not None else ""
 
@@ -163,9 +169,11 @@ class CompiledState:
         self.transitions = transitions
         self.by_topic: dict[EventTopic, CompiledTransition] = {}
         """The first transition for each event; the others follow as its `next`."""
-        self.delayed = tuple(t for t in transitions if t.after is not None)
-        self.eventless = tuple(t for t in transitions if not t.topics and t.after is None)
-        keys = {key for t in self.eventless if t.condition for key in t.condition.watched_keys}
+        self.delayed = tuple(t for t in transitions if t.after is not None and t.held is None)
+        self.eventless = tuple(t for t in transitions if not t.topics and (t.after is None or t.held is not None))
+        """Those whose condition alone triggers them, at once or when it has held for a time."""
+        watched = (t.held or t.condition for t in self.eventless)
+        keys = {key for condition in watched if condition for key in condition.watched_keys}
         # `a.b.c` is touched by changes of `a`, `a.b` and `a.b.c`: a dotted key reaches into objects.
         written = {name for key in keys for name in accumulate(key.split("."), "{}.{}".format)}
         self.watch_lists = tuple(watchers.setdefault(name, {}) for name in sorted(written))
@@ -266,7 +274,8 @@ class BlockCompiler:
                 return pick
 
     def _function(self, function: Function, then: Op | None) -> Op:
-        if function.name == "raiseEventTopic":
+        argument = function.argument
+        if function.name == "raiseEventTopic" and function.keep is None:
             op = Op(RAISE, self._source, then)
             op.topic = self._topics.get_or_add(normal_topic(function.argument))
         elif function.name == "assignValue" and function.assignment is not None:
@@ -275,5 +284,7 @@ class BlockCompiler:
         else:
             op = Op(CALL, self._source, then)
             op.function = function.name
-        op.argument = function.argument
+            if function.keep is not None:
+                argument = event_behavior(argument, function.keep)
+        op.argument = argument
         return op

@@ -78,7 +78,7 @@ def parse_task_id(number: str) -> int:
 
 
 class TimerTarget(Struct, frozen=True):
-    """What a timer is for. `purpose`: after, wait, limit, cancel, stop or filler."""
+    """What a timer is for. `purpose`: after, keep, wait, limit, cancel, stop or filler."""
 
     purpose: str
     owner: str = ""

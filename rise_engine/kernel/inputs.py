@@ -6,7 +6,7 @@ Consoles, adapters, timers and command lines all speak these; there is no other 
 
 from __future__ import annotations
 
-from typing import Literal, TypeAlias
+from typing import Any, Literal, TypeAlias
 
 from msgspec import Struct
 
@@ -96,6 +96,8 @@ class SessionStarted(Input, frozen=True, tag="session_started", kw_only=True, gc
     versions: dict[str, str] = {}
     participant: str = ""
     condition: str = ""
+    factors: dict[str, Any] = {}
+    """What the condition is made of: the level of each factor of the study."""
 
 
 class SessionRecovered(Input, frozen=True, tag="session_recovered", kw_only=True, gc=False):

@@ -123,6 +123,7 @@ class Kernel:
         else:
             core.key_at = None
             self._handle_other_input(input)
+        self._handlers.session_keys.update()
         self.rules.run_to_completion()
         if records:
             self.seq = records[-1].seq
@@ -234,6 +235,7 @@ class Kernel:
                 self.participant, self.condition = input.participant, input.condition
                 self._record_session("started", input.versions)
                 self.rules.memory.load_start_values()
+                self._handlers.session_keys.begin(input.participant, input.condition, input.factors)
             case SessionRecovered():
                 self._resume_session(input)
             case SessionEnded():
@@ -245,6 +247,8 @@ class Kernel:
             return  # cancelled meanwhile
         if target.purpose == "after":
             self.rules.timer_elapsed(timer, target)
+        elif target.purpose == "keep":
+            self.rules.kept.expire(self.rules.kept[int(target.owner)], "no rule waited for it in time")
         elif target.purpose == "stop":
             self.stop.time_out()
         elif target.purpose == "filler":

@@ -9,6 +9,7 @@ from typing import Any
 from rise_engine.expression import Assignment, assigned_entry, lookup
 from rise_engine.kernel.core import Core
 from rise_engine.kernel.records import MemoryRecord
+from rise_engine.scenario.model import SESSION
 
 
 class WorkingMemory:
@@ -24,6 +25,12 @@ class WorkingMemory:
         """Take in the scenario's start values, recorded with the source `file`."""
         for key, value in self._core.scenario.memory.items():
             self.write(key, value, "file")
+
+    def why_not_write(self, key: str) -> str:
+        """Why nobody may set or delete a key, or empty."""
+        if self._core.scenario.reads_session and key.partition(".")[0] == SESSION:
+            return f"`{SESSION}` says how the session stands; it is the engine's, and cannot be set"
+        return ""
 
     def is_key(self, word: str) -> bool:
         """Whether a bare word is a key: one that exists, or that something in the scenario sets."""
@@ -49,14 +56,15 @@ class WorkingMemory:
         for key, value in written:
             self.write(key, value, source)
 
-    def write(self, key: str, value: Any, source: str) -> None:
+    def write(self, key: str, value: Any, source: str, *, part: str = "") -> None:
+        """Set a key. `part`: which part of its value is another one than before, if no other is."""
         core = self._core
         memory = core.memory
         created = key not in memory
         old = memory.get(key)
         memory[key] = value
         core.emit(MemoryRecord, key, value, old, source, created=created)
-        self._on_change(key)
+        self._on_change(part or key)
 
     def delete(self, key: str, source: str) -> None:
         core = self._core

@@ -189,6 +189,38 @@ class TimingRecord(Record, tag="timing"):
     ended_at: float
 
 
+class CountdownRecord(Record, tag="countdown"):
+    """A rule has begun to count for a transition whose time only this moment gives, or has broken off. (What a plain
+    `after` counts, the rule's entry into the state tells.) That it came to its end is a `RuleRecord`."""
+
+    rule: str
+    state: str
+    transition: int
+    """Its index in the state, in document order."""
+    status: Literal["began", "broken", "failed"]
+    """broken: what must hold does not hold any more. failed: its time could not be computed; it is never taken here."""
+    seconds: float | None = None
+    """How long it counts."""
+    reason: str = ""
+
+
+KeptStatus: TypeAlias = Literal["kept", "taken", "expired", "taken-back"]
+
+
+class KeptRecord(Record, tag="kept"):
+    """An event that no rule waited for is kept; and then what became of it, once."""
+
+    task: int
+    """The task that raised it."""
+    topic: str
+    """With its slash."""
+    status: KeptStatus
+    seconds: float | None = None
+    """How much longer it will be kept; only of `kept`."""
+    rule: str | None = None
+    """Which rule has taken it."""
+
+
 AnyRecord: TypeAlias = (
     SessionRecord
     | TaskRecord
@@ -204,4 +236,6 @@ AnyRecord: TypeAlias = (
     | CueRecord
     | MistakeRecord
     | TimingRecord
+    | CountdownRecord
+    | KeptRecord
 )

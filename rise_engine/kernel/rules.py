@@ -26,8 +26,10 @@ from rise_engine.kernel.compiled_rules import (
     Op,
 )
 from rise_engine.kernel.core import Cause, Core, EventTopic, RuleList, Task, TimerTarget
+from rise_engine.kernel.delays import compute_delay
+from rise_engine.kernel.kept_events import OFFER, KeptEvents
 from rise_engine.kernel.memory import WorkingMemory
-from rise_engine.kernel.records import ConditionRecord, EventRecord, RuleRecord, TaskRecord, TaskStatus
+from rise_engine.kernel.records import ConditionRecord, CountdownRecord, EventRecord, RuleRecord, TaskRecord, TaskStatus
 from rise_engine.kernel.rule_stack import RuleRun, RuleStack, append_to_lists, rank, remove_from_lists
 from rise_engine.kernel.runaway import MAX_VAIN_SEARCHES, MULTIPLIED, STEP_LIMIT, find_culprit, find_multiplier
 from rise_engine.kernel.snapshot import RuleSnapshot, RulesSnapshot
@@ -57,6 +59,7 @@ class RuleMachine:
         self.step_counts: dict[str, tuple[int, int]] = {}
         """Of rules that have ended: the macrostep in which they last took a step, and how many they took in it. A rule
         that is stopped and started again within one macrostep goes on counting."""
+        self.kept = KeptEvents(core)
         self._vain_searches = (-1, 0)
         """The macrostep in which a rule took more than STEP_LIMIT steps and no culprit was found, and how often."""
 
@@ -70,6 +73,8 @@ class RuleMachine:
         append_to_lists(run, run.state.watch_lists)
         self._core.emit(RuleRecord, name, "started", run.state.id, trigger="start", priority=run.priority)
         self._core.emit(RuleRecord, name, "entered", run.state.id, trigger="start", priority=run.priority)
+        if self.kept:
+            self.kept.offer(run.state.by_topic, (name, self._core.cause))
         step = self._core.macrostep
         last, steps = self.step_counts.get(name, (-1, 0))
         run.macrostep, run.step_count = step, steps + 1 if last == step else 1
@@ -84,6 +89,7 @@ class RuleMachine:
         """End every rule, the top one first, and forget what they had raised."""
         for name in list(reversed(self.stack)):
             self.stop(name, reason)
+        self.kept.take_all_back(reason)
         self._core.events.clear()
         self._frames.clear()
         self._to_reevaluate.clear()
@@ -143,7 +149,7 @@ class RuleMachine:
             for run in self.stack.values()
         ]
         ended = {name: steps for name, (last, steps) in self.step_counts.items() if last == step}
-        return RulesSnapshot(running, ended, self.stack.recency)
+        return RulesSnapshot(running, ended, self.stack.recency, list(self.kept.values()))
 
     def restore(self, snapshot: RulesSnapshot) -> None:
         """Put the rules back; nothing runs. Raises LookupError for a rule or a state that the scenario has not."""
@@ -161,6 +167,7 @@ class RuleMachine:
             append_to_lists(run, run.state.watch_lists)
         self.step_counts = {name: (step, steps) for name, steps in snapshot.step_counts.items()}
         self.stack.recency = snapshot.recency
+        self.kept.update((kept.task.id, kept) for kept in snapshot.kept)
 
     # --- run to completion ---
 
@@ -185,7 +192,9 @@ class RuleMachine:
                 # Mostly the top rule takes it, and mostly without a condition: then there is nothing to search.
                 if transition is None or transition.condition is not None:
                     run, transition = self._find_taker(topic)
-                if run is None or transition is None:
+                if topic is OFFER:
+                    self._route_kept(int(source))
+                elif run is None or transition is None:
                     core.records.append(EventRecord(next(core.numbers), core.t, "", topic.with_slash, source, None))
                 else:
                     core.records.append(EventRecord(next(core.numbers), core.t, "", topic.with_slash, source, run.name))
@@ -212,19 +221,69 @@ class RuleMachine:
             transition = transition.next
         return transition
 
+    def _route_kept(self, task: int) -> None:
+        """Give a kept event to the rule that takes it, if one does now; otherwise it stays."""
+        kept = self.kept.get(task)
+        if kept is None:
+            return
+        topic = self._core.topics.get(kept.topic)
+        if topic is None:
+            self.kept.expire(kept, "no rule of this scenario waits for it")
+            return
+        run, transition = self._find_taker(topic)
+        if run is None or transition is None:
+            self.kept.stay(kept)
+        else:
+            self.kept.take(kept, run.name)
+            self._take_transition(run, transition)
+
     def _take_eventless(self) -> None:
         """Let the highest of the rules that have something to look at take an eventless transition."""
         run = max(self._to_reevaluate, key=rank) if len(self._to_reevaluate) > 1 else next(iter(self._to_reevaluate))
         self._core.cause = self._to_reevaluate.pop(run)
         for transition in run.state.eventless:
-            if transition.condition is None or self._evaluate(run, transition.condition):
+            held = transition.held is not None
+            condition = transition.held or transition.condition
+            if condition is None or self._evaluate(run, condition):
+                if held and transition.index not in run.latched:
+                    run.latched.add(transition.index)
+                    self._begin_countdown(run, transition)
+                    continue
                 # It is taken when it *becomes* true: if the rule stays in the state, it must turn false in between.
-                if transition.index not in run.latched:
+                if not held and transition.index not in run.latched:
                     run.latched.add(transition.index)
                     self._take_transition(run, transition)
                     return
-            else:
+            elif transition.index in run.latched:
                 run.latched.discard(transition.index)
+                if held:
+                    self._break_countdown(run, transition)
+
+    # --- times ---
+
+    def _begin_countdown(self, run: RuleRun, transition: CompiledTransition) -> None:
+        """Count from now on; a plain `after` leaves no record of its own."""
+        core = self._core
+        assert transition.after is not None
+        seconds, problem = transition.after.seconds, ""
+        if seconds is None:
+            seconds, problem = compute_delay(transition.after, core.env)
+            for key in core.newly_missing():
+                core.record_note(f'the memory has no value for {key!r}, which `after="{transition.after.text}"` reads')
+        if transition.after.seconds is None or transition.held is not None:
+            status: Literal["began", "failed"] = "failed" if seconds is None else "began"
+            core.emit(CountdownRecord, run.name, run.state.id, transition.index, status, seconds, problem)
+        if seconds is not None:
+            timer = core.set_timer(seconds, TimerTarget("after", run.name, str(transition.index)))
+            run.timers[timer] = transition
+
+    def _break_countdown(self, run: RuleRun, transition: CompiledTransition) -> None:
+        """What had to hold does not hold any more."""
+        core = self._core
+        for timer in [timer for timer, timed in run.timers.items() if timed is transition]:
+            del run.timers[timer]
+            core.cancel_timer(timer)
+        core.emit(CountdownRecord, run.name, run.state.id, transition.index, "broken")
 
     def timer_elapsed(self, timer: int, target: TimerTarget) -> None:
         """`after` has passed in a rule's state."""
@@ -278,6 +337,8 @@ class RuleMachine:
                 run.priority,
             )
         )
+        if self.kept:
+            self.kept.offer(state.by_topic, (run.name, core.cause))
         if not state.trivial:
             append_to_lists(run, state.watch_lists)
             self._on_entered(run, (run.name, core.cause))
@@ -307,8 +368,7 @@ class RuleMachine:
         """What entering a state sets going besides waiting for its events: its timers, and its onEntry."""
         state = run.state
         for timed in state.delayed:
-            timer = self._core.set_timer(timed.after or 0.0, TimerTarget("after", run.name, str(timed.index)))
-            run.timers[timer] = timed
+            self._begin_countdown(run, timed)
         if state.entry is not None:
             self._frames.append((run, state.entry, True, None, cause))
         else:

@@ -11,6 +11,7 @@ from msgspec import Struct
 from rise_engine.errors import RiseError
 from rise_engine.kernel.act_runner import ActRun
 from rise_engine.kernel.core import Task, TimerTarget
+from rise_engine.kernel.kept_events import KeptEvent
 from rise_engine.kernel.stop import StopStatus
 from rise_engine.kernel.wizard_marks import WizardMarksState
 
@@ -45,6 +46,8 @@ class RulesSnapshot(Struct, frozen=True):
     """Steps of rules that have ended, as `RuleSnapshot.steps`."""
     recency: int
     """The highest that any rule has had."""
+    kept: list[KeptEvent]
+    """The oldest first."""
 
 
 class Snapshot(Struct, frozen=True):

@@ -9,11 +9,13 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable
 
 from rise_engine.expression import Assignment, EvaluationError, ExpressionError
-from rise_engine.kernel.core import Core, EventTopic, Task
+from rise_engine.kernel.behaviors import BehaviorError, parse_event
+from rise_engine.kernel.core import Core, EventTopic, Task, parse_task_id
 from rise_engine.kernel.inputs import Submit
 from rise_engine.kernel.records import TaskRecord, TaskStatus
 from rise_engine.kernel.rules import RuleMachine
 from rise_engine.kernel.scheduler import Scheduler
+from rise_engine.kernel.session_keys import SessionKeys
 from rise_engine.kernel.speech import why_not_speak
 from rise_engine.kernel.stop import StopLatch
 from rise_engine.kernel.wizard_marks import LONGEST_SPEECH, WizardMarks
@@ -34,6 +36,7 @@ class TaskHandlers:
         self._stop = stop
         self._wizard = wizard
         self.rules = RuleMachine(core, self._submit_from_rule)
+        self.session_keys = SessionKeys(core, self.rules.memory, scheduler.runner, stop)
         scheduler.on_ended = self.rules.note_act_ended
         self.by_name: dict[str, Callable[[Submit], None]] = {
             "startCommunicationRobotAct": self._start_act,
@@ -60,6 +63,7 @@ class TaskHandlers:
 
     def _submit_from_rule(self, function: str, behavior: str, source: str) -> None:
         self.by_name[function](Submit(function=function, behavior=behavior, source=source))
+        self.session_keys.update()
 
     # --- acts ---
 
@@ -125,7 +129,17 @@ class TaskHandlers:
         core = self._core
         topic = core.topics.get(task.behavior)
         if topic is None:
-            name = normal_topic(task.behavior)
+            try:
+                event, keep = parse_event(task.behavior)
+            except BehaviorError as problem:
+                self._reject(task, str(problem))
+                return
+            name = normal_topic(event)
+            if name and keep is not None:
+                kept = core.new_task(task, self._calling_type(task))
+                kept.behavior = event
+                self.rules.kept.keep(kept, name, keep)
+                return
             if not name:
                 self._reject(task, "the event has no name")
                 return
@@ -156,12 +170,15 @@ class TaskHandlers:
         memory = self.rules.memory
         try:
             assignments = Assignment.parse_all(task.behavior)
+            if problem := next(filter(None, (memory.why_not_write(each.key) for each in assignments)), ""):
+                self._reject(task, problem)
+                return
             written = memory.compute(assignments)
-        except ExpressionError as problem:
-            self._reject(task, str(problem))
+        except ExpressionError as error:
+            self._reject(task, str(error))
             return
-        except EvaluationError as problem:
-            self._record_finished(task, "ABORTED", str(problem))
+        except EvaluationError as error:
+            self._record_finished(task, "ABORTED", str(error))
             return
         self._succeed(task)
         for assignment in assignments:
@@ -174,7 +191,9 @@ class TaskHandlers:
 
     def _delete(self, task: Submit) -> None:
         memory = self._core.memory
-        if task.behavior not in memory:
+        if problem := self.rules.memory.why_not_write(task.behavior):
+            self._reject(task, problem)
+        elif task.behavior not in memory:
             self._reject(task, f"the memory has no key {task.behavior!r}" + _did_you_mean(task.behavior, memory))
         else:
             self._succeed(task)
@@ -194,6 +213,10 @@ class TaskHandlers:
                 self._succeed(task)
                 self._scheduler.runner.cancel(run, reason)
                 return
+        if (kept := self.rules.kept.get(parse_task_id(task.behavior))) is not None:
+            self._succeed(task)
+            self.rules.kept.take_back(kept, reason)
+            return
         for rule in self.rules.stack.values():
             if str(rule.task.id) == task.behavior:
                 self._succeed(task)

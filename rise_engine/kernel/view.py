@@ -20,8 +20,10 @@ from rise_engine.kernel.records import (
     ActionRecord,
     AnyRecord,
     ControlRecord,
+    CountdownRecord,
     CueRecord,
     EventRecord,
+    KeptRecord,
     MemoryRecord,
     MistakeRecord,
     NoteRecord,
@@ -110,6 +112,26 @@ class RuleView(Struct):
     entered: int = 0
     """`seq` of its last move, which orders rules of one priority on the stack."""
     task: int | None = None
+    countdowns: dict[int, CountdownView] = field(default_factory=dict)
+    """What is counted in its state, by the index of the transition."""
+
+
+class CountdownView(Struct):
+    """A time that a rule counts, other than a plain `after`."""
+
+    since: float
+    seconds: float | None
+    """Null: it could not be computed."""
+    reason: str = ""
+    """Why it could not."""
+
+
+class KeptView(Struct):
+    """An event that is kept for a rule that waits for it."""
+
+    topic: str
+    source: str
+    until: float
 
 
 class MemoryView(Struct):
@@ -187,6 +209,8 @@ class SessionView(Struct):
     """PENDING tasks in the scheduler's order, next first."""
     failed: list[int] = field(default_factory=list)
     """Acts that failed and that nobody has answered: the latest task of each, the act that failed first first."""
+    kept: dict[int, KeptView] = field(default_factory=dict)
+    """Events that are kept, by the task that raised them, the oldest first."""
     tasks: dict[int, TaskView] = field(default_factory=dict)
     """Every task of the session (of those that have ended, the latest MAX_ENDED_TASKS), by id, in order of arrival."""
     forgotten: int = 0
@@ -228,6 +252,12 @@ class SessionView(Struct):
                 self.robot = record
             case NoteRecord():
                 self._add_remark(RemarkView("note", record.t, record.source, record.text))
+            case CountdownRecord():
+                self._apply_countdown(record)
+            case KeptRecord(status="kept"):
+                self._apply_kept(record)
+            case KeptRecord():
+                self.kept.pop(record.task, None)
             case StopRecord():
                 self.stop = StopView(
                     record.status, record.t, record.confirmed, record.unconfirmed, record.source or self.stop.source
@@ -378,6 +408,23 @@ class SessionView(Struct):
         rule.running = record.status in ("started", "entered", "stayed")
         if rule.running:
             rule.priority, rule.entered = record.priority, record.seq
+
+        if record.status == "stayed" and record.transition is not None:
+            rule.countdowns.pop(record.transition, None)
+        else:
+            rule.countdowns.clear()
+
+    def _apply_countdown(self, record: CountdownRecord) -> None:
+        countdowns = self.rules.setdefault(record.rule, RuleView()).countdowns
+        if record.status == "broken":
+            countdowns.pop(record.transition, None)
+        else:
+            countdowns[record.transition] = CountdownView(record.t, record.seconds, record.reason)
+
+    def _apply_kept(self, record: KeptRecord) -> None:
+        task = self.tasks.get(record.task)
+        source = task.source if task is not None else ""
+        self.kept[record.task] = KeptView(record.topic, source, record.t + (record.seconds or 0.0))
 
     def _forget_oldest(self) -> None:
         ended = (id for id, task in self.tasks.items() if task.status in FINAL)

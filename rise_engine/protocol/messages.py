@@ -17,7 +17,17 @@ from msgspec import Meta, Struct, field
 from rise_engine.json_codec import encode
 from rise_engine.kernel.inputs import Note, Submit
 from rise_engine.kernel.records import AnyRecord, EventRecord, RobotRecord, SessionRecord
-from rise_engine.kernel.view import ActView, CueView, MemoryView, RemarkView, RuleView, SessionView, StopView, TaskView
+from rise_engine.kernel.view import (
+    ActView,
+    CueView,
+    KeptView,
+    MemoryView,
+    RemarkView,
+    RuleView,
+    SessionView,
+    StopView,
+    TaskView,
+)
 from rise_engine.protocol.client import ControlVerb, Heartbeat, JournalStatus, Role
 
 VERSION = 1
@@ -92,6 +102,7 @@ class ViewWithoutTasks(Struct, frozen=True):
     waiting: list[int]
     unhandled: list[EventRecord]
     failed: list[int] = field(default_factory=list)
+    kept: dict[int, KeptView] = field(default_factory=dict)
     wizard: str = ""
     remarks: list[RemarkView] = []
     forgotten: int = 0

@@ -8,6 +8,7 @@ from typing import Any, TypeVar, get_args
 
 from rise_engine.expression import Assignment, Expression, ExpressionError
 from rise_engine.nearest_name import did_you_mean
+from rise_engine.scenario.delays import read_seconds
 from rise_engine.scenario.draft import Mention
 from rise_engine.scenario.element_reader import ElementReader
 from rise_engine.scenario.expression_checks import (
@@ -25,6 +26,9 @@ FUNCTIONS: tuple[FunctionName, ...] = get_args(FunctionName)
 MAX_DEPTH = 50
 """How deep `if` and `oneOf` may nest."""
 _FUNCTIONS = frozenset(FUNCTIONS)
+_EXTRA = {"raiseEventTopic": ("keep",)}
+"""Attributes that may stand beside a function's name."""
+_EXTRA_OF = {name: function for function, names in _EXTRA.items() for name in names}
 NO_ATTRIBUTES: frozenset[str] = frozenset()
 _COND = frozenset({"cond"})
 _STATEMENTS = ("function", "if", "oneOf")
@@ -132,7 +136,7 @@ class BlockReader(ElementReader):
             self.report_error(
                 "missing-attribute", element, f'`<{element.tag}>` needs a condition: <{element.tag} cond="...">'
             )
-        condition = self.read_condition(element) or UNREADABLE_CONDITION
+        condition = self.read_condition(element, "cond") or UNREADABLE_CONDITION
         block, later = self.read_statements(element, depth + 1, chain=True)
         return [Branch(condition, block), *later]
 
@@ -150,8 +154,9 @@ class BlockReader(ElementReader):
         """One call. Names that it uses are noted for the checks across files."""
         given = element.attributes
         name: Any = next((name for name in given if name in _FUNCTIONS), None)
+        extra = _EXTRA.get(name, ())
         if name is None or len(given) != 1 or element or self.file.has_text:
-            self.check_function(element, given)
+            self.check_function(element, given, extra)
             if name is None:
                 return None
         argument = given[name].strip()
@@ -167,10 +172,11 @@ class BlockReader(ElementReader):
             self.draft.act_mentions.append(Mention(argument, locate))
         else:
             self.draft.rule_mentions.append(Mention(argument, locate))
-        return Function(name, argument, assignment, self.file.element_location(element))
+        keep = read_seconds(self, element, "keep") if "keep" in given and "keep" in extra else None
+        return Function(name, argument, assignment, keep, self.file.element_location(element))
 
-    def check_function(self, element: Element, given: Collection[str]) -> None:
-        """What is wrong with the form of a `<function>`."""
+    def check_function(self, element: Element, given: Collection[str], extra: Collection[str]) -> None:
+        """What is wrong with the form of a `<function>`. `extra`: attributes that may stand beside its name."""
         for child in element:
             self.report_error(
                 "unknown-element", child, f"`<function>` holds nothing; `<{child.tag}>` cannot stand in it"
@@ -178,8 +184,11 @@ class BlockReader(ElementReader):
         self.check_no_text(element)
         known = [name for name in given if name in _FUNCTIONS]
         for name in given:
-            if name not in _FUNCTIONS:
-                message = f"there is no function `{name}`{did_you_mean(name, FUNCTIONS)}"
+            if name in _EXTRA_OF and name not in extra:
+                message = f"`{name}` stands beside `{_EXTRA_OF[name]}` only"
+                self.report_attribute("unknown-attribute", element, name, message)
+            elif name not in _FUNCTIONS and name not in extra:
+                message = f"there is no function `{name}`{did_you_mean(name, (*FUNCTIONS, *extra))}"
                 self.report_attribute("unknown-attribute", element, name, message)
         if len(known) > 1:
             message = f"a `<function>` does one thing; write another one for `{known[1]}`"
@@ -187,13 +196,13 @@ class BlockReader(ElementReader):
         elif not given:
             self.report_error("one-function", element, f"`<function>` says what to do: one of {', '.join(FUNCTIONS)}")
 
-    def read_condition(self, element: Element) -> Expression | None:
-        """The condition in the attribute `cond`, if there is one that can be read."""
-        if "cond" not in element.attributes:
+    def read_condition(self, element: Element, attribute: str) -> Expression | None:
+        """The condition in an attribute, if there is one that can be read."""
+        if attribute not in element.attributes:
             return None
-        expression = self.parse_attribute("condition", element, "cond", Expression.parse, self.draft.expressions)
+        expression = self.parse_attribute("condition", element, attribute, Expression.parse, self.draft.expressions)
         if expression is not None:
-            locate = partial(self.file.value_location, element, "cond")
+            locate = partial(self.file.value_location, element, attribute)
             note_expression(expression, locate, self.draft, self.diagnostics)
         return expression
 

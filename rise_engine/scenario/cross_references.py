@@ -9,7 +9,8 @@ from rise_engine.nearest_name import did_you_mean
 from rise_engine.scenario.diagnostics import Diagnostics
 from rise_engine.scenario.draft import Mention, ScenarioDraft
 from rise_engine.scenario.memory_paths import MemoryPaths
-from rise_engine.scenario.model import CUE_TOPICS, result_topics
+from rise_engine.scenario.model import CUE_TOPICS, SESSION, result_topics
+from rise_engine.scenario.session_keys import add_session_keys
 
 ACT_END_SUFFIXES = ("_succeeded", "_failed", "_stopped", "_end")
 """Events that the engine raises when an act ends (semantics.md 6.1)."""
@@ -32,6 +33,7 @@ def check_cross_references(draft: ScenarioDraft, diagnostics: Diagnostics) -> No
             )
     if not unread & {"acts", "rules"}:
         _check_topics(draft, diagnostics)
+    add_session_keys(draft, diagnostics)
     if not unread & {"rules", "memory"}:
         _check_memory(draft, diagnostics)
 
@@ -98,7 +100,8 @@ def _check_topics(draft: ScenarioDraft, diagnostics: Diagnostics) -> None:
 
 
 def _check_memory(draft: ScenarioDraft, diagnostics: Diagnostics) -> None:
-    paths = MemoryPaths(draft.memory, {mention.name for mention in draft.key_writes})
+    start = {**draft.memory, SESSION: draft.session_keys} if draft.session_keys else draft.memory
+    paths = MemoryPaths(start, {mention.name for mention in draft.key_writes})
     suggest = _remember_suggestions(draft.settable_keys)
     is_known, reading_problem = cache(paths.is_known), cache(paths.reading_problem)
     for mention in draft.key_writes:

@@ -22,6 +22,7 @@ WARNING_CODES = frozenset(
         "memory-form",
         "no-effect",
         "no-filler",
+        "own-session",
         "reads-differently",
         "same-name",
         "short-loop",

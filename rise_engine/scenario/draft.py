@@ -49,6 +49,8 @@ class ScenarioDraft:
         """Memory keys that rules and key bindings set."""
         self.settable_keys: set[str] = set()
         """Memory keys that start values, rules and key bindings set."""
+        self.session_keys: dict[str, Json] = {}
+        """An example of what the engine keeps under `session`; empty when nothing in the scenario asks for it."""
         self.bare_keys: list[BareKey] = []
         self.bare_words: list[Mention] = []
         """Right sides of assignments that are one word: a key, or a text without quotation marks."""

@@ -2,10 +2,14 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping
 from typing import Any
 
 from rise_engine.scenario.model import ActionSpec
+
+_TIME = re.compile(r"\s*(\d+(?:\.\d+)?)\s*(ms|s|min)\s*\Z", re.ASCII)
+UNITS = {"ms": 0.001, "s": 1.0, "min": 60.0}
 
 CHARACTERS_PER_SECOND = 14.0
 """Speech: an unhurried voice at rate 1 (about 160 words a minute)."""
@@ -18,6 +22,16 @@ SPEECH_MINIMUM = 0.5
 
 MAX_SECONDS = 86_400.0
 """24 hours: the longest time that a scenario can name, and the longest that an action is expected to take."""
+
+
+def parse_time(text: str) -> float | None:
+    """Seconds of a time as it is written; None when it is none.
+
+    >>> parse_time("500ms"), parse_time("1.5min"), parse_time("soon")
+    (0.5, 90.0, None)
+    """
+    found = _TIME.match(text)
+    return float(found.group(1)) * UNITS[found.group(2)] if found is not None else None
 
 
 def expected_seconds(spec: ActionSpec, parameters: Mapping[str, Any]) -> float:

@@ -149,6 +149,7 @@ class _Loader:
             may_release=settings.may_release,
             paths=paths,
             known_keys=frozenset(draft.settable_keys),
+            reads_session=bool(draft.session_keys),
             topics=frozenset(mention.name for mention in draft.awaited_topics),
             hash=_hash(files, profile.name),
         )

@@ -154,6 +154,8 @@ class Function(Struct, frozen=True, tag="function"):
     """As written; event topics keep their slash here."""
     assignment: Assignment | None = None
     """Only for `assignValue`."""
+    keep: float | None = None
+    """Only for `raiseEventTopic`: seconds for which the event is kept when no rule waits for it."""
     location: SourceLocation = field(default=SourceLocation(""), name="place")
 
 
@@ -182,6 +184,18 @@ Statement: TypeAlias = Function | If | OneOf
 Block: TypeAlias = tuple[Statement, ...]
 
 
+class Delay(Struct, frozen=True):
+    """The time of an `after`: so many seconds, or what an expression gives then."""
+
+    text: str
+    """As written: `8s`, `{pause}`, `{patience}ms`."""
+    seconds: float | None = None
+    expression: Expression | None = None
+    """Instead of the seconds."""
+    unit: float | None = None
+    """Seconds that a number of the expression stands for; null: it is a number of seconds, or a text such as `2s`."""
+
+
 class Transition(Struct, frozen=True):
     """A way out of a state. At most one of `event`, `ended` and `after` is set; with none, the condition alone
     triggers."""
@@ -189,8 +203,8 @@ class Transition(Struct, frozen=True):
     event: str | None = None
     """The topic without its leading slash."""
     condition: Expression | None = None
-    after: float | None = None
-    """Seconds in the state."""
+    after: Delay | None = None
+    """How long the rule must have been in the state, or `held` must have held."""
     target: str | None = None
     """The next state; null: the functions run without leaving the state."""
     block: Block = ()
@@ -199,6 +213,8 @@ class Transition(Struct, frozen=True):
     """The act whose end it waits for: the one that this rule has started last under that name."""
     outcomes: tuple[ActOutcome, ...] = ()
     """With `ended`, the ends that it waits for; empty: any."""
+    held: Expression | None = None
+    """With `after`, what must hold all that time (`while`)."""
 
     @property
     def is_eventless(self) -> bool:
@@ -242,6 +258,8 @@ class KeyBinding(Struct, frozen=True):
     location: SourceLocation = field(default=SourceLocation(""), name="place")
     title: str = ""
     """What it means in the study, in the author's words (`label = "not understood"`); empty: the author gave none."""
+    keep: float | None = None
+    """Of an event: seconds for which it is kept when no rule waits for it."""
 
 
 class ActSettings(Struct, frozen=True):
@@ -295,6 +313,8 @@ class Scenario(Struct, frozen=True):
     """`acts`, `rules`, `memory`: where they were read from, relative to the folder."""
     known_keys: frozenset[str] = frozenset()
     """Memory keys that the start values or anything in the scenario can set."""
+    reads_session: bool = False
+    """Whether anything reads what the engine keeps under `session` (semantics.md 7.2)."""
     topics: frozenset[str] = frozenset()
     """Event topics (without slash) that some transition waits for."""
     hash: str = ""
@@ -307,6 +327,9 @@ class Scenario(Struct, frozen=True):
 
 _DEFAULT_SETTINGS = ActSettings()
 
+
+SESSION = "session"
+"""The memory key under which the engine says how the session stands (semantics.md 7.2)."""
 
 CUE_TOPICS = ("cue", "cue_undone")
 """What is raised when the participant's turn has ended, and when that is taken back (semantics.md 4.2)."""

@@ -10,11 +10,12 @@ from typing import get_args
 
 from msgspec.structs import replace
 
+from rise_engine.expression import Expression
 from rise_engine.nearest_name import did_you_mean
 from rise_engine.scenario.blocks import NO_ATTRIBUTES, BlockReader
+from rise_engine.scenario.delays import read_delay
 from rise_engine.scenario.diagnostics import Diagnostics
 from rise_engine.scenario.draft import Mention, ScenarioDraft
-from rise_engine.scenario.durations import MAX_SECONDS
 from rise_engine.scenario.graph import component_numbers, reachable_from
 from rise_engine.scenario.model import (
     ActOutcome,
@@ -29,16 +30,12 @@ from rise_engine.scenario.model import (
 from rise_engine.scenario.xml import Element, XmlFile
 
 WRAPPERS = ("InteractionRules",)
-_AFTER = re.compile(r"\s*(\d+(?:\.\d+)?)\s*(ms|s|min)\s*\Z", re.ASCII)
 _NUMBER = re.compile(r"\s*[-+]?(?:\d+(?:\.\d*)?|\.\d+)(?:[eE][-+]?\d+)?\s*\Z", re.ASCII)
-_UNITS = {"ms": 0.001, "s": 1.0, "min": 60.0}
-MIN_AFTER = 0.001
-"""Seconds. A transition that takes no time is no transition after a time."""
 SHORT_AFTER = 0.05
 """Seconds. A rule that goes round in less than this floods the record and every console."""
 _RULE = frozenset({"name", "initial", "priority"})
 _STATE = frozenset({"id"})
-_TRANSITION = frozenset({"eventTopic", "ended", "outcome", "target", "cond", "after"})
+_TRANSITION = frozenset({"eventTopic", "ended", "outcome", "target", "cond", "while", "after"})
 _SHARED = frozenset({"in"})
 _TRIGGERS = ("eventTopic", "ended", "after")
 _OUTCOMES: tuple[ActOutcome, ...] = get_args(ActOutcome)
@@ -154,8 +151,7 @@ class _RuleReader(BlockReader):
             targets[name] = [
                 t.target
                 for t in state.transitions
-                if t.target in states
-                and (t.event in own if t.event is not None else t.after is None or t.after < SHORT_AFTER)
+                if t.target in states and (t.event in own if t.event is not None else t.after is None or _is_short(t))
             ]
         knot = component_numbers(targets)
         for name, target, element in self.short:
@@ -200,7 +196,7 @@ class _RuleReader(BlockReader):
         )
 
     def note_short(self, state: str, transition: Transition, element: Element) -> None:
-        if transition.target and transition.after is not None and transition.after < SHORT_AFTER:
+        if transition.target and _is_short(transition):
             self.short.append((state, transition.target, element))
 
     def read_shared(self, element: Element) -> None:
@@ -240,7 +236,7 @@ class _RuleReader(BlockReader):
     def read_transition(self, element: Element) -> Transition | None:
         attributes = self.check_attributes(element, _TRANSITION)
         get = attributes.get
-        event, after = get("eventTopic"), get("after")
+        event = get("eventTopic")
         given = [name for name in _TRIGGERS if name in attributes]
         for other in given[1:]:
             message = f"a transition waits for one thing, and here is `{given[0]}` already; write two transitions"
@@ -265,14 +261,22 @@ class _RuleReader(BlockReader):
             self.report_warning("no-effect", element, "this transition has neither a target nor functions")
         return Transition(
             event=topic,
-            condition=self.read_condition(element),
-            after=self.read_after(element, after) if after is not None else None,
+            condition=self.read_condition(element, "cond"),
+            after=read_delay(self, element, "after") if "after" in attributes else None,
             target=target,
             block=block,
             location=self.file.element_location(element),
             ended=self.read_ended(element) if "ended" in attributes else None,
             outcomes=self.read_outcomes(element) if "outcome" in attributes else (),
+            held=self.read_held(element),
         )
+
+    def read_held(self, element: Element) -> Expression | None:
+        """`while="..." after="8s"`: what must have held for that time."""
+        if "while" in element.attributes and "after" not in element.attributes:
+            message = '`while` says what must hold for some time: add after="8s"; what must hold at once is `cond`'
+            self.report_attribute("trigger", element, "while", message)
+        return self.read_condition(element, "while")
 
     def read_ended(self, element: Element) -> str:
         """The act whose end is waited for."""
@@ -313,21 +317,6 @@ class _RuleReader(BlockReader):
                     )
                     self.diagnostics.warning("unreachable-transition", way.location, message)
 
-    def read_after(self, element: Element, text: str) -> float | None:
-        found = _AFTER.match(text)
-        if found is not None:
-            seconds = float(found.group(1)) * _UNITS[found.group(2)]
-            if MIN_AFTER <= seconds <= MAX_SECONDS:
-                return seconds
-            remedy = "; without `after` and with a condition, a transition is taken at once" if seconds == 0 else ""
-            message = f"`after` is from 1ms to 24 hours (1440min); `{text.strip()[:40]}` is outside{remedy}"
-            self.report_value("out-of-range", element, "after", message)
-            return None
-        number = re.match(r"\s*\d+(?:\.\d+)?\s*\Z", text, re.ASCII)
-        remedy = f"; write {text.strip()}ms or {text.strip()}s" if number else "; write 500ms, 2s, 1.5s or 3min"
-        self.report_value("time", element, "after", f"`{text}` is not a time{remedy}")
-        return None
-
     def check_order(self, state: State) -> None:
         """Of two transitions of a state with one trigger, the second is dead when the first has no condition."""
         always: dict[object, Transition] = {}
@@ -350,7 +339,13 @@ def _triggers(transition: Transition) -> Iterator[object]:
     if transition.ended is not None:
         yield from ((transition.ended, outcome) for outcome in transition.outcomes or _OUTCOMES)
     elif not transition.is_eventless:
-        yield transition.event if transition.event is not None else transition.after
+        yield transition.event if transition.event is not None else (transition.after, transition.held)
+
+
+def _is_short(transition: Transition) -> bool:
+    """Whether a time passes, and hardly any."""
+    after = transition.after
+    return after is not None and after.seconds is not None and after.seconds < SHORT_AFTER and transition.held is None
 
 
 def _raised_topics(block: Block) -> Iterator[str]:

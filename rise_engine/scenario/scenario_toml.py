@@ -8,8 +8,10 @@ from typing import Any
 
 from rise_engine.expression import Assignment, ExpressionError
 from rise_engine.scenario.act_settings import read_act_tables
+from rise_engine.scenario.delays import MIN_SECONDS
 from rise_engine.scenario.diagnostics import Diagnostics
 from rise_engine.scenario.draft import Mention, ScenarioDraft
+from rise_engine.scenario.durations import MAX_SECONDS, parse_time
 from rise_engine.scenario.expression_checks import expression_message, note_assignment
 from rise_engine.scenario.keys import KeyRefusedError, bindable_key_name
 from rise_engine.scenario.model import (
@@ -161,7 +163,7 @@ class ScenarioSettings:
             table.report_value("binding", written, f"a key submits something; {example}")
             return None
         inner = TomlTable(table.file, ("keys", written), table.values[written], table.diagnostics)
-        inner.report_unknown_keys((*BINDINGS, "label"))
+        inner.report_unknown_keys((*BINDINGS, "label", "keep"))
         title = self.read_label(inner)
         given = [name for name in BINDINGS if name in inner.values]
         if len(given) != 1:
@@ -192,7 +194,22 @@ class ScenarioSettings:
                 location = SourceLocation(start.file, start.line, start.column + error.column)
                 inner.diagnostics.error("assignment", location, expression_message(error))
                 return None
-        return KeyBinding(key, written, function, behavior, inner.key_location(), title)
+        keep = self.read_keep(inner, name) if "keep" in inner.values else None
+        return KeyBinding(key, written, function, behavior, inner.key_location(), title, keep)
+
+    def read_keep(self, binding: TomlTable, what: str) -> float | None:
+        """How long the key's event is kept for a rule that waits for it later."""
+        text = binding.read("keep", str, None, form=': keep = "2s"')
+        seconds = parse_time(text) if text is not None else None
+        if what != "event":
+            binding.report_value("wrong-value", "keep", "`keep` stands beside `event` only: an event can be kept")
+        elif text is not None and seconds is None:
+            binding.report_value("time", "keep", f"`{text}` is not a time; write 500ms, 2s or 1min")
+        elif seconds is not None and not MIN_SECONDS <= seconds <= MAX_SECONDS:
+            binding.report_value("out-of-range", "keep", f"`keep` is from 1ms to 24 hours; `{text}` is outside")
+        else:
+            return seconds
+        return None
 
     def read_label(self, binding: TomlTable) -> str:
         """What the author calls a key: a word or two, or empty."""

@@ -38,6 +38,7 @@ COLUMNS = (
     "since",  # cue
     "mark",  # mistake
     *("cue_at", "key_at", "accepted_at", "started_at", "robot_at", "ended_at"),  # timing
+    "seconds",  # countdown, kept; transition, topic and rule too
 )
 """Of the table: always all of them, in this order. New ones may only come at the end."""
 

@@ -10,6 +10,7 @@ from collections.abc import Callable
 from time import monotonic
 from typing import Protocol
 
+from rise_engine.scenario.model import normal_topic
 from rise_tui.actions import BY_ID
 from rise_tui.key_labels import key_name, keys_of, why_blocked, why_task_blocked
 from rise_tui.model.failures import unanswered_failures
@@ -302,10 +303,18 @@ class InputController:
         """What was possible when the key was pressed may not be now."""
         if reason := why_task_blocked(self._store, action.function):
             self._refuse(action, reason)
+        elif action.keep is not None and (kept := self._kept_task(action)) is not None:
+            self.send("cancelTask", str(kept))
         elif action.function == "say" and self._typed:
             self._actions.submit_speech(action, self._typed, self._session_time(at))
         else:
             self._actions.submit(action, self._session_time(at))
+
+    def _kept_task(self, action: KeyAction) -> int | None:
+        """The task whose event is still kept, when a key asks for it once more: that takes it back."""
+        topic = normal_topic(action.behavior)
+        kept = self._store.view.kept
+        return next((task for task, each in kept.items() if normal_topic(each.topic) == topic), None)
 
     def _refuse(self, action: KeyAction, reason: str) -> None:
         what = task_label(action.function, action.behavior)

@@ -159,14 +159,14 @@ class ConsoleScreen(Screen[None]):
     # --- what keys make happen: InputActions ------------------------------------------------------------------------
 
     def submit(self, action: KeyAction, pressed: float | None) -> None:
-        self._run_beside(self.session.submit(action.function, action.behavior, action.calling_type, pressed))
+        self._run_beside(self.session.submit(action.function, action.submitted, action.calling_type, pressed))
 
     def submit_speech(self, action: KeyAction, typed: str, pressed: float | None) -> None:
         self.bars.speech_input.accept(typed)
         self._run_beside(self._submit_speech(action, typed, pressed))
 
     async def _submit_speech(self, action: KeyAction, typed: str, pressed: float | None) -> None:
-        if not await self.session.submit(action.function, action.behavior, action.calling_type, pressed):
+        if not await self.session.submit(action.function, action.submitted, action.calling_type, pressed):
             self.bars.speech_input.restore(typed)
 
     def show_armed(self, act: str) -> None:

@@ -9,6 +9,7 @@ from rise_engine.expression import EvaluationError, Expression, lookup
 from rise_engine.scenario.model import (
     CUE_TOPICS,
     Block,
+    Delay,
     Function,
     If,
     OneOf,
@@ -50,7 +51,8 @@ def truth_of(expression: Expression, memory: Mapping[str, Any]) -> Truth:
 def wait_text(scenario: Scenario, transition: Transition) -> str:
     """What must happen for a transition, in words."""
     if transition.after is not None:
-        return f"{transition.after:g} s to pass"
+        time = delay_text(transition.after)
+        return f"{time} to pass" if transition.held is None else f"{time} of what must hold"
     if transition.ended is not None:
         return f"its own {transition.ended} {' or '.join(ENDINGS[end] for end in awaited_ends(transition))}"
     if transition.event is None:
@@ -60,6 +62,11 @@ def wait_text(scenario: Scenario, transition: Transition) -> str:
     if transition.event in CUE_TOPICS:
         return "the participant's cue" if transition.event == CUE_TOPICS[0] else "the cue to be taken back"
     return f"event {transition.event}"
+
+
+def delay_text(delay: Delay) -> str:
+    """A time as it is shown: `8 s`, or the expression that gives it."""
+    return delay.text if delay.seconds is None else f"{delay.seconds:g} s"
 
 
 def engine_raises_text(scenario: Scenario, topic: str) -> str:
@@ -97,7 +104,8 @@ def transition_label(transition: Transition) -> str:
     if transition.event is not None:
         return transition.event
     if transition.after is not None:
-        return f"after {transition.after:g} s"
+        time = f"after {delay_text(transition.after)}"
+        return time if transition.held is None else f"{time} of {transition.held.text}"
     return transition.condition.text if transition.condition is not None else "at once"
 
 

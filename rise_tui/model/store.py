@@ -15,8 +15,10 @@ from msgspec import Struct
 from rise_engine.kernel.records import (
     ActionRecord,
     ControlRecord,
+    CountdownRecord,
     CueRecord,
     EventRecord,
+    KeptRecord,
     MemoryRecord,
     MistakeRecord,
     RobotRecord,
@@ -49,6 +51,8 @@ ALL_PARTS: frozenset[StorePart] = frozenset(get_args(StorePart))
 _PARTS_OF_RECORD: dict[type, frozenset[StorePart]] = {
     MemoryRecord: frozenset({"memory"}),
     RuleRecord: frozenset({"rules"}),
+    CountdownRecord: frozenset({"rules"}),
+    KeptRecord: frozenset({"rules", "tasks"}),
     StopRecord: frozenset({"stop", "status"}),
     RobotRecord: frozenset({"status"}),
     SessionRecord: frozenset({"status"}),
@@ -334,6 +338,9 @@ class Store:
                     changed.add("tasks")
                     if outcome is not None:
                         self.log.show_own_row(self.unhandled_tasks[-1])
+            elif isinstance(record, KeptRecord) and record.status == "expired":
+                if (task := self.view.tasks.get(record.task)) is not None:
+                    self._unhandled_events.expect(task)
             elif isinstance(record, MemoryRecord) and record.source == self.own_name:
                 self.undo_stack.record_change(record)
             elif isinstance(record, ActionRecord):

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 
-from rise_engine.kernel.records import AnyRecord, NoteRecord, RobotRecord, RuleRecord, TaskRecord
+from rise_engine.kernel.records import AnyRecord, KeptRecord, NoteRecord, RobotRecord, RuleRecord, TaskRecord
 from rise_engine.scenario.model import normal_topic
 from rise_tui.model import control
 from rise_tui.model.notice import Notice
@@ -69,6 +69,13 @@ def record_notice(record: AnyRecord) -> Notice | None:
             return Notice(f"{task_label(record.function, record.behavior)} was rejected: {record.reason}", "wait")
         case TaskRecord(status="ABORTED"):
             return Notice(f"{task_label(record.function, record.behavior)} failed: {record.reason}", "fault")
+        case KeptRecord(status="kept"):
+            event = normal_topic(record.topic)
+            return Notice(f"{event} is kept for {record.seconds:g} s: no rule waits for it yet", "wait")
+        case KeptRecord(status="taken"):
+            return Notice(f"{normal_topic(record.topic)} was kept, and {record.rule} takes it now")
+        case KeptRecord(status="taken-back"):
+            return Notice(f"{normal_topic(record.topic)} is not kept any more")
         case RuleRecord(status="faulted"):
             return Notice(f"rule {record.name} was stopped by a fault: {record.reason}", "fault")
         case NoteRecord(source="engine"):

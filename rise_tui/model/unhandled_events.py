@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from rise_engine.kernel.records import EventRecord, TaskRecord
-from rise_engine.kernel.view import SessionView
+from rise_engine.kernel.view import SessionView, TaskView
 from rise_engine.scenario.model import normal_topic
 from rise_tui.model.notice import Notice
 
@@ -22,8 +22,8 @@ class UnhandledEvents:
     def clear(self) -> None:
         self._raised.clear()
 
-    def expect(self, record: TaskRecord) -> None:
-        """A task has raised its event."""
+    def expect(self, record: TaskRecord | TaskView) -> None:
+        """A task has raised its event, or what it has kept comes to its end."""
         self._raised.setdefault((normal_topic(record.behavior), record.source), []).append(record.id)
 
     def record_outcome(self, record: EventRecord, view: SessionView) -> Notice | None:

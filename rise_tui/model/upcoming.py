@@ -17,6 +17,7 @@ from rise_tui.model.rule_text import functions_in, wait_text
 from rise_tui.model.store import Store
 from rise_tui.model.study_keys import ACT, transitions_of
 from rise_tui.model.task_messages import act_label
+from rise_tui.model.wait_explanations import due_at
 
 
 class UpcomingStep(NamedTuple):
@@ -80,10 +81,11 @@ def _reenters_state(store: Store, step: UpcomingStep) -> bool:
 def _timer_steps(store: Store, stack: list[str]) -> Iterator[UpcomingStep]:
     for name in stack:
         view = store.view.rules[name]
-        for transition in transitions_of(store.scenario, name, view.state):
-            if transition.after is None:
+        for index, transition in enumerate(transitions_of(store.scenario, name, view.state)):
+            due = due_at(index, transition, view)
+            if due is None:
                 continue
-            seconds_left = view.since + transition.after - store.now()
+            seconds_left = due - store.now()
             if seconds_left > -1.0:  # later than that it was not taken, because its condition did not hold
                 condition = transition.condition.text if transition.condition is not None else ""
                 yield _rule_step(store, name, transition, "timer", max(0.0, seconds_left))._replace(condition=condition)

@@ -11,7 +11,7 @@ from rich.cells import cell_len
 
 from rise_engine.expression import Expression
 from rise_engine.kernel.view import RuleView
-from rise_engine.scenario.model import Rule, State, Transition
+from rise_engine.scenario.model import Rule, State, Transition, normal_topic
 from rise_tui.model.conditions import is_met, split_condition
 from rise_tui.model.rule_text import Truth, find_awaited_act, truth_of, wait_text
 from rise_tui.model.states import act_state, newest_task, rule_state
@@ -55,10 +55,31 @@ class WaitExplanations:
         rows = []
         for index, transition in enumerate(state.transitions):
             rows += self._transition_rows(index, transition, view, memory, width)
+            if transition.held is not None:
+                rows += self._condition_rows(f"while:{index}", "while", transition.held, memory, width)
             if transition.condition is not None:
-                rows += self._condition_rows(index, transition.condition, memory, width)
+                rows += self._condition_rows(f"if:{index}", "if", transition.condition, memory, width)
             if other := self._preempted_text(rule, state, index, memory):
                 rows.append(ListRow("", crop(((" " * 4, "plain"), (other, "wait")), width), selectable=False))
+        return rows
+
+    def kept_rows(self, width: int) -> list[ListRow]:
+        """Events that are kept until a rule waits for them, whichever rule that will be."""
+        store = self._store
+        rows = []
+        for kept in store.view.kept.values():
+            event = normal_topic(kept.topic)
+            left = f"  {max(0, ceil(kept.until - store.now()))} s left"
+            line: StyledLine = ((" kept ", "muted"), (clean(event), "accent"), (left, "plain"))
+            keys = [key.label for key in store.study_keys.keys_raising(event) if key.keep is not None]
+            if keys:
+                line = (
+                    *line,
+                    (f"  {key_owner(store)}: ", "muted"),
+                    (" ".join(keys), "key"),
+                    (" takes it back", "muted"),
+                )
+            rows.append(ListRow("", crop(line, min(width, READABLE)), selectable=False))
         return rows
 
     def changes_with_time(self, state: State) -> bool:
@@ -71,7 +92,7 @@ class WaitExplanations:
         self, index: int, transition: Transition, view: RuleView, memory: Mapping[str, Any], width: int
     ) -> list[ListRow]:
         waits: StyledLine = ((" waits for ", "muted"), (wait_text(self._store.scenario, transition), "wait"))
-        progress, keys = self._progress_spans(transition, view), self._key_labels(transition)
+        progress, keys = self._progress_spans(index, transition, view), self._key_labels(transition)
         keys_line: StyledLine = ((f"  {key_owner(self._store)}: ", "muted"), (" ".join(keys), "key")) if keys else ()
         condition = transition.condition
         if transition.event is not None and not is_met(condition, memory):
@@ -86,11 +107,15 @@ class WaitExplanations:
             more = align_at_both_ends(more, (*progress, (" ", "plain")), width)
         return [ListRow(f"now:{index}", line), ListRow("", crop(more, width), selectable=False)]
 
-    def _progress_spans(self, transition: Transition, view: RuleView) -> StyledLine:
+    def _progress_spans(self, index: int, transition: Transition, view: RuleView) -> StyledLine:
         """How far it is: the time left, or what the awaited act does."""
         now = self._store.now()
         if transition.after is not None:
-            left = ceil(transition.after - (now - view.since))
+            due = due_at(index, transition, view)
+            if due is None:
+                problem = view.countdowns[index].reason if index in view.countdowns else ""
+                return ((f"  never: {clean(problem)}", "fault"),) if problem else (("  held up", "wait"),)
+            left = ceil(due - now)
             if left <= 0:
                 return (("  the time is up", "wait"),)
             return ((f"  {format_seconds(left) if left >= 60 else f'{left} s'} left", "plain"),)
@@ -118,9 +143,9 @@ class WaitExplanations:
         return keys
 
     def _condition_rows(
-        self, index: int, condition: Expression, memory: Mapping[str, Any], width: int
+        self, id: str, word: str, condition: Expression, memory: Mapping[str, Any], width: int
     ) -> list[ListRow]:
-        """Each part with the present values, its truth, and the keys that would make it true."""
+        """Each part, after `word`, with the present values, its truth, and the keys that would make it true."""
         joint, parts = split_condition(condition)
         truths = [truth_of(part, memory) for part in parts]
         texts = max(cell_len(clean(truth.text)) for truth in truths)
@@ -131,7 +156,7 @@ class WaitExplanations:
                 else (" true ", "accent") if truth.holds
                 else (" false ", "wait")
             )  # fmt: skip
-            line: StyledLine = ((f"{joint if number else 'if':>{PART - 1}} ", "muted"), (clean(truth.text), "plain"))
+            line: StyledLine = ((f"{joint if number else word:>{PART - 1}} ", "muted"), (clean(truth.text), "plain"))
             more: StyledLine = ((truth.values, "muted"),) if truth.values and not _repeats_value(part, truth) else ()
             if keys := [key.label for key in self._store.study_keys.keys_setting(part, memory)]:
                 more = (*more, (f"{'  ' if more else ''}{key_owner(self._store)}: ", "muted"), (" ".join(keys), "key"))
@@ -140,7 +165,7 @@ class WaitExplanations:
             fits = line_width(both) + line_width((verdict,)) < width
             rows.append(
                 ListRow(
-                    f"if:{index}:{number}",
+                    f"{id}:{number}",
                     align_at_both_ends(both if fits else line, (verdict,), width),
                     selectable=False,
                 )
@@ -164,6 +189,16 @@ class WaitExplanations:
             if takes_event(transitions_of(self._store.scenario, name, self._store.rule(name).state)):
                 return f"rule {clean(name)} takes this event first: it is higher on the stack"
         return "the way above takes this event first" if takes_event(state.transitions[:index]) else ""
+
+
+def due_at(index: int, transition: Transition, view: RuleView) -> float | None:
+    """Session time at which a transition's time is up; None while nothing is counted for it."""
+    after, countdown = transition.after, view.countdowns.get(index)
+    if countdown is not None:
+        return countdown.since + countdown.seconds if countdown.seconds is not None else None
+    if after is None or after.seconds is None or transition.held is not None:
+        return None
+    return view.since + after.seconds
 
 
 def _repeats_value(part: Expression, truth: Truth) -> bool:

@@ -82,7 +82,7 @@ class RulePane(ListPane):
             return
         view = self.store.rule(rule.name)
         state = rule.states.get(view.state or "") if view.running else None
-        if state is not None and self._reasons.changes_with_time(state):
+        if self.store.view.kept or (state is not None and self._reasons.changes_with_time(state)):
             self.repaint()
 
     def make_rows(self, width: int) -> list[ListRow]:
@@ -91,7 +91,7 @@ class RulePane(ListPane):
         if rule is None:
             return []
         view = self.store.rule(rule.name)
-        rows = self._head_rows(rule, view, width)
+        rows = [*self._head_rows(rule, view, width), *self._reasons.kept_rows(width)]
         if view.running and view.state in rule.states:
             rows += self._reasons.rows(rule, rule.states[view.state], view, width)
         return rows

@@ -37,6 +37,7 @@ from rise_engine.scenario.model import (
     ActionSpec,
     ActOutcome,
     Branch,
+    Delay,
     Function,
     If,
     OneOf,
@@ -54,7 +55,20 @@ ACTS = ("A0", "A1", "A2", "A3")
 RULES = ("R0", "R1", "R2", "R3")
 STATES = ("s0", "s1", "s2")
 TOPICS = ("e0", "e1", "e2", "A0_end", "A1_failed", "A2_stopped", "R0_end", "R1_end")
-CONDITIONS = ("k0", "not k0", "k1 > 2", "k0 and k1 < 5", "missing", "name > 3", "rand(1) > 0.5", "person.near")
+CONDITIONS = (
+    "k0",
+    "not k0",
+    "k1 > 2",
+    "k0 and k1 < 5",
+    "missing",
+    "name > 3",
+    "rand(1) > 0.5",
+    "person.near",
+    "session.speaking",
+    "not session.speaking and not session.cue",
+    "session.stopped",
+    "session.condition = 'b'",
+)
 ASSIGNMENTS = (
     "k0 = true",
     "k0 = false",
@@ -99,6 +113,7 @@ class Author:
             {"k0": False, "k1": 0, "name": "Ada"},
             known_keys=frozenset({"k0", "k1", "name", "person"}),
             topics=frozenset(TOPICS),
+            reads_session=self.random.random() < 0.7,
         )
 
     def act(self, name: str) -> Act:
@@ -130,7 +145,7 @@ class Author:
             case 3:
                 return Function("stopInteractionRule", pick(RULES))
             case 4:
-                return Function("raiseEventTopic", "/" + pick(TOPICS))
+                return Function("raiseEventTopic", "/" + pick(TOPICS), keep=pick([None, None, 0.5, 5.0]))
             case _:
                 text = pick(ASSIGNMENTS)
                 return Function("assignValue", text, Assignment.parse(text))
@@ -155,16 +170,24 @@ class Author:
         guard = self.condition() if self.random.random() < 0.4 else None
         target = self.random.choice([*STATES, None])
         block = self.some(self.function, 1)
-        match self.random.randrange(5):
+        match self.random.randrange(6):
             case 0:
                 return Transition(None, self.condition(), None, target, block)
             case 1:
-                return Transition(None, guard, self.random.choice([0.1, 1.0]), target, block)
+                return Transition(None, guard, self.delay(), target, block)
+            case 5:
+                return Transition(None, guard, self.delay(), target, block, held=self.condition())
             case 2:
                 outcomes: tuple[ActOutcome, ...] = self.random.choice([(), ("succeeded",), ("failed", "stopped")])
                 return Transition(None, guard, None, target, block, ended=self.random.choice(ACTS), outcomes=outcomes)
             case _:
                 return Transition(self.random.choice(TOPICS), guard, None, target, block)
+
+    def delay(self) -> Delay:
+        if self.random.random() < 0.5:
+            return Delay("", self.random.choice([0.1, 1.0]))
+        text = self.random.choice(["k1", "k1 / 10", "name", "missing", "rand(0.1, 2)"])
+        return Delay(f"{{{text}}}", None, Expression.parse(text), self.random.choice([None, 1.0, 0.001]))
 
     def rule(self, name: str) -> Rule:
         states = {
@@ -185,6 +208,8 @@ MOVES: st.SearchStrategy[Move] = st.one_of(
     st.tuples(st.just("act"), st.sampled_from(ACTS), st.sampled_from(["", "None", "Blocking"])),
     st.tuples(st.just("rule"), st.sampled_from(RULES), st.just("")),
     st.tuples(st.just("event"), st.sampled_from(TOPICS), st.just("")),
+    st.tuples(st.just("keep"), st.sampled_from((*TOPICS, "nobody")), st.sampled_from(["500ms", "5s"])),
+    st.tuples(st.just("cue"), st.sampled_from(["markCue", "undoCue"]), st.just("")),
     st.tuples(st.just("assign"), st.sampled_from(ASSIGNMENTS), st.just("")),
     st.tuples(
         st.just("report"),
@@ -260,6 +285,11 @@ class Run:
                 self.do(Submit(function="startInteractionRule", behavior=a, source="wizard:w"))
             case "event":
                 self.do(Submit(function="raiseEventTopic", behavior=a, source="wizard:w"))
+            case "keep":
+                behavior = f'{{"event": "/{a}", "keep": "{b}"}}'
+                self.do(Submit(function="raiseEventTopic", behavior=behavior, source="wizard:w"))
+            case "cue":
+                self.do(Submit(function=a, source="wizard:w"))
             case "assign":
                 self.do(Submit(function="assignValue", behavior=a, source="wizard:w"))
             case "report":

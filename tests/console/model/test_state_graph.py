@@ -11,7 +11,7 @@ from rich.cells import cell_len
 
 from rise_engine.expression import Expression
 from rise_engine.scenario import load
-from rise_engine.scenario.model import Rule, State, Transition
+from rise_engine.scenario.model import Delay, Rule, State, Transition
 from rise_tui.model.state_drawing import HERE, GraphPosition, draw_state_graph
 from rise_tui.model.state_graph import GraphEdge, GraphLayout, lay_out_graph, most_lanes
 from rise_tui.model.state_order import find_state_order
@@ -40,7 +40,7 @@ def forty() -> Rule:
             ways = [Transition(names[at], target=target) for at, target in enumerate(targets)]
             states[f"t{n}{letter}"] = State(f"t{n}{letter}", transitions=(*ways, Transition("stop", target="goodbye")))
     for n in range(7):
-        states[f"pause{n}"] = State(f"pause{n}", transitions=(Transition(None, after=5, target=f"t{n}a"),))
+        states[f"pause{n}"] = State(f"pause{n}", transitions=(Transition(None, after=Delay("", 5), target=f"t{n}a"),))
         states[f"t{n}c"] = State(
             f"t{n}c", transitions=(*states[f"t{n}c"].transitions, Transition("break", target=f"pause{n}"))
         )
@@ -176,7 +176,12 @@ def rules(draw_: st.DrawFn) -> Rule:
             )
             condition = draw_(st.sampled_from([None, "task = 4 and understood"])) if event or after else "ready"
             ways.append(
-                Transition(event, Expression.parse(condition) if condition else None, after=after, target=target)
+                Transition(
+                    event,
+                    Expression.parse(condition) if condition else None,
+                    after=Delay("", after) if after else None,
+                    target=target,
+                )
             )
         states[name] = State(name, transitions=tuple(ways))
     return Rule("R", draw_(st.sampled_from(names)), states)

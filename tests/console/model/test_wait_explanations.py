@@ -9,8 +9,8 @@ from msgspec.structs import replace
 from rich.cells import cell_len
 
 from rise_engine.expression import Expression
-from rise_engine.kernel.records import MemoryRecord
-from rise_engine.scenario.model import KeyBinding, Rule, Scenario, State, Transition
+from rise_engine.kernel.records import CountdownRecord, KeptRecord, MemoryRecord
+from rise_engine.scenario.model import Delay, KeyBinding, Rule, Scenario, State, Transition
 from rise_tui.model.conditions import split_condition
 from rise_tui.model.store import Store
 from rise_tui.model.wait_explanations import READABLE, WaitExplanations
@@ -21,7 +21,12 @@ from tests.console.fake import FakeClient, demo
 def way(
     event: str | None = None, condition: str = "", *, after: float | None = None, target: str | None = "b"
 ) -> Transition:
-    return Transition(event, Expression.parse(condition) if condition else None, after=after, target=target)
+    return Transition(
+        event,
+        Expression.parse(condition) if condition else None,
+        after=Delay("", after) if after is not None else None,
+        target=target,
+    )
 
 
 def scene(*ways: Transition, **rules: Rule) -> Scenario:
@@ -150,6 +155,49 @@ def test_time_counts_down() -> None:
     assert it.said() == ["waits for 90 s to pass 29 s left → b"]
     it.client.time += 29
     assert it.said() == ["waits for 90 s to pass the time is up → b"]
+
+
+def test_what_holds_a_time_up() -> None:
+    quiet = Transition(after=Delay("8s", 8.0), held=Expression.parse("not talks and not cue"), target="b")
+    it = Scene(scene(quiet))
+    it.set("talks", True)
+    it.set("cue", False)
+    assert it.said() == [
+        "waits for 8 s of what must hold held up → b",
+        "while not talks talks is true false",
+        "and not cue cue is false true",
+    ]
+    it.set("talks", False)
+    it.client.emit(CountdownRecord(0, 0.0, "", "R", "a", 0, "began", 8.0))
+    it.client.time += 3
+    assert it.said()[0] == "waits for 8 s of what must hold 5 s left → b" and it.counts()
+    it.client.emit(CountdownRecord(0, 0.0, "", "R", "a", 0, "broken"))
+    assert "held up" in it.said()[0]
+
+
+def test_a_computed_time() -> None:
+    it = Scene(scene(Transition(after=Delay("{pause}", None, Expression.parse("pause")), target="b")))
+    it.client.emit(CountdownRecord(0, 0.0, "", "R", "a", 0, "began", 2.5))
+    it.client.time += 1
+    assert it.said() == ["waits for {pause} to pass 2 s left → b"]
+    it.client.rule("R", "entered", "a", previous="a", trigger="x")
+    it.client.emit(CountdownRecord(0, 0.0, "", "R", "a", 0, "failed", None, "`{pause}` is null, which is no time"))
+    assert it.said() == ["waits for {pause} to pass never: `{pause}` is null, which is no time → b"]
+
+
+def test_what_is_kept() -> None:
+    it = Scene(
+        replace(scene(way("next")), keys={"u": KeyBinding("u", "u", "raiseEventTopic", "/understood", keep=2.0)})
+    )
+    it.client.emit(KeptRecord(0, 0.0, "", 5, "/understood", "kept", 2.0))
+    it.client.time += 0.5
+
+    def kept() -> list[str]:
+        return [" ".join(plain_text(row.line).split()) for row in WaitExplanations(it.store).kept_rows(80)]
+
+    assert kept() == ["kept understood 2 s left you: u takes it back"]
+    it.client.emit(KeptRecord(0, 0.0, "", 5, "/understood", "taken", rule="R"))
+    assert kept() == []
 
 
 def test_what_the_awaited_act_does() -> None:

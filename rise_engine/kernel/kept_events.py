@@ -1,0 +1,92 @@
+"""Events that nobody waited for and that are kept for a while (semantics.md 6.6)."""
+
+from __future__ import annotations
+
+from collections.abc import Container
+
+from msgspec import Struct
+
+from rise_engine.kernel.core import Cause, Core, EventTopic, Task, TimerTarget
+from rise_engine.kernel.records import EventRecord, KeptRecord, KeptStatus, TaskStatus
+
+OFFER = EventTopic("kept")
+"""Stands in the queue for a kept event that is to be offered to the rules; beside it stands its task's number."""
+
+
+class KeptEvent(Struct):
+    """An event and until when it is kept."""
+
+    task: Task
+    topic: str
+    """Without its slash."""
+    timer: int
+    """When it expires."""
+    until: float
+    """Session time at which it does."""
+    is_offered: bool = True
+    """It stands in the queue, to be offered to the rules."""
+    is_recorded: bool = False
+    """It has been kept already, and the record says so."""
+
+
+class KeptEvents(dict[int, KeptEvent]):
+    """The kept events by task, the oldest first. Each ends once: taken, expired or taken back."""
+
+    def __init__(self, core: Core) -> None:
+        super().__init__()
+        self._core = core
+
+    def keep(self, task: Task, topic: str, seconds: float) -> None:
+        """Raise an event (without slash) that is kept when no rule waits for it. An older one of its name gives way."""
+        core = self._core
+        for other in [kept for kept in self.values() if kept.topic == topic]:
+            self.take_back(other, "raised again")
+        core.record_task(task)
+        timer = core.set_timer(seconds, TimerTarget("keep", str(task.id)))
+        self[task.id] = KeptEvent(task, topic, timer, round(core.t + seconds, 6))
+        core.events.append((OFFER, str(task.id), core.cause))
+
+    def offer(self, topics: Container[EventTopic | None], cause: Cause) -> None:
+        """A rule waits for these topics now: what is kept of them is raised anew, behind what is queued already."""
+        core = self._core
+        for kept in self.values():
+            if not kept.is_offered and core.topics.get(kept.topic) in topics:
+                kept.is_offered = True
+                core.events.append((OFFER, str(kept.task.id), cause))
+
+    def stay(self, kept: KeptEvent) -> None:
+        """No rule waits for it now."""
+        kept.is_offered = False
+        if not kept.is_recorded:
+            kept.is_recorded = True
+            core = self._core
+            core.emit(KeptRecord, kept.task.id, "/" + kept.topic, "kept", round(kept.until - core.t, 6))
+
+    def take(self, kept: KeptEvent, rule: str) -> None:
+        """A rule takes it."""
+        self._finish(kept, "taken", "SUCCEEDED", f"taken by {rule}" if kept.is_recorded else "", rule)
+        self._core.emit(EventRecord, "/" + kept.topic, kept.task.source, rule)
+
+    def expire(self, kept: KeptEvent, reason: str) -> None:
+        """No rule has waited for it, and none will."""
+        self._finish(kept, "expired", "CANCELED", reason)
+        self._core.emit(EventRecord, "/" + kept.topic, kept.task.source, None)
+
+    def take_back(self, kept: KeptEvent, reason: str) -> None:
+        """It counts no more."""
+        self._finish(kept, "taken-back", "CANCELED", reason)
+
+    def take_all_back(self, reason: str) -> None:
+        for kept in list(self.values()):
+            self.take_back(kept, reason)
+
+    def _finish(
+        self, kept: KeptEvent, how: KeptStatus, status: TaskStatus, reason: str, rule: str | None = None
+    ) -> None:
+        core = self._core
+        del self[kept.task.id]
+        core.cancel_timer(kept.timer)
+        if kept.is_recorded:
+            core.emit(KeptRecord, kept.task.id, "/" + kept.topic, how, rule=rule)
+        kept.task.status = status
+        core.record_task(kept.task, reason)

@@ -1,0 +1,45 @@
+"""What the engine says in the memory under `session`, for scenarios that read it (semantics.md 7.2)."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from rise_engine.kernel.act_runner import ActRunner
+from rise_engine.kernel.core import Core
+from rise_engine.kernel.memory import WorkingMemory
+from rise_engine.kernel.stop import StopLatch
+from rise_engine.scenario.model import SESSION
+
+
+class SessionKeys:
+    """Keeps `session` true to how the session stands. It changes after tasks and inputs, never within one: what has
+    changed back by then has not changed, such as that the robot is silent between two sentences of an act."""
+
+    def __init__(self, core: Core, memory: WorkingMemory, runner: ActRunner, stop: StopLatch) -> None:
+        self._core = core
+        self._memory = memory
+        self._runner = runner
+        self._stop = stop
+        self._is_read = core.scenario.reads_session
+
+    def begin(self, participant: str, condition: str, factors: dict[str, Any]) -> None:
+        """The session has started; what stays as it is is said once."""
+        if self._is_read:
+            fixed = {"participant": participant, "condition": condition, "factors": factors, "language": ""}
+            self._memory.write(SESSION, {**self._changing(), **fixed}, "engine")
+
+    def update(self) -> None:
+        """Write down what has changed."""
+        if not self._is_read or (session := self._core.memory.get(SESSION)) is None:
+            return
+        for name, value in self._changing().items():
+            if session[name] != value:
+                session = {**session, name: value}
+                self._memory.write(SESSION, session, "engine", part=f"{SESSION}.{name}")
+
+    def _changing(self) -> dict[str, bool]:
+        return {
+            "speaking": self._runner.is_speaking,
+            "cue": self._core.open_cue_at is not None,
+            "stopped": self._stop.latched,
+        }

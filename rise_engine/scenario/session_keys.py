@@ -1,0 +1,42 @@
+"""What the engine itself keeps in the memory under `session`, for studies that ask for it (semantics.md 7.2).
+
+A scenario that sets `session` itself has a key of its own of that name, as it always had: then the engine has none.
+"""
+
+from __future__ import annotations
+
+from rise_engine.scenario.diagnostics import Diagnostics
+from rise_engine.scenario.draft import ScenarioDraft
+from rise_engine.scenario.model import SESSION, Json
+
+EXAMPLE: dict[str, Json] = {
+    "speaking": False,
+    "cue": False,
+    "stopped": False,
+    "participant": "",
+    "condition": "",
+    "factors": None,
+    "language": "",
+}
+"""What there is in it; of the factors nobody knows the names before the study says them."""
+
+
+def add_session_keys(draft: ScenarioDraft, diagnostics: Diagnostics) -> None:
+    """See whether anything in the scenario asks for a value of the session."""
+    reads = [
+        mention
+        for mention in (*draft.key_reads, *draft.optional_key_reads, *draft.bare_words, *draft.bare_keys)
+        if mention.name.partition(".")[0] == SESSION
+    ]
+    if not reads:
+        return
+    is_own = any(key.partition(".")[0] == SESSION for key in draft.settable_keys)
+    if not is_own:
+        draft.session_keys = EXAMPLE
+        draft.settable_keys.add(SESSION)
+    elif known := next((each for each in reads if each.name.partition(".")[2].partition(".")[0] in EXAMPLE), None):
+        message = (
+            f"`{known.name}` is a key of this scenario, because it sets `{SESSION}` itself; what the engine knows of "
+            "the session is not there under that name: call your own key something else"
+        )
+        diagnostics.warning("own-session", known.locate(), message)
