@@ -194,6 +194,57 @@ RULES: dict[str, tuple[str, str, list[str]]] = {
     ),
     "longest time": ("", '\n<transition after="1440min" target="S"/>', []),
     "too long": ("", '\n<transition after="99999999999999999999min" target="S"/>', ["4:20 out-of-range"]),
+    "computed times": (
+        "",
+        '\n<transition after="{pause}" target="S"/>\n<transition after=" {pause * 2} ms" target="S"/>'
+        '\n<transition after="{H_x}s" target="S"/>',
+        ["6:21 unset-key"],
+    ),
+    "broken computed times": (
+        "",
+        '\n<transition after="{pause" target="S"/>\n<transition after="{ pause + }" target="S"/>'
+        '\n<transition after="{}" target="S"/>\n<transition after="{pause}h" target="S"/>',
+        ["4:20 time", "5:30 time", "6:21 time", "7:20 time"],
+    ),
+    "what has held": (
+        "",
+        '\n<transition while="pause" after="2s" cond="pause" target="S"/>'
+        '\n<transition while="session.speaking" after="2s" target="S"/>'
+        '\n<transition while="pause" after="3s" target="S"/>\n<transition after="2s" target="S"/>',
+        [],
+    ),
+    "the same held twice": (
+        "",
+        '\n<transition while="pause" after="2s" target="S"/>\n<transition while="pause" after="2s" target="S"/>',
+        ["5:1 unreachable-transition"],
+    ),
+    "while without a time": ("", '\n<transition while="pause" target="S"/>', ["4:1 trigger", "4:13 trigger"]),
+    "while with an event": (
+        "",
+        '\n<transition while="pause" eventTopic="A_end" target="S"/>',
+        ["4:13 trigger"],
+    ),
+    "a broken while": ("", '\n<transition while="pause &gt;" after="2s" target="S"/>', ["4:30 condition"]),
+    "a part of the session that is none": (
+        "",
+        '\n<transition while="session.speeking" after="2s" target="S"/>',
+        ["4:20 unknown-path"],
+    ),
+    "an event of its own that is kept": (
+        '<function raiseEventTopic="own" keep="2s"/>',
+        '\n<transition eventTopic="own" target="S"/>',
+        [],
+    ),
+    "no time to keep": (
+        '<function raiseEventTopic="own" keep="2"/><function raiseEventTopic="own" keep="0s"/>',
+        '\n<transition eventTopic="own" target="S"/>',
+        ["3:48 time", "3:90 out-of-range"],
+    ),
+    "keep beside something else": (
+        '<function startCommunicationRobotAct="A" keep="2s"/>',
+        "",
+        ["3:51 unknown-attribute"],
+    ),
     "no effect": ("", '\n<transition after="2s"/>', ["4:1 no-effect"]),
     "own act": (START_A, '\n<transition ended="A" outcome="failed | stopped" target="S"/>', []),
     "own act that nobody knows": (
@@ -322,6 +373,23 @@ FILES: dict[str, tuple[dict[str, str | bytes], list[str]]] = {
     "act settings": (
         {"scenario.toml": '[act.A]\nhold = 1\ncalling_type = "x"\nholt = 1', "acts/a.xml": act(SPEECH)},
         ["scenario.toml:2:8 wrong-type", "scenario.toml:3:16 wrong-value", "scenario.toml:4:1 unknown-key"],
+    ),
+    "events that keys keep": (
+        {
+            "scenario.toml": '[keys]\na = { event = "/x", keep = "2s" }\nb = { event = "/x", keep = "2" }\n'
+            'c = { event = "/x", keep = 2 }\nd = { act = "A", keep = "2s" }\ne = { event = "/x", keep = "0s" }\n'
+            'f = { event = "/x", kepe = "2s" }\n',
+            "acts/a.xml": act(SPEECH),
+            "rules/r.xml": '<InteractionRule name="R" initial="S"><State id="S">'
+            '<transition eventTopic="/x" target="S"/></State></InteractionRule>',
+        },
+        [
+            "scenario.toml:3:28 time",
+            "scenario.toml:4:28 wrong-type",
+            "scenario.toml:5:25 wrong-value",
+            "scenario.toml:6:28 out-of-range",
+            "scenario.toml:7:21 unknown-key",
+        ],
     ),
     "labels of keys": (
         {
