@@ -69,7 +69,7 @@ class WaitExplanations:
         rows = []
         for kept in store.view.kept.values():
             event = normal_topic(kept.topic)
-            left = f"  {max(0, ceil(kept.until - store.now()))} s left"
+            left = f"  {max(0, ceil(kept.until - store.now()))} s"
             line: StyledLine = ((" kept ", "muted"), (clean(event), "accent"), (left, "plain"))
             keys = [key.label for key in store.study_keys.keys_raising(event) if key.keep is not None]
             if keys:
@@ -77,7 +77,7 @@ class WaitExplanations:
                     *line,
                     (f"  {key_owner(store)}: ", "muted"),
                     (" ".join(keys), "key"),
-                    (" takes it back", "muted"),
+                    (" undoes", "muted"),
                 )
             rows.append(ListRow("", crop(line, min(width, READABLE)), selectable=False))
         return rows
@@ -114,7 +114,7 @@ class WaitExplanations:
             due = due_at(index, transition, view)
             if due is None:
                 problem = view.countdowns[index].reason if index in view.countdowns else ""
-                return ((f"  never: {clean(problem)}", "fault"),) if problem else (("  held up", "wait"),)
+                return ((f"  never: {clean(problem)}", "fault"),) if problem else self._held_up_spans(transition)
             left = ceil(due - now)
             if left <= 0:
                 return (("  the time is up", "wait"),)
@@ -130,6 +130,13 @@ class WaitExplanations:
             took = f" {format_seconds(now - task.started)}"
             took += f" of {format_duration(typical)}" if typical is not None else " s"
         return ((f"  {state.glyph} {state.word}", state.role), (took, "plain"))
+
+    def _held_up_spans(self, transition: Transition) -> StyledLine:
+        """Which part of what must hold does not."""
+        parts = split_condition(transition.held).parts if transition.held is not None else ()
+        truths = (truth_of(part, self._store.memory) for part in parts)
+        values = next((truth.values for truth in truths if not truth.holds), "")
+        return ((f"  held up: {clean(values)}" if values else "  held up", "wait"),)
 
     def _key_labels(self, transition: Transition) -> list[str]:
         """The keys by which the wizard can bring the event about; an act that runs already needs none. The rule's own

@@ -163,7 +163,7 @@ def test_what_holds_a_time_up() -> None:
     it.set("talks", True)
     it.set("cue", False)
     assert it.said() == [
-        "waits for 8 s of what must hold held up → b",
+        "waits for 8 s of what must hold held up: talks is true → b",
         "while not talks talks is true false",
         "and not cue cue is false true",
     ]
@@ -195,7 +195,7 @@ def test_what_is_kept() -> None:
     def kept() -> list[str]:
         return [" ".join(plain_text(row.line).split()) for row in WaitExplanations(it.store).kept_rows(80)]
 
-    assert kept() == ["kept understood 2 s left you: u takes it back"]
+    assert kept() == ["kept understood 2 s you: u undoes"]
     it.client.emit(KeptRecord(0, 0.0, "", 5, "/understood", "taken", rule="R"))
     assert kept() == []
 

@@ -9,7 +9,7 @@ from msgspec.structs import replace
 from rich.cells import cell_len
 from textual.geometry import Region
 
-from rise_engine.kernel.records import MemoryRecord
+from rise_engine.kernel.records import KeptRecord, MemoryRecord
 from rise_engine.scenario import load
 from rise_engine.scenario.model import Rule, State, Transition
 from rise_tui.model.store import Store
@@ -206,3 +206,19 @@ async def test_a_rule_that_waits_for_its_own_act_says_so_and_names_no_key() -> N
         row = next(row for row in it.text("rule").splitlines() if "its own Greet" in row)
         assert "you:" not in row and "→ Over" in row
         assert "Greet failed or stopped" in it.text("rule"), "the drawing names the way"
+
+
+async def test_a_key_whose_event_is_kept() -> None:
+    scenario = demo()
+    keys = {**scenario.keys, "n": replace(scenario.keys["n"], keep=2.0)}
+    async with console(client=FakeClient(replace(scenario, keys=keys))) as it:
+        await it.press("n")
+        await it.sent("raiseEventTopic", '{"event":"/next","keep":"2s"}')
+        task = it.client.task("raiseEventTopic", "/next", "PENDING")
+        it.client.emit(KeptRecord(0, 0.0, "", task, "/next", "kept", 2.0))
+        await it.until(lambda: "kept next  2 s  you: n undoes" in pane(it).row_list.text)
+        assert "next is kept for 2 s" in it.notice
+        it.client.emit(KeptRecord(0, 0.0, "", task, "/next", "taken-back"))
+        it.client.task_record(task, "raiseEventTopic", "/next", "CANCELED")
+        await it.until(lambda: "kept" not in pane(it).row_list.text)
+        assert "next is not kept any more" in it.notice

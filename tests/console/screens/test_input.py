@@ -6,7 +6,7 @@ from collections.abc import Callable
 
 import pytest
 
-from rise_engine.kernel.records import ControlRecord
+from rise_engine.kernel.records import ControlRecord, KeptRecord
 from rise_tui.console.input import PASTE_QUIET_SECONDS, PASTED_KEYS, InputController
 from rise_tui.model.input_lock import InputMode
 from rise_tui.model.key_action import MARK_CUE, KeyAction
@@ -411,3 +411,20 @@ def test_a_mark_is_about_what_the_wizard_did_last() -> None:
     keys.store.view = keys.client.attach_reply().view
     keys.input.mark_mistake()
     assert keys.tasks == [("markMistake", "1 wrong", "")] and keys.asked == [1]
+
+
+def test_the_same_key_takes_back_what_is_kept() -> None:
+    keys = Keyboard()
+    early = KeyAction("raiseEventTopic", "/understood", keep=2.0)
+    keys.press("u", early)
+    keys.store.apply([KeptRecord(1, 0.0, "", 7, "/understood", "kept", 2.0)])
+    keys.wait(0.2)
+    keys.press("u", early)
+    assert keys.tasks == [("raiseEventTopic", "/understood", "")], "a key that bounces takes nothing back"
+    keys.wait(0.5)
+    keys.press("u", early)
+    assert keys.tasks[1:] == [("cancelTask", "7", "")]
+    keys.store.apply([KeptRecord(2, 0.0, "", 7, "/understood", "taken-back")])
+    keys.wait(1)
+    keys.press("u", early)
+    assert keys.tasks[2:] == [("raiseEventTopic", "/understood", "")]
