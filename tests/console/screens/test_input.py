@@ -421,7 +421,7 @@ def test_the_same_key_takes_back_what_is_kept() -> None:
     keys.wait(0.2)
     keys.press("u", early)
     assert keys.tasks == [("raiseEventTopic", "/understood", "")], "a key that bounces takes nothing back"
-    keys.wait(0.5)
+    keys.wait(0.6)
     keys.press("u", early)
     assert keys.tasks[1:] == [("cancelTask", "7", "")]
     keys.store.apply([KeptRecord(2, 0.0, "", 7, "/understood", "taken-back")])
