@@ -10,6 +10,7 @@ from __future__ import annotations
 import json
 from typing import Any
 
+from rise_engine.kernel.behaviors import describe_behavior
 from rise_engine.kernel.records import (
     ENDINGS,
     FINAL,
@@ -125,22 +126,23 @@ class Transcript:
 
     def _describe_task(self, record: TaskRecord) -> tuple[str, str, str] | None:
         who = _FUNCTION_LABELS.get(record.function, record.function)
+        what = describe_behavior(record.function, record.behavior)
         by = f" by {record.source}" if record.source else ""
         if record.status == "REJECTED":
-            return who, record.behavior, f"REJECTED{by}: {record.reason}"
+            return who, what, f"REJECTED{by}: {record.reason}"
         if record.status == "PENDING":
             # Every act is PENDING for a moment; when no Blocking act runs it starts at once.
             if not self._blocking or record.function not in _ACTS:
                 return None
             before = f", {record.position} before it" if record.position else ""
-            return who, record.behavior, f"waits{before}, asked{by}"
+            return who, what, f"waits{before}, asked{by}"
         if record.status == "ACTIVE":
             self._tasks[record.id] = record.t
             if record.calling_type != "None" and record.function in _ACTS:
                 self._blocking.add(record.id)
-            return None if record.function == "startInteractionRule" else (who, record.behavior, f"started{by}")
+            return None if record.function == "startInteractionRule" else (who, what, f"started{by}")
         if record.status not in FINAL:
-            return who, record.behavior, f"{record.status}{by}"
+            return who, what, f"{record.status}{by}"
         began = self._tasks.pop(record.id, None)
         self._blocking.discard(record.id)
         if record.function == "startInteractionRule" and began is not None:
@@ -150,7 +152,7 @@ class Transcript:
         took = "" if began is None else f", {record.t - began:.1f} s"
         reason = f": {record.reason}" if record.reason else ""
         done = {"SUCCEEDED": "succeeded" if began is not None else f"done{by}"}.get(record.status, record.status)
-        return who, record.behavior, f"{done}{took}{reason}"
+        return who, what, f"{done}{took}{reason}"
 
     def _describe_action(self, record: ActionRecord) -> tuple[str, str, str] | None:
         key = (record.task, record.action)
@@ -196,6 +198,8 @@ def parameters_text(parameters: dict[str, Any]) -> str:
 
 def _rule_text(record: RuleRecord) -> str:
     trigger = f" on {record.trigger}" if record.trigger and record.trigger != "start" else ""
+    if record.previous is None and trigger:
+        trigger = f" ({record.trigger})"
     reason = f": {record.reason}" if record.reason else ""
     if record.status == "entered":
         if record.previous is None:

@@ -275,5 +275,5 @@ class BlockCompiler:
         else:
             op = Op(CALL, self._source, then)
             op.function = function.name
-        op.argument = function.argument
+        op.argument = function.behavior
         return op

@@ -13,7 +13,7 @@ from msgspec import Struct
 TaskFunction: TypeAlias = Literal[
     "startCommunicationRobotAct",
     "stopCommunicationRobotAct",
-    "startInteractionRule",
+    "startInteractionRule",  # behavior: its name, or {"rule": NAME, "state": STATE, "enter": false} (ours)
     "stopInteractionRule",
     "raiseEventTopic",
     "assignValue",

@@ -81,7 +81,7 @@ class RuleRecord(Record, tag="rule"):
     state: str | None
     previous: str | None = None
     trigger: str | None = None
-    """What led here: an event topic, `after 2s`, a condition, `start`, or who stopped it."""
+    """What led here: an event topic, `after 2s`, a condition, or `start`, perhaps `, without onEntry`."""
     transition: int | None = None
     """Index of the transition taken, among those of `previous` in document order."""
     priority: float = 0

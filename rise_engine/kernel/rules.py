@@ -37,6 +37,9 @@ Frame: TypeAlias = tuple[RuleRun, Op | None, bool, CompiledTransition | None, Ca
 """What is left of a block: the rule, the next step, whether a state has been entered when the block has ended, the
 transition that then enters its target, and what all that comes of."""
 
+WITHOUT_ENTRY = ", without onEntry"
+"""Ends the trigger of a rule that begins or goes on in a state whose onEntry is left out."""
+
 
 class RuleMachine:
     """All running rules and the routing of events to them."""
@@ -62,19 +65,29 @@ class RuleMachine:
 
     # --- start and end ---
 
-    def start(self, name: str, task: Task, on_top: bool) -> None:
-        """Start a rule that is not running. `on_top`: a rule started by a rule goes above all others."""
+    def start(self, name: str, task: Task, on_top: bool, state: str | None = None, enter: bool = True) -> None:
+        """Start a rule that is not running.
+
+        `on_top`: a rule started by a rule goes above all others. `state`: where it begins, in its initial state if that
+        is null. Without `enter`, it waits there, and its `onEntry` is left out.
+        """
         rule = self._compiled[name]
-        run = RuleRun(name, rule.initial, task, rule.priority)
+        run = RuleRun(name, rule.initial if state is None else rule.states[state], task, rule.priority)
         self.stack.start(run, on_top)
+        self._begin(run, "start", enter)
+
+    def _begin(self, run: RuleRun, trigger: str, enter: bool) -> None:
+        """Let a rule that has just come onto the stack enter the state in which it begins."""
+        name = run.name
+        trigger += "" if enter else WITHOUT_ENTRY
         append_to_lists(run, run.state.watch_lists)
-        self._core.emit(RuleRecord, name, "started", run.state.id, trigger="start", priority=run.priority)
-        self._core.emit(RuleRecord, name, "entered", run.state.id, trigger="start", priority=run.priority)
+        self._core.emit(RuleRecord, name, "started", run.state.id, trigger=trigger, priority=run.priority)
+        self._core.emit(RuleRecord, name, "entered", run.state.id, trigger=trigger, priority=run.priority)
         step = self._core.macrostep
         last, steps = self.step_counts.get(name, (-1, 0))
         run.macrostep, run.step_count = step, steps + 1 if last == step else 1
         if run.step_count <= STEP_LIMIT or self._stop_runaway(run):
-            self._on_entered(run, (name, self._core.cause))
+            self._on_entered(run, (name, self._core.cause), enter)
 
     def stop(self, name: str, reason: str) -> None:
         """Stop a running rule where it is; no functions run."""
@@ -303,13 +316,14 @@ class RuleMachine:
             self._core.emit(RuleRecord, run.name, "stayed", state, state, trigger, index, run.priority)
             frames.append((run, transition.block, True, None, cause))
 
-    def _on_entered(self, run: RuleRun, cause: Cause) -> None:
-        """What entering a state sets going besides waiting for its events: its timers, and its onEntry."""
+    def _on_entered(self, run: RuleRun, cause: Cause, enter: bool = True) -> None:
+        """What entering a state sets going besides waiting for its events: its timers, and, with `enter`, its
+        onEntry."""
         state = run.state
         for timed in state.delayed:
             timer = self._core.set_timer(timed.after or 0.0, TimerTarget("after", run.name, str(timed.index)))
             run.timers[timer] = timed
-        if state.entry is not None:
+        if state.entry is not None and enter:
             self._frames.append((run, state.entry, True, None, cause))
         else:
             self._after_onentry(run, cause)

@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable
 
 from rise_engine.expression import Assignment, EvaluationError, ExpressionError
+from rise_engine.kernel.behaviors import BehaviorError, read_rule_start
 from rise_engine.kernel.core import Core, EventTopic, Task
 from rise_engine.kernel.inputs import Submit
 from rise_engine.kernel.records import TaskRecord, TaskStatus
@@ -94,10 +95,18 @@ class TaskHandlers:
     # --- rules ---
 
     def _start_rule(self, task: Submit) -> None:
-        name = task.behavior
-        core = self._core
-        if name not in self._scenario.rules:
-            self._reject(task, f"there is no rule {name!r}" + _did_you_mean(name, self._scenario.rules))
+        core, rules = self._core, self._scenario.rules
+        try:
+            start = read_rule_start(task.behavior)
+        except BehaviorError as problem:
+            self._reject(task, str(problem))
+            return
+        name, state = start.rule, start.state
+        if name not in rules:
+            self._reject(task, f"there is no rule {name!r}" + _did_you_mean(name, rules))
+        elif state is not None and state not in rules[name].states:
+            near = _did_you_mean(state, rules[name].states)
+            self._reject(task, f"the rule {name!r} has no state {state!r}{near}")
         elif name in self.rules.stack:
             self._reject(task, f"rule {name!r} is already running")
         elif self._stop.latched:
@@ -107,7 +116,7 @@ class TaskHandlers:
             core.record_task(started)
             started.status = "ACTIVE"
             core.record_task(started)
-            self.rules.start(name, started, on_top=task.source.startswith("rule:"))
+            self.rules.start(name, started, on_top=task.source.startswith("rule:"), state=state, enter=start.enter)
 
     def _stop_rule(self, task: Submit) -> None:
         name = task.behavior

@@ -14,6 +14,7 @@ from typing import Any
 
 from msgspec import Struct, field
 
+from rise_engine.kernel.behaviors import started_rule
 from rise_engine.kernel.records import (
     ENDINGS,
     FINAL,
@@ -319,7 +320,7 @@ class SessionView(Struct):
         elif record.function == "goOn" and record.status == "SUCCEEDED":
             self.failed = [id for id in self.failed if str(id) != record.behavior]
         elif record.function == "startInteractionRule" and record.status == "ACTIVE":
-            self.rules.setdefault(record.behavior, RuleView()).task = record.id
+            self.rules.setdefault(started_rule(record.behavior), RuleView()).task = record.id
 
     def _apply_act_task(self, record: TaskRecord, task: TaskView) -> None:
         spoken = record.function == "say"  # free speech is no act of the scenario, and has no typical duration

@@ -8,7 +8,7 @@ from typing import Any, TypeVar, get_args
 
 from rise_engine.expression import Assignment, Expression, ExpressionError
 from rise_engine.nearest_name import did_you_mean
-from rise_engine.scenario.draft import Mention
+from rise_engine.scenario.draft import Mention, StateMention
 from rise_engine.scenario.element_reader import ElementReader
 from rise_engine.scenario.expression_checks import (
     UNREADABLE_CONDITION,
@@ -25,6 +25,9 @@ FUNCTIONS: tuple[FunctionName, ...] = get_args(FunctionName)
 MAX_DEPTH = 50
 """How deep `if` and `oneOf` may nest."""
 _FUNCTIONS = frozenset(FUNCTIONS)
+_STARTING = "startInteractionRule"
+_EXTRAS: dict[str, frozenset[str]] = {_STARTING: frozenset({"state", "enter"})}
+"""Attributes that say more about one function."""
 NO_ATTRIBUTES: frozenset[str] = frozenset()
 _COND = frozenset({"cond"})
 _STATEMENTS = ("function", "if", "oneOf")
@@ -167,7 +170,25 @@ class BlockReader(ElementReader):
             self.draft.act_mentions.append(Mention(argument, locate))
         else:
             self.draft.rule_mentions.append(Mention(argument, locate))
-        return Function(name, argument, assignment, self.file.element_location(element))
+        state, enter = self.read_start(element, argument) if name == _STARTING and len(given) > 1 else (None, True)
+        return Function(name, argument, assignment, self.file.element_location(element), state, enter)
+
+    def read_start(self, element: Element, rule: str) -> tuple[str | None, bool]:
+        """Where a rule is to begin (`state`), and whether it runs `onEntry` there (`enter`)."""
+        given = element.attributes
+        enter = given.get("enter", "yes").strip()
+        if enter not in ("yes", "no"):
+            message = f"`enter` is `yes` or `no`; with `no` the rule waits there, and onEntry is not run: not `{enter}`"
+            self.report_value("wrong-value", element, "enter", message)
+        if "state" not in given:
+            return None, enter != "no"
+        state = given["state"].strip()
+        if state:
+            locate = partial(self.file.value_location, element, "state")
+            self.draft.state_mentions.append(StateMention(state, locate, rule))
+        else:
+            self.report_value("missing-value", element, "state", "`state` is empty; name a state, or leave it out")
+        return state or None, enter != "no"
 
     def check_function(self, element: Element, given: Collection[str]) -> None:
         """What is wrong with the form of a `<function>`."""
@@ -177,9 +198,14 @@ class BlockReader(ElementReader):
             )
         self.check_no_text(element)
         known = [name for name in given if name in _FUNCTIONS]
+        extras = _EXTRAS.get(known[0], NO_ATTRIBUTES) if known else NO_ATTRIBUTES
         for name in given:
-            if name not in _FUNCTIONS:
-                message = f"there is no function `{name}`{did_you_mean(name, FUNCTIONS)}"
+            if owner := next((function for function, names in _EXTRAS.items() if name in names), None):
+                if name not in extras:
+                    message = f"`{name}` goes with {owner}"
+                    self.report_attribute("unknown-attribute", element, name, message)
+            elif name not in _FUNCTIONS:
+                message = f"there is no function `{name}`{did_you_mean(name, (*FUNCTIONS, *sorted(extras)))}"
                 self.report_attribute("unknown-attribute", element, name, message)
         if len(known) > 1:
             message = f"a `<function>` does one thing; write another one for `{known[1]}`"

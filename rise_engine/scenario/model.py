@@ -7,6 +7,7 @@ screen or file system; `rise_engine.scenario.load` builds these values from a fo
 
 from __future__ import annotations
 
+import json
 from collections.abc import Iterator
 from functools import cached_property
 from typing import Any, Literal, TypeAlias
@@ -155,6 +156,15 @@ class Function(Struct, frozen=True, tag="function"):
     assignment: Assignment | None = None
     """Only for `assignValue`."""
     location: SourceLocation = field(default=SourceLocation(""), name="place")
+    state: str | None = None
+    """Only for `startInteractionRule`: where the rule begins; null: in its initial state."""
+    enter: bool = True
+    """Only for `startInteractionRule`: false, when the rule waits there without running `onEntry`."""
+
+    @property
+    def behavior(self) -> str:
+        """The behaviour of the task that it submits."""
+        return rule_start_behavior(self.argument, self.state, self.enter)
 
 
 class Branch(Struct, frozen=True):
@@ -242,6 +252,15 @@ class KeyBinding(Struct, frozen=True):
     location: SourceLocation = field(default=SourceLocation(""), name="place")
     title: str = ""
     """What it means in the study, in the author's words (`label = "not understood"`); empty: the author gave none."""
+    state: str | None = None
+    """Of a key that starts a rule: where the rule begins; null: in its initial state."""
+    enter: bool = True
+    """Of a key that starts a rule: false, when the rule waits there without running `onEntry`."""
+
+    @property
+    def task_behavior(self) -> str:
+        """The behaviour of the task that it submits; `behavior` is the name in it."""
+        return rule_start_behavior(self.behavior, self.state, self.enter)
 
 
 class ActSettings(Struct, frozen=True):
@@ -324,6 +343,14 @@ def functions_in(block: Block) -> Iterator[Function]:
                 pending += branch.block
         else:
             pending += statement.choices
+
+
+def rule_start_behavior(rule: str, state: str | None, enter: bool) -> str:
+    """The behaviour of a task that starts a rule: its name, or JSON where that does not say everything."""
+    if state is None and enter:
+        return rule
+    parts: dict[str, Json] = {"rule": rule} | ({} if state is None else {"state": state})
+    return json.dumps(parts if enter else {**parts, "enter": False}, ensure_ascii=False)
 
 
 def result_topics(rule: Rule) -> Iterator[tuple[str, str]]:

@@ -9,7 +9,7 @@ from typing import Any
 from rise_engine.expression import Assignment, ExpressionError
 from rise_engine.scenario.act_settings import read_act_tables
 from rise_engine.scenario.diagnostics import Diagnostics
-from rise_engine.scenario.draft import Mention, ScenarioDraft
+from rise_engine.scenario.draft import Mention, ScenarioDraft, StateMention
 from rise_engine.scenario.expression_checks import expression_message, note_assignment
 from rise_engine.scenario.keys import KeyRefusedError, bindable_key_name
 from rise_engine.scenario.model import (
@@ -48,6 +48,8 @@ BINDINGS: dict[str, tuple[FunctionName, str]] = {
     "stop_rule": ("stopInteractionRule", "name a rule"),
 }
 """What a key can submit: the function of the DomainTask that comes of it, and what its author has to write."""
+_START_KEYS = ("state", "enter")
+"""Beside `rule`: where it begins."""
 MAX_LABEL_LENGTH = 24
 """Characters of a key's `label`: it stands beside others in one line."""
 _ALLOW_KEYS = ("code", "key", "reason")
@@ -161,11 +163,11 @@ class ScenarioSettings:
             table.report_value("binding", written, f"a key submits something; {example}")
             return None
         inner = TomlTable(table.file, ("keys", written), table.values[written], table.diagnostics)
-        inner.report_unknown_keys((*BINDINGS, "label"))
+        inner.report_unknown_keys((*BINDINGS, "label", *_START_KEYS))
         title = self.read_label(inner)
         given = [name for name in BINDINGS if name in inner.values]
         if len(given) != 1:
-            if len(given) > 1 or not inner.values.keys() - {"label"}:
+            if len(given) > 1 or not inner.values.keys() - {"label", *_START_KEYS}:
                 inner.report_key("binding", f"a key submits exactly one thing; {example}")
             return None
         name = given[0]
@@ -192,7 +194,24 @@ class ScenarioSettings:
                 location = SourceLocation(start.file, start.line, start.column + error.column)
                 inner.diagnostics.error("assignment", location, expression_message(error))
                 return None
-        return KeyBinding(key, written, function, behavior, inner.key_location(), title)
+        state, enter = self.read_start(inner, name, behavior)
+        return KeyBinding(key, written, function, behavior, inner.key_location(), title, state, enter)
+
+    def read_start(self, binding: TomlTable, name: str, rule: str) -> tuple[str | None, bool]:
+        """Where a rule is to begin, and whether it runs `onEntry` there."""
+        if name != "rule":
+            for key in binding.values.keys() & set(_START_KEYS):
+                binding.report_key("binding", f'`{key}` says how a rule begins; it goes with rule = "..."', key)
+            return None, True
+        enter = binding.read("enter", bool, True)
+        state = binding.read("state", str, None, form=': state = "..."')
+        if state is not None and not state.strip():
+            binding.report_value("missing-value", "state", "`state` is empty; name a state, or leave it out")
+        if state is None or not state.strip():
+            return None, enter
+        locate = partial(binding.value_location, "state")
+        self.draft.state_mentions.append(StateMention(state.strip(), locate, rule))
+        return state.strip(), enter
 
     def read_label(self, binding: TomlTable) -> str:
         """What the author calls a key: a word or two, or empty."""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from msgspec import Struct
+from msgspec.structs import replace
 
 from rise_engine.scenario.model import KeyBinding, Scenario
 from rise_tui.model.study_keys import ACT
@@ -36,4 +37,5 @@ def start_action(scenario: Scenario, function: str, behavior: str, calling_type:
 
 def action_of_key(scenario: Scenario, key: KeyBinding) -> KeyAction:
     """What a key of the scenario asks for."""
-    return start_action(scenario, key.function, key.behavior)
+    action = start_action(scenario, key.function, key.behavior)
+    return replace(action, behavior=key.task_behavior)

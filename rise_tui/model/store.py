@@ -12,6 +12,7 @@ from typing import Any, Literal, TypeAlias, get_args
 
 from msgspec import Struct
 
+from rise_engine.kernel.behaviors import started_rule
 from rise_engine.kernel.records import (
     ActionRecord,
     ControlRecord,
@@ -401,5 +402,5 @@ class Store:
         if record.status == "ACTIVE" and record.function in ("startCommunicationRobotAct", "say"):
             self.shown_act = "" if record.function == "say" else record.behavior
         elif record.status == "ACTIVE" and record.function == "startInteractionRule" and not self.shown_rule:
-            self.shown_rule = record.behavior
+            self.shown_rule = started_rule(record.behavior)
         return changed

@@ -1,0 +1,72 @@
+"""Behaviours of tasks that are JSON: what a task is about when a name alone does not say it (semantics.md 1.1).
+
+Whoever submits a task may write such a behaviour, so each reader refuses what it does not understand, in a sentence.
+"""
+
+from __future__ import annotations
+
+from typing import TypeVar
+
+import msgspec
+from msgspec import Struct
+
+from rise_engine.errors import RiseError
+
+Content = TypeVar("Content", bound=Struct)
+
+
+class BehaviorError(RiseError, ValueError):
+    """A behaviour that cannot be read; the message is a sentence for a person."""
+
+
+class RuleStart(Struct, frozen=True, forbid_unknown_fields=True):
+    """The behaviour of startInteractionRule: which rule, and where it begins (`rule_start_behavior` writes it)."""
+
+    rule: str
+    state: str | None = None
+    """Null: in its initial state."""
+    enter: bool = True
+    """False: it waits there without running `onEntry`."""
+
+
+_RULE_START = '{"rule": "Table setting", "state": "After the welcome", "enter": false}'
+
+
+def read_rule_start(behavior: str) -> RuleStart:
+    """The rule's name, or JSON with `rule`, `state` and `enter`. Raises BehaviorError."""
+    if not is_object(behavior):
+        return RuleStart(behavior)
+    return read_object(behavior, RuleStart, f"a rule's name, or JSON such as {_RULE_START}")
+
+
+def started_rule(behavior: str) -> str:
+    """The name of the rule that a startInteractionRule is about; what cannot be read counts as a name."""
+    try:
+        return read_rule_start(behavior).rule
+    except BehaviorError:
+        return behavior
+
+
+def describe_behavior(function: str, behavior: str) -> str:
+    """A behaviour for people: what is JSON in words, anything else as it is written."""
+    if function == "startInteractionRule" and is_object(behavior):
+        try:
+            start = read_rule_start(behavior)
+        except BehaviorError:
+            return behavior
+        place = "" if start.state is None else f", in {start.state}"
+        return f"{start.rule}{place}{'' if start.enter else ', without onEntry'}"
+    return behavior
+
+
+def is_object(behavior: str) -> bool:
+    """Whether a behaviour is meant as a JSON object."""
+    return behavior.lstrip().startswith("{")
+
+
+def read_object(behavior: str, kind: type[Content], form: str) -> Content:
+    """A behaviour as a value of `kind`. `form` ends the sentence about one that is none. Raises BehaviorError."""
+    try:
+        return msgspec.json.decode(behavior, type=kind)
+    except (msgspec.DecodeError, RecursionError, UnicodeError) as error:
+        raise BehaviorError(f"the behaviour is {form} ({error})") from None
