@@ -201,7 +201,8 @@ ACTIONS: tuple[ConsoleAction, ...] = (
            "Writes the memory as it is now into the scenario's memory file, after asking. Later sessions begin with "
            "it.", "", _start_values),
     ConsoleAction("rule.raise", "Raise the event", ("enter",), "rule",
-           "Raises the event that the selected transition waits for.", "raise event", _start),
+           "Raises the event that the selected transition waits for. On a state below: asks whether the rule is to "
+           "start in it.", "raise event", _start),
     ConsoleAction("scheduler.cancel", "Cancel the task", ("delete", "backspace"), "scheduler",
            "Cancels the selected task, running or waiting.", "cancel", _queue),
     ConsoleAction("scheduler.earlier", "Move the task earlier", ("shift+up",), "scheduler",

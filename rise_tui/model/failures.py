@@ -66,7 +66,7 @@ def _find_unsaid(scenario: Scenario, action: Action, task: TaskView, memory: Map
         return UnsaidText(words, begun=True) if words is not None else None
     messages = (message_of(scenario, call) for call in action.calls)
     first = next((message for message in messages if message is not None), None)
-    return UnsaidText(_fill_known(first, memory), begun=False, ways=len(action.calls)) if first is not None else None
+    return UnsaidText(fill_known(first, memory), begun=False, ways=len(action.calls)) if first is not None else None
 
 
 def _was_sent(begun: ActionView) -> bool:
@@ -74,7 +74,7 @@ def _was_sent(begun: ActionView) -> bool:
     return begun.status != "skipped" and begun.ended != begun.since
 
 
-def _fill_known(template: Template, memory: Mapping[str, Any]) -> str:
+def fill_known(template: Template, memory: Mapping[str, Any]) -> str:
     """With the memory's values as they are now; what has none stays as it is written."""
 
     def fill(part: str | MemorySlot) -> str:
