@@ -1,6 +1,7 @@
 """The errors that rise-tui raises on purpose: one tree under `RiseError` (a test compares this drawing with the code).
 
     RiseError
+      BehaviorError               A behaviour that cannot be read
       BridgeError                 The connection cannot be had
       ClipboardTooLarge           It does not fit on a clipboard
       DriverError                 No usable driver of that name is installed

@@ -20,6 +20,7 @@ from rise_engine.kernel.records import (
     ControlRecord,
     CueRecord,
     EventRecord,
+    FailureRecord,
     MemoryRecord,
     MistakeRecord,
     NoteRecord,
@@ -50,6 +51,8 @@ _FUNCTION_LABELS = {
     "nextFiller": "next filler",
     "markMistake": "mark mistake",
     "goOn": "go on without",
+    "repeatAct": "repeat act",
+    "stopRuleOfAct": "stop rule of act",
 }
 _ACTS = ("startCommunicationRobotAct", "say")
 _MARK_LABELS = {"none": "no mistake after all"} | {mark: mark for mark in ("wrong", "late", "early", "double")}
@@ -112,6 +115,8 @@ class Transcript:
             case MistakeRecord():
                 what = f"{record.act} (task {record.task})" if record.act else f"task {record.task}"
                 return "mistake", what, f"{_MARK_LABELS[record.mark]}, says {record.source}"
+            case FailureRecord():
+                return "failed act", record.act, _failure_text(record)
             case TimingRecord():
                 return None  # its times are those of other records
             case NoteRecord():
@@ -235,6 +240,20 @@ def _cue_text(record: CueRecord) -> tuple[str, str]:
     if record.status == "undone":
         return "the participant has not finished", f"taken back by {record.source}"
     return f"{record.status} by task {record.task}", f"after {record.since:.1f} s"
+
+
+def _failure_text(record: FailureRecord) -> str:
+    match record.status:
+        case "asked":
+            id = record.task
+            return f"WAITS FOR AN ANSWER: repeatAct {id}, goOn {id} or stopRuleOfAct {id}"
+        case "repeated":
+            return f"task {record.by} repeats it" + ("" if record.source == "engine" else f", says {record.source}")
+        case "gone-on":
+            why = record.reason or f"says {record.source}"
+            return f"the study goes on without it: {why}"
+        case "dropped":
+            return f"nobody is asked any more: {record.reason}"
 
 
 def _stop_text(record: StopRecord) -> str:

@@ -170,6 +170,22 @@ class MistakeRecord(Record, tag="mistake"):
     source: str
 
 
+class FailureRecord(Record, tag="failure"):
+    """What becomes of an act that failed, where the scenario says that it does not simply go on (`on_failure`)."""
+
+    task: int
+    act: str
+    status: Literal["asked", "repeated", "gone-on", "dropped"]
+    """asked: the events of its end are held until somebody answers; gone-on: they are raised; repeated: another task
+    takes its place; dropped: a stop has made the question void, and they are not raised."""
+    source: str
+    """Who decided it: `engine`, when nobody had to."""
+    by: int | None = None
+    """repeated: the task that takes its place."""
+    reason: str = ""
+    """asked: why the act failed; gone-on: how often, when it was repeated in vain; dropped: what made it void."""
+
+
 class TimingRecord(Record, tag="timing"):
     """When everything about one act happened, in session seconds; null: it did not happen. Follows the act's end."""
 
@@ -204,4 +220,5 @@ AnyRecord: TypeAlias = (
     | CueRecord
     | MistakeRecord
     | TimingRecord
+    | FailureRecord
 )

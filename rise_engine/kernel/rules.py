@@ -26,6 +26,7 @@ from rise_engine.kernel.compiled_rules import (
     Op,
 )
 from rise_engine.kernel.core import Cause, Core, EventTopic, RuleList, Task, TimerTarget
+from rise_engine.kernel.failures import first_task
 from rise_engine.kernel.memory import WorkingMemory
 from rise_engine.kernel.records import ConditionRecord, EventRecord, RuleRecord, TaskRecord, TaskStatus
 from rise_engine.kernel.rule_stack import RuleRun, RuleStack, append_to_lists, rank, remove_from_lists
@@ -53,6 +54,8 @@ class RuleMachine:
         self._compiled = {
             name: CompiledRule(rule, core.topics, self._watchers) for name, rule in core.scenario.rules.items()
         }
+        self.on_stopped: Callable[[RuleRun], None] = lambda run: None
+        """Called with each rule that is stopped, by somebody or by a fault."""
         self._frames: list[Frame] = []
         self._to_reevaluate: dict[RuleRun, Cause] = {}
         """Rules whose conditions without event have to be looked at, and what that comes of."""
@@ -111,6 +114,8 @@ class RuleMachine:
         self.stack.remove(run)
         self.step_counts[run.name] = (run.macrostep, run.step_count)
         core.emit(RuleRecord, run.name, status, run.state.id, priority=run.priority, reason=reason)
+        if status != "ended":
+            self.on_stopped(run)
         run.task.status = task_status
         core.record_task(run.task, reason)
         if status == "ended" and (result := self._compiled[run.name].results.get(run.state.id)) is not None:
@@ -132,6 +137,17 @@ class RuleMachine:
             del run.own_acts[task.behavior]
             if (topic := self._compiled[run.name].own_ends.get((task.behavior, outcome))) is not None:
                 self._core.events.append((topic, "engine", self._core.cause))
+
+    def note_act_repeated(self, before: Task, now: Task) -> None:
+        """A failed act is repeated: for the rule that waits for its end it still is the one that was started last."""
+        run = self._starter_of(before)
+        if run is not None and run.own_acts.get(before.behavior) == before.id:
+            run.own_acts[now.behavior] = now.id
+
+    def find_rule_of_act(self, task: Task) -> RuleRun | None:
+        """The running rule that has started an act, or what the act repeats; null when that rule has ended."""
+        run = self._starter_of(task)
+        return run if run is not None and run.task.id < first_task(task) else None
 
     def _starter_of(self, task: Task) -> RuleRun | None:
         return self.stack.get(task.source.removeprefix("rule:")) if task.source.startswith("rule:") else None

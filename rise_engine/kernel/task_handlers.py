@@ -11,8 +11,10 @@ from collections.abc import Callable, Iterable
 from rise_engine.expression import Assignment, EvaluationError, ExpressionError
 from rise_engine.kernel.behaviors import BehaviorError, read_rule_start
 from rise_engine.kernel.core import Core, EventTopic, Task
+from rise_engine.kernel.failures import FailedActs
 from rise_engine.kernel.inputs import Submit
 from rise_engine.kernel.records import TaskRecord, TaskStatus
+from rise_engine.kernel.rule_stack import RuleRun
 from rise_engine.kernel.rules import RuleMachine
 from rise_engine.kernel.scheduler import Scheduler
 from rise_engine.kernel.speech import why_not_speak
@@ -28,14 +30,19 @@ STOPPED = "everything is stopped; release the stop first"
 class TaskHandlers:
     """Carries out submitted tasks."""
 
-    def __init__(self, core: Core, scheduler: Scheduler, stop: StopLatch, wizard: WizardMarks) -> None:
+    def __init__(
+        self, core: Core, scheduler: Scheduler, stop: StopLatch, wizard: WizardMarks, failures: FailedActs
+    ) -> None:
         self._core = core
         self._scenario = core.scenario
         self._scheduler = scheduler
         self._stop = stop
         self._wizard = wizard
+        self._failures = failures
         self.rules = RuleMachine(core, self._submit_from_rule)
         scheduler.on_ended = self.rules.note_act_ended
+        failures.note_repeated = self.rules.note_act_repeated
+        self.rules.on_stopped = self._forget_questions
         self.by_name: dict[str, Callable[[Submit], None]] = {
             "startCommunicationRobotAct": self._start_act,
             "stopCommunicationRobotAct": self._stop_act,
@@ -54,6 +61,8 @@ class TaskHandlers:
             "nextFiller": self._next_filler,
             "markMistake": self._mark_mistake,
             "goOn": self._go_on,
+            "repeatAct": self._repeat_act,
+            "stopRuleOfAct": self._stop_rule_of_act,
         }
 
     def reject_unknown(self, task: Submit) -> None:
@@ -270,8 +279,31 @@ class TaskHandlers:
             self._wizard.mark_mistake(task.behavior, task.source)
 
     def _go_on(self, task: Submit) -> None:
-        if self._succeed_unless(task, self._wizard.why_not_go_on(task.behavior)):
+        if self._failures.find(task.behavior) is not None:
+            self._succeed(task)
+            self._failures.go_on(task.behavior, task.source)
+        elif self._succeed_unless(task, self._wizard.why_not_go_on(task.behavior)):
             self._wizard.go_on(task.behavior)
+
+    # --- failed acts that somebody is asked about ---
+
+    def _repeat_act(self, task: Submit) -> None:
+        if self._succeed_unless(task, self._failures.why_not_answer(task.behavior)):
+            self._failures.repeat(task.behavior, task.source)
+
+    def _stop_rule_of_act(self, task: Submit) -> None:
+        failed = self._failures.find(task.behavior)
+        rule = self.rules.find_rule_of_act(failed) if failed is not None else None
+        if failed is None:
+            self._reject(task, self._failures.why_not_answer(task.behavior))
+        elif rule is None:
+            self._reject(task, f"no rule that runs has started {failed.behavior}")
+        else:
+            self._succeed(task)
+            self.rules.stop(rule.name, f"stopped by {task.source}, because {failed.behavior} failed")
+
+    def _forget_questions(self, rule: RuleRun) -> None:
+        self._failures.drop(f"rule:{rule.name}", f"rule {rule.name} was stopped", rule.task.id)
 
     # --- stop-all ---
 
@@ -281,6 +313,7 @@ class TaskHandlers:
         self._succeed(task)
         self._stop.request(task.source)
         self._wizard.cancel_filler()
+        self._failures.drop("", reason)
         self.rules.stop_all(reason)
         self._scheduler.stop(reason)
         self._stop.ask_robot()

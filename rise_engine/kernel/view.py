@@ -23,6 +23,7 @@ from rise_engine.kernel.records import (
     ControlRecord,
     CueRecord,
     EventRecord,
+    FailureRecord,
     MemoryRecord,
     MistakeRecord,
     NoteRecord,
@@ -188,6 +189,9 @@ class SessionView(Struct):
     """PENDING tasks in the scheduler's order, next first."""
     failed: list[int] = field(default_factory=list)
     """Acts that failed and that nobody has answered: the latest task of each, the act that failed first first."""
+    questions: list[int] = field(default_factory=list)
+    """Acts that failed and whose events are held until somebody says what is to become of them, the oldest first; they
+    are not in `failed`."""
     tasks: dict[int, TaskView] = field(default_factory=dict)
     """Every task of the session (of those that have ended, the latest MAX_ENDED_TASKS), by id, in order of arrival."""
     forgotten: int = 0
@@ -241,6 +245,8 @@ class SessionView(Struct):
             case TimingRecord():
                 if (timed := self.tasks.get(record.task)) is not None:
                     timed.cue_at, timed.key_at, timed.robot_at = record.cue_at, record.key_at, record.robot_at
+            case FailureRecord():
+                self._apply_question(record)
             case ControlRecord(status="asked"):
                 self.asked = record.by
             case ControlRecord():
@@ -355,6 +361,14 @@ class SessionView(Struct):
         if record.status == "ABORTED":
             self.failed.append(record.id)
 
+    def _apply_question(self, record: FailureRecord) -> None:
+        """Whether somebody has to say what is to become of a failed act."""
+        self.questions = [id for id in self.questions if id != record.task]
+        if record.status == "asked":
+            self.questions.append(record.task)
+        if record.status in ("asked", "repeated"):
+            self.failed = [id for id in self.failed if id != record.task]
+
     def _apply_action(self, record: ActionRecord) -> None:
         task = self.tasks.get(record.task)
         if task is None:
@@ -386,4 +400,5 @@ class SessionView(Struct):
         for id in oldest:
             del self.tasks[id]
         self.failed = [id for id in self.failed if id in self.tasks]
+        self.questions = [id for id in self.questions if id in self.tasks]
         self.forgotten += len(oldest)

@@ -272,6 +272,30 @@ class ActSettings(Struct, frozen=True):
     filler: bool = False
     calling_type: CallingType = "Blocking"
     """Used when whoever starts the act does not say."""
+    on_failure: str = ""
+    """What becomes of its failure, as `Scenario.on_failure`; empty: what the scenario says."""
+
+
+class FailurePolicy(Struct, frozen=True):
+    """What becomes of an act that has failed (`on_failure` in scenario.toml)."""
+
+    kind: Literal["go_on", "ask", "repeat"]
+    times: int = 0
+    """How often it is repeated, at most."""
+
+
+def parse_failure_policy(text: str) -> FailurePolicy:
+    """`go_on`, `ask`, or `repeat:2`. Raises ValueError for anything else."""
+    if text in ("go_on", "ask"):
+        return FailurePolicy(text)  # type: ignore[arg-type]
+    word, _, number = text.partition(":")
+    if word == "repeat" and number.isascii() and number.isdigit() and 1 <= int(number[:3]) <= MAX_REPEATS:
+        return FailurePolicy("repeat", int(number[:3]))
+    raise ValueError(text)
+
+
+MAX_REPEATS = 10
+"""How often a failed act can be repeated by itself."""
 
 
 class FillerSettings(Struct, frozen=True):
@@ -312,6 +336,8 @@ class Scenario(Struct, frozen=True):
     """Programs that may release a stop without control: full names of ROS nodes, names of programs on the link."""
     paths: dict[str, str] = field(default_factory=dict)
     """`acts`, `rules`, `memory`: where they were read from, relative to the folder."""
+    on_failure: str = "go_on"
+    """What becomes of an act that has failed: `go_on`, `ask` or `repeat:2`; acts may have their own."""
     known_keys: frozenset[str] = frozenset()
     """Memory keys that the start values or anything in the scenario can set."""
     topics: frozenset[str] = frozenset()
@@ -322,6 +348,10 @@ class Scenario(Struct, frozen=True):
     def settings_of(self, act: str) -> ActSettings:
         """The settings of an act, the usual ones where scenario.toml gives none; never raises."""
         return self.act_settings.get(act, _DEFAULT_SETTINGS)
+
+    def failure_policy(self, act: str) -> FailurePolicy:
+        """What becomes of a failure of this act."""
+        return parse_failure_policy(self.settings_of(act).on_failure or self.on_failure)
 
 
 _DEFAULT_SETTINGS = ActSettings()

@@ -7,7 +7,7 @@ from functools import partial
 from typing import Any
 
 from rise_engine.expression import Assignment, ExpressionError
-from rise_engine.scenario.act_settings import read_act_tables
+from rise_engine.scenario.act_settings import read_act_tables, read_on_failure
 from rise_engine.scenario.diagnostics import Diagnostics
 from rise_engine.scenario.draft import Mention, ScenarioDraft, StateMention
 from rise_engine.scenario.expression_checks import expression_message, note_assignment
@@ -36,6 +36,7 @@ TOP_KEYS = (
     "fillers",
     "control",
     "study",
+    "on_failure",
     "actions",
     "check",
 )
@@ -76,6 +77,8 @@ class ScenarioSettings:
         }
         self.study = self.read_study()
         self.keys = self.read_keys()
+        self.on_failure = read_on_failure(self.table) if "on_failure" in file.values else "go_on"
+        """What becomes of a failed act that does not say it itself."""
         self.act_tables = read_act_tables(self.table.section("act"), draft)
         self.fillers = self.read_fillers()
         self.may_release = self.read_control()
