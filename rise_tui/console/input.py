@@ -12,7 +12,7 @@ from typing import Protocol
 
 from rise_tui.actions import BY_ID
 from rise_tui.key_labels import key_name, keys_of, why_blocked, why_task_blocked
-from rise_tui.model.failures import unanswered_failures
+from rise_tui.model.failures import is_question, unanswered_failures
 from rise_tui.model.input_lock import (
     LOCKED_ACTIONS,
     STARTING_FUNCTIONS,
@@ -191,12 +191,20 @@ class InputController:
         """Start the act again whose failure is shown, as it was asked for, with the care that every start takes."""
         if (failed := next(iter(unanswered_failures(self._store)), None)) is not None:
             self._typed = ""
+            if is_question(self._store, failed):
+                self.start(KeyAction("repeatAct", str(failed.id)))
+                return
             self.start(start_action(self._store.scenario, failed.function, failed.behavior, failed.calling_type))
 
     def go_on_without_failed_act(self) -> None:
         """Put the failure away that is shown."""
         if (failed := next(iter(unanswered_failures(self._store)), None)) is not None and not self.is_pasting:
             self.send("goOn", str(failed.id))
+
+    def stop_rule_of_failed_act(self) -> None:
+        """Stop the rule that waits for the end of the failed act that is shown."""
+        if (failed := next(iter(unanswered_failures(self._store)), None)) is not None and not self.is_pasting:
+            self.send("stopRuleOfAct", str(failed.id))
 
     def mark_mistake(self) -> None:
         """Mark what the wizard did last as wrong at once, and ask for the better word."""

@@ -281,6 +281,7 @@ class ConsoleScreen(Screen[None]):
             "mistake": self.input.mark_mistake,
             "repeat": self.input.repeat_failed_act,
             "go-on": self.input.go_on_without_failed_act,
+            "stop-rule": self.input.stop_rule_of_failed_act,
             "safe": self.input.switch_safe,
             "lock": self.switch_lock,
         }

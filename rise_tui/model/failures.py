@@ -35,8 +35,21 @@ class UnsaidText(NamedTuple):
 
 
 def unanswered_failures(store: Store) -> list[TaskView]:
-    """Failed acts that are neither done after all nor answered, the one that failed first first."""
-    return [store.view.tasks[id] for id in store.view.failed if id in store.view.tasks]
+    """Failed acts that are neither done after all nor answered, the one that failed first first; before them those that
+    the study waits for."""
+    view = store.view
+    return [view.tasks[id] for id in (*view.questions, *view.failed) if id in view.tasks]
+
+
+def is_question(store: Store, task: TaskView) -> bool:
+    """Whether the study waits for what is said about this failure."""
+    return task.id in store.view.questions
+
+
+def rule_of_question(store: Store, task: TaskView) -> str:
+    """The running rule that has started an act, whose stop is one of the answers; empty when there is none."""
+    name = task.source.removeprefix("rule:")
+    return name if task.source.startswith("rule:") and store.rule(name).running else ""
 
 
 def unsaid_texts(scenario: Scenario, task: TaskView, memory: Mapping[str, Any]) -> list[UnsaidText]:
@@ -97,6 +110,8 @@ def failure_lines(store: Store, width: int, most: int, key_name: KeyNames) -> li
     task = failed[0]
     others = f"  {len(failed) - 1} more " if len(failed) > 1 else " "
     head: StyledLine = ((" ✗ ACT FAILED ", "alarm"), (f"  {act_label(task.function, task.behavior)}", "strong"))
+    if is_question(store, task):
+        head = (*head, ("  the study waits for your answer", "wait"))
     shown: list[StyledLine] = [align_at_both_ends(head, ((others, "fault"),), width)]
     reasons = wrap(task.reason or "the robot gave no reason", max(20, width - 4))
     if len(reasons) > REASON_LINES:
@@ -135,15 +150,20 @@ def _keys_line(store: Store, task: TaskView, width: int, key_name: KeyNames) -> 
         return (("   this is a replay: it was so then", "plain"),)
     if store.cut_since is not None:
         return (("   the connection is cut", "plain"),)
+    question = is_question(store, task)
     if not store.has_control:
         who = (
             f"{short_name(store.view.control)} has control and decides" if store.view.control else "nobody has control"
         )
         return crop(((f"   {who}: repeat it, or go on without it", "plain"),), width)
     go_on: tuple[StyledSpan, ...] = ((f"   {key_name('go-on')}", "key"), (" go on without it", "plain"))
-    if why := _restart_text(store, task):
+    words = " repeat the whole act"
+    if question and rule_of_question(store, task):
+        stop: StyledSpan = (f"   {key_name('stop-rule')}", "key")
+        go_on, words = (go_on[0], (" go on", "plain"), stop), " repeat it"
+    if not question and (why := _restart_text(store, task)):
         return crop((("   ► ", "accent"), (why, "strong"), *go_on), width)
-    repeat: tuple[StyledSpan, ...] = ((f"   {key_name('repeat')}", "key"), (" repeat the whole act", "plain"))
+    repeat: tuple[StyledSpan, ...] = ((f"   {key_name('repeat')}", "key"), (words, "plain"))
     if reason := blocked_text(store.blocked_reason("start"), key_name):
         room = width - line_width(go_on)
         return (*crop(((f"   not now: {reason}", "wait"),), room), *go_on)

@@ -18,6 +18,7 @@ from rise_engine.kernel.records import (
     ControlRecord,
     CueRecord,
     EventRecord,
+    FailureRecord,
     MemoryRecord,
     MistakeRecord,
     RobotRecord,
@@ -57,6 +58,7 @@ _PARTS_OF_RECORD: dict[type, frozenset[StorePart]] = {
     ControlRecord: frozenset({"status"}),
     CueRecord: frozenset({"cue"}),
     MistakeRecord: frozenset({"tasks", "acts"}),
+    FailureRecord: frozenset({"tasks", "acts"}),
 }
 """Of tasks, and of events that nobody took, `apply` finds it out."""
 _LIST_PARTS: frozenset[StorePart] = frozenset({"acts", "rules", "memory", "tasks"})

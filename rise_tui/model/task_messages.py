@@ -29,6 +29,8 @@ FUNCTION_LABELS = {
     "nextFiller": "filler",
     "markMistake": "mistake",
     "goOn": "go on",
+    "repeatAct": "repeat",
+    "stopRuleOfAct": "stop rule",
     "note": "note",
     "robot": "robot",
     "fault": "rule",
