@@ -92,7 +92,8 @@ _markable = _blocks("remark", lambda store: store.view.tasks, "nothing has been 
 _cue_open = _blocks(
     "change", lambda store: store.view.cue is not None and store.view.cue.answered is None, "no cue is open"
 )
-_failed = _blocks("change", lambda store: store.view.failed, "no act has failed")
+_failed = _blocks("change", lambda store: store.view.failed or store.view.questions, "no act has failed")
+_asked = _blocks("change", lambda store: store.view.questions, "the study waits for no failed act")
 _releasable = _blocks("change", lambda store: store.key_state == "STOPPED", "nothing is stopped")
 _start_values = _blocks("change", lambda store: store.scenario.folder, "this session's scenario has no folder")
 _memory = _blocks("change", lambda store: store.view.memory, "the memory is empty")
@@ -109,6 +110,11 @@ def _sayable(store: Store) -> Obstacle:
 
 def _repeatable(store: Store) -> Obstacle:
     return _failed(store) or _start(store)
+
+
+def _passable(store: Store) -> Obstacle:
+    """Going on makes something happen where rules wait for it."""
+    return _failed(store) or (_start(store) if store.view.questions else None)
 
 
 ACTIONS: tuple[ConsoleAction, ...] = (
@@ -137,8 +143,11 @@ ACTIONS: tuple[ConsoleAction, ...] = (
     ConsoleAction("repeat", "Repeat the failed act", ("ctrl+e",), "console",
            "When an act has failed: starts the whole act again. The red bar shows what was not said.", "", _repeatable),
     ConsoleAction("go-on", "Go on without the failed act", ("ctrl+k",), "console",
-           "Puts the red bar away: you have seen that the act failed, and go on. It changes nothing but the record.",
-           "", _failed),
+           "Puts the red bar away: you have seen that the act failed, and go on. Where the study waits for that, its "
+           "rules then hear that the act has failed.", "", _passable),
+    ConsoleAction("stop-rule", "Stop the failed act's rule", (), "console",
+           "When the study waits for what is to become of a failed act: stops the rule that has started it.", "",
+           _asked),
     ConsoleAction("safe", "LIVE or SAFE", ("ctrl+x",), "console",
            "SAFE: look around, and nothing can be started from this console. Again: LIVE, keys start acts and rules.",
            "safe", _own_console),
@@ -201,7 +210,8 @@ ACTIONS: tuple[ConsoleAction, ...] = (
            "Writes the memory as it is now into the scenario's memory file, after asking. Later sessions begin with "
            "it.", "", _start_values),
     ConsoleAction("rule.raise", "Raise the event", ("enter",), "rule",
-           "Raises the event that the selected transition waits for.", "raise event", _start),
+           "Raises the event that the selected transition waits for. On a state below: asks whether the rule is to "
+           "start in it.", "raise event", _start),
     ConsoleAction("scheduler.cancel", "Cancel the task", ("delete", "backspace"), "scheduler",
            "Cancels the selected task, running or waiting.", "cancel", _queue),
     ConsoleAction("scheduler.earlier", "Move the task earlier", ("shift+up",), "scheduler",

@@ -51,3 +51,11 @@ class ShowSelection(Message):
 
     pane: str
     name: str
+
+
+@dataclass
+class AskToStart(Message):
+    """Ask whether a rule is to start in one of its states, and with what that would do."""
+
+    rule: str
+    state: str

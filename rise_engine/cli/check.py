@@ -84,7 +84,7 @@ def explain_act_report(folder: str, act: str, *, robot: str | None, mode: str | 
         return 1
     if act not in loaded.scenario.acts:
         raise UnknownActError(f"there is no act {act!r}{did_you_mean(act, loaded.scenario.acts)}")
-    settings = loaded.act_tables.explain(act)
+    settings = loaded.act_tables.explain(act, loaded.scenario.on_failure)
     if as_json:
         rows = [
             {"setting": name, "value": value, "table": table and table.name, "line": table and table.location.line}

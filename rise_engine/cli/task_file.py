@@ -15,6 +15,7 @@ from msgspec import Struct
 
 from rise_engine.errors import RiseError
 from rise_engine.json_codec import JsonError, read_json, to_plain
+from rise_engine.kernel.behaviors import BehaviorError, read_rule_start
 from rise_engine.kernel.inputs import Submit, TaskFunction
 from rise_engine.nearest_name import did_you_mean
 from rise_engine.scenario.model import Scenario
@@ -104,6 +105,8 @@ def read_task_file(text: bytes, file: str) -> list[TimedTask]:
 def warning_for_task(task: TimedTask, scenario: Scenario) -> str | None:
     """What will probably go wrong: a name that the scenario does not have. The session will reject such a task."""
     function, name = task.task.function, task.task.behavior
+    if function == "startInteractionRule":
+        return _warning_for_start(task, scenario)
     if function.endswith("CommunicationRobotAct"):
         known, what = list(scenario.acts), "act"
     elif function.endswith("InteractionRule"):
@@ -113,6 +116,21 @@ def warning_for_task(task: TimedTask, scenario: Scenario) -> str | None:
     if name in known:
         return None
     return f"{task.file}:{task.line}: warning: {unknown_name_sentence(what, name, known)}; the task will be rejected"
+
+
+def _warning_for_start(task: TimedTask, scenario: Scenario) -> str | None:
+    try:
+        start = read_rule_start(task.task.behavior)
+    except BehaviorError as problem:
+        return f"{task.file}:{task.line}: warning: {problem}; the task will be rejected"
+    rule = scenario.rules.get(start.rule)
+    if rule is None:
+        problem_text = unknown_name_sentence("rule", start.rule, list(scenario.rules))
+    elif start.state is not None and start.state not in rule.states:
+        problem_text = unknown_name_sentence("state", start.state, list(rule.states)) + f" (rule `{rule.name}`)"
+    else:
+        return None
+    return f"{task.file}:{task.line}: warning: {problem_text}; the task will be rejected"
 
 
 def unknown_name_sentence(what: str, name: str, known: Sequence[str]) -> str:

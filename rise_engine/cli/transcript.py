@@ -10,6 +10,7 @@ from __future__ import annotations
 import json
 from typing import Any
 
+from rise_engine.kernel.behaviors import describe_behavior
 from rise_engine.kernel.records import (
     ENDINGS,
     FINAL,
@@ -20,6 +21,7 @@ from rise_engine.kernel.records import (
     CountdownRecord,
     CueRecord,
     EventRecord,
+    FailureRecord,
     KeptRecord,
     MemoryRecord,
     MistakeRecord,
@@ -51,6 +53,8 @@ _FUNCTION_LABELS = {
     "nextFiller": "next filler",
     "markMistake": "mark mistake",
     "goOn": "go on without",
+    "repeatAct": "repeat act",
+    "stopRuleOfAct": "stop rule of act",
 }
 _ACTS = ("startCommunicationRobotAct", "say")
 _MARK_LABELS = {"none": "no mistake after all"} | {mark: mark for mark in ("wrong", "late", "early", "double")}
@@ -117,6 +121,8 @@ class Transcript:
                 return "countdown", f"{record.rule}: {record.state}", _countdown_text(record)
             case KeptRecord():
                 return "kept", record.topic, _kept_text(record)
+            case FailureRecord():
+                return "failed act", record.act, _failure_text(record)
             case TimingRecord():
                 return None  # its times are those of other records
             case NoteRecord():
@@ -131,22 +137,23 @@ class Transcript:
 
     def _describe_task(self, record: TaskRecord) -> tuple[str, str, str] | None:
         who = _FUNCTION_LABELS.get(record.function, record.function)
+        what = describe_behavior(record.function, record.behavior)
         by = f" by {record.source}" if record.source else ""
         if record.status == "REJECTED":
-            return who, record.behavior, f"REJECTED{by}: {record.reason}"
+            return who, what, f"REJECTED{by}: {record.reason}"
         if record.status == "PENDING":
             # Every act is PENDING for a moment; when no Blocking act runs it starts at once.
             if not self._blocking or record.function not in _ACTS:
                 return None
             before = f", {record.position} before it" if record.position else ""
-            return who, record.behavior, f"waits{before}, asked{by}"
+            return who, what, f"waits{before}, asked{by}"
         if record.status == "ACTIVE":
             self._tasks[record.id] = record.t
             if record.calling_type != "None" and record.function in _ACTS:
                 self._blocking.add(record.id)
-            return None if record.function == "startInteractionRule" else (who, record.behavior, f"started{by}")
+            return None if record.function == "startInteractionRule" else (who, what, f"started{by}")
         if record.status not in FINAL:
-            return who, record.behavior, f"{record.status}{by}"
+            return who, what, f"{record.status}{by}"
         began = self._tasks.pop(record.id, None)
         self._blocking.discard(record.id)
         if record.function == "startInteractionRule" and began is not None:
@@ -156,7 +163,7 @@ class Transcript:
         took = "" if began is None else f", {record.t - began:.1f} s"
         reason = f": {record.reason}" if record.reason else ""
         done = {"SUCCEEDED": "succeeded" if began is not None else f"done{by}"}.get(record.status, record.status)
-        return who, record.behavior, f"{done}{took}{reason}"
+        return who, what, f"{done}{took}{reason}"
 
     def _describe_action(self, record: ActionRecord) -> tuple[str, str, str] | None:
         key = (record.task, record.action)
@@ -222,6 +229,8 @@ def parameters_text(parameters: dict[str, Any]) -> str:
 
 def _rule_text(record: RuleRecord) -> str:
     trigger = f" on {record.trigger}" if record.trigger and record.trigger != "start" else ""
+    if record.previous is None and trigger:
+        trigger = f" ({record.trigger})"
     reason = f": {record.reason}" if record.reason else ""
     if record.status == "entered":
         if record.previous is None:
@@ -257,6 +266,20 @@ def _cue_text(record: CueRecord) -> tuple[str, str]:
     if record.status == "undone":
         return "the participant has not finished", f"taken back by {record.source}"
     return f"{record.status} by task {record.task}", f"after {record.since:.1f} s"
+
+
+def _failure_text(record: FailureRecord) -> str:
+    match record.status:
+        case "asked":
+            id = record.task
+            return f"WAITS FOR AN ANSWER: repeatAct {id}, goOn {id} or stopRuleOfAct {id}"
+        case "repeated":
+            return f"task {record.by} repeats it" + ("" if record.source == "engine" else f", says {record.source}")
+        case "gone-on":
+            why = record.reason or f"says {record.source}"
+            return f"the study goes on without it: {why}"
+        case "dropped":
+            return f"nobody is asked any more: {record.reason}"
 
 
 def _stop_text(record: StopRecord) -> str:

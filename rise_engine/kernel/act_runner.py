@@ -60,6 +60,8 @@ class ActRunner:
         """The variant taken last, by `<act>/<actionID>`."""
         self.robot_lost: str | None = None
         """Why goals cannot be sent, while the robot is away."""
+        self.restarted = False
+        """True while what an engine that has gone was doing is given up."""
         self.runs: dict[int, ActRun] = {}
         """By task id, oldest first."""
 
@@ -74,6 +76,11 @@ class ActRunner:
             if action.state in ("running", "canceling")
         )
         return any(SPEECH_CHANNEL in spec.channels for spec in under_way)
+
+    @property
+    def can_start(self) -> bool:
+        """Whether an act could be started by itself now: the robot is there, and no engine has just gone."""
+        return self.robot_lost is None and not self.restarted
 
     # --- start ---
 

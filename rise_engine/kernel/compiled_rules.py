@@ -13,7 +13,6 @@ from itertools import accumulate
 from typing import get_args
 
 from rise_engine.expression import Assignment, Expression
-from rise_engine.kernel.behaviors import event_behavior
 from rise_engine.kernel.core import EventTopic, EventTopics, RuleList
 from rise_engine.scenario.model import (
     ActOutcome,
@@ -274,7 +273,6 @@ class BlockCompiler:
                 return pick
 
     def _function(self, function: Function, then: Op | None) -> Op:
-        argument = function.argument
         if function.name == "raiseEventTopic" and function.keep is None:
             op = Op(RAISE, self._source, then)
             op.topic = self._topics.get_or_add(normal_topic(function.argument))
@@ -284,7 +282,5 @@ class BlockCompiler:
         else:
             op = Op(CALL, self._source, then)
             op.function = function.name
-            if function.keep is not None:
-                argument = event_behavior(argument, function.keep)
-        op.argument = argument
+        op.argument = function.behavior
         return op

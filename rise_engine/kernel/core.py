@@ -70,6 +70,10 @@ class Task(Struct):
     accepted_at: float = 0.0
     started_at: float | None = None
     robot_at: float | None = None
+    attempt: int = 1
+    """Of an act that was repeated after a failure: the how-manieth time this is."""
+    first: int = 0
+    """The task that it repeats, the first of them; 0: it repeats none."""
 
 
 def parse_task_id(number: str) -> int:

@@ -13,7 +13,7 @@ from msgspec import Struct
 TaskFunction: TypeAlias = Literal[
     "startCommunicationRobotAct",
     "stopCommunicationRobotAct",
-    "startInteractionRule",
+    "startInteractionRule",  # behavior: its name, or {"rule": NAME, "state": STATE, "enter": false} (ours)
     "stopInteractionRule",
     "raiseEventTopic",
     "assignValue",
@@ -29,6 +29,8 @@ TaskFunction: TypeAlias = Literal[
     "nextFiller",  # behavior is empty: the next of the scenario's fillers
     "markMistake",  # behavior: "<id> <wrong|late|early|double|none>", about an act or another task of a wizard
     "goOn",  # behavior: the id of a task whose act has failed: somebody has seen it, and goes on without it
+    "repeatAct",  # behavior: the id, or the act, of a failure that somebody is asked about: it is started again
+    "stopRuleOfAct",  # behavior: as of repeatAct; the rule that started the act is stopped
 ]
 
 

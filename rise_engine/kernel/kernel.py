@@ -13,6 +13,7 @@ from typing import Literal
 
 from rise_engine.kernel.commands import Command
 from rise_engine.kernel.core import Core
+from rise_engine.kernel.failures import FailedActs
 from rise_engine.kernel.inputs import (
     ActionReport,
     AnyInput,
@@ -70,8 +71,9 @@ class Kernel:
         self.core = Core(scenario, seed)
         self.stop = StopLatch(self.core)
         self.wizard_marks = WizardMarks(self.core)
-        self.scheduler = Scheduler(self.core, self.wizard_marks)
-        self._handlers = TaskHandlers(self.core, self.scheduler, self.stop, self.wizard_marks)
+        self.failures = FailedActs(self.core)
+        self.scheduler = Scheduler(self.core, self.wizard_marks, self.failures)
+        self._handlers = TaskHandlers(self.core, self.scheduler, self.stop, self.wizard_marks, self.failures)
         self.rules = self._handlers.rules
 
     @property
@@ -167,6 +169,7 @@ class Kernel:
             stop=self.stop.status,
             stop_timer=self.stop.timer,
             wizard_marks=self.wizard_marks.state,
+            failures=self.failures.state,
             open_cue_at=core.open_cue_at,
             participant=self.participant,
             condition=self.condition,
@@ -208,6 +211,7 @@ class Kernel:
         runner.robot_lost = snapshot.robot_lost
         self.stop.status, self.stop.timer = snapshot.stop, snapshot.stop_timer
         self.wizard_marks.state, core.open_cue_at = snapshot.wizard_marks, snapshot.open_cue_at
+        self.failures.state = snapshot.failures
         self.participant, self.condition = snapshot.participant, snapshot.condition
 
     # --- inputs other than tasks ---
@@ -266,7 +270,10 @@ class Kernel:
     def _resume_session(self, input: SessionRecovered) -> None:
         """Rules and timers go on, the latch holds; nothing that the robot was doing is done again by itself."""
         self._record_session("recovered", input.versions, input.reason)
-        self.scheduler.runner.lose_running("the engine was restarted while it ran")
+        runner = self.scheduler.runner
+        runner.restarted = True
+        runner.lose_running("the engine was restarted while it ran")
+        runner.restarted = False
         self.wizard_marks.cancel_filler()
         if self.stop.status == "requested":  # its answer went to the engine that has gone
             self.stop.ask_robot()

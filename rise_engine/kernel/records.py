@@ -81,7 +81,7 @@ class RuleRecord(Record, tag="rule"):
     state: str | None
     previous: str | None = None
     trigger: str | None = None
-    """What led here: an event topic, `after 2s`, a condition, `start`, or who stopped it."""
+    """What led here: an event topic, `after 2s`, a condition, or `start`, perhaps `, without onEntry`."""
     transition: int | None = None
     """Index of the transition taken, among those of `previous` in document order."""
     priority: float = 0
@@ -170,6 +170,22 @@ class MistakeRecord(Record, tag="mistake"):
     source: str
 
 
+class FailureRecord(Record, tag="failure"):
+    """What becomes of an act that failed, where the scenario says that it does not simply go on (`on_failure`)."""
+
+    task: int
+    act: str
+    status: Literal["asked", "repeated", "gone-on", "dropped"]
+    """asked: the events of its end are held until somebody answers; gone-on: they are raised; repeated: another task
+    takes its place; dropped: a stop has made the question void, and they are not raised."""
+    source: str
+    """Who decided it: `engine`, when nobody had to."""
+    by: int | None = None
+    """repeated: the task that takes its place."""
+    reason: str = ""
+    """asked: why the act failed; gone-on: how often, when it was repeated in vain; dropped: what made it void."""
+
+
 class TimingRecord(Record, tag="timing"):
     """When everything about one act happened, in session seconds; null: it did not happen. Follows the act's end."""
 
@@ -238,4 +254,5 @@ AnyRecord: TypeAlias = (
     | TimingRecord
     | CountdownRecord
     | KeptRecord
+    | FailureRecord
 )

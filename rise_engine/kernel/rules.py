@@ -27,6 +27,7 @@ from rise_engine.kernel.compiled_rules import (
 )
 from rise_engine.kernel.core import Cause, Core, EventTopic, RuleList, Task, TimerTarget
 from rise_engine.kernel.delays import compute_delay
+from rise_engine.kernel.failures import first_task
 from rise_engine.kernel.kept_events import OFFER, KeptEvents
 from rise_engine.kernel.memory import WorkingMemory
 from rise_engine.kernel.records import ConditionRecord, CountdownRecord, EventRecord, RuleRecord, TaskRecord, TaskStatus
@@ -38,6 +39,9 @@ from rise_engine.scenario.model import ActOutcome
 Frame: TypeAlias = tuple[RuleRun, Op | None, bool, CompiledTransition | None, Cause]
 """What is left of a block: the rule, the next step, whether a state has been entered when the block has ended, the
 transition that then enters its target, and what all that comes of."""
+
+WITHOUT_ENTRY = ", without onEntry"
+"""Ends the trigger of a rule that begins or goes on in a state whose onEntry is left out."""
 
 
 class RuleMachine:
@@ -52,6 +56,8 @@ class RuleMachine:
         self._compiled = {
             name: CompiledRule(rule, core.topics, self._watchers) for name, rule in core.scenario.rules.items()
         }
+        self.on_stopped: Callable[[RuleRun], None] = lambda run: None
+        """Called with each rule that is stopped, by somebody or by a fault."""
         self._frames: list[Frame] = []
         self._to_reevaluate: dict[RuleRun, Cause] = {}
         """Rules whose conditions without event have to be looked at, and what that comes of."""
@@ -65,21 +71,31 @@ class RuleMachine:
 
     # --- start and end ---
 
-    def start(self, name: str, task: Task, on_top: bool) -> None:
-        """Start a rule that is not running. `on_top`: a rule started by a rule goes above all others."""
+    def start(self, name: str, task: Task, on_top: bool, state: str | None = None, enter: bool = True) -> None:
+        """Start a rule that is not running.
+
+        `on_top`: a rule started by a rule goes above all others. `state`: where it begins, in its initial state if that
+        is null. Without `enter`, it waits there, and its `onEntry` is left out.
+        """
         rule = self._compiled[name]
-        run = RuleRun(name, rule.initial, task, rule.priority)
+        run = RuleRun(name, rule.initial if state is None else rule.states[state], task, rule.priority)
         self.stack.start(run, on_top)
+        self._begin(run, "start", enter)
+
+    def _begin(self, run: RuleRun, trigger: str, enter: bool) -> None:
+        """Let a rule that has just come onto the stack enter the state in which it begins."""
+        name = run.name
+        trigger += "" if enter else WITHOUT_ENTRY
         append_to_lists(run, run.state.watch_lists)
-        self._core.emit(RuleRecord, name, "started", run.state.id, trigger="start", priority=run.priority)
-        self._core.emit(RuleRecord, name, "entered", run.state.id, trigger="start", priority=run.priority)
+        self._core.emit(RuleRecord, name, "started", run.state.id, trigger=trigger, priority=run.priority)
+        self._core.emit(RuleRecord, name, "entered", run.state.id, trigger=trigger, priority=run.priority)
         if self.kept:
             self.kept.offer(run.state.by_topic, (name, self._core.cause))
         step = self._core.macrostep
         last, steps = self.step_counts.get(name, (-1, 0))
         run.macrostep, run.step_count = step, steps + 1 if last == step else 1
         if run.step_count <= STEP_LIMIT or self._stop_runaway(run):
-            self._on_entered(run, (name, self._core.cause))
+            self._on_entered(run, (name, self._core.cause), enter)
 
     def stop(self, name: str, reason: str) -> None:
         """Stop a running rule where it is; no functions run."""
@@ -104,6 +120,8 @@ class RuleMachine:
         self.stack.remove(run)
         self.step_counts[run.name] = (run.macrostep, run.step_count)
         core.emit(RuleRecord, run.name, status, run.state.id, priority=run.priority, reason=reason)
+        if status != "ended":
+            self.on_stopped(run)
         run.task.status = task_status
         core.record_task(run.task, reason)
         if status == "ended" and (result := self._compiled[run.name].results.get(run.state.id)) is not None:
@@ -125,6 +143,17 @@ class RuleMachine:
             del run.own_acts[task.behavior]
             if (topic := self._compiled[run.name].own_ends.get((task.behavior, outcome))) is not None:
                 self._core.events.append((topic, "engine", self._core.cause))
+
+    def note_act_repeated(self, before: Task, now: Task) -> None:
+        """A failed act is repeated: for the rule that waits for its end it still is the one that was started last."""
+        run = self._starter_of(before)
+        if run is not None and run.own_acts.get(before.behavior) == before.id:
+            run.own_acts[now.behavior] = now.id
+
+    def find_rule_of_act(self, task: Task) -> RuleRun | None:
+        """The running rule that has started an act, or what the act repeats; null when that rule has ended."""
+        run = self._starter_of(task)
+        return run if run is not None and run.task.id < first_task(task) else None
 
     def _starter_of(self, task: Task) -> RuleRun | None:
         return self.stack.get(task.source.removeprefix("rule:")) if task.source.startswith("rule:") else None
@@ -364,12 +393,13 @@ class RuleMachine:
             self._core.emit(RuleRecord, run.name, "stayed", state, state, trigger, index, run.priority)
             frames.append((run, transition.block, True, None, cause))
 
-    def _on_entered(self, run: RuleRun, cause: Cause) -> None:
-        """What entering a state sets going besides waiting for its events: its timers, and its onEntry."""
+    def _on_entered(self, run: RuleRun, cause: Cause, enter: bool = True) -> None:
+        """What entering a state sets going besides waiting for its events: its timers, and, with `enter`, its
+        onEntry."""
         state = run.state
         for timed in state.delayed:
             self._begin_countdown(run, timed)
-        if state.entry is not None:
+        if state.entry is not None and enter:
             self._frames.append((run, state.entry, True, None, cause))
         else:
             self._after_onentry(run, cause)

@@ -11,6 +11,7 @@ from collections.abc import Callable
 
 from rise_engine.kernel.act_runner import ActRun, ActRunner
 from rise_engine.kernel.core import Core, Task
+from rise_engine.kernel.failures import FailedActs
 from rise_engine.kernel.records import TaskStatus, TimingRecord
 from rise_engine.kernel.speech import SAY, act_name, find_act
 from rise_engine.kernel.wizard_marks import WizardMarks
@@ -18,9 +19,11 @@ from rise_engine.scenario.model import ActOutcome
 
 
 class Scheduler:
-    def __init__(self, core: Core, wizard: WizardMarks) -> None:
+    def __init__(self, core: Core, wizard: WizardMarks, failures: FailedActs) -> None:
         self._core = core
         self._wizard = wizard
+        self._failures = failures
+        failures.add, failures.finish = self._add_first, self._raise_end
         self.on_ended: Callable[[Task, ActOutcome], None] = lambda task, outcome: None
         """Called with each task that has ended, before its events are raised."""
         self.runner = ActRunner(core, self._finish_act)
@@ -46,6 +49,13 @@ class Scheduler:
         if task.calling_type == "Interrupt":
             for run in [run for run in self.runner.runs.values() if _is_exclusive(run.task)]:
                 self.runner.cancel(run, f"interrupted by {act_name(task)}")
+        self.advance()
+
+    def _add_first(self, task: Task, reason: str) -> None:
+        """Add a repetition, which goes before all that wait."""
+        self._wizard.note_accepted(task)
+        self.waiting.insert(0, task)
+        self._core.record_task(task, reason, position=0)
         self.advance()
 
     def move(self, task: Task, position: int) -> None:
@@ -136,7 +146,15 @@ class Scheduler:
             robot_at=task.robot_at,
             ended_at=core.t,
         )
-        outcome = _OUTCOMES[status]
+        if status == "ABORTED" and self._failures.holds(task, reason, by_itself=self.runner.can_start):
+            self._wizard.forget_failure(task)
+        else:
+            self._raise_end(task)
+
+    def _raise_end(self, task: Task) -> None:
+        """Tell the rules how an act has ended."""
+        core, name = self._core, act_name(task)
+        outcome = _OUTCOMES[task.status]
         self.on_ended(task, outcome)
         core.raise_event_if_named(f"{name}_{outcome}")
         core.raise_event_if_named(name + "_end")

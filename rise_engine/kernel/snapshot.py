@@ -11,6 +11,7 @@ from msgspec import Struct
 from rise_engine.errors import RiseError
 from rise_engine.kernel.act_runner import ActRun
 from rise_engine.kernel.core import Task, TimerTarget
+from rise_engine.kernel.failures import FailuresState
 from rise_engine.kernel.kept_events import KeptEvent
 from rise_engine.kernel.stop import StopStatus
 from rise_engine.kernel.wizard_marks import WizardMarksState
@@ -72,6 +73,7 @@ class Snapshot(Struct, frozen=True):
     stop: StopStatus
     stop_timer: int | None
     wizard_marks: WizardMarksState
+    failures: FailuresState
     open_cue_at: float | None
     participant: str
     condition: str

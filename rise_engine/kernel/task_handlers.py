@@ -9,10 +9,12 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable
 
 from rise_engine.expression import Assignment, EvaluationError, ExpressionError
-from rise_engine.kernel.behaviors import BehaviorError, parse_event
+from rise_engine.kernel.behaviors import BehaviorError, read_event_raise, read_rule_start
 from rise_engine.kernel.core import Core, EventTopic, Task, parse_task_id
+from rise_engine.kernel.failures import FailedActs
 from rise_engine.kernel.inputs import Submit
 from rise_engine.kernel.records import TaskRecord, TaskStatus
+from rise_engine.kernel.rule_stack import RuleRun
 from rise_engine.kernel.rules import RuleMachine
 from rise_engine.kernel.scheduler import Scheduler
 from rise_engine.kernel.session_keys import SessionKeys
@@ -29,15 +31,20 @@ STOPPED = "everything is stopped; release the stop first"
 class TaskHandlers:
     """Carries out submitted tasks."""
 
-    def __init__(self, core: Core, scheduler: Scheduler, stop: StopLatch, wizard: WizardMarks) -> None:
+    def __init__(
+        self, core: Core, scheduler: Scheduler, stop: StopLatch, wizard: WizardMarks, failures: FailedActs
+    ) -> None:
         self._core = core
         self._scenario = core.scenario
         self._scheduler = scheduler
         self._stop = stop
         self._wizard = wizard
+        self._failures = failures
         self.rules = RuleMachine(core, self._submit_from_rule)
         self.session_keys = SessionKeys(core, self.rules.memory, scheduler.runner, stop)
         scheduler.on_ended = self.rules.note_act_ended
+        failures.note_repeated = self.rules.note_act_repeated
+        self.rules.on_stopped = self._forget_questions
         self.by_name: dict[str, Callable[[Submit], None]] = {
             "startCommunicationRobotAct": self._start_act,
             "stopCommunicationRobotAct": self._stop_act,
@@ -56,6 +63,8 @@ class TaskHandlers:
             "nextFiller": self._next_filler,
             "markMistake": self._mark_mistake,
             "goOn": self._go_on,
+            "repeatAct": self._repeat_act,
+            "stopRuleOfAct": self._stop_rule_of_act,
         }
 
     def reject_unknown(self, task: Submit) -> None:
@@ -98,10 +107,18 @@ class TaskHandlers:
     # --- rules ---
 
     def _start_rule(self, task: Submit) -> None:
-        name = task.behavior
-        core = self._core
-        if name not in self._scenario.rules:
-            self._reject(task, f"there is no rule {name!r}" + _did_you_mean(name, self._scenario.rules))
+        core, rules = self._core, self._scenario.rules
+        try:
+            start = read_rule_start(task.behavior)
+        except BehaviorError as problem:
+            self._reject(task, str(problem))
+            return
+        name, state = start.rule, start.state
+        if name not in rules:
+            self._reject(task, f"there is no rule {name!r}" + _did_you_mean(name, rules))
+        elif state is not None and state not in rules[name].states:
+            near = _did_you_mean(state, rules[name].states)
+            self._reject(task, f"the rule {name!r} has no state {state!r}{near}")
         elif name in self.rules.stack:
             self._reject(task, f"rule {name!r} is already running")
         elif self._stop.latched:
@@ -111,7 +128,7 @@ class TaskHandlers:
             core.record_task(started)
             started.status = "ACTIVE"
             core.record_task(started)
-            self.rules.start(name, started, on_top=task.source.startswith("rule:"))
+            self.rules.start(name, started, on_top=task.source.startswith("rule:"), state=state, enter=start.enter)
 
     def _stop_rule(self, task: Submit) -> None:
         name = task.behavior
@@ -130,14 +147,15 @@ class TaskHandlers:
         topic = core.topics.get(task.behavior)
         if topic is None:
             try:
-                event, keep = parse_event(task.behavior)
+                asked = read_event_raise(task.behavior)
+                keep = asked.seconds
             except BehaviorError as problem:
                 self._reject(task, str(problem))
                 return
-            name = normal_topic(event)
+            name = normal_topic(asked.event)
             if name and keep is not None:
                 kept = core.new_task(task, self._calling_type(task))
-                kept.behavior = event
+                kept.behavior = asked.event
                 self.rules.kept.keep(kept, name, keep)
                 return
             if not name:
@@ -284,8 +302,31 @@ class TaskHandlers:
             self._wizard.mark_mistake(task.behavior, task.source)
 
     def _go_on(self, task: Submit) -> None:
-        if self._succeed_unless(task, self._wizard.why_not_go_on(task.behavior)):
+        if self._failures.find(task.behavior) is not None:
+            self._succeed(task)
+            self._failures.go_on(task.behavior, task.source)
+        elif self._succeed_unless(task, self._wizard.why_not_go_on(task.behavior)):
             self._wizard.go_on(task.behavior)
+
+    # --- failed acts that somebody is asked about ---
+
+    def _repeat_act(self, task: Submit) -> None:
+        if self._succeed_unless(task, self._failures.why_not_answer(task.behavior)):
+            self._failures.repeat(task.behavior, task.source)
+
+    def _stop_rule_of_act(self, task: Submit) -> None:
+        failed = self._failures.find(task.behavior)
+        rule = self.rules.find_rule_of_act(failed) if failed is not None else None
+        if failed is None:
+            self._reject(task, self._failures.why_not_answer(task.behavior))
+        elif rule is None:
+            self._reject(task, f"no rule that runs has started {failed.behavior}")
+        else:
+            self._succeed(task)
+            self.rules.stop(rule.name, f"stopped by {task.source}, because {failed.behavior} failed")
+
+    def _forget_questions(self, rule: RuleRun) -> None:
+        self._failures.drop(f"rule:{rule.name}", f"rule {rule.name} was stopped", rule.task.id)
 
     # --- stop-all ---
 
@@ -295,6 +336,7 @@ class TaskHandlers:
         self._succeed(task)
         self._stop.request(task.source)
         self._wizard.cancel_filler()
+        self._failures.drop("", reason)
         self.rules.stop_all(reason)
         self._scheduler.stop(reason)
         self._stop.ask_robot()

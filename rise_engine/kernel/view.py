@@ -14,6 +14,7 @@ from typing import Any
 
 from msgspec import Struct, field
 
+from rise_engine.kernel.behaviors import started_rule
 from rise_engine.kernel.records import (
     ENDINGS,
     FINAL,
@@ -23,6 +24,7 @@ from rise_engine.kernel.records import (
     CountdownRecord,
     CueRecord,
     EventRecord,
+    FailureRecord,
     KeptRecord,
     MemoryRecord,
     MistakeRecord,
@@ -211,6 +213,9 @@ class SessionView(Struct):
     """Acts that failed and that nobody has answered: the latest task of each, the act that failed first first."""
     kept: dict[int, KeptView] = field(default_factory=dict)
     """Events that are kept, by the task that raised them, the oldest first."""
+    questions: list[int] = field(default_factory=list)
+    """Acts that failed and whose events are held until somebody says what is to become of them, the oldest first; they
+    are not in `failed`."""
     tasks: dict[int, TaskView] = field(default_factory=dict)
     """Every task of the session (of those that have ended, the latest MAX_ENDED_TASKS), by id, in order of arrival."""
     forgotten: int = 0
@@ -270,6 +275,8 @@ class SessionView(Struct):
             case TimingRecord():
                 if (timed := self.tasks.get(record.task)) is not None:
                     timed.cue_at, timed.key_at, timed.robot_at = record.cue_at, record.key_at, record.robot_at
+            case FailureRecord():
+                self._apply_question(record)
             case ControlRecord(status="asked"):
                 self.asked = record.by
             case ControlRecord():
@@ -349,7 +356,7 @@ class SessionView(Struct):
         elif record.function == "goOn" and record.status == "SUCCEEDED":
             self.failed = [id for id in self.failed if str(id) != record.behavior]
         elif record.function == "startInteractionRule" and record.status == "ACTIVE":
-            self.rules.setdefault(record.behavior, RuleView()).task = record.id
+            self.rules.setdefault(started_rule(record.behavior), RuleView()).task = record.id
 
     def _apply_act_task(self, record: TaskRecord, task: TaskView) -> None:
         spoken = record.function == "say"  # free speech is no act of the scenario, and has no typical duration
@@ -383,6 +390,14 @@ class SessionView(Struct):
                 return
         if record.status == "ABORTED":
             self.failed.append(record.id)
+
+    def _apply_question(self, record: FailureRecord) -> None:
+        """Whether somebody has to say what is to become of a failed act."""
+        self.questions = [id for id in self.questions if id != record.task]
+        if record.status == "asked":
+            self.questions.append(record.task)
+        if record.status in ("asked", "repeated"):
+            self.failed = [id for id in self.failed if id != record.task]
 
     def _apply_action(self, record: ActionRecord) -> None:
         task = self.tasks.get(record.task)
@@ -432,4 +447,5 @@ class SessionView(Struct):
         for id in oldest:
             del self.tasks[id]
         self.failed = [id for id in self.failed if id in self.tasks]
+        self.questions = [id for id in self.questions if id in self.tasks]
         self.forgotten += len(oldest)

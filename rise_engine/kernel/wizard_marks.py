@@ -17,7 +17,7 @@ from rise_engine.scenario.fillers import next_filler
 MARKS: tuple[Mark, ...] = get_args(Mark)
 REMEMBERED = 1000
 """Acts, and other tasks of wizards, that can still be marked as a mistake; older ones only in the record itself."""
-UNMARKABLE = frozenset({"markMistake", "goOn"})
+UNMARKABLE = frozenset({"markMistake", "goOn", "repeatAct", "stopRuleOfAct"})
 """What a wizard says about tasks; it is no deed that could have been a mistake."""
 LONGEST_SPEECH = 2000
 """Characters of free speech. Nobody says more in one go; what is longer was pasted by mistake."""
@@ -79,6 +79,10 @@ class WizardMarks:
             failed[task.id] = what
             if len(failed) > REMEMBERED:
                 del failed[next(iter(failed))]
+
+    def forget_failure(self, task: Task) -> None:
+        """This failure is answered otherwise: it is repeated, or somebody is asked."""
+        self.state.failed_acts.pop(task.id, None)
 
     def why_not_go_on(self, behavior: str) -> str:
         """Why nobody need go on without this act, or empty."""

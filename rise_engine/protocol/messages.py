@@ -102,6 +102,7 @@ class ViewWithoutTasks(Struct, frozen=True):
     waiting: list[int]
     unhandled: list[EventRecord]
     failed: list[int] = field(default_factory=list)
+    questions: list[int] = field(default_factory=list)
     kept: dict[int, KeptView] = field(default_factory=dict)
     wizard: str = ""
     remarks: list[RemarkView] = []

@@ -14,13 +14,13 @@ from msgspec.structs import asdict
 from rise_engine.nearest_name import did_you_mean, in_backquotes
 from rise_engine.scenario.diagnostics import Diagnostics
 from rise_engine.scenario.draft import Mention, ScenarioDraft
-from rise_engine.scenario.model import ActSettings, CallingType, SourceLocation
+from rise_engine.scenario.model import MAX_REPEATS, ActSettings, CallingType, SourceLocation, parse_failure_policy
 from rise_engine.scenario.toml_tables import TomlTable, quote_toml_key, read_seconds
 
 MAX_DEBOUNCE = 60.0
 MAX_PATTERNS = 100
 """Tables for several acts at once: each is compared with each act."""
-SETTINGS = ("hold", "debounce", "filler", "calling_type")
+SETTINGS = ("hold", "debounce", "filler", "calling_type", "on_failure")
 _CALLING_TYPES: dict[str, CallingType] = {"none": "None", "blocking": "Blocking"}
 _WILDCARD = re.compile(r"\[[^\]]*\]|[*?]")
 
@@ -85,9 +85,10 @@ class ActTables(Struct):
             if sources
         }
 
-    def explain(self, act: str) -> list[tuple[str, Any, ActTable | None]]:
-        """Each setting of an act with its value and the table that says it; None: it is the usual one."""
-        sources, usual = self.find_sources(act), asdict(ActSettings())
+    def explain(self, act: str, on_failure: str) -> list[tuple[str, Any, ActTable | None]]:
+        """Each setting of an act with its value and the table that says it; None: it is the usual one, for failures
+        what the scenario says (`on_failure`)."""
+        sources, usual = self.find_sources(act), {**asdict(ActSettings()), "on_failure": on_failure}
         return [(key, sources[key].given[key] if key in sources else usual[key], sources.get(key)) for key in SETTINGS]
 
 
@@ -109,6 +110,7 @@ def read_act_tables(table: TomlTable, draft: ScenarioDraft) -> ActTables:
                 "debounce": partial(read_seconds, inner, "debounce", usual.debounce, 0.0, MAX_DEBOUNCE),
                 "filler": partial(inner.read, "filler", bool, usual.filler),
                 "calling_type": partial(_read_calling_type, inner),
+                "on_failure": partial(read_on_failure, inner),
             }
             given = {key: read[key]() for key in SETTINGS if key in inner.values}
         each = ActTable(name, given, table.key_location(name))
@@ -126,3 +128,18 @@ def _read_calling_type(table: TomlTable) -> CallingType:
     near = did_you_mean(written, types, limit=0) if isinstance(written, str) else ""
     table.report_value("wrong-value", "calling_type", f"`calling_type` is one of {in_backquotes(types)}{near}")
     return "Blocking"
+
+
+def read_on_failure(table: TomlTable) -> str:
+    """What becomes of a failed act: of one act, or of all those that do not say it."""
+    written = table.values["on_failure"]
+    try:
+        if isinstance(written, str):
+            parse_failure_policy(written)
+            return written
+    except ValueError:
+        pass
+    near = did_you_mean(written, ("go_on", "ask", "repeat:2"), limit=2) if isinstance(written, str) else ""
+    message = f'`on_failure` is "go_on", "ask" or "repeat:2" (up to {MAX_REPEATS}){near}'
+    table.report_value("wrong-value", "on_failure", message)
+    return "go_on"

@@ -9,7 +9,7 @@ from typing import Any, TypeVar, get_args
 from rise_engine.expression import Assignment, Expression, ExpressionError
 from rise_engine.nearest_name import did_you_mean
 from rise_engine.scenario.delays import read_seconds
-from rise_engine.scenario.draft import Mention
+from rise_engine.scenario.draft import Mention, StateMention
 from rise_engine.scenario.element_reader import ElementReader
 from rise_engine.scenario.expression_checks import (
     UNREADABLE_CONDITION,
@@ -26,9 +26,12 @@ FUNCTIONS: tuple[FunctionName, ...] = get_args(FunctionName)
 MAX_DEPTH = 50
 """How deep `if` and `oneOf` may nest."""
 _FUNCTIONS = frozenset(FUNCTIONS)
-_EXTRA = {"raiseEventTopic": ("keep",)}
-"""Attributes that may stand beside a function's name."""
-_EXTRA_OF = {name: function for function, names in _EXTRA.items() for name in names}
+_STARTING = "startInteractionRule"
+_EXTRAS: dict[str, frozenset[str]] = {
+    _STARTING: frozenset({"state", "enter"}),
+    "raiseEventTopic": frozenset({"keep"}),
+}
+"""Attributes that say more about one function."""
 NO_ATTRIBUTES: frozenset[str] = frozenset()
 _COND = frozenset({"cond"})
 _STATEMENTS = ("function", "if", "oneOf")
@@ -154,9 +157,8 @@ class BlockReader(ElementReader):
         """One call. Names that it uses are noted for the checks across files."""
         given = element.attributes
         name: Any = next((name for name in given if name in _FUNCTIONS), None)
-        extra = _EXTRA.get(name, ())
         if name is None or len(given) != 1 or element or self.file.has_text:
-            self.check_function(element, given, extra)
+            self.check_function(element, given)
             if name is None:
                 return None
         argument = given[name].strip()
@@ -172,23 +174,43 @@ class BlockReader(ElementReader):
             self.draft.act_mentions.append(Mention(argument, locate))
         else:
             self.draft.rule_mentions.append(Mention(argument, locate))
-        keep = read_seconds(self, element, "keep") if "keep" in given and "keep" in extra else None
-        return Function(name, argument, assignment, keep, self.file.element_location(element))
+        state, enter = self.read_start(element, argument) if name == _STARTING and len(given) > 1 else (None, True)
+        keep = read_seconds(self, element, "keep") if name == "raiseEventTopic" and "keep" in given else None
+        return Function(name, argument, assignment, self.file.element_location(element), state, enter, keep)
 
-    def check_function(self, element: Element, given: Collection[str], extra: Collection[str]) -> None:
-        """What is wrong with the form of a `<function>`. `extra`: attributes that may stand beside its name."""
+    def read_start(self, element: Element, rule: str) -> tuple[str | None, bool]:
+        """Where a rule is to begin (`state`), and whether it runs `onEntry` there (`enter`)."""
+        given = element.attributes
+        enter = given.get("enter", "yes").strip()
+        if enter not in ("yes", "no"):
+            message = f"`enter` is `yes` or `no`; with `no` the rule waits there, and onEntry is not run: not `{enter}`"
+            self.report_value("wrong-value", element, "enter", message)
+        if "state" not in given:
+            return None, enter != "no"
+        state = given["state"].strip()
+        if state:
+            locate = partial(self.file.value_location, element, "state")
+            self.draft.state_mentions.append(StateMention(state, locate, rule))
+        else:
+            self.report_value("missing-value", element, "state", "`state` is empty; name a state, or leave it out")
+        return state or None, enter != "no"
+
+    def check_function(self, element: Element, given: Collection[str]) -> None:
+        """What is wrong with the form of a `<function>`."""
         for child in element:
             self.report_error(
                 "unknown-element", child, f"`<function>` holds nothing; `<{child.tag}>` cannot stand in it"
             )
         self.check_no_text(element)
         known = [name for name in given if name in _FUNCTIONS]
+        extras = _EXTRAS.get(known[0], NO_ATTRIBUTES) if known else NO_ATTRIBUTES
         for name in given:
-            if name in _EXTRA_OF and name not in extra:
-                message = f"`{name}` stands beside `{_EXTRA_OF[name]}` only"
-                self.report_attribute("unknown-attribute", element, name, message)
-            elif name not in _FUNCTIONS and name not in extra:
-                message = f"there is no function `{name}`{did_you_mean(name, (*FUNCTIONS, *extra))}"
+            if owner := next((function for function, names in _EXTRAS.items() if name in names), None):
+                if name not in extras:
+                    message = f"`{name}` goes with {owner}"
+                    self.report_attribute("unknown-attribute", element, name, message)
+            elif name not in _FUNCTIONS:
+                message = f"there is no function `{name}`{did_you_mean(name, (*FUNCTIONS, *sorted(extras)))}"
                 self.report_attribute("unknown-attribute", element, name, message)
         if len(known) > 1:
             message = f"a `<function>` does one thing; write another one for `{known[1]}`"

@@ -8,6 +8,7 @@ from functools import cache
 from rise_engine.nearest_name import did_you_mean
 from rise_engine.scenario.diagnostics import Diagnostics
 from rise_engine.scenario.draft import Mention, ScenarioDraft
+from rise_engine.scenario.graph import reachable_from
 from rise_engine.scenario.memory_paths import MemoryPaths
 from rise_engine.scenario.model import CUE_TOPICS, SESSION, result_topics
 from rise_engine.scenario.session_keys import add_session_keys
@@ -23,6 +24,8 @@ def check_cross_references(draft: ScenarioDraft, diagnostics: Diagnostics) -> No
         _check_names(draft.act_mentions, draft.acts, "act", draft.rules, "rule", diagnostics)
     if "rules" not in unread:
         _check_names(draft.rule_mentions, draft.rules, "rule", draft.acts, "act", diagnostics)
+        _check_states(draft, diagnostics)
+    _check_reachable(draft, diagnostics)
     for name, rule in draft.rules.items():
         if name in draft.acts:
             diagnostics.warning(
@@ -70,6 +73,32 @@ def _check_names(
         else:
             remedy = suggest(mention.name)
         diagnostics.error(f"unknown-{kind}", mention.locate(), f"there is no {kind} `{mention.name}`{remedy}")
+
+
+def _check_states(draft: ScenarioDraft, diagnostics: Diagnostics) -> None:
+    """Is there every state in which some rule is to begin?"""
+    for mention in draft.state_mentions:
+        rule = draft.rules.get(mention.rule)
+        if rule is not None and rule.initial and mention.name not in rule.states:
+            near = did_you_mean(mention.name, rule.states, limit=0)
+            message = f"the rule `{rule.name}` has no state `{mention.name}`{near}"
+            diagnostics.error("unknown-state", mention.locate(), message)
+
+
+def _check_reachable(draft: ScenarioDraft, diagnostics: Diagnostics) -> None:
+    """Does a way lead to every state, from where its rule begins?"""
+    starts: dict[str, list[str]] = {}
+    for mention in draft.state_mentions:
+        starts.setdefault(mention.rule, []).append(mention.name)
+    for rule in draft.rules.values():
+        if rule.initial not in rule.states:
+            continue
+        targets = {name: [t.target for t in state.transitions if t.target] for name, state in rule.states.items()}
+        reachable = reachable_from("", {**targets, "": [rule.initial, *starts.get(rule.name, ())]})
+        for name, state in rule.states.items():
+            if name not in reachable:
+                message = f"no transition leads to the state `{name}` from `{rule.initial}`"
+                diagnostics.warning("unreachable-state", state.location, message)
 
 
 def _check_topics(draft: ScenarioDraft, diagnostics: Diagnostics) -> None:

@@ -27,6 +27,7 @@ WARNING_CODES = frozenset(
         "same-name",
         "short-loop",
         "unheard-event",
+        "unnoticed-failure",
         "unraised-event",
         "unreachable-state",
         "unreachable-transition",

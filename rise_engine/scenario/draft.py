@@ -25,6 +25,12 @@ class BareKey(Mention, frozen=True):
     """What is wrong with it if there is no such key."""
 
 
+class StateMention(Mention, frozen=True):
+    """The name of a state in which a rule is started, and where it stands."""
+
+    rule: str
+
+
 class ScenarioDraft:
     """A scenario in the making."""
 
@@ -38,6 +44,7 @@ class ScenarioDraft:
         """Of acts, rules and memory, what could not be read whole: then nothing can be said to be missing there."""
         self.act_mentions: list[Mention] = []
         self.rule_mentions: list[Mention] = []
+        self.state_mentions: list[StateMention] = []
         self.awaited_topics: list[Mention] = []
         """Topics without their slash."""
         self.raised_topics: list[Mention] = []

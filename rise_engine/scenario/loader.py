@@ -18,6 +18,7 @@ from rise_engine.scenario.acts import read_acts
 from rise_engine.scenario.cross_references import check_cross_references
 from rise_engine.scenario.diagnostics import Diagnostic, Diagnostics
 from rise_engine.scenario.draft import ScenarioDraft
+from rise_engine.scenario.failure_checks import check_failures
 from rise_engine.scenario.file_names import DEFAULT_PATHS, SCENARIO_FILE
 from rise_engine.scenario.memory import read_memory
 from rise_engine.scenario.model import RobotProfile, Scenario, SourceLocation
@@ -125,6 +126,8 @@ class _Loader:
         check_cross_references(draft, diagnostics)
         if "acts" not in draft.unreadable_parts:
             settings.act_tables.check_patterns(draft.acts, diagnostics)
+            if self.file.values:  # RISE's own files alone could not say what is to become of a failure
+                check_failures(draft, settings.act_tables, settings.on_failure, profile, diagnostics)
 
         suppressions = [
             *read_suppressions(self.files.sources, diagnostics),
@@ -147,6 +150,7 @@ class _Loader:
             fillers=settings.fillers,
             study=settings.study,
             may_release=settings.may_release,
+            on_failure=settings.on_failure,
             paths=paths,
             known_keys=frozenset(draft.settable_keys),
             reads_session=bool(draft.session_keys),

@@ -7,6 +7,7 @@ screen or file system; `rise_engine.scenario.load` builds these values from a fo
 
 from __future__ import annotations
 
+import json
 from collections.abc import Iterator
 from functools import cached_property
 from typing import Any, Literal, TypeAlias
@@ -154,9 +155,20 @@ class Function(Struct, frozen=True, tag="function"):
     """As written; event topics keep their slash here."""
     assignment: Assignment | None = None
     """Only for `assignValue`."""
+    location: SourceLocation = field(default=SourceLocation(""), name="place")
+    state: str | None = None
+    """Only for `startInteractionRule`: where the rule begins; null: in its initial state."""
+    enter: bool = True
+    """Only for `startInteractionRule`: false, when the rule waits there without running `onEntry`."""
     keep: float | None = None
     """Only for `raiseEventTopic`: seconds for which the event is kept when no rule waits for it."""
-    location: SourceLocation = field(default=SourceLocation(""), name="place")
+
+    @property
+    def behavior(self) -> str:
+        """The behaviour of the task that it submits."""
+        if self.keep is not None:
+            return event_behavior(self.argument, self.keep)
+        return rule_start_behavior(self.argument, self.state, self.enter)
 
 
 class Branch(Struct, frozen=True):
@@ -258,8 +270,19 @@ class KeyBinding(Struct, frozen=True):
     location: SourceLocation = field(default=SourceLocation(""), name="place")
     title: str = ""
     """What it means in the study, in the author's words (`label = "not understood"`); empty: the author gave none."""
+    state: str | None = None
+    """Of a key that starts a rule: where the rule begins; null: in its initial state."""
+    enter: bool = True
+    """Of a key that starts a rule: false, when the rule waits there without running `onEntry`."""
     keep: float | None = None
-    """Of an event: seconds for which it is kept when no rule waits for it."""
+    """Of a key that raises an event: seconds for which it is kept when no rule waits for it."""
+
+    @property
+    def task_behavior(self) -> str:
+        """The behaviour of the task that it submits; `behavior` is the name in it."""
+        if self.keep is not None:
+            return event_behavior(self.behavior, self.keep)
+        return rule_start_behavior(self.behavior, self.state, self.enter)
 
 
 class ActSettings(Struct, frozen=True):
@@ -271,6 +294,30 @@ class ActSettings(Struct, frozen=True):
     filler: bool = False
     calling_type: CallingType = "Blocking"
     """Used when whoever starts the act does not say."""
+    on_failure: str = ""
+    """What becomes of its failure, as `Scenario.on_failure`; empty: what the scenario says."""
+
+
+class FailurePolicy(Struct, frozen=True):
+    """What becomes of an act that has failed (`on_failure` in scenario.toml)."""
+
+    kind: Literal["go_on", "ask", "repeat"]
+    times: int = 0
+    """How often it is repeated, at most."""
+
+
+def parse_failure_policy(text: str) -> FailurePolicy:
+    """`go_on`, `ask`, or `repeat:2`. Raises ValueError for anything else."""
+    if text in ("go_on", "ask"):
+        return FailurePolicy(text)  # type: ignore[arg-type]
+    word, _, number = text.partition(":")
+    if word == "repeat" and number.isascii() and number.isdigit() and 1 <= int(number[:3]) <= MAX_REPEATS:
+        return FailurePolicy("repeat", int(number[:3]))
+    raise ValueError(text)
+
+
+MAX_REPEATS = 10
+"""How often a failed act can be repeated by itself."""
 
 
 class FillerSettings(Struct, frozen=True):
@@ -311,6 +358,8 @@ class Scenario(Struct, frozen=True):
     """Programs that may release a stop without control: full names of ROS nodes, names of programs on the link."""
     paths: dict[str, str] = field(default_factory=dict)
     """`acts`, `rules`, `memory`: where they were read from, relative to the folder."""
+    on_failure: str = "go_on"
+    """What becomes of an act that has failed: `go_on`, `ask` or `repeat:2`; acts may have their own."""
     known_keys: frozenset[str] = frozenset()
     """Memory keys that the start values or anything in the scenario can set."""
     reads_session: bool = False
@@ -323,6 +372,10 @@ class Scenario(Struct, frozen=True):
     def settings_of(self, act: str) -> ActSettings:
         """The settings of an act, the usual ones where scenario.toml gives none; never raises."""
         return self.act_settings.get(act, _DEFAULT_SETTINGS)
+
+    def failure_policy(self, act: str) -> FailurePolicy:
+        """What becomes of a failure of this act."""
+        return parse_failure_policy(self.settings_of(act).on_failure or self.on_failure)
 
 
 _DEFAULT_SETTINGS = ActSettings()
@@ -347,6 +400,19 @@ def functions_in(block: Block) -> Iterator[Function]:
                 pending += branch.block
         else:
             pending += statement.choices
+
+
+def rule_start_behavior(rule: str, state: str | None, enter: bool) -> str:
+    """The behaviour of a task that starts a rule: its name, or JSON where that does not say everything."""
+    if state is None and enter:
+        return rule
+    parts: dict[str, Json] = {"rule": rule} | ({} if state is None else {"state": state})
+    return json.dumps(parts if enter else {**parts, "enter": False}, ensure_ascii=False)
+
+
+def event_behavior(event: str, keep: float) -> str:
+    """The behaviour of a task that raises an event which is kept for so many seconds."""
+    return json.dumps({"event": event, "keep": f"{keep:g}s"}, ensure_ascii=False)
 
 
 def result_topics(rule: Rule) -> Iterator[tuple[str, str]]:

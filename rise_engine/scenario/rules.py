@@ -16,7 +16,7 @@ from rise_engine.scenario.blocks import NO_ATTRIBUTES, BlockReader
 from rise_engine.scenario.delays import read_delay
 from rise_engine.scenario.diagnostics import Diagnostics
 from rise_engine.scenario.draft import Mention, ScenarioDraft
-from rise_engine.scenario.graph import component_numbers, reachable_from
+from rise_engine.scenario.graph import component_numbers
 from rise_engine.scenario.model import (
     ActOutcome,
     Block,
@@ -93,8 +93,6 @@ class _RuleReader(BlockReader):
             if target not in states:
                 self.report_unknown_state(transition, "target", target, states)
         priority = self.read_priority(element)
-        if initial is not None:
-            self.check_reachable(initial, states)
         self.check_short_loops(states)
         self.check_own_ends(states)
         for state in states.values():
@@ -131,15 +129,6 @@ class _RuleReader(BlockReader):
             self.report_value("wrong-type", element, "priority", f"priority is a number; `{text}` is not")
             return 0
         return int(value) if value.is_integer() else value
-
-    def check_reachable(self, initial: str, states: dict[str, State]) -> None:
-        targets = {name: [t.target for t in state.transitions if t.target] for name, state in states.items()}
-        reachable = reachable_from(initial, targets)
-        for name, state in states.items():
-            if name not in reachable:
-                self.diagnostics.warning(
-                    "unreachable-state", state.location, f"no transition leads to the state `{name}` from `{initial}`"
-                )
 
     def check_short_loops(self, states: dict[str, State]) -> None:
         """Warn of a short `after` on a way that leads back to its beginning and waits for nothing else."""

@@ -7,10 +7,10 @@ from functools import partial
 from typing import Any
 
 from rise_engine.expression import Assignment, ExpressionError
-from rise_engine.scenario.act_settings import read_act_tables
+from rise_engine.scenario.act_settings import read_act_tables, read_on_failure
 from rise_engine.scenario.delays import MIN_SECONDS
 from rise_engine.scenario.diagnostics import Diagnostics
-from rise_engine.scenario.draft import Mention, ScenarioDraft
+from rise_engine.scenario.draft import Mention, ScenarioDraft, StateMention
 from rise_engine.scenario.durations import MAX_SECONDS, parse_time
 from rise_engine.scenario.expression_checks import expression_message, note_assignment
 from rise_engine.scenario.keys import KeyRefusedError, bindable_key_name
@@ -38,6 +38,7 @@ TOP_KEYS = (
     "fillers",
     "control",
     "study",
+    "on_failure",
     "actions",
     "check",
 )
@@ -50,6 +51,8 @@ BINDINGS: dict[str, tuple[FunctionName, str]] = {
     "stop_rule": ("stopInteractionRule", "name a rule"),
 }
 """What a key can submit: the function of the DomainTask that comes of it, and what its author has to write."""
+_START_KEYS = ("state", "enter")
+"""Beside `rule`: where it begins."""
 MAX_LABEL_LENGTH = 24
 """Characters of a key's `label`: it stands beside others in one line."""
 _ALLOW_KEYS = ("code", "key", "reason")
@@ -76,6 +79,8 @@ class ScenarioSettings:
         }
         self.study = self.read_study()
         self.keys = self.read_keys()
+        self.on_failure = read_on_failure(self.table) if "on_failure" in file.values else "go_on"
+        """What becomes of a failed act that does not say it itself."""
         self.act_tables = read_act_tables(self.table.section("act"), draft)
         self.fillers = self.read_fillers()
         self.may_release = self.read_control()
@@ -163,11 +168,11 @@ class ScenarioSettings:
             table.report_value("binding", written, f"a key submits something; {example}")
             return None
         inner = TomlTable(table.file, ("keys", written), table.values[written], table.diagnostics)
-        inner.report_unknown_keys((*BINDINGS, "label", "keep"))
+        inner.report_unknown_keys((*BINDINGS, "label", *_START_KEYS, "keep"))
         title = self.read_label(inner)
         given = [name for name in BINDINGS if name in inner.values]
         if len(given) != 1:
-            if len(given) > 1 or not inner.values.keys() - {"label"}:
+            if len(given) > 1 or not inner.values.keys() - {"label", *_START_KEYS}:
                 inner.report_key("binding", f"a key submits exactly one thing; {example}")
             return None
         name = given[0]
@@ -194,15 +199,16 @@ class ScenarioSettings:
                 location = SourceLocation(start.file, start.line, start.column + error.column)
                 inner.diagnostics.error("assignment", location, expression_message(error))
                 return None
+        state, enter = self.read_start(inner, name, behavior)
         keep = self.read_keep(inner, name) if "keep" in inner.values else None
-        return KeyBinding(key, written, function, behavior, inner.key_location(), title, keep)
+        return KeyBinding(key, written, function, behavior, inner.key_location(), title, state, enter, keep)
 
     def read_keep(self, binding: TomlTable, what: str) -> float | None:
         """How long the key's event is kept for a rule that waits for it later."""
         text = binding.read("keep", str, None, form=': keep = "2s"')
         seconds = parse_time(text) if text is not None else None
         if what != "event":
-            binding.report_value("wrong-value", "keep", "`keep` stands beside `event` only: an event can be kept")
+            binding.report_key("binding", '`keep` says how long an event is kept; it goes with event = "..."', "keep")
         elif text is not None and seconds is None:
             binding.report_value("time", "keep", f"`{text}` is not a time; write 500ms, 2s or 1min")
         elif seconds is not None and not MIN_SECONDS <= seconds <= MAX_SECONDS:
@@ -210,6 +216,22 @@ class ScenarioSettings:
         else:
             return seconds
         return None
+
+    def read_start(self, binding: TomlTable, name: str, rule: str) -> tuple[str | None, bool]:
+        """Where a rule is to begin, and whether it runs `onEntry` there."""
+        if name != "rule":
+            for key in binding.values.keys() & set(_START_KEYS):
+                binding.report_key("binding", f'`{key}` says how a rule begins; it goes with rule = "..."', key)
+            return None, True
+        enter = binding.read("enter", bool, True)
+        state = binding.read("state", str, None, form=': state = "..."')
+        if state is not None and not state.strip():
+            binding.report_value("missing-value", "state", "`state` is empty; name a state, or leave it out")
+        if state is None or not state.strip():
+            return None, enter
+        locate = partial(binding.value_location, "state")
+        self.draft.state_mentions.append(StateMention(state.strip(), locate, rule))
+        return state.strip(), enter
 
     def read_label(self, binding: TomlTable) -> str:
         """What the author calls a key: a word or two, or empty."""

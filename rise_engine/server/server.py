@@ -25,7 +25,15 @@ from msgspec.structs import replace
 
 from rise_engine.engine.engine import versions
 from rise_engine.kernel.inputs import Submit
-from rise_engine.kernel.records import ActionRecord, AnyRecord, KeptRecord, MistakeRecord, TaskRecord, TimingRecord
+from rise_engine.kernel.records import (
+    ActionRecord,
+    AnyRecord,
+    FailureRecord,
+    KeptRecord,
+    MistakeRecord,
+    TaskRecord,
+    TimingRecord,
+)
 from rise_engine.kernel.view import TaskView
 from rise_engine.lag_meter import LagMeter
 from rise_engine.protocol.client import Heartbeat, JournalStatus, Reply, Update
@@ -408,9 +416,9 @@ def _is_stop(message: object) -> bool:
 def _task_of(record: AnyRecord) -> int | None:
     """The task that a record is about."""
     match record:
-        case TaskRecord(id=task):
+        case TaskRecord(id=task) | ActionRecord(task=task) | MistakeRecord(task=task):
             return task
-        case ActionRecord(task=task) | MistakeRecord(task=task) | TimingRecord(task=task) | KeptRecord(task=task):
+        case TimingRecord(task=task) | FailureRecord(task=task) | KeptRecord(task=task):
             return task
         case _:
             return None

@@ -10,6 +10,7 @@ from typing import NamedTuple
 
 import click
 
+from rise_engine.kernel.behaviors import describe_behavior
 from rise_engine.protocol.session_options import SessionOptions
 from rise_engine.scenario.keys import PUNCTUATION
 from rise_engine.scenario.model import KeyBinding, Scenario
@@ -112,7 +113,7 @@ def sections(scenario: Scenario | None) -> Iterator[KeyCardSection]:
 
 def _scenario_entry(scenario: Scenario, binding: KeyBinding) -> KeyCardEntry:
     marks = _act_marks(scenario, binding.behavior) if binding.function == "startCommunicationRobotAct" else ()
-    behavior = clean(binding.behavior)
+    behavior = clean(describe_behavior(binding.function, binding.task_behavior))
     return KeyCardEntry(
         (printed_key(binding.key),), f"{binding.title}  ({behavior})" if binding.title else behavior, marks=marks
     )

@@ -3,11 +3,17 @@
 from __future__ import annotations
 
 from rise_engine.protocol.client import ControlVerb
+from rise_engine.scenario.model import rule_start_behavior
 from rise_tui.actions import BY_ID
 from rise_tui.console.console_host import ConsoleHost
 from rise_tui.key_labels import key_name, keys_of
 from rise_tui.model.control import control_question
+from rise_tui.model.entry_text import entry_lines
+from rise_tui.model.key_action import KeyAction
 from rise_tui.screens.dialog import Dialog, DialogChoice
+
+DIALOG_WIDTH = 58
+"""Characters of a line that a question has room for."""
 
 
 class Confirmations:
@@ -34,6 +40,27 @@ class Confirmations:
         dialog = Dialog("Release the stop?", lines, DialogChoice("r", "Release"), no="Stay stopped", repeat_keys=keys)
         dialog.add_class("-release")
         console.app.push_screen(dialog, lambda yes: console.send("releaseStop") if yes else None)
+
+    def ask_to_start(self, name: str, state: str) -> None:
+        """Whether a rule is to start in a state, and with the functions of its `onEntry` or without."""
+        console = self._console
+        store = console.store
+        entered = store.scenario.rules[name].states[state]
+        lines = [f"Rule {name} would start in the state {state}. Its onEntry:"]
+        lines += [f"  {line}" for line in entry_lines(store.scenario, entered, store.memory, DIALOG_WIDTH - 2)]
+        running = store.rule(name).running
+        lines += [f"It runs now, in {store.rule(name).state}, and is stopped there first."] * running
+        lines.append("Waiting there leaves all of onEntry out.")
+        start, wait = DialogChoice("s", "Start here"), DialogChoice("w", "Wait here")
+
+        def begin(key: str | None) -> None:
+            if not key:
+                return
+            if store.rule(name).running:
+                console.send("stopInteractionRule", name)
+            console.start(KeyAction("startInteractionRule", rule_start_behavior(name, state, key == "s")))
+
+        console.app.push_screen(Dialog("Start here?", lines, start, wait), begin)
 
     def ask_about_control(self) -> None:
         """What is to become of control, by who has it and who asks for it."""

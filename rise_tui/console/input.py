@@ -10,10 +10,11 @@ from collections.abc import Callable
 from time import monotonic
 from typing import Protocol
 
+from rise_engine.kernel.behaviors import describe_behavior, is_object
 from rise_engine.scenario.model import normal_topic
 from rise_tui.actions import BY_ID
 from rise_tui.key_labels import key_name, keys_of, why_blocked, why_task_blocked
-from rise_tui.model.failures import unanswered_failures
+from rise_tui.model.failures import is_question, unanswered_failures
 from rise_tui.model.input_lock import (
     LOCKED_ACTIONS,
     STARTING_FUNCTIONS,
@@ -26,6 +27,7 @@ from rise_tui.model.key_action import HELD_KEY_SECONDS, KeyAction, action_of_key
 from rise_tui.model.mistakes import newest_markable
 from rise_tui.model.notice import Level
 from rise_tui.model.store import Store
+from rise_tui.model.study_keys import EVENT
 from rise_tui.model.task_messages import task_label
 
 TOGETHER_SECONDS = 0.012
@@ -192,12 +194,20 @@ class InputController:
         """Start the act again whose failure is shown, as it was asked for, with the care that every start takes."""
         if (failed := next(iter(unanswered_failures(self._store)), None)) is not None:
             self._typed = ""
+            if is_question(self._store, failed):
+                self.start(KeyAction("repeatAct", str(failed.id)))
+                return
             self.start(start_action(self._store.scenario, failed.function, failed.behavior, failed.calling_type))
 
     def go_on_without_failed_act(self) -> None:
         """Put the failure away that is shown."""
         if (failed := next(iter(unanswered_failures(self._store)), None)) is not None and not self.is_pasting:
             self.send("goOn", str(failed.id))
+
+    def stop_rule_of_failed_act(self) -> None:
+        """Stop the rule that waits for the end of the failed act that is shown."""
+        if (failed := next(iter(unanswered_failures(self._store)), None)) is not None and not self.is_pasting:
+            self.send("stopRuleOfAct", str(failed.id))
 
     def mark_mistake(self) -> None:
         """Mark what the wizard did last as wrong at once, and ask for the better word."""
@@ -303,7 +313,7 @@ class InputController:
         """What was possible when the key was pressed may not be now."""
         if reason := why_task_blocked(self._store, action.function):
             self._refuse(action, reason)
-        elif action.keep is not None and (kept := self._kept_task(action)) is not None:
+        elif (kept := self._kept_task(action)) is not None:
             self.send("cancelTask", str(kept))
         elif action.function == "say" and self._typed:
             self._actions.submit_speech(action, self._typed, self._session_time(at))
@@ -312,8 +322,10 @@ class InputController:
 
     def _kept_task(self, action: KeyAction) -> int | None:
         """The task whose event is still kept, when a key asks for it once more: that takes it back."""
-        topic = normal_topic(action.behavior)
         kept = self._store.view.kept
+        if not kept or action.function != EVENT or not is_object(action.behavior):
+            return None
+        topic = normal_topic(describe_behavior(action.function, action.behavior))
         return next((task for task, each in kept.items() if normal_topic(each.topic) == topic), None)
 
     def _refuse(self, action: KeyAction, reason: str) -> None:

@@ -23,7 +23,7 @@ from rise_tui.console.layout import Layout
 from rise_tui.console.refresh import RefreshScheduler
 from rise_tui.console.session import ConsoleSession
 from rise_tui.key_labels import why_unavailable
-from rise_tui.messages import FocusPane, RequestStart, RunAction, ShowNotice, ShowSelection, SubmitTask
+from rise_tui.messages import AskToStart, FocusPane, RequestStart, RunAction, ShowNotice, ShowSelection, SubmitTask
 from rise_tui.model.key_action import MARK_CUE, NEXT_FILLER, UNDO_CUE, KeyAction
 from rise_tui.model.notice import Level, Notice
 from rise_tui.model.store import Store, StorePart
@@ -159,14 +159,14 @@ class ConsoleScreen(Screen[None]):
     # --- what keys make happen: InputActions ------------------------------------------------------------------------
 
     def submit(self, action: KeyAction, pressed: float | None) -> None:
-        self._run_beside(self.session.submit(action.function, action.submitted, action.calling_type, pressed))
+        self._run_beside(self.session.submit(action.function, action.behavior, action.calling_type, pressed))
 
     def submit_speech(self, action: KeyAction, typed: str, pressed: float | None) -> None:
         self.bars.speech_input.accept(typed)
         self._run_beside(self._submit_speech(action, typed, pressed))
 
     async def _submit_speech(self, action: KeyAction, typed: str, pressed: float | None) -> None:
-        if not await self.session.submit(action.function, action.submitted, action.calling_type, pressed):
+        if not await self.session.submit(action.function, action.behavior, action.calling_type, pressed):
             self.bars.speech_input.restore(typed)
 
     def show_armed(self, act: str) -> None:
@@ -217,6 +217,10 @@ class ConsoleScreen(Screen[None]):
     @on(RequestStart)
     def _request_start(self, event: RequestStart) -> None:
         self.start(event.action)
+
+    @on(AskToStart)
+    def _ask_to_start(self, event: AskToStart) -> None:
+        self.confirmations.ask_to_start(event.rule, event.state)
 
     @on(RunAction)
     def _run_action(self, event: RunAction) -> None:
@@ -277,6 +281,7 @@ class ConsoleScreen(Screen[None]):
             "mistake": self.input.mark_mistake,
             "repeat": self.input.repeat_failed_act,
             "go-on": self.input.go_on_without_failed_act,
+            "stop-rule": self.input.stop_rule_of_failed_act,
             "safe": self.input.switch_safe,
             "lock": self.switch_lock,
         }

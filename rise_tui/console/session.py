@@ -7,7 +7,6 @@ from collections.abc import Callable, Sequence
 from itertools import count
 from time import monotonic
 
-from rise_engine.kernel.behaviors import plain_behavior
 from rise_engine.kernel.inputs import Note, Submit
 from rise_engine.protocol.client import AttachReply, Client, ControlVerb, EngineGone, LinkLost, UpdateOrResync
 from rise_tui.key_labels import key_name, why_blocked
@@ -115,17 +114,17 @@ class ConsoleSession:
 
         `pressed`: session time of the key that asks for it. False when it was not taken, or nobody knows.
         """
-        store, name = self.store, plain_behavior(function, behavior)
+        store = self.store
         if reason := why_blocked(store, "reach"):
             if function == "stopAll" and store.cut_since is not None:
                 store.stop_unsent = True
                 store.notice = Notice(STOP_NOT_SENT, "fault")
             else:
-                store.notice = Notice(f"{task_label(function, name)}: not sent, {reason}", "fault")
+                store.notice = Notice(f"{task_label(function, behavior)}: not sent, {reason}", "fault")
             self.on_change({"notice", "status"})
             return False
         ref = f"{store.reference_prefix}{next(self._task_numbers)}"
-        store.sent[ref] = SentTask(function, name, store.now())
+        store.sent[ref] = SentTask(function, behavior, store.now())
         self.on_change(ALL_PARTS)
         message = Submit(
             function=function,

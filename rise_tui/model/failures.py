@@ -35,8 +35,21 @@ class UnsaidText(NamedTuple):
 
 
 def unanswered_failures(store: Store) -> list[TaskView]:
-    """Failed acts that are neither done after all nor answered, the one that failed first first."""
-    return [store.view.tasks[id] for id in store.view.failed if id in store.view.tasks]
+    """Failed acts that are neither done after all nor answered, the one that failed first first; before them those that
+    the study waits for."""
+    view = store.view
+    return [view.tasks[id] for id in (*view.questions, *view.failed) if id in view.tasks]
+
+
+def is_question(store: Store, task: TaskView) -> bool:
+    """Whether the study waits for what is said about this failure."""
+    return task.id in store.view.questions
+
+
+def rule_of_question(store: Store, task: TaskView) -> str:
+    """The running rule that has started an act, whose stop is one of the answers; empty when there is none."""
+    name = task.source.removeprefix("rule:")
+    return name if task.source.startswith("rule:") and store.rule(name).running else ""
 
 
 def unsaid_texts(scenario: Scenario, task: TaskView, memory: Mapping[str, Any]) -> list[UnsaidText]:
@@ -66,7 +79,7 @@ def _find_unsaid(scenario: Scenario, action: Action, task: TaskView, memory: Map
         return UnsaidText(words, begun=True) if words is not None else None
     messages = (message_of(scenario, call) for call in action.calls)
     first = next((message for message in messages if message is not None), None)
-    return UnsaidText(_fill_known(first, memory), begun=False, ways=len(action.calls)) if first is not None else None
+    return UnsaidText(fill_known(first, memory), begun=False, ways=len(action.calls)) if first is not None else None
 
 
 def _was_sent(begun: ActionView) -> bool:
@@ -74,7 +87,7 @@ def _was_sent(begun: ActionView) -> bool:
     return begun.status != "skipped" and begun.ended != begun.since
 
 
-def _fill_known(template: Template, memory: Mapping[str, Any]) -> str:
+def fill_known(template: Template, memory: Mapping[str, Any]) -> str:
     """With the memory's values as they are now; what has none stays as it is written."""
 
     def fill(part: str | MemorySlot) -> str:
@@ -97,6 +110,8 @@ def failure_lines(store: Store, width: int, most: int, key_name: KeyNames) -> li
     task = failed[0]
     others = f"  {len(failed) - 1} more " if len(failed) > 1 else " "
     head: StyledLine = ((" ✗ ACT FAILED ", "alarm"), (f"  {act_label(task.function, task.behavior)}", "strong"))
+    if is_question(store, task):
+        head = (*head, ("  the study waits for your answer", "wait"))
     shown: list[StyledLine] = [align_at_both_ends(head, ((others, "fault"),), width)]
     reasons = wrap(task.reason or "the robot gave no reason", max(20, width - 4))
     if len(reasons) > REASON_LINES:
@@ -135,15 +150,20 @@ def _keys_line(store: Store, task: TaskView, width: int, key_name: KeyNames) -> 
         return (("   this is a replay: it was so then", "plain"),)
     if store.cut_since is not None:
         return (("   the connection is cut", "plain"),)
+    question = is_question(store, task)
     if not store.has_control:
         who = (
             f"{short_name(store.view.control)} has control and decides" if store.view.control else "nobody has control"
         )
         return crop(((f"   {who}: repeat it, or go on without it", "plain"),), width)
     go_on: tuple[StyledSpan, ...] = ((f"   {key_name('go-on')}", "key"), (" go on without it", "plain"))
-    if why := _restart_text(store, task):
+    words = " repeat the whole act"
+    if question and rule_of_question(store, task):
+        stop: StyledSpan = (f"   {key_name('stop-rule')}", "key")
+        go_on, words = (go_on[0], (" go on", "plain"), stop), " repeat it"
+    if not question and (why := _restart_text(store, task)):
         return crop((("   ► ", "accent"), (why, "strong"), *go_on), width)
-    repeat: tuple[StyledSpan, ...] = ((f"   {key_name('repeat')}", "key"), (" repeat the whole act", "plain"))
+    repeat: tuple[StyledSpan, ...] = ((f"   {key_name('repeat')}", "key"), (words, "plain"))
     if reason := blocked_text(store.blocked_reason("start"), key_name):
         room = width - line_width(go_on)
         return (*crop(((f"   not now: {reason}", "wait"),), room), *go_on)

@@ -11,7 +11,15 @@ InputMode: TypeAlias = Literal["LIVE", "SAFE", "LOCKED"]
 """LIVE: keys start acts and rules. SAFE: everything can be looked at, nothing is started. LOCKED: keys do nothing."""
 
 STARTING_FUNCTIONS = frozenset(
-    {"startCommunicationRobotAct", "startInteractionRule", "raiseEventTopic", "assignValue", "say", "nextFiller"}
+    {
+        "startCommunicationRobotAct",
+        "startInteractionRule",
+        "raiseEventTopic",
+        "assignValue",
+        "say",
+        "nextFiller",
+        "repeatAct",
+    }
 )
 """What a key may ask for that makes something happen; stopping, and marks for the record, are not among it."""
 

@@ -5,7 +5,6 @@ from __future__ import annotations
 from msgspec import Struct
 from msgspec.structs import replace
 
-from rise_engine.kernel.behaviors import event_behavior
 from rise_engine.scenario.model import KeyBinding, Scenario
 from rise_tui.model.study_keys import ACT
 
@@ -23,13 +22,6 @@ class KeyAction(Struct, frozen=True):
     hold: bool = False
     """It needs a second press, or Enter (console.md 2.4)."""
     calling_type: str = ""
-    keep: float | None = None
-    """Of an event: seconds for which it is kept when no rule waits for it."""
-
-    @property
-    def submitted(self) -> str:
-        """The behaviour as the engine gets it."""
-        return self.behavior if self.keep is None else event_behavior(self.behavior, self.keep)
 
 
 MARK_CUE = KeyAction("markCue", "")
@@ -45,4 +37,5 @@ def start_action(scenario: Scenario, function: str, behavior: str, calling_type:
 
 def action_of_key(scenario: Scenario, key: KeyBinding) -> KeyAction:
     """What a key of the scenario asks for."""
-    return replace(start_action(scenario, key.function, key.behavior), keep=key.keep)
+    action = start_action(scenario, key.function, key.behavior)
+    return replace(action, behavior=key.task_behavior)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from rise_engine.kernel.behaviors import describe_behavior
 from rise_engine.kernel.view import TaskView
 from rise_tui.model.control import short_name
 from rise_tui.model.log_rows import NOTE, ROBOT
@@ -137,7 +138,7 @@ def _function_role(task: TaskView) -> TextRole:
 
 def _task_name(task: TaskView) -> str:
     """What was done; of the robot its link, whose state says the rest."""
-    return "link" if task.function == ROBOT else task.behavior
+    return "link" if task.function == ROBOT else describe_behavior(task.function, task.behavior)
 
 
 def short_clock(value: float) -> str:

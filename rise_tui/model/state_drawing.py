@@ -9,8 +9,8 @@ from rich.cells import cell_len
 from rise_tui.model.state_graph import GraphEdge, GraphLayout, GraphRow, edge_path
 from rise_tui.rendering.text import ListRow, StyledSpan, TextRole, clean, crop, line_width, shorten
 
-HERE = "here"
-"""The id of the row of the present state."""
+HERE, STATE = "here", "state"
+"""With the state's name behind a colon, the ids of the rows of states: of the present one, and of the others."""
 FAR = 8
 """A rail longer than this many rows has its target's name at the label too: its arrow may be out of view."""
 INDENT = 2
@@ -45,7 +45,8 @@ def draw_state_graph(layout: GraphLayout, now: GraphPosition) -> list[ListRow]:
             line += _state_spans(layout, row, [*marks, *row.notes])
         if row.edge is not None:
             line += _way_spans(layout, row, row.edge, now, taken=row.edge is last, room=layout.width - line_width(line))
-        rows.append(ListRow(HERE if is_present else "", crop(tuple(line), layout.width), selectable=False))
+        id = f"{HERE if is_present else STATE}:{row.state}" if row.is_state else ""
+        rows.append(ListRow(id, crop(tuple(line), layout.width), selectable=row.is_state))
     return rows
 
 

@@ -12,12 +12,14 @@ from typing import Any, Literal, TypeAlias, get_args
 
 from msgspec import Struct
 
+from rise_engine.kernel.behaviors import started_rule
 from rise_engine.kernel.records import (
     ActionRecord,
     ControlRecord,
     CountdownRecord,
     CueRecord,
     EventRecord,
+    FailureRecord,
     KeptRecord,
     MemoryRecord,
     MistakeRecord,
@@ -60,6 +62,7 @@ _PARTS_OF_RECORD: dict[type, frozenset[StorePart]] = {
     ControlRecord: frozenset({"status"}),
     CueRecord: frozenset({"cue"}),
     MistakeRecord: frozenset({"tasks", "acts"}),
+    FailureRecord: frozenset({"tasks", "acts"}),
 }
 """Of tasks, and of events that nobody took, `apply` finds it out."""
 _LIST_PARTS: frozenset[StorePart] = frozenset({"acts", "rules", "memory", "tasks"})
@@ -408,5 +411,5 @@ class Store:
         if record.status == "ACTIVE" and record.function in ("startCommunicationRobotAct", "say"):
             self.shown_act = "" if record.function == "say" else record.behavior
         elif record.status == "ACTIVE" and record.function == "startInteractionRule" and not self.shown_rule:
-            self.shown_rule = record.behavior
+            self.shown_rule = started_rule(record.behavior)
         return changed

@@ -68,11 +68,13 @@ class StudyKeys:
         """Keys that raise a topic: themselves, or by a rule that they start."""
         keys = list(scenario.keys.values())
         for key in keys:
-            self._by_task.setdefault((key.function, normal_topic(key.behavior)), key)
+            self._by_task.setdefault((key.function, normal_topic(key.task_behavior)), key)
             if key.function == EVENT:
                 self._by_topic.setdefault(normal_topic(key.behavior), []).append(key)
             for topic in self.events_of_rule.get(key.behavior, ()) if key.function == RULE else ():
                 self._by_topic.setdefault(topic, []).append(key)
+        for key in keys:  # a rule that only begins in another state has that key, if no other starts it
+            self._by_task.setdefault((key.function, normal_topic(key.behavior)), key)
         assignments = ((key, _parse_assignment(key.behavior)) for key in keys if key.function == SET)
         self._assignments = [(key, assignment) for key, assignment in assignments if assignment is not None]
         answers = self._find_answers()

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 
+from rise_engine.kernel.behaviors import describe_behavior
 from rise_engine.kernel.records import AnyRecord, KeptRecord, NoteRecord, RobotRecord, RuleRecord, TaskRecord
 from rise_engine.scenario.model import normal_topic
 from rise_tui.model import control
@@ -28,6 +29,8 @@ FUNCTION_LABELS = {
     "nextFiller": "filler",
     "markMistake": "mistake",
     "goOn": "go on",
+    "repeatAct": "repeat",
+    "stopRuleOfAct": "stop rule",
     "note": "note",
     "robot": "robot",
     "fault": "rule",
@@ -37,7 +40,7 @@ FUNCTION_LABELS = {
 
 def task_label(function: str, behavior: str) -> str:
     """A task in words."""
-    return f"{FUNCTION_LABELS.get(function, function)} {behavior}".strip()
+    return f"{FUNCTION_LABELS.get(function, function)} {describe_behavior(function, behavior)}".strip()
 
 
 def act_label(function: str, behavior: str) -> str:

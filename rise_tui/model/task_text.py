@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 
+from rise_engine.kernel.behaviors import describe_behavior
 from rise_engine.kernel.view import ActionView, TaskView
 from rise_engine.scenario.template import spoken_text
 from rise_tui.model.states import StateLabel, action_state
@@ -23,7 +24,12 @@ MARKS = {"wrong": "the wrong act", "late": "too late", "early": "too early", "do
 def task_rows(task: TaskView, state: StateLabel, now: float, width: int) -> list[ListRow]:
     """All that is known of a task at session time `now`, in rows of at most `width` cells."""
     lines: list[StyledLine] = [
-        *field_lines(FUNCTION_LABELS.get(task.function, task.function), task.behavior, width, "strong")
+        *field_lines(
+            FUNCTION_LABELS.get(task.function, task.function),
+            describe_behavior(task.function, task.behavior),
+            width,
+            "strong",
+        )
     ]
     if state.word:
         lines += field_lines("state", f"{state.glyph} {state.word}", width, state.role)

@@ -9,7 +9,7 @@ from textual.widget import Widget
 from rise_engine.kernel.view import RuleView
 from rise_engine.scenario.model import Rule
 from rise_tui.actions import bindings_in
-from rise_tui.messages import RequestStart, ShowNotice
+from rise_tui.messages import AskToStart, RequestStart, ShowNotice
 from rise_tui.model.key_action import KeyAction
 from rise_tui.model.rule_text import engine_raises_text
 from rise_tui.model.state_drawing import HERE, GraphPosition, draw_state_graph
@@ -36,6 +36,41 @@ GAP_HEIGHT = 12
 """Rows of the pane from which on an empty one stands between the reasons and the graph."""
 
 
+class StateList(RowList):
+    """The rule's states below the reasons: the cursor comes here from the last reason, and goes back from the first
+    state."""
+
+    def __init__(self, above: RowList) -> None:
+        super().__init__(id="rule-graph")
+        self._above = above
+
+    def background_of(self, index: int) -> str:
+        return super().background_of(index) if self.has_focus else ""
+
+    def enter(self) -> None:
+        """Take the focus, with the cursor on the present state."""
+        here = next((row for row in range(self.count) if self.row_at(row).id.startswith(f"{HERE}:")), 0)
+        self.move_cursor(self.cursor if here == 0 and self.cursor >= 0 else here, by_wizard=False)
+        self.focus(scroll_visible=False)
+
+    def action_step(self, direction: int) -> None:
+        if direction < 0 and self._find_selectable(self.cursor - 1, -1) is None:
+            self._above.focus(scroll_visible=False)
+        else:
+            super().action_step(direction)
+
+
+class ReasonList(RowList):
+    """Where the rule stands, and why; below its last way out the cursor goes on to the states."""
+
+    def action_step(self, direction: int) -> None:
+        below = self.continuation
+        if direction > 0 and isinstance(below, StateList) and self._find_selectable(self.cursor + 1, 1) is None:
+            below.enter()
+        else:
+            super().action_step(direction)
+
+
 class RulePane(ListPane):
     """The rule that the wizard selected, or the top one of the stack."""
 
@@ -52,8 +87,8 @@ class RulePane(ListPane):
     def __init__(self, store: Store) -> None:
         super().__init__(store)
         self._reasons = WaitExplanations(store)
-        self.graph = RowList(id="rule-graph")
-        self.graph.can_focus = False
+        self.row_list = ReasonList(id="rule-rows")
+        self.graph = StateList(self.row_list)
         self.row_list.continuation = self.graph
         self._layout_made: tuple[Rule, GraphLayout] | None = None
         self._usual_count: tuple[Rule, int, int] | None = None
@@ -147,7 +182,7 @@ class RulePane(ListPane):
     def _bring_into_view(self) -> None:
         """Scroll only when the present state, or what may follow right below it, would be out of sight."""
         height, top = self.graph.size.height, self.graph.scroll_offset.y
-        index = next((row for row in range(self.graph.count) if self.graph.row_at(row).id == HERE), 0)
+        index = next((row for row in range(self.graph.count) if self.graph.row_at(row).id.startswith(HERE)), 0)
         ahead = min(ROWS_AHEAD, height // 3)
         if not top <= index < top + height - ahead:
             self.graph.scroll_to(y=0 if index < height - ahead else index - height // 3, animate=False)
@@ -173,6 +208,9 @@ class RulePane(ListPane):
         return self._usual_count[2]
 
     def carry_out(self, action: str) -> None:
+        if self.graph.has_focus:
+            self._ask_to_start()
+            return
         kind, _, index = self.row_list.current_id.partition(":")
         rule = self._shown_rule
         if rule is None or kind != "now":
@@ -187,3 +225,11 @@ class RulePane(ListPane):
             self.post_message(ShowNotice(by_engine))
         else:
             self.post_message(RequestStart(KeyAction("raiseEventTopic", event)))
+
+    def _ask_to_start(self) -> None:
+        """Whether the rule is to start in the state under the cursor."""
+        rule, state = self._shown_rule, self.graph.current_id.partition(":")[2]
+        if rule is None or state not in rule.states:
+            self.post_message(ShowNotice("no state is selected"))
+        else:
+            self.post_message(AskToStart(rule.name, state))

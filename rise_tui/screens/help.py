@@ -41,7 +41,7 @@ def help_entries(store: Store, scope: KeyScope | None = None) -> Iterator[HelpEn
         yield from (_action_entry(action, titles[common], store) for action in actions_in(common))
     yield from (HelpEntry(IDEAS, word, "", text) for word, text in concepts())
     for key in store.scenario.keys.values():
-        why, what = why_task_blocked(store, key.function), task_label(key.function, key.behavior)
+        why, what = why_task_blocked(store, key.function), task_label(key.function, key.task_behavior)
         act = "CommunicationRobotAct" in key.function
         hold = "hold: needs a second key. " if act and store.scenario.settings_of(key.behavior).hold else ""
         text = f"{f'{what}. ' if key.title else ''}{hold}{f'Not now: {why}.' if why else ''}"

@@ -9,6 +9,7 @@ from collections.abc import Callable, Iterable, Iterator, Sequence
 from functools import partial
 from typing import NamedTuple
 
+from rise_engine.kernel.behaviors import describe_behavior
 from rise_engine.scenario.model import KeyBinding, normal_topic
 from rise_tui.actions import ACTIONS, KEY_SCOPES, ConsoleAction, KeyScope
 from rise_tui.key_labels import first_key_label, why_blocked, why_task_blocked, why_unavailable
@@ -90,6 +91,11 @@ def _scenario_commands(store: Store, start: Callable[[KeyAction], None]) -> Iter
         elif key.function == SET:
             why = why_task_blocked(store, key.function)
             yield PaletteCommand(key_title(key), "set", key.label, key.behavior, why, partial(start, action))
+        elif key.function == RULE and key.task_behavior != key.behavior:
+            help = f"start this rule: {describe_behavior(key.function, key.task_behavior)}"
+            yield PaletteCommand(
+                key_title(key), "rule", key.label, help, why_blocked(store, "start"), partial(start, action)
+            )
 
 
 def _author_title(key: KeyBinding | None) -> str:

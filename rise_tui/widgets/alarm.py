@@ -93,7 +93,7 @@ class FailureBar(StoreLines):
         if event.y != len(self.lines) - 1:
             return
         line = plain_text(self.lines[-1])
-        columns = {id: line.find(key_name(id)) for id in ("repeat", "go-on")}
+        columns = {id: line.find(key_name(id)) for id in ("repeat", "go-on", "stop-rule")}
         left_of_click = [id for id, at in columns.items() if 0 <= at <= event.x]
         if left_of_click:
             self.post_message(RunAction(max(left_of_click, key=lambda id: columns[id])))

@@ -30,7 +30,7 @@ RULES = """<InteractionRules>
 <InteractionRule name="Wait for it" initial="Waiting">
   <State id="Waiting"><transition eventTopic="/go" target="Going"/></State>
   <State id="Going"><onEntry><function startCommunicationRobotAct="Greet"/></onEntry>
-    <transition eventTopic="/Greet_end" target="Done"/></State>
+    <transition eventTopic="/Greet_succeeded" target="Done"/></State>
   <State id="Done"/>
 </InteractionRule>
 <InteractionRule name="Clock" initial="Tick">

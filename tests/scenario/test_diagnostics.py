@@ -386,7 +386,7 @@ FILES: dict[str, tuple[dict[str, str | bytes], list[str]]] = {
         [
             "scenario.toml:3:28 time",
             "scenario.toml:4:28 wrong-type",
-            "scenario.toml:5:25 wrong-value",
+            "scenario.toml:5:18 binding",
             "scenario.toml:6:28 out-of-range",
             "scenario.toml:7:21 unknown-key",
         ],

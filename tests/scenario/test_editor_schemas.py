@@ -69,15 +69,8 @@ def names(text: str, what: str) -> set[str]:
 
 def test_the_reader_and_the_schemas_have_the_same_words() -> None:
     """No element and no attribute that only the schemas know, and none that only the reader knows."""
-    known = {
-        *rules._RULE,
-        *rules._STATE,
-        *rules._TRANSITION,
-        *rules._SHARED,
-        *blocks._COND,
-        *blocks.FUNCTIONS,
-        *blocks._EXTRA_OF,
-    }
+    known = {*rules._RULE, *rules._STATE, *rules._TRANSITION, *rules._SHARED, *blocks._COND, *blocks.FUNCTIONS}
+    known.update(*blocks._EXTRAS.values())
     assert names(rule_schema_text(), "attribute") == known
     assert names(rule_schema_text(), "element") == {"InteractionRules", *blocks._PLACES}
     core = core_actions()

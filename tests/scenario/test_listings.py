@@ -82,5 +82,5 @@ def test_on_every_installed_robot(tmp_path: Path) -> None:
     from rise_engine.scenario import robot_names
 
     for robot in robot_names(tmp_path):
-        result = loaded(tmp_path, {**files(), "scenario.toml": f'robot = "{robot}"\n'})
+        result = loaded(tmp_path, {**files(), "scenario.toml": f'robot = "{robot}"\non_failure = "ask"\n'})
         assert result.diagnostics == [], robot

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from rise_engine.kernel.records import MemoryRecord
+from rise_engine.kernel.records import FailureRecord, MemoryRecord
 from rise_engine.protocol.messages import with_tasks, without_tasks
 from rise_engine.scenario import load
 from rise_engine.scenario.model import Scenario
@@ -257,3 +257,46 @@ async def test_without_a_failure_the_keys_say_so() -> None:
             await it.press(key)
             await it.until(lambda title=title: f"{title}: not now, no act has failed" in it.notice)  # type: ignore[misc]
         assert it.client.sent == []
+
+
+# --- the study waits for an answer ------------------------------------------------------------------------------------
+
+
+def ask(client: FakeClient, status: str = "asked", by: int | None = None) -> int:
+    """An act of a rule has failed, and somebody is asked."""
+    client.rule("Main", "entered", "greeting", trigger="start")
+    id = client.task("startCommunicationRobotAct", "Greet", "ABORTED", reason="no voice", source="rule:Main")
+    client.emit(FailureRecord(0, 0.0, "", id, "Greet", "asked", "engine"))
+    return id
+
+
+@pytest.mark.parametrize("size", [(80, 24), (120, 40)])
+@pytest.mark.parametrize(
+    ("answer", "function", "status"),
+    [
+        (("ctrl+e",), "repeatAct", "repeated"),
+        (("ctrl+k",), "goOn", "gone-on"),
+        ((":", *"failed act's", "enter"), "stopRuleOfAct", "dropped"),
+    ],
+)
+async def test_a_question_shows_its_three_answers(
+    size: tuple[int, int], answer: tuple[str, ...], function: str, status: str
+) -> None:
+    async with console(size=size) as it:
+        id = ask(it.client)
+        await shown(it)
+        text = it.bars.failure_bar.text
+        assert "the study waits for your answer" in text
+        assert all(words in text for words in ("ctrl+e repeat", "ctrl+k go on", ": Stop the failed act's rule"))
+        await it.press(*answer)
+        await it.sent(function, str(id))
+        it.client.emit(FailureRecord(0, 0.0, "", id, "Greet", status, "wizard:anna", id + 1))  # type: ignore[arg-type]
+        await it.until(lambda: not it.bars.failure_bar.display)
+
+
+async def test_in_safe_mode_no_answer_makes_anything_happen() -> None:
+    async with console() as it:
+        ask(it.client)
+        await shown(it)
+        await it.press("ctrl+x", "ctrl+e", "ctrl+k")
+        assert it.client.asked() == [] and "SAFE" in it.notice

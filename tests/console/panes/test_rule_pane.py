@@ -213,7 +213,7 @@ async def test_a_key_whose_event_is_kept() -> None:
     keys = {**scenario.keys, "n": replace(scenario.keys["n"], keep=2.0)}
     async with console(client=FakeClient(replace(scenario, keys=keys))) as it:
         await it.press("n")
-        await it.sent("raiseEventTopic", '{"event":"/next","keep":"2s"}')
+        await it.sent("raiseEventTopic", '{"event": "/next", "keep": "2s"}')
         task = it.client.task("raiseEventTopic", "/next", "PENDING")
         it.client.emit(KeptRecord(0, 0.0, "", task, "/next", "kept", 2.0))
         await it.until(lambda: "kept next  2 s  you: n undoes" in pane(it).row_list.text)

@@ -415,16 +415,16 @@ def test_a_mark_is_about_what_the_wizard_did_last() -> None:
 
 def test_the_same_key_takes_back_what_is_kept() -> None:
     keys = Keyboard()
-    early = KeyAction("raiseEventTopic", "/understood", keep=2.0)
+    early = KeyAction("raiseEventTopic", '{"event": "/understood", "keep": "2s"}')
     keys.press("u", early)
     keys.store.apply([KeptRecord(1, 0.0, "", 7, "/understood", "kept", 2.0)])
     keys.wait(0.2)
     keys.press("u", early)
-    assert keys.tasks == [("raiseEventTopic", "/understood", "")], "a key that bounces takes nothing back"
+    assert keys.tasks == [("raiseEventTopic", early.behavior, "")], "a key that bounces takes nothing back"
     keys.wait(0.6)
     keys.press("u", early)
     assert keys.tasks[1:] == [("cancelTask", "7", "")]
     keys.store.apply([KeptRecord(2, 0.0, "", 7, "/understood", "taken-back")])
     keys.wait(1)
     keys.press("u", early)
-    assert keys.tasks[2:] == [("raiseEventTopic", "/understood", "")]
+    assert keys.tasks[2:] == [("raiseEventTopic", early.behavior, "")]

@@ -1,0 +1,247 @@
+"""What becomes of an act that has failed: go on, ask, repeat (semantics.md 12.2)."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from rise_engine.kernel import Kernel
+from rise_engine.kernel.inputs import SessionRecovered
+from rise_engine.kernel.records import EventRecord, FailureRecord, RuleRecord, TaskRecord
+from rise_engine.kernel.view import SessionView
+from rise_engine.scenario import load
+
+from .harness import Session, dialog, pause, read, speech, write
+from .test_rules import do, on, rule, state
+
+ACTS = dialog("A", speech(1)) + dialog("B", speech(1)) + dialog("Wait", pause(1, 10))
+OWN = '<transition ended="A" outcome="succeeded" target="good"/><transition ended="A" target="bad"/>'
+R = rule(
+    "R",
+    state("a", do("startCommunicationRobotAct", "A"), OWN),
+    state("good", "", on("/x", "a")),
+    state("bad", "", on("/x", "a")),
+)
+
+
+def session(tmp_path: Path, on_failure: str = "ask", rules: str = R, toml: str = "") -> Session:
+    return Session(read(write(tmp_path, rules=rules, acts=ACTS, toml=f'on_failure = "{on_failure}"\n{toml}')))
+
+
+def fail(s: Session) -> int:
+    """The robot fails with the one action that runs; the id of its task."""
+    (goal,) = s.goals
+    s.report(goal, "failed", "the motor is hot")
+    return int(goal.partition("/")[0])
+
+
+def failures(s: Session) -> list[tuple[str, int | None, str]]:
+    return [(r.status, r.by, r.source) for r in s.records if isinstance(r, FailureRecord)]
+
+
+def view_of(s: Session) -> SessionView:
+    view = SessionView()
+    for record in s.records:
+        view.apply(record)
+    return view
+
+
+def topics(s: Session) -> list[str]:
+    return [record.topic for record in s.records if isinstance(record, EventRecord)]
+
+
+def test_without_a_word_the_rules_hear_of_it_at_once(tmp_path: Path) -> None:
+    s = Session(read(write(tmp_path, rules=R, acts=ACTS)))
+    s.rule("R")
+    fail(s)
+    assert (s.states, failures(s)) == ({"R": "bad"}, [])
+
+
+def test_asked_nothing_is_raised_until_somebody_goes_on(tmp_path: Path) -> None:
+    s = session(tmp_path)
+    s.rule("R")
+    id = fail(s)
+    s.wait(100)
+    assert (s.states, topics(s)) == ({"R": "a"}, [])
+    assert (view_of(s).questions, view_of(s).failed) == ([id], [])
+    assert s.submit("goOn", str(id)).status == "SUCCEEDED"
+    assert s.states == {"R": "bad"}
+    assert failures(s) == [("asked", None, "engine"), ("gone-on", None, "wizard:w")]
+    assert (view_of(s).questions, view_of(s).failed) == ([], [])
+    assert s.submit("goOn", str(id)).status == "REJECTED"
+
+
+@pytest.mark.parametrize("how", ["id", "name"])
+def test_a_repetition_is_the_act_that_the_rule_has_started(tmp_path: Path, how: str) -> None:
+    s = session(tmp_path)
+    s.rule("R")
+    id = fail(s)
+    s.submit("repeatAct", str(id) if how == "id" else "A")
+    again = fail(s)
+    assert s.states == {"R": "a"}, "it is asked again"
+    s.submit("repeatAct", str(again))
+    s.finish_all()
+    assert s.states == {"R": "good"}
+    tasks = [r for r in s.records if isinstance(r, TaskRecord) and r.status == "PENDING" and r.behavior == "A"]
+    assert [(r.source, r.reason) for r in tasks] == [
+        ("rule:R", ""),
+        ("rule:R", f"repeats task {id}"),
+        ("rule:R", f"repeats task {again}"),
+    ]
+    assert [by for _, by, _ in failures(s)] == [None, again, None, tasks[-1].id]
+
+
+def test_the_rule_can_be_stopped_instead(tmp_path: Path) -> None:
+    s = session(tmp_path)
+    s.rule("R")
+    s.submit("stopRuleOfAct", str(fail(s)))
+    assert (s.states, topics(s)) == ({}, [])
+    assert [status for status, _, _ in failures(s)] == ["asked", "dropped"]
+    stopped = next(r for r in s.records if isinstance(r, RuleRecord) and r.status == "stopped")
+    assert stopped.reason == "stopped by wizard:w, because A failed"
+
+
+@pytest.mark.parametrize("function", ["stopInteractionRule", "stopAll"])
+def test_what_stops_the_rule_makes_the_question_void(tmp_path: Path, function: str) -> None:
+    s = session(tmp_path)
+    s.rule("R")
+    id = fail(s)
+    s.submit(function, "R" if function == "stopInteractionRule" else "")
+    assert [status for status, _, _ in failures(s)] == ["asked", "dropped"]
+    assert view_of(s).questions == [] and topics(s) == []
+    assert s.submit("repeatAct", str(id)).reason == f"no failed act {id} waits for an answer"
+
+
+def test_an_act_that_no_rule_has_started(tmp_path: Path) -> None:
+    listens = rule("S", state("a", "", on("/A_end", "b")), state("b", "", on("/x", "a")))
+    s = session(tmp_path, rules=listens)
+    s.rule("S")
+    s.act("A")
+    id = fail(s)
+    assert s.submit("stopRuleOfAct", str(id)).reason == "no rule that runs has started A"
+    s.submit("stopInteractionRule", "S")
+    assert view_of(s).questions == [id], "another rule's stop does not matter"
+    s.rule("S")
+    s.submit("goOn", "A")
+    assert s.states == {"S": "b"}
+
+
+def test_a_rule_that_has_ended_is_not_the_one_that_was_started_anew(tmp_path: Path) -> None:
+    once = rule("R", state("a", do("startCommunicationRobotAct", "A"), on("/x", "b")), state("b"))
+    s = session(tmp_path, rules=once)
+    s.rule("R")
+    s.event("x")
+    id = fail(s)
+    s.submit("startInteractionRule", '{"rule": "R", "enter": false}')
+    assert s.submit("stopRuleOfAct", str(id)).status == "REJECTED"
+    s.submit("stopInteractionRule", "R")
+    assert view_of(s).questions == [id]
+
+
+def test_repeating_by_itself_and_then_going_on(tmp_path: Path) -> None:
+    s = session(tmp_path, "repeat:2")
+    s.rule("R")
+    ids = [fail(s), fail(s), fail(s)]
+    assert s.states == {"R": "bad"}
+    assert failures(s) == [
+        ("repeated", ids[1], "engine"),
+        ("repeated", ids[2], "engine"),
+        ("gone-on", None, "engine"),
+    ]
+    assert view_of(s).failed == [ids[2]], "the wizard sees that it failed"
+    last = [r for r in s.records if isinstance(r, FailureRecord)][-1]
+    assert last.reason == "failed 3 times"
+
+
+def test_a_repetition_goes_before_all_that_wait(tmp_path: Path) -> None:
+    s = session(tmp_path, "repeat:1")
+    s.act("A")
+    s.act("B")
+    fail(s)
+    assert [goal.partition("/")[0] for goal in s.goals] == ["3"]
+    s.finish_all()
+    begun = [r.behavior for r in s.records if isinstance(r, TaskRecord) and r.status == "ACTIVE"]
+    assert begun == ["A", "A", "B"]
+
+
+@pytest.mark.parametrize("robot", ["lost", "restarted"])
+def test_without_the_robot_nothing_is_repeated_by_itself(tmp_path: Path, robot: str) -> None:
+    s = session(tmp_path, "repeat:2")
+    s.rule("R")
+    if robot == "lost":
+        s.robot("lost", "no link")
+        s.robot("connected")
+    else:
+        s.do(SessionRecovered())
+    assert (failures(s), s.states) == ([("asked", None, "engine")], {"R": "a"})
+    s.submit("repeatAct", "A")
+    s.finish_all()
+    assert s.states == {"R": "good"}
+
+
+def test_stops_and_free_speech_are_never_asked_about(tmp_path: Path) -> None:
+    s = session(tmp_path)
+    s.rule("R")
+    s.submit("stopCommunicationRobotAct", "A")
+    s.report(next(iter(s.goals)), "canceled")
+    assert s.states == {"R": "bad"}
+    s.submit("say", "Hello")
+    fail(s)
+    assert failures(s) == []
+
+
+def test_an_act_may_have_its_own_word_and_so_may_a_pattern(tmp_path: Path) -> None:
+    s = session(tmp_path, "ask", toml='[act."A*"]\non_failure = "go_on"\n[act.B]\nhold = true\n')
+    assert [s.scenario.failure_policy(act).kind for act in ("A", "B", "Wait")] == ["go_on", "ask", "ask"]
+
+
+def test_a_kernel_that_goes_on_from_a_snapshot_knows_the_question(tmp_path: Path) -> None:
+    s = session(tmp_path)
+    s.rule("R")
+    id = fail(s)
+    later = Session(s.scenario, kernel=Kernel.restore(s.scenario, s.kernel.snapshot()))
+    later.timers = dict(s.timers)
+    for each in (s, later):
+        each.submit("repeatAct", str(id))
+        each.finish_all()
+        assert each.states == {"R": "good"}
+    assert later.records == s.records[-len(later.records) :]
+
+
+@pytest.mark.parametrize("written", ['"repeat"', '"repeat:0"', '"repeat:11"', '"asks"', "true", '"repeat:²"'])
+def test_what_on_failure_cannot_be(tmp_path: Path, written: str) -> None:
+    for toml in (f"on_failure = {written}", f"[act.A]\non_failure = {written}"):
+        (error,) = load(write(tmp_path, rules="", acts=ACTS, toml=toml)).errors
+        assert error.code == "wrong-value" and '"go_on", "ask" or "repeat:2"' in error.message
+
+
+ALLOW = "check: allow unnoticed-failure: meant"
+WAITS = rule("W", state("a", do("startCommunicationRobotAct", "A"), on("/A_end", "b")), state("b"))
+CAREFUL = WAITS.replace("<transition", OWN.replace("good", "b").replace("bad", "b") + "<transition")
+
+
+@pytest.mark.parametrize(
+    ("rules", "toml", "warned"),
+    [
+        (WAITS, 'title = "x"', True),
+        (WAITS, "", False),
+        (WAITS, 'on_failure = "ask"', False),
+        (WAITS, 'on_failure = "ask"\n[act.A]\non_failure = "go_on"', True),
+        (WAITS, '[act.A]\non_failure = "repeat:1"', False),
+        (WAITS, "[act.A]\nfiller = true", False),
+        (WAITS.replace("/A_end", "/A_succeeded"), 'title = "x"', False),
+        (WAITS + rule("S", state("a", "", on("/A_failed", "a"))), 'title = "x"', False),
+        (CAREFUL, 'title = "x"', False),
+        (WAITS.replace(do("startCommunicationRobotAct", "A"), ""), 'title = "x"', False),
+        (WAITS.replace("A_end", "Wait_end").replace('"A"', '"Wait"'), 'title = "x"', False),
+        (
+            WAITS.replace("<transition", f"<!-- {ALLOW} --><transition"),
+            'title = "x"',
+            False,
+        ),
+    ],
+)
+def test_check_warns_where_nothing_deals_with_a_failure(tmp_path: Path, rules: str, toml: str, warned: bool) -> None:
+    found = [each.code for each in load(write(tmp_path, rules=rules, acts=ACTS, toml=toml)).diagnostics]
+    assert [code for code in found if code == "unnoticed-failure"] == ["unnoticed-failure"] * warned
