@@ -12,6 +12,7 @@ from rise_engine.scenario.element_reader import ElementReader
 from rise_engine.scenario.graph import find_cycles
 from rise_engine.scenario.model import Act, Action, ActionCall, ActionSpec, Parameter, RobotProfile
 from rise_engine.scenario.parameters import OutOfRangeError, ParameterError, check_template, convert_parameter
+from rise_engine.scenario.spoken import LANGUAGE, says_message
 from rise_engine.scenario.template import Template, TemplateError, key_template, parse_template
 from rise_engine.scenario.xml import Element, XmlFile
 from rise_engine.text import BLANKS, character_name, find_unseen
@@ -204,6 +205,8 @@ class _ActReader(ElementReader):
                 template = self.read_template(child, parameter)
                 if template is not None:
                     parameters[name] = template
+                    if name == LANGUAGE and says_message(spec):
+                        self.note_language(template)
             elif name not in besides:
                 self.report_unknown_parameter(child, spec, besides)
         for parameter in spec.parameters.values():
@@ -211,6 +214,12 @@ class _ActReader(ElementReader):
                 message = f"`<{spec.name}>` needs `<{parameter.name}>`{_explain(parameter)}"
                 self.report_error("missing-parameter", element, message)
         return ActionCall(spec.name, parameters)
+
+    def note_language(self, template: Template) -> None:
+        if (constant := template.constant) is not None:
+            self.draft.spoken_languages.add(constant.strip())
+        else:
+            self.draft.has_languages_from_memory = True
 
     def report_unknown_parameter(self, element: Element, spec: ActionSpec, besides: tuple[str, ...]) -> None:
         name = element.tag
