@@ -1,4 +1,5 @@
-"""What a robot is given to say: the text of the record, with its words as the lexicon says them (semantics.md 2.5).
+"""What a robot is given to say: the text of the record, with its words as the lexicon says them (semantics.md 2.5), and
+without markup when the robot takes none (2.6).
 
 It stands before every driver, so that each is given the same, the simulated one too.
 """
@@ -14,8 +15,9 @@ from msgspec.structs import replace
 
 from rise_engine.kernel.commands import StartAction
 from rise_engine.scenario.languages import language_fits
-from rise_engine.scenario.model import LexiconTable, Scenario
+from rise_engine.scenario.model import ActionSpec, LexiconTable, Scenario
 from rise_engine.scenario.spoken import LANGUAGE, MESSAGE, says_message
+from rise_engine.scenario.ssml import begins_as_ssml, change_words, literal_ssml, plain_words
 
 _PART_OF_WORD = regex.compile(r"[\w--[\p{Han}\p{Hiragana}\p{Katakana}\p{Thai}\p{Lao}\p{Khmer}\p{Myanmar}]]", regex.V1)
 """A letter, digit, mark or underscore, but of no script that leaves no blanks between words."""
@@ -100,11 +102,23 @@ class RobotWording:
         """The goal with its message as this robot is to get it; the same goal where nothing changes."""
         spec = self._robot.actions.get(goal.type)
         message = goal.parameters.get(MESSAGE)
-        if spec is None or not says_message(spec) or not isinstance(message, str):
+        if spec is None or not isinstance(message, str):
             return goal
         language = goal.parameters.get(LANGUAGE)
-        said = self._pronounce(message, language if isinstance(language, str) and language else self._language)
+        said = self._word(spec, message, language if isinstance(language, str) and language else self._language)
         return goal if said == message else replace(goal, parameters={**goal.parameters, MESSAGE: said})
+
+    def _word(self, spec: ActionSpec, message: str, language: str) -> str:
+        def pronounce(text: str, own_language: str = "") -> str:
+            return self._pronounce(text, own_language or language) if says_message(spec) else text
+
+        if not spec.ssml:
+            return pronounce(plain_words(message))
+        changed = change_words(message, pronounce)
+        if changed is not None:
+            return changed
+        text = pronounce(message)
+        return literal_ssml(text) if begins_as_ssml(text) else text  # a text, which the robot must not take for markup
 
     def _pronounce(self, text: str, language: str) -> str:
         if not self._lexicon:

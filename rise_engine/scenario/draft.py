@@ -61,3 +61,5 @@ class ScenarioDraft:
         """Languages that single actions name, by BCP 47."""
         self.has_languages_from_memory = False
         """Whether the memory says at run time which language an action speaks."""
+        self.unsent_ssml: list[SourceLocation] = []
+        """Where messages stand that are SSML, of which this robot gets the words alone."""

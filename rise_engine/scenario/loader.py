@@ -14,7 +14,7 @@ from msgspec.structs import replace
 from rise_engine.nearest_name import limited_comparisons
 from rise_engine.scenario.act_settings import ActTables
 from rise_engine.scenario.action_declarations import apply_declarations
-from rise_engine.scenario.acts import read_acts
+from rise_engine.scenario.acts import read_acts, report_unsent_ssml
 from rise_engine.scenario.cross_references import check_cross_references
 from rise_engine.scenario.diagnostics import Diagnostic, Diagnostics
 from rise_engine.scenario.draft import ScenarioDraft
@@ -123,6 +123,7 @@ class _Loader:
         for file in self.read_xml_files("rules", paths["rules"]):
             read_rules(file, draft, diagnostics)
         self.read_memory(paths["memory"])
+        report_unsent_ssml(profile, draft, diagnostics)
         lexicon = self.read_lexicon(settings.language, profile.name)
         check_cross_references(draft, diagnostics)
         if "acts" not in draft.unreadable_parts:

@@ -76,6 +76,8 @@ class ActionSpec(Struct, frozen=True):
     """How long one execution takes when nothing in its parameters tells (see `expected_seconds`)."""
     limit: float | None = None
     """Seconds after which a running action counts as timed out; null: derived from its expected duration."""
+    ssml: bool = False
+    """Whether its `message` may be SSML; otherwise the robot is given the words of it."""
     carrier: dict[str, Json] = field(default_factory=dict)
     """How an adapter carries it (for ROS: action name, type and field mapping). Opaque to the engine."""
     help: str = ""

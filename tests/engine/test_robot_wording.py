@@ -19,6 +19,7 @@ from rise_engine.kernel.inputs import Submit
 from rise_engine.kernel.records import ActionRecord, AnyRecord
 from rise_engine.scenario.durations import expected_seconds
 from rise_engine.scenario.model import Action, ActionSpec, LexiconTable, Parameter, Scenario
+from rise_engine.scenario.ssml import literal_ssml, plain_words
 
 from .samples import act, call, profile, scenario, speech, start
 
@@ -181,3 +182,70 @@ def test_what_is_not_said_is_left_alone(type: str, channels: tuple[str, ...], pa
     assert RobotWording(which).goal_for_robot(goal) is goal
     other = StartAction("1/1", "Speech", {"message": "nothing of that"}, 1.0)
     assert RobotWording(which).goal_for_robot(other) is other
+
+
+# --- SSML -----------------------------------------------------------------------------------------------------------
+
+SSML = '<speak>Rise <break time="2s"/><emphasis>is {name}</emphasis></speak>'
+FILLED = '<speak>Rise <break time="2s"/><emphasis>is A &amp; B</emphasis></speak>'
+
+
+def reads_ssml(which: Scenario, takes: bool) -> Scenario:
+    actions = {name: replace(spec, ssml=takes) for name, spec in which.robot.actions.items()}
+    return replace(which, robot=replace(which.robot, actions=actions), memory={"name": "A & B"})
+
+
+def test_a_robot_that_takes_ssml_gets_it_with_the_lexicon_between_the_tags() -> None:
+    goals, records = play(reads_ssml(study(speech("1", SSML)), True), start("Greet"))
+    assert goals[0].parameters == {"message": FILLED.replace("Rise", "rize")}
+    assert records[0].parameters == {"message": FILLED}
+    words = expected_seconds(profile().actions["Speech"], {"message": "Rise is A & B"})
+    assert goals[0].expected == pytest.approx(words + 2.0)
+
+
+def test_a_robot_that_takes_none_gets_the_words() -> None:
+    goals, records = play(reads_ssml(study(speech("1", SSML)), False), start("Greet"))
+    assert goals[0].parameters == {"message": "rize is A & B"} and records[0].parameters == {"message": FILLED}
+    assert goals[0].expected == expected_seconds(profile().actions["Speech"], {"message": "Rise is A & B"})
+
+
+def test_a_part_in_another_language_is_said_in_it() -> None:
+    german = speech("1", '<speak>Rise <lang xml:lang="de">Rise</lang> <lang xml:lang="it">Rise</lang></speak>')
+    goals, _ = play(reads_ssml(study(german), True), start("Greet"))
+    assert goals[0].parameters == {
+        "message": '<speak>rize <lang xml:lang="de">Reis</lang> <lang xml:lang="it">Rise</lang></speak>'
+    }
+
+
+@pytest.mark.parametrize("typed", ["<speak>Rise</speak>", "<speak>a & b", "<speak/>"])
+@pytest.mark.parametrize("takes", [True, False])
+def test_what_a_wizard_types_is_no_markup(typed: str, takes: bool) -> None:
+    which = replace(reads_ssml(study(speech("1")), takes), lexicon=())
+    goals, records = play(which, Submit(function="say", behavior=typed))
+    assert goals[0].parameters == {"message": literal_ssml(typed) if takes else typed}
+    assert plain_words(records[0].parameters["message"]) == typed
+    assert goals[0].expected == expected_seconds(profile().actions["Speech"], {"message": literal_ssml(typed)})
+
+
+@pytest.mark.parametrize(
+    ("value", "takes", "given"),
+    [
+        ("<speak>a & b", False, "<speak>a & b"),
+        ("<speak>a & b", True, "<speak>&lt;speak&gt;a &amp; b</speak>"),
+        ("<speak>a <s>b</s></speak>", True, "<speak>a <s>b</s></speak>"),
+        ("<speak>a <s>b</s></speak>", False, "a b"),
+        ("a & b", True, "a & b"),
+    ],
+)
+def test_a_message_from_the_memory_is_never_half_markup(value: str, takes: bool, given: str) -> None:
+    which = replace(reads_ssml(study(speech("1", "{text}")), takes), memory={"text": value})
+    goals, records = play(which, start("Greet"))
+    assert goals[0].parameters == {"message": given} and records[0].parameters == {"message": value}
+
+
+def test_what_is_shown_on_a_tablet_has_no_tags_and_no_other_words() -> None:
+    spec = ActionSpec("Show", {"message": Parameter("message", "text")}, ("tablet",))
+    which = study(speech("1"))
+    which = replace(which, robot=replace(which.robot, actions={**which.robot.actions, "Show": spec}))
+    goal = RobotWording(which).goal_for_robot(StartAction("1/1", "Show", {"message": "<speak>Rise <s/></speak>"}, 1.0))
+    assert goal.parameters == {"message": "Rise"}
