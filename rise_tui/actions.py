@@ -127,7 +127,7 @@ ACTIONS: tuple[ConsoleAction, ...] = (
     ConsoleAction("cue", "Mark the participant's cue", ("space",), "console",
            "The participant's turn has ended: the time is counted from here until the next act starts, and recorded.",
            "cue", _change),
-    ConsoleAction("undo-cue", "Take back the cue", (), "console",
+    ConsoleAction("undo-cue", "Take back the cue", ("underscore",), "console",
            "The participant goes on speaking: the cue that was marked last does not count.", "", _cue_open),
     ConsoleAction("filler", "Say the next filler", ("comma",), "console",
            "Starts the next of the scenario's fillers, in turn, to bridge the time until you have an answer.",

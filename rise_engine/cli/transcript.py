@@ -33,6 +33,7 @@ from rise_engine.kernel.records import (
     TaskRecord,
     TimingRecord,
 )
+from rise_engine.scenario.ssml import plain_words
 
 _WHO_WIDTH = 16
 _WHAT_WIDTH = 44
@@ -216,7 +217,8 @@ def parameters_text(parameters: dict[str, Any]) -> str:
     rest = dict(parameters)
     parts = []
     if "message" in rest:
-        parts.append(_json(rest.pop("message")))
+        message = rest.pop("message")
+        parts.append(_json(plain_words(message) if isinstance(message, str) else message))
     if "value" in rest:
         parts.append(str(rest.pop("value")))
     if all(axis in rest for axis in ("pointx", "pointy", "pointz")):

@@ -10,9 +10,11 @@ from collections.abc import Callable
 from functools import partial
 
 from rise_engine.engine.clock import SessionClock
+from rise_engine.engine.robot_wording import RobotWording
 from rise_engine.kernel.commands import CancelAction, CancelTimer, Command, SetTimer, StartAction, StopRobot
 from rise_engine.kernel.inputs import ActionReport, AnyInput, Note, RobotChanged, StopReport, TimerElapsed
 from rise_engine.ports.robot import Robot, Timer
+from rise_engine.scenario.model import Scenario
 
 _LOG = logging.getLogger(__name__)
 
@@ -20,15 +22,16 @@ _LOG = logging.getLogger(__name__)
 class CommandRunner:
     """One session's timers and robot."""
 
-    def __init__(self, robot: Robot, robot_name: str, clock: SessionClock, post: Callable[[AnyInput], None]) -> None:
+    def __init__(self, robot: Robot, scenario: Scenario, clock: SessionClock, post: Callable[[AnyInput], None]) -> None:
         """
         :param robot: not connected yet.
-        :param robot_name: as the record calls it.
+        :param scenario: says what the record calls the robot, and in which words it is given what it says.
         :param clock: the session's.
         :param post: takes what the robot reports, and every timer that has elapsed.
         """
         self._robot = robot
-        self._robot_name = robot_name
+        self._robot_name = scenario.robot.name
+        self._wording = RobotWording(scenario)
         self._clock = clock
         self._post = post
         self._timers: dict[int, Timer] = {}
@@ -69,7 +72,8 @@ class CommandRunner:
                 if handle is not None:
                     handle.cancel()
             case StartAction():
-                if failure := self._call_robot(f"start {command.action}", lambda: self._robot.start(command)):
+                goal = self._wording.goal_for_robot(command)
+                if failure := self._call_robot(f"start {command.action}", lambda: self._robot.start(goal)):
                     self._post(ActionReport(action=command.action, status="failed", reason=failure))
             case CancelAction(action=action):
                 if failure := self._call_robot(f"cancel {action}", lambda: self._robot.cancel(action)):

@@ -135,7 +135,7 @@ class Engine:
         self.on_journal_status: Callable[[JournalStatus], object] | None = None
         """Called when that has changed."""
         self._timers_left = recovered.timers if recovered is not None else {}
-        self._commands = CommandRunner(robot, scenario.robot.name, clock, self.post)
+        self._commands = CommandRunner(robot, scenario, clock, self.post)
         self._kernel = recovered.kernel if recovered is not None else Kernel(scenario, seed)
         self._journal = journal
         self._unrecorded_steps: deque[_UnrecordedStep] = deque()

@@ -25,8 +25,9 @@ class SessionKeys:
     def begin(self, participant: str, condition: str, factors: dict[str, Any]) -> None:
         """The session has started; what stays as it is is said once."""
         if self._is_read:
-            fixed = {"participant": participant, "condition": condition, "factors": factors, "language": ""}
-            self._memory.write(SESSION, {**self._changing(), **fixed}, "engine")
+            fixed = {"participant": participant, "condition": condition, "factors": factors}
+            language = self._core.scenario.language
+            self._memory.write(SESSION, {**self._changing(), **fixed, "language": language}, "engine")
 
     def update(self) -> None:
         """Write down what has changed."""

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from rise_engine.kernel.core import Task
 from rise_engine.scenario.model import Act, Action, ActionCall, Scenario
+from rise_engine.scenario.ssml import begins_as_ssml, literal_ssml
 from rise_engine.scenario.template import Template
 
 SAY = "say"
@@ -30,6 +31,7 @@ def why_not_speak(scenario: Scenario) -> str:
 
 
 def _speech_act(scenario: Scenario, text: str) -> Act:
-    message = Template(text, (text,))  # literal: braces in it are to be said, and mean nothing
+    said = literal_ssml(text) if begins_as_ssml(text) else text  # what a wizard types is no markup
+    message = Template(said, (said,))  # literal: braces in it are to be said, and mean nothing
     channels = scenario.robot.actions[SPEECH].channels
     return Act(SAY, (Action(SAY, (ActionCall(SPEECH, {"message": message}),)),), frozenset(channels))

@@ -17,6 +17,7 @@ from rise_engine.scenario.diagnostics import Diagnostics
 from rise_engine.scenario.durations import MAX_SECONDS
 from rise_engine.scenario.model import ActionSpec, Parameter, ParameterType
 from rise_engine.scenario.source_files import SourceFile
+from rise_engine.scenario.spoken import MESSAGE
 from rise_engine.scenario.toml_locations import read_toml
 from rise_engine.scenario.toml_tables import TomlTable, is_integer
 from rise_engine.scenario.xml import is_element_name
@@ -30,6 +31,7 @@ _ACTION_KEYS = (
     "names",
     "without",
     "substitute",
+    "ssml",
     "carrier",
     "help",
     "parameters",
@@ -108,15 +110,20 @@ def _read_action(table: TomlTable, before: ActionSpec | None, layer: Declaration
     if base.engine:
         table.report_key("wrong-type", f"`{table.name}` runs in the engine and cannot be changed")
         return base
+    parameters = _read_parameters(table, base)
+    message = parameters.get(MESSAGE)
+    if "ssml" in table.values and (message is None or message.type != "text"):
+        table.report_key("wrong-type", "`ssml` needs a parameter `message` of the type `text`", "ssml")
     return replace(
         base,
-        parameters=_read_parameters(table, base),
+        parameters=parameters,
         channels=table.read_texts("channels", base.channels),
         engine=bool(table.values.get("engine", False)),
         supported=True,
         substitute=table.read("substitute", str, None),
         seconds=_read_seconds(table, "seconds", base.seconds) or base.seconds,
         limit=_read_seconds(table, "limit", base.limit),
+        ssml=table.read("ssml", bool, base.ssml),
         carrier={**base.carrier, **table.read("carrier", dict, {})},
         help=table.read("help", str, base.help),
     )

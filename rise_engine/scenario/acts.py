@@ -12,14 +12,19 @@ from rise_engine.scenario.element_reader import ElementReader
 from rise_engine.scenario.graph import find_cycles
 from rise_engine.scenario.model import Act, Action, ActionCall, ActionSpec, Parameter, RobotProfile
 from rise_engine.scenario.parameters import OutOfRangeError, ParameterError, check_template, convert_parameter
+from rise_engine.scenario.spoken import LANGUAGE, MESSAGE, says_message
+from rise_engine.scenario.ssml import begins_as_ssml, write_element
+from rise_engine.scenario.ssml_checks import find_ssml_problems, languages_in
 from rise_engine.scenario.template import Template, TemplateError, key_template, parse_template
 from rise_engine.scenario.xml import Element, XmlFile
-from rise_engine.text import BLANKS, character_name, find_unseen
+from rise_engine.text import BLANKS, character_name, find_unseen, pluralize
 
 WRAPPERS = ("Dialogs", "AgentDialogs", "CommunicationRobotActs")
 COMMON = ("actionID", "waitForActions", "onFailure")
 _NO_ATTRIBUTES: frozenset[str] = frozenset()
 _SLOT = re.compile(r"\{\{|\{\s*+(?:\"[^\"]*+\"\s*+)?([^\W\d][\w.]*)")
+_LONGEST_PIECE = 12
+"""Characters by which a place is found again."""
 _ID = re.compile(r"[^,;\s]+")
 _KEY = re.compile(r"[^\W\d][\w.]*\Z")
 
@@ -27,6 +32,18 @@ _KEY = re.compile(r"[^\W\d][\w.]*\Z")
 def read_acts(file: XmlFile, robot: RobotProfile, draft: ScenarioDraft, diagnostics: Diagnostics) -> None:
     """Read every act of a file into `draft`."""
     _ActReader(file, robot, draft, diagnostics).read_acts()
+
+
+def report_unsent_ssml(robot: RobotProfile, draft: ScenarioDraft, diagnostics: Diagnostics) -> None:
+    """Warn, once, of messages with pauses and emphasis that this robot cannot be told of."""
+    if draft.unsent_ssml:
+        others = len(draft.unsent_ssml) - 1
+        more = f" (here, and in {pluralize(others, 'further message')})" if others else ""
+        message = (
+            f"the robot {robot.title} (`{robot.name}`) takes no SSML: it is given the words alone{more}; for one that "
+            "does, write `ssml = true` under [actions.Speech]"
+        )
+        diagnostics.warning("no-ssml", draft.unsent_ssml[0], message)
 
 
 class _ActReader(ElementReader):
@@ -186,7 +203,8 @@ class _ActReader(ElementReader):
             return ""
         self.check_attributes(element, _NO_ATTRIBUTES)
         for child in element:
-            self.report_error("unknown-element", child, f"`<{element.tag}>` holds only text")
+            ssml = "; SSML stands in one <speak>...</speak>, which is all of it" if element.tag == MESSAGE else ""
+            self.report_error("unknown-element", child, f"`<{element.tag}>` holds only text{ssml}")
         return element.text.strip()
 
     def read_call(self, element: Element, spec: ActionSpec, besides: tuple[str, ...]) -> ActionCall:
@@ -204,6 +222,10 @@ class _ActReader(ElementReader):
                 template = self.read_template(child, parameter)
                 if template is not None:
                     parameters[name] = template
+                    if name == LANGUAGE and says_message(spec):
+                        self.note_language(template.constant)
+                    elif name == MESSAGE and parameter.type == "text":
+                        self.check_ssml(child, spec, template)
             elif name not in besides:
                 self.report_unknown_parameter(child, spec, besides)
         for parameter in spec.parameters.values():
@@ -211,6 +233,32 @@ class _ActReader(ElementReader):
                 message = f"`<{spec.name}>` needs `<{parameter.name}>`{_explain(parameter)}"
                 self.report_error("missing-parameter", element, message)
         return ActionCall(spec.name, parameters)
+
+    def note_language(self, language: str | None) -> None:
+        """Something is said in a language; None: the memory says in which."""
+        if language is None:
+            self.draft.has_languages_from_memory = True
+        else:
+            self.draft.spoken_languages.add(language.strip())
+
+    def check_ssml(self, element: Element, spec: ActionSpec, template: Template) -> None:
+        """Findings for a message that is meant as SSML."""
+        for problem in find_ssml_problems(template):
+            if len(element):
+                location = self.file.inner_location(element[0], problem.index_in)
+            else:
+                location = self.file.text_location(element, problem.index_in(element.text))
+            if problem.is_error:
+                self.diagnostics.error("ssml", location, problem.text)
+            else:
+                self.diagnostics.warning("ssml", location, problem.text)
+        if not begins_as_ssml(template.text):
+            return
+        for language in languages_in(template):
+            self.note_language(language)
+        sent = self.robot.actions[spec.substitute] if spec.substitute is not None else spec
+        if not sent.ssml:
+            self.draft.unsent_ssml.append(self.file.element_location(element))
 
     def report_unknown_parameter(self, element: Element, spec: ActionSpec, besides: tuple[str, ...]) -> None:
         name = element.tag
@@ -228,18 +276,30 @@ class _ActReader(ElementReader):
                 "unknown-parameter", element, f"`<{spec.name}>` has no `{name}`{did_you_mean(name, known)}"
             )
 
+    def read_message(self, element: Element) -> str:
+        """What is said: a text, or one `<speak>` as a text."""
+        if len(element) != 1 or element[0].tag != "speak":
+            return self.read_plain_text(element)
+        self.check_attributes(element, _NO_ATTRIBUTES)
+        self.check_no_text(element)
+        return write_element(element[0])
+
     def read_template(self, element: Element, parameter: Parameter) -> Template | None:
-        text = self.read_plain_text(element)
+        is_message = parameter.name == MESSAGE and parameter.type == "text"
+        text = self.read_message(element) if is_message else self.read_plain_text(element)
         if "\n" in text:
             text = " ".join(text.split())
         if not text:
-            if parameter.required or parameter.type != "text":
+            if len(element) == 0 and (parameter.required or parameter.type != "text"):
                 self.report_error("missing-parameter", element, f"`{parameter.name}` is empty{_explain(parameter)}")
             return parse_template("")
         try:
             template = parse_template(text)
         except TemplateError as error:
             location = self.file.text_location(element, _raw_index(element.text, error.column - 1))
+            if len(element):
+                piece = text[error.column - 1 :].split()[0][:_LONGEST_PIECE]
+                location = self.file.inner_location(element[0], lambda inner: max(inner.find(piece), 0))
             self.diagnostics.error("template", location, str(error))
             return None
         constant = template.constant
@@ -248,7 +308,10 @@ class _ActReader(ElementReader):
             for slot in template.slots:
                 if slot.fallback is not None and not (slot.before or slot.after):
                     continue
-                mention = Mention(slot.key, partial(self.file.text_location, element, index.get(slot.key, 0)))
+                locate = partial(self.file.text_location, element, index.get(slot.key, 0))
+                if len(element):
+                    locate = partial(self.file.inner_location, element[0], partial(_find_slot, slot.key))
+                mention = Mention(slot.key, locate)
                 (self.draft.key_reads if slot.fallback is None else self.draft.optional_key_reads).append(mention)
             try:
                 check_template(parameter, template)
@@ -290,6 +353,11 @@ def _id_offsets(text: str) -> dict[str, int]:
 
 def _explain(parameter: Parameter) -> str:
     return f" ({parameter.help.rstrip('.')})" if parameter.help else ""
+
+
+def _find_slot(key: str, text: str) -> int:
+    """Where a memory key is first read in an element as it is written."""
+    return next((found.start() for found in _SLOT.finditer(text) if found.group(1) == key), 0)
 
 
 def _raw_index(raw: str, index: int) -> int:

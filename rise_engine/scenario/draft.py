@@ -64,3 +64,9 @@ class ScenarioDraft:
         self.expressions: dict[str, Expression] = {}
         """By text: rules repeat themselves, and what has been read once need not be read again."""
         self.assignments: dict[str, Assignment] = {}
+        self.spoken_languages: set[str] = set()
+        """Languages that single actions name, by BCP 47."""
+        self.has_languages_from_memory = False
+        """Whether the memory says at run time which language an action speaks."""
+        self.unsent_ssml: list[SourceLocation] = []
+        """Where messages stand that are SSML, of which this robot gets the words alone."""

@@ -7,6 +7,7 @@ from collections.abc import Mapping
 from typing import Any
 
 from rise_engine.scenario.model import ActionSpec
+from rise_engine.scenario.ssml import pause_seconds, plain_words
 
 _TIME = re.compile(r"\s*(\d+(?:\.\d+)?)\s*(ms|s|min)\s*\Z", re.ASCII)
 UNITS = {"ms": 0.001, "s": 1.0, "min": 60.0}
@@ -37,9 +38,9 @@ def parse_time(text: str) -> float | None:
 def expected_seconds(spec: ActionSpec, parameters: Mapping[str, Any]) -> float:
     """Seconds that an action with these parameters will probably take.
 
-    Speech by the length of its `message` and its `rate`; others by `duration` (ms), times `repetitions`; otherwise what
-    the action's declaration says. `parameters` are those that `fill_parameters` gives. At most MAX_SECONDS; never
-    raises.
+    Speech by the length of its `message` and its `rate` (SSML by its words, and by its breaks when the robot makes
+    them); others by `duration` (ms), times `repetitions`; otherwise what the action's declaration says. `parameters`
+    are those that `fill_parameters` gives. At most MAX_SECONDS; never raises.
 
     >>> expected_seconds(ActionSpec("Wait", {}), {"duration": 1500})
     1.5
@@ -52,7 +53,8 @@ def _estimate_seconds(spec: ActionSpec, parameters: Mapping[str, Any]) -> float:
     message = parameters.get("message")
     if isinstance(message, str) and "duration" not in parameters:
         rate = _number(parameters.get("rate"), 1.0) or 1.0
-        return max(SPEECH_MINIMUM, SPEECH_START + len(message) / (CHARACTERS_PER_SECOND * rate))
+        length, pauses = len(plain_words(message)), pause_seconds(message) if spec.ssml else 0.0
+        return max(SPEECH_MINIMUM, SPEECH_START + length / (CHARACTERS_PER_SECOND * rate)) + pauses
     repetitions = max(_number(parameters.get("repetitions"), 1.0), 0.0)
     duration = spec.parameters.get("duration")
     if "duration" in parameters:

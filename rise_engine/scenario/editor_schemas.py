@@ -16,6 +16,7 @@ from pathlib import Path
 
 from rise_engine.scenario.model import ActionSpec, Parameter
 from rise_engine.scenario.parameters import accepts_any_name, listed_names
+from rise_engine.scenario.spoken import MESSAGE
 
 FOLDER = Path(__file__).with_name("schema")
 _NOT_XML = re.compile("[\x00-\x08\x0b\x0c\x0e-\x1f\ud800-\udfff\ufffe\uffff]")
@@ -84,6 +85,8 @@ def _parameter(parameter: Parameter) -> str:
     if parameter.default is not None:
         notes.append(f"Default: {parameter.default}.")
     content = "<text/>"
+    if parameter.name == MESSAGE and parameter.type == "text":
+        content = '<choice><text/><ref name="ssml"/></choice>'
     if parameter.type == "boolean":
         content = "<choice><value>true</value><value>false</value><text/></choice>"
     elif parameter.type == "name" and listed_names(parameter):

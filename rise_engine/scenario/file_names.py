@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 SCENARIO_FILE = "scenario.toml"
+LEXICON_FILE = "lexicon.toml"
 
 DEFAULT_PATHS = {"acts": "acts", "rules": "rules", "memory": "memory.json"}
 """Where acts, rules and memory lie, unless `scenario.toml` says otherwise."""

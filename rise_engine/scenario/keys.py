@@ -78,6 +78,7 @@ CONSOLE_KEYS: dict[str, str] = {
     "shift+tab": "moving between panes",
     "enter": "choosing",
     "space": "the participant's cue",
+    "underscore": "taking back the cue",
     "escape": "leaving",
     **dict.fromkeys(("up", "down", "left", "right", "home", "end", "pageup", "pagedown"), "moving"),
     **dict.fromkeys(("delete", "insert", "backspace"), "editing"),

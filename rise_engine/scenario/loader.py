@@ -14,15 +14,16 @@ from msgspec.structs import replace
 from rise_engine.nearest_name import limited_comparisons
 from rise_engine.scenario.act_settings import ActTables
 from rise_engine.scenario.action_declarations import apply_declarations
-from rise_engine.scenario.acts import read_acts
+from rise_engine.scenario.acts import read_acts, report_unsent_ssml
 from rise_engine.scenario.cross_references import check_cross_references
 from rise_engine.scenario.diagnostics import Diagnostic, Diagnostics
 from rise_engine.scenario.draft import ScenarioDraft
 from rise_engine.scenario.failure_checks import check_failures
-from rise_engine.scenario.file_names import DEFAULT_PATHS, SCENARIO_FILE
+from rise_engine.scenario.file_names import DEFAULT_PATHS, LEXICON_FILE, SCENARIO_FILE
+from rise_engine.scenario.lexicon import read_lexicon
 from rise_engine.scenario.memory import read_memory
-from rise_engine.scenario.model import RobotProfile, Scenario, SourceLocation
-from rise_engine.scenario.robot_profiles import DEFAULT_ROBOT, read_robot
+from rise_engine.scenario.model import LexiconTable, RobotProfile, Scenario, SourceLocation
+from rise_engine.scenario.robot_profiles import DEFAULT_ROBOT, read_robot, robot_names
 from rise_engine.scenario.rules import read_rules
 from rise_engine.scenario.scenario_toml import ScenarioSettings
 from rise_engine.scenario.shipped_studies import shipped_hint
@@ -123,6 +124,8 @@ class _Loader:
         for file in self.read_xml_files("rules", paths["rules"]):
             read_rules(file, draft, diagnostics)
         self.read_memory(paths["memory"])
+        report_unsent_ssml(profile, draft, diagnostics)
+        lexicon = self.read_lexicon(settings.language, profile.name)
         check_cross_references(draft, diagnostics)
         if "acts" not in draft.unreadable_parts:
             settings.act_tables.check_patterns(draft.acts, diagnostics)
@@ -149,6 +152,8 @@ class _Loader:
             act_settings=settings.act_tables.settings_by_act(draft.acts),
             fillers=settings.fillers,
             study=settings.study,
+            language=settings.language,
+            lexicon=lexicon,
             may_release=settings.may_release,
             on_failure=settings.on_failure,
             paths=paths,
@@ -180,6 +185,15 @@ class _Loader:
                 self.draft.unreadable_parts.add("memory")
             else:
                 read_memory(source, self.draft, self.diagnostics)
+
+    def read_lexicon(self, language: str, robot: str) -> tuple[LexiconTable, ...]:
+        """How words are said; nothing when the folder has no such file."""
+        path = self.folder / LEXICON_FILE
+        source = self.files.read(path, MAX_TOML_BYTES) if os.path.lexists(path) else None
+        file = read_toml(source, self.diagnostics) if source is not None else None
+        if file is None:
+            return ()
+        return read_lexicon(file, language, {*robot_names(self.folder), robot}, self.draft, self.diagnostics)
 
     def read_xml_files(self, kind: str, relative_path: str) -> Iterator[XmlFile]:
         """The XML files of a folder in the order of their names, or the one file that was named."""
@@ -231,6 +245,8 @@ class _Loader:
                 name = f"rules/{path.name}"
             elif source.name in settings:
                 name = SCENARIO_FILE
+            elif source.name == LEXICON_FILE:
+                name = LEXICON_FILE
             else:
                 name = f"robots/{path.name}"
             files[name] = source.data

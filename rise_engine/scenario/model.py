@@ -77,6 +77,8 @@ class ActionSpec(Struct, frozen=True):
     """How long one execution takes when nothing in its parameters tells (see `expected_seconds`)."""
     limit: float | None = None
     """Seconds after which a running action counts as timed out; null: derived from its expected duration."""
+    ssml: bool = False
+    """Whether its `message` may be SSML; otherwise the robot is given the words of it."""
     carrier: dict[str, Json] = field(default_factory=dict)
     """How an adapter carries it (for ROS: action name, type and field mapping). Opaque to the engine."""
     help: str = ""
@@ -329,6 +331,17 @@ class FillerSettings(Struct, frozen=True):
     """Seconds after which the engine starts the next one itself, while nothing else runs; null: never."""
 
 
+class LexiconTable(Struct, frozen=True):
+    """How words of one language are said (a table of lexicon.toml)."""
+
+    language: str
+    """By BCP 47; it is for texts in `en-GB` too when it is `en`."""
+    robot: str
+    """The only robot that says them so; empty: every robot."""
+    words: dict[str, str]
+    """By word, in Unicode's normal form C and with single blanks: what the robot is given instead."""
+
+
 class Scenario(Struct, frozen=True):
     """A checked scenario, complete and immutable. `load` builds it; everything in it is looked up by name.
 
@@ -354,6 +367,9 @@ class Scenario(Struct, frozen=True):
     act_settings: dict[str, ActSettings] = field(default_factory=dict)
     fillers: FillerSettings = FillerSettings()
     study: dict[str, Json] = field(default_factory=dict)
+    language: str = ""
+    """The language that the acts are in, by BCP 47; empty: scenario.toml does not say."""
+    lexicon: tuple[LexiconTable, ...] = ()
     may_release: tuple[str, ...] = ()
     """Programs that may release a stop without control: full names of ROS nodes, names of programs on the link."""
     paths: dict[str, str] = field(default_factory=dict)

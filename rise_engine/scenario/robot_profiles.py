@@ -9,6 +9,8 @@ from importlib.metadata import entry_points
 from importlib.util import find_spec
 from pathlib import Path
 
+from msgspec.structs import replace
+
 from rise_engine.nearest_name import did_you_mean
 from rise_engine.scenario.action_declarations import apply_declarations, core_actions
 from rise_engine.scenario.model import RobotProfile, SourceLocation
@@ -55,7 +57,8 @@ def read_profile(path: Path, name: str, files: FileReader) -> RobotProfile:
 
 def builtin_robot() -> RobotProfile:
     """What runs a scenario that names no robot where no profile is installed: every core action, simulated."""
-    return RobotProfile(DEFAULT_ROBOT, "Generic simulated robot", "simulated", dict(core_actions()))
+    actions = {**core_actions(), "Speech": replace(core_actions()["Speech"], ssml=True)}
+    return RobotProfile(DEFAULT_ROBOT, "Generic simulated robot", "simulated", actions)
 
 
 def find_profile(name: str, folder: Path) -> Path | None:

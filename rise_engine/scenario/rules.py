@@ -56,6 +56,8 @@ class _RuleReader(BlockReader):
         """Its transitions after less than SHORT_AFTER: state, target, element."""
         self.shared: list[tuple[str, Element, list[tuple[Transition, Element]]]] = []
         """Its ways out that several states have: the states' names as written, the element, the transitions."""
+        self.doubtful: set[SourceLocation] = set()
+        """Its transitions of which an error says that what they wait for is not what is written there."""
 
     def read_rules(self) -> None:
         self.read_parts("InteractionRule", WRAPPERS, "rule", self.draft.rules, self.read_rule)
@@ -64,6 +66,7 @@ class _RuleReader(BlockReader):
         self.targets.clear()
         self.short.clear()
         self.shared.clear()
+        self.doubtful.clear()
         self.check_attributes(element, _RULE)
         self.check_no_text(element)
         name = (element.get("name") or "").strip()
@@ -284,6 +287,7 @@ class _RuleReader(BlockReader):
                 near = did_you_mean(word, _OUTCOMES)
                 message = f"an act is `succeeded`, `failed` or `stopped`, not `{word}`{near}"
                 self.report_value("wrong-value", element, "outcome", message)
+                self.doubtful.add(self.file.element_location(element))
         return tuple(known for known in _OUTCOMES if known in words)
 
     def check_own_ends(self, states: dict[str, State]) -> None:
@@ -298,7 +302,10 @@ class _RuleReader(BlockReader):
         told: set[SourceLocation] = set()
         for state in states.values():
             for way in state.transitions:
-                if way.ended is not None and way.ended not in started and way.location not in told:
+                if way.ended is None or way.ended in started or way.location in told:
+                    continue
+                # An act that there is not has its error; only of acts that could not be read nothing is known.
+                if way.ended in self.draft.acts or "acts" in self.draft.unreadable_parts:
                     told.add(way.location)
                     message = (
                         f"never taken: this rule does not start `{way.ended}` itself; an act that somebody else has "
@@ -310,6 +317,8 @@ class _RuleReader(BlockReader):
         """Of two transitions of a state with one trigger, the second is dead when the first has no condition."""
         always: dict[object, Transition] = {}
         for transition in state.transitions:
+            if transition.location in self.doubtful:
+                continue
             triggers = tuple(_triggers(transition))
             earlier = [always[trigger] for trigger in triggers if trigger in always]
             if triggers and len(earlier) == len(triggers):

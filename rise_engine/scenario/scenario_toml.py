@@ -14,6 +14,7 @@ from rise_engine.scenario.draft import Mention, ScenarioDraft, StateMention
 from rise_engine.scenario.durations import MAX_SECONDS, parse_time
 from rise_engine.scenario.expression_checks import expression_message, note_assignment
 from rise_engine.scenario.keys import KeyRefusedError, bindable_key_name
+from rise_engine.scenario.languages import language_problem
 from rise_engine.scenario.model import (
     FillerSettings,
     FunctionName,
@@ -28,6 +29,7 @@ from rise_engine.scenario.toml_tables import TomlTable, is_integer, quote_toml_k
 
 TOP_KEYS = (
     "title",
+    "language",
     "robot",
     "mode",
     "acts",
@@ -69,6 +71,7 @@ class ScenarioSettings:
         self.table = TomlTable(file, (), file.values, diagnostics)
         self.table.report_unknown_keys(TOP_KEYS)
         self.title = self.read_text("title", "")
+        self.language = self.read_language()
         self.robot = self.read_text("robot", "")
         mode = self.read_text("mode", "debug")
         self.mode: Mode = "real" if mode == "real" else "debug"
@@ -96,6 +99,16 @@ class ScenarioSettings:
             return usual
         text: str = self.table.read(key, str, usual, form=f': {key} = "..."')
         return text
+
+    def read_language(self) -> str:
+        """The language that the acts are in; empty when it is not said."""
+        if "language" not in self.table.values:
+            return ""
+        language = self.read_text("language", "").strip()
+        problem = language_problem(language) if isinstance(self.table.values["language"], str) else ""
+        if problem:
+            self.table.report_value("unknown-language", "language", problem)
+        return "" if problem else language
 
     def read_suppressions(self) -> list[tuple[SourceLocation, str, str, str]]:
         table = self.table.section("check", ("allow",))

@@ -6,7 +6,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from json import dumps
 from typing import Any
 
@@ -15,6 +15,7 @@ from msgspec import Struct
 from rise_engine.errors import RiseError
 from rise_engine.expression import lookup
 from rise_engine.json_codec import MAX_LEVELS
+from rise_engine.scenario.ssml import begins_as_ssml, escape_value
 
 _SLOT = re.compile(
     r"""\{ \s*+ (?:"([^"]*+)" \s*+)? ([^\W\d][\w.]*+) \s*+ (?:"([^"]*+)" \s*+)? (?:\|([^}]*+))? \}""", re.VERBOSE
@@ -68,11 +69,16 @@ class Template(Struct, frozen=True):
         return None if self.slots else self.fill({})
 
     def fill(self, memory: Mapping[str, Any]) -> str:
-        """The text with the memory's values of this moment.
+        """The text with the memory's values of this moment; in SSML, as words in which nothing is markup.
 
         Raises MissingValueError for a key without value or fallback.
         """
-        return "".join(part if isinstance(part, str) else _slot_text(part, memory) for part in self.parts)
+        write = escape_value if self._is_ssml else str
+        return "".join(part if isinstance(part, str) else _slot_text(part, memory, write) for part in self.parts)
+
+    @property
+    def _is_ssml(self) -> bool:
+        return len(self.parts) > 1 and isinstance(self.parts[0], str) and begins_as_ssml(self.parts[0])
 
     def fill_value(self, memory: Mapping[str, Any]) -> Any:
         """As `fill`, but a template that is one single slot keeps the value's own type (for numbers and booleans)."""
@@ -161,10 +167,11 @@ def spoken_text(value: Any) -> str:
     return dumps(value, ensure_ascii=False)
 
 
-def _slot_text(slot: MemorySlot, memory: Mapping[str, Any]) -> str:
+def _slot_text(slot: MemorySlot, memory: Mapping[str, Any], write: Callable[[str], str]) -> str:
+    """What is said for a slot; `write` makes of a value's text what stands there."""
     found, value = lookup(memory, slot.key)
     if found and value is not None:
-        text = spoken_text(value)
+        text = write(spoken_text(value))
         if not (slot.before or slot.after):
             return text
         if text.strip():

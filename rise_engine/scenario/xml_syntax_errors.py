@@ -26,8 +26,13 @@ _SENTENCES = {
 
 def report_syntax_error(error: etree.XMLSyntaxError, repaired: RepairedText, diagnostics: Diagnostics) -> None:
     """Turn the first error of the parser into a finding."""
+    code, offset, sentence = describe_syntax_error(error, repaired.text)
+    diagnostics.error(code, repaired.source.location(repaired.original_offset(offset)), sentence)
+
+
+def describe_syntax_error(error: etree.XMLSyntaxError, text: str) -> tuple[str, int, str]:
+    """The first error of the parser in a text: the code of a finding, the offset, and what is wrong."""
     message = _POSITION.sub("", error.msg or "")  # error.error_log holds those of all files so far
-    text = repaired.text
     line, column = error.position
     offset = _offset(text, line or 1, column or 1)
     code = "not-well-formed"
@@ -52,7 +57,7 @@ def report_syntax_error(error: etree.XMLSyntaxError, repaired: RepairedText, dia
     else:
         unknown = f"this is not well-formed XML: {' '.join(message.split())}"
         sentence = next((ours for theirs, ours in _SENTENCES.items() if theirs in message), unknown)
-    diagnostics.error(code, repaired.source.location(repaired.original_offset(offset)), sentence)
+    return code, offset, sentence
 
 
 def _offset(text: str, line: int, column: int) -> int:

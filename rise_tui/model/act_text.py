@@ -8,6 +8,7 @@ from rich.cells import cell_len
 
 from rise_engine.kernel.view import ActionView, TaskView
 from rise_engine.scenario.model import Act, Action, ActionCall
+from rise_engine.scenario.ssml import plain_words
 from rise_engine.scenario.template import MissingValueError, Template, spoken_text
 from rise_tui.model.act_graph import ActRow, act_rows
 from rise_tui.model.act_levels import estimate_action_seconds, estimate_call_seconds
@@ -162,7 +163,7 @@ class ActText:
         return estimate_action_seconds(self._store.scenario, begun)
 
     def _parameters_text(self, action: Action, begun: ActionView | None) -> str:
-        parts = [(name, spoken_text(value)) for name, value in self._parameter_values(action, begun)]
+        parts = [(name, plain_words(spoken_text(value))) for name, value in self._parameter_values(action, begun)]
         if len(parts) == 1:
             return parts[0][1]
         return "  ".join(f"{name} {value}" for name, value in parts)
@@ -189,7 +190,10 @@ class ActText:
         if begun is not None:
             lines += field_lines("reason", begun.reason, width, "fault") if begun.reason else []
             for name, value in begun.parameters.items():
-                lines += field_lines(name, spoken_text(value), width)
+                text = spoken_text(value)
+                lines += field_lines(name, plain_words(text), width)
+                if plain_words(text) != text:
+                    lines += field_lines("", f"as SSML: {text}", width, "muted")
             return lines
         for number, call in enumerate(action.calls, 1):
             prefix = f"{number}. " if len(action.calls) > 1 else ""
@@ -197,7 +201,8 @@ class ActText:
                 lines += field_lines("", f"the robot has no {call.type}: it does {substitute} instead", width, "wait")
             for name, template in call.parameters.items():
                 text = self._fill(template)
-                lines += field_lines(prefix + name, text, width, "wait" if text.endswith("is not set)") else "plain")
-                if template.constant is None:
+                role: TextRole = "wait" if text.endswith("is not set)") else "plain"
+                lines += field_lines(prefix + name, plain_words(text), width, role)
+                if template.constant is None or plain_words(text) != text:
                     lines += field_lines("", f"written: {template.text}", width, "muted")
         return lines

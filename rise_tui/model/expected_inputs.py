@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from typing import Any, NamedTuple
 
 from rise_tui.model.conditions import is_met
-from rise_tui.model.rule_text import ENDINGS
+from rise_tui.model.rule_text import ENDINGS, parse_rule_result
 from rise_tui.model.study_keys import StudyKeys, transitions_of
 
 
@@ -39,4 +39,6 @@ def find_expected_inputs(
         for name in scenario.rules
         if name not in states and (f"{name}_end" in events or keys.events_of_rule[name] & events)
     }
+    rules |= {result[0] for event in events if (result := parse_rule_result(scenario, event)) is not None}
+    rules -= states.keys()
     return ExpectedInputs(frozenset(acts), frozenset(rules), events)

@@ -7,6 +7,7 @@ from typing import Any, NamedTuple
 
 from rise_engine.kernel.view import ActionView, TaskView
 from rise_engine.scenario.model import Action, Scenario
+from rise_engine.scenario.ssml import BEGINNING, begins_as_ssml, plain_words
 from rise_engine.scenario.template import MemorySlot, MissingValueError, Template
 from rise_tui.model.act_levels import actions_in_order
 from rise_tui.model.act_text import act_of_speech
@@ -88,15 +89,16 @@ def _was_sent(begun: ActionView) -> bool:
 
 
 def fill_known(template: Template, memory: Mapping[str, Any]) -> str:
-    """With the memory's values as they are now; what has none stays as it is written."""
+    """What would be heard, with the memory's values as they are now; what has none stays as it is written."""
+    lead = BEGINNING + ">" if begins_as_ssml(template.text) else ""
 
     def fill(part: str | MemorySlot) -> str:
         try:
-            return Template("", (part,)).fill(memory)
+            return Template("", (lead, part)).fill(memory).removeprefix(lead)
         except (MissingValueError, OverflowError, RecursionError):
             return f"{{{part.key}}}" if isinstance(part, MemorySlot) else part
 
-    return "".join(map(fill, template.parts))
+    return plain_words("".join(map(fill, template.parts)))
 
 
 # --- the bar ---------------------------------------------------------------------------------------------------------

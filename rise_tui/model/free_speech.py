@@ -7,6 +7,7 @@ from typing import Any, NamedTuple
 
 from rise_engine.kernel.view import SessionView
 from rise_engine.scenario.model import Scenario
+from rise_engine.scenario.ssml import plain_words
 from rise_engine.scenario.template import MissingValueError, TemplateError, parse_template
 from rise_tui.model.task_messages import act_label
 
@@ -15,9 +16,9 @@ KEPT = 200
 
 
 def scenario_sentences(scenario: Scenario) -> tuple[str, ...]:
-    """Everything that the scenario's acts say, as written, in file order, each once."""
+    """Everything that the scenario's acts say, as written but for markup, in file order, each once."""
     sentences = {
-        call.parameters["message"].text.strip(): None
+        plain_words(call.parameters["message"].text.strip()): None
         for act in scenario.acts.values()
         for action in act.actions
         for call in action.calls

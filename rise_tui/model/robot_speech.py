@@ -12,6 +12,7 @@ from typing import Any, Literal, NamedTuple
 from rise_engine.kernel.records import ENDINGS, ActionRecord
 from rise_engine.kernel.view import ActionView, SessionView, TaskView
 from rise_engine.scenario.model import Action, Scenario
+from rise_engine.scenario.ssml import plain_words
 from rise_engine.scenario.template import MissingValueError, Template
 from rise_tui.model.act_levels import estimate_action_seconds
 from rise_tui.model.speech_actions import message_of, words_of
@@ -156,6 +157,6 @@ def longest_sentence(scenario: Scenario, memory: Mapping[str, Any]) -> str:
 def _fill_or_quote(said: Template, memory: Mapping[str, Any]) -> str:
     """With the memory's values; as it is written when one is missing."""
     try:
-        return said.fill(memory).strip()
+        return plain_words(said.fill(memory).strip())
     except (MissingValueError, OverflowError, RecursionError):
-        return said.text.strip()
+        return plain_words(said.text.strip())

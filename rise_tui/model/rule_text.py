@@ -18,6 +18,7 @@ from rise_engine.scenario.model import (
     Statement,
     Transition,
     normal_topic,
+    result_topics,
 )
 from rise_tui.rendering.text import format_value
 
@@ -59,6 +60,8 @@ def wait_text(scenario: Scenario, transition: Transition) -> str:
         return "its condition alone"
     if (found := parse_engine_event(scenario, transition.event)) is not None:
         return f"{found[0]} {ENDINGS[found[1]]}"
+    if (result := parse_rule_result(scenario, transition.event)) is not None:
+        return f"the rule {result[0]} to end in {result[1]}"
     if transition.event in CUE_TOPICS:
         return "the participant's cue" if transition.event == CUE_TOPICS[0] else "the cue to be taken back"
     return f"event {transition.event}"
@@ -84,6 +87,26 @@ def parse_engine_event(scenario: Scenario, topic: str) -> tuple[str, str] | None
     return None
 
 
+def parse_rule_result(scenario: Scenario, topic: str) -> tuple[str, str] | None:
+    """The rule, and the state in which it has ended, of an event by which the engine tells a rule's result."""
+    for rule in scenario.rules.values():
+        if topic.startswith(rule.name):
+            for state, event in result_topics(rule):
+                if event == topic:
+                    return rule.name, state
+    return None
+
+
+def find_what_to_start(scenario: Scenario, topic: str) -> str | None:
+    """The act or rule that somebody starts so that the engine raises this event when it ends; nobody starts one so that
+    it fails."""
+    found = parse_engine_event(scenario, topic)
+    if found is not None:
+        return found[0] if found[1] in ("_end", "_succeeded") else None
+    result = parse_rule_result(scenario, topic)
+    return result[0] if result is not None else None
+
+
 def awaited_ends(transition: Transition) -> tuple[str, ...]:
     """Of a transition that waits for the end of its rule's own act, the endings: `_end`, or those that it names."""
     return tuple(f"_{outcome}" for outcome in transition.outcomes) or ("_end",)
@@ -93,7 +116,9 @@ def find_awaited_act(scenario: Scenario, transition: Transition) -> str | None:
     """The act or rule whose end a transition waits for."""
     if transition.ended is not None:
         return transition.ended
-    found = parse_engine_event(scenario, transition.event) if transition.event is not None else None
+    if transition.event is None:
+        return None
+    found = parse_engine_event(scenario, transition.event) or parse_rule_result(scenario, transition.event)
     return found[0] if found is not None else None
 
 

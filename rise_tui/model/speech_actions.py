@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from rise_engine.kernel.view import ActionView
 from rise_engine.scenario.model import ActionCall, Scenario
+from rise_engine.scenario.ssml import plain_words
 from rise_engine.scenario.template import Template, spoken_text
 
 CHANNEL = "speech"
@@ -27,6 +28,7 @@ def message_of(scenario: Scenario, call: ActionCall) -> Template | None:
 
 
 def words_of(scenario: Scenario, action: ActionView) -> str | None:
-    """What an action says, as it was sent, or for one that was left out as it is written; None when it says nothing."""
+    """What is heard of an action, as it was sent, or for one that was left out as it is written; None when it says
+    nothing."""
     name = message_name(scenario, action.type)
-    return spoken_text(action.parameters[name]).strip() if name and name in action.parameters else None
+    return plain_words(spoken_text(action.parameters[name]).strip()) if name and name in action.parameters else None

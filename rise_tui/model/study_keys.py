@@ -9,12 +9,10 @@ from typing import Any
 from rise_engine.expression import Assignment, Environment, EvaluationError, Expression, LanguageError, assigned_entry
 from rise_engine.scenario.model import KeyBinding, Scenario, Transition, normal_topic
 from rise_tui.model.conditions import is_met
-from rise_tui.model.rule_text import events_raised_by, functions_of_rule, parse_engine_event
+from rise_tui.model.rule_text import events_raised_by, find_what_to_start, functions_of_rule
 from rise_tui.rendering.text import format_value
 
 ACT, RULE, EVENT, SET = "startCommunicationRobotAct", "startInteractionRule", "raiseEventTopic", "assignValue"
-_STARTS = {"_end", "_succeeded"}
-"""Endings that somebody brings about by starting the act; nobody starts one so that it fails."""
 
 
 def key_title(binding: KeyBinding) -> str:
@@ -101,10 +99,10 @@ class StudyKeys:
         for key in self.keys_raising(transition.event):
             if key.function != RULE or key.behavior not in running:
                 yield key
-        found = parse_engine_event(self.scenario, transition.event)
-        if found is not None and found[1] in _STARTS and found[0] not in running:
+        name = find_what_to_start(self.scenario, transition.event)
+        if name is not None and name not in running:
             for function in (ACT, RULE):
-                if (starter := self.key_of(function, found[0])) is not None:
+                if (starter := self.key_of(function, name)) is not None:
                     yield starter
 
     def keys_raising(self, topic: str | None) -> Sequence[KeyBinding]:
@@ -158,8 +156,8 @@ class StudyKeys:
         if transition.event is not None:
             raising = self.keys_raising(transition.event)
             yield from (key for key in raising if key.function != RULE or key.behavior != rule)
-            found = parse_engine_event(self.scenario, transition.event)
-            starter = self.key_of(ACT, found[0]) if found is not None and found[1] in _STARTS else None
+            name = find_what_to_start(self.scenario, transition.event)
+            starter = self.key_of(ACT, name) if name is not None else None
             if starter is not None and starter.behavior not in started:
                 yield starter
         elif transition.is_eventless and transition.condition is not None:

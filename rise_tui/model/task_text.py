@@ -6,6 +6,7 @@ import json
 
 from rise_engine.kernel.behaviors import describe_behavior
 from rise_engine.kernel.view import ActionView, TaskView
+from rise_engine.scenario.ssml import plain_words
 from rise_engine.scenario.template import spoken_text
 from rise_tui.model.states import StateLabel, action_state
 from rise_tui.model.task_messages import FUNCTION_LABELS
@@ -114,6 +115,10 @@ def _action_lines(action: ActionView, now: float, width: int) -> list[StyledLine
         )
     ]
     for name, value in action.parameters.items():
-        text = spoken_text(value) if not isinstance(value, (dict, list)) else json.dumps(value, ensure_ascii=False)
+        text = (
+            plain_words(spoken_text(value))
+            if not isinstance(value, (dict, list))
+            else json.dumps(value, ensure_ascii=False)
+        )
         lines += field_lines(f"  {name}", text, width)
     return lines + (field_lines("  reason", action.reason, width, "fault") if action.reason else [])

@@ -13,6 +13,7 @@ from types import TracebackType
 from typing import Any
 
 ENGINE = str(Path(sys.executable).with_name("rise-engine"))
+FAST = ("--speed", "max", "--json")
 
 GREET = """<Dialog name="Greet">
   <Speech><actionID>1</actionID><message>Hello, {name|stranger}!</message></Speech>
@@ -68,6 +69,16 @@ def engine(*arguments: object, stdin: str | None = None) -> subprocess.Completed
         timeout=60,
         check=False,
     )
+
+
+def task(function: str, behavior: str = "", **more: object) -> str:
+    """A line of a task file."""
+    return json.dumps({"function_type": function, "domain_task_behavior": behavior, **more})
+
+
+def act(name: str, **more: object) -> str:
+    """A line of a task file that starts an act."""
+    return task("startCommunicationRobotAct", name, **more)
 
 
 def records(output: str) -> list[dict[str, Any]]:

@@ -36,6 +36,9 @@ from tests.ros.badrobot import BadServer, Plan
 from tests.ros.memory import ClockLoop, MemoryTransport, MemoryWire
 
 SPEECH, GAZE = "/pepper/rise/speech", "/pepper/rise/look_at"
+LONG = Plan(seconds=60)
+TASK = "2/1"
+"""The speech of the first act: task 1 is the rule that counts the acts' ends."""
 TYPES = {SPEECH: "rise_interfaces/action/Speech", GAZE: "rise_interfaces/action/LookAt"}
 
 _SPEECH = "<Speech><actionID>1</actionID><message>Hello, this takes about two seconds</message>{}</Speech>"
@@ -235,3 +238,8 @@ class Bench(Records):
             assert self.clock.now() < began + limit, "it did not happen"
             assert self.clock.advance()
         return self.clock.now() - began
+
+
+def heard(bench: Bench, topic: str) -> int:
+    """How often an event was raised."""
+    return sum(record.topic.strip("/") == topic for record in bench.of(EventRecord))

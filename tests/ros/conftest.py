@@ -11,7 +11,7 @@ import pytest
 from tests.ros.model_server import ModelServer
 from tests.virtual_time import VirtualLoop
 
-REAL_TIME = {"test_session_node"}
+REAL_TIME = {"test_session_node", "test_session_node_release", "test_session_node_topics"}
 """Whose tests wait for the thread of a disk."""
 
 

@@ -17,6 +17,7 @@ from rise_adapters.ros2.transport.port import Message, QoS, Transport
 from rise_engine.engine.clock import RealClock
 from rise_engine.engine.drivers import make_robot
 from rise_engine.engine.engine import Engine
+from rise_engine.kernel.records import TaskRecord
 from rise_engine.kernel.view import SessionView
 from rise_engine.scenario import load
 from rise_engine.server.hub import SessionHub
@@ -26,6 +27,7 @@ from rise_engine.session.journal import Journal
 from tests.ros.memory import MemoryTransport, MemoryWire
 
 FAST = 50.0
+START_ACT, START_RULE = "startCommunicationRobotAct", "startInteractionRule"
 
 ACTS = """<Dialogs>
 <Dialog name="Hello"><Speech><actionID>1</actionID><message>Hello</message></Speech></Dialog>
@@ -241,3 +243,16 @@ async def session_and_node(place: Path, **more: Any) -> AsyncIterator[tuple[Face
         node = Node(MemoryTransport(wire, loop, "/node"))
         await node.ready()
         yield session, node, wire
+
+
+def task_records(session: Any) -> list[TaskRecord]:
+    """What a session records of tasks from now on."""
+    found: list[TaskRecord] = []
+    session.hub.subscribe(lambda update: found.append(update) if isinstance(update, TaskRecord) else None)
+    return found
+
+
+def status_of(node: Node, name: str) -> Message:
+    if not node.diagnostics:
+        return {"level": None}
+    return next(s for s in node.diagnostics[-1]["status"] if s["name"] == f"rise: {name}")

@@ -6,7 +6,6 @@ import asyncio
 import errno
 import json
 import threading
-from datetime import datetime
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -23,19 +22,15 @@ from rise_adapters.ros2.actions.client import (
     EXECUTING,
     SUCCEEDED,
 )
-from rise_adapters.ros2.session_node import diagnostics, domain_task, record_topics
-from rise_adapters.ros2.session_node.diagnostics import ERROR, OK, STALE, WARN
-from rise_adapters.ros2.session_node.record_topics import REPEATED_STATUS, RULES_LATCHED
-from rise_adapters.ros2.transport.port import Message
+from rise_adapters.ros2.session_node import domain_task
+from rise_adapters.ros2.session_node.diagnostics import ERROR
+from rise_adapters.ros2.session_node.record_topics import REPEATED_STATUS
 
-from rise_engine.kernel.inputs import RobotChanged, StopReport, Submit
-from rise_engine.kernel.records import NoteRecord, TaskRecord
+from rise_engine.kernel.inputs import RobotChanged, Submit
 from rise_engine.kernel.view import RuleView, SessionView, TaskView
 from rise_engine.session.disk import Disk
-from tests.ros.memory import MemoryTransport, MemoryWire
-from tests.ros.session_node_bench import Node, scenario_folder, session_and_node, until
-
-START_ACT, START_RULE = "startCommunicationRobotAct", "startInteractionRule"
+from tests.ros.memory import MemoryTransport
+from tests.ros.session_node_bench import START_ACT, START_RULE, Node, session_and_node, status_of, task_records, until
 
 
 class Failing(Disk):
@@ -51,12 +46,6 @@ class Failing(Disk):
         if self.full:
             raise OSError(errno.ENOSPC, "full")
         super().sync(descriptor)
-
-
-def task_records(session: Any) -> list[TaskRecord]:
-    found: list[TaskRecord] = []
-    session.hub.subscribe(lambda update: found.append(update) if isinstance(update, TaskRecord) else None)
-    return found
 
 
 # --- tasks --------------------------------------------------------------------------------------------------------
@@ -112,88 +101,6 @@ async def test_every_function(tmp_path: Path, tasks: list[tuple[str, str, str]],
         assert (await asked.ended())[0] == status
         assert asked.status == {"SUCCEEDED": SUCCEEDED, "ABORTED": ABORTED}[status]
         assert asked.result["reason"] or status == "SUCCEEDED"
-
-
-# --- releasing a stop ---------------------------------------------------------------------------------------------
-
-
-def who_may_release(place: Path, *names: str) -> Path:
-    folder = scenario_folder(place)
-    (folder / "scenario.toml").write_text(f"[control]\nmay_release = {json.dumps(names)}\n", "utf-8")
-    return folder
-
-
-async def stopped(session: Any, node: Node) -> None:
-    assert (await node.ask("stopAll").ended())[0] == "SUCCEEDED"
-    await until(lambda: session.hub.view.stop.status == "latched")
-
-
-async def test_a_node_that_the_scenario_names_releases_a_stop_and_the_record_says_who(tmp_path: Path) -> None:
-    folder = who_may_release(tmp_path, "/lab/supervisor", "/node")
-    async with session_and_node(tmp_path, scenario=folder) as (session, node, _):
-        records = task_records(session)
-        await stopped(session, node)
-        asked = node.ask("releaseStop", "/node")
-        assert await asked.ended() == ("SUCCEEDED", "")
-        assert not session.hub.view.stop.latched
-        assert (records[-1].function, records[-1].source, records[-1].ref) == (
-            "releaseStop",
-            "ros:/node",
-            asked.id.hex(),
-        )
-        state = await until(lambda: [s for s in node.tasks if s["function_type"] == "releaseStop"])
-        assert (state[0]["source"], state[0]["status"], state[0]["goal_id"]) == (
-            "ros:/node", "SUCCEEDED", asked.id.hex()
-        )  # fmt: skip
-        assert [name for name in session.hub.clients if "node" in name] == [], "it leaves again"
-
-
-@pytest.mark.parametrize(
-    ("named", "says", "why"),
-    [
-        ((), "", "a stop is released by who holds control, or by a node that scenario.toml names; a node says who"),
-        ((), "/node", 'or by a node that scenario.toml names: [control] may_release = ["/node"]'),
-        (("/lab/boss",), "/node", "a stop is released by who holds control, or by /lab/boss, and not by /node"),
-        (("/lab/boss",), "/lab/boss", "it says that it is /lab/boss, and no node of that name uses /rise/domain_task"),
-        (("/node",), "node", "a stop is released by who holds control, or by /node, and not by node"),
-    ],
-)
-@pytest.mark.slow
-async def test_any_other_node_does_not(tmp_path: Path, named: tuple[str, ...], says: str, why: str) -> None:
-    async with session_and_node(tmp_path, scenario=who_may_release(tmp_path, *named)) as (session, node, _):
-        notes: list[str] = []
-        session.hub.subscribe(lambda update: notes.append(update.text) if isinstance(update, NoteRecord) else None)
-        await stopped(session, node)
-        for _ in range(2):
-            assert not await node.ask("releaseStop", says).decided()
-        refused = await until(lambda: [s for s in node.tasks if s["function_type"] == "releaseStop"])
-        assert refused[0]["status"] == "REJECTED" and why in refused[0]["reason"]
-        assert session.hub.view.stop.latched
-        await until(lambda: notes)
-        assert (
-            len(notes) == 1
-            and notes[0].startswith("a node asked to release the stop and may not: ")
-            and why in notes[0]
-        )
-
-
-async def test_a_node_whose_name_is_not_known_yet_is_waited_for(tmp_path: Path) -> None:
-    async with session_and_node(tmp_path, scenario=who_may_release(tmp_path, "/late")) as (session, node, wire):
-        await stopped(session, node)
-        asked = node.ask("releaseStop", "/late")
-        await asyncio.sleep(0)
-        Node(MemoryTransport(wire, asyncio.get_running_loop(), "/late"))
-        assert (await asked.ended())[0] == "SUCCEEDED"
-
-
-@pytest.mark.slow
-async def test_many_that_say_they_are_a_node_that_is_not_there_wait_not_long(tmp_path: Path) -> None:
-    async with session_and_node(tmp_path, scenario=who_may_release(tmp_path, "/late")) as (session, node, _):
-        await stopped(session, node)
-        asked = [node.ask("releaseStop", "/late") for _ in range(40)]
-        await until(lambda: sum(each.accepted is False for each in asked) >= 30)
-        await until(lambda: all(each.accepted is False for each in asked))
-        assert session.hub.view.stop.latched and not session.face._tasks._releasing
 
 
 async def test_who_subscribes_to_task_states_late_gets_those_from_before(tmp_path: Path) -> None:
@@ -451,157 +358,6 @@ async def test_reading_the_memory(tmp_path: Path, key: str, value: Any, kind: st
         answer = await node.get(key)
         assert (answer["found"], answer["type"]) == (bool(kind), kind)
         assert (json.loads(answer["value"]) if kind else answer["value"]) == (value if kind else "")
-
-
-# --- what is published --------------------------------------------------------------------------------------------
-
-
-async def test_every_record_is_published_as_it_stands_in_the_journal(tmp_path: Path) -> None:
-    async with session_and_node(tmp_path, disk=Disk()) as (session, node, _):
-        for task in (node.ask(START_RULE, "Doors"), node.ask(START_ACT, "Hello"), node.ask("raiseEventTopic", "open")):
-            assert await task.decided()
-        await until(lambda: session.hub.view.tasks[2].ended)
-        journal = next((tmp_path / "sessions").glob("*/journal*")).read_text("utf-8").splitlines()
-        lines = [line.rpartition(',"crc"')[0] + "}" for line in journal if line.startswith('{"kind"')]
-        await until(lambda: len(node.records) == len(lines))
-        assert [record["json"] for record in node.records] == lines
-        assert [record["seq"] for record in node.records] == list(range(1, len(lines) + 1))
-        for record, line in zip(node.records, lines, strict=True):
-            read = json.loads(line)
-            assert (record["kind"], record["t"], record["seq"]) == (read["kind"], read["t"], read["seq"])
-            stamp = record["header"]["stamp"]
-            assert stamp["sec"] + stamp["nanosec"] / 1e9 == pytest.approx(
-                datetime.fromisoformat(read["wall"]).timestamp(), abs=1e-5
-            )
-            assert record["session"] == Path(session.hub.folder).name
-
-
-async def test_rule_states(tmp_path: Path) -> None:
-    async with session_and_node(tmp_path) as (_, node, _):
-        rule = node.ask(START_RULE, "Doors")
-        for topic in ("open", "knock", "leave"):
-            assert await node.ask("raiseEventTopic", topic).decided()
-        assert (await rule.ended())[0] == "SUCCEEDED"
-        told = [(m["status"], m["state"], m["previous_state"], m["trigger"]) for m in node.rules]
-        assert told == [
-            ("started", "Closed", "", "start"),
-            ("entered", "Closed", "", "start"),
-            ("entered", "Open", "Closed", "/open"),
-            ("stayed", "Open", "Open", "/knock"),
-            ("entered", "Gone", "Open", "/leave"),
-            ("ended", "Gone", "", ""),
-        ]
-        assert {m["rule"] for m in node.rules} == {"Doors"} and node.rules[0]["priority"] == 2.0
-
-
-def moves(node: Node) -> list[Message]:
-    return [m for m in node.rules if m["rule"] == "Doors" and m["status"] == "entered" and m["trigger"] != "start"]
-
-
-async def test_who_comes_late_hears_the_state_of_every_running_rule(tmp_path: Path) -> None:
-    async with session_and_node(tmp_path) as (session, node, wire):
-        for rule in ("Patient", "Doors"):
-            assert await node.ask(START_RULE, rule).decided()
-        for number in range(RULES_LATCHED * 2):
-            topic = ("open", "close")[number % 2]
-            session.engine.accept(Submit(function="raiseEventTopic", behavior=topic))
-        await until(lambda: len(moves(node)) == RULES_LATCHED * 2)
-        late = Node(MemoryTransport(wire, asyncio.get_running_loop(), "/late"))
-        await until(lambda: len(late.rules) == RULES_LATCHED)
-        state = {message["rule"]: message for message in late.rules}
-        assert (state["Patient"]["status"], state["Patient"]["state"]) == (REPEATED_STATUS, "Waiting")
-        assert state["Doors"]["state"] == "Closed"
-        first = next(m for m in node.rules if m["rule"] == "Patient")
-        assert state["Patient"]["header"] == first["header"], "it says since when"
-        repeated = [m for m in node.rules if m["status"] == REPEATED_STATUS]
-        assert 2 <= len(repeated) <= 4, "and seldom"
-
-
-async def test_an_ended_rule_is_not_repeated(tmp_path: Path) -> None:
-    async with session_and_node(tmp_path) as (session, node, _):
-        assert await node.ask(START_RULE, "Patient").decided()
-        assert await node.ask("stopInteractionRule", "Patient").decided()
-        assert await node.ask(START_RULE, "Doors").decided()
-        for number in range(RULES_LATCHED * 2):
-            session.engine.accept(Submit(function="raiseEventTopic", behavior=("open", "close")[number % 2]))
-        await until(lambda: len(moves(node)) == RULES_LATCHED * 2)
-        assert REPEATED_STATUS not in {m["status"] for m in node.rules}
-
-
-async def test_a_wire_that_is_gone_costs_the_session_nothing(tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:
-    wire = MemoryWire()
-    loop = asyncio.get_running_loop()
-    from tests.ros.session_node_bench import faced
-
-    transport = MemoryTransport(wire, loop, "/rise")
-    async with faced(tmp_path, transport) as session:
-        transport.break_down()
-        for number in range(100):
-            session.engine.accept(Submit(function="assignValue", behavior=f"age = {number}"))
-        await until(lambda: not session.face._topics.waiting)
-        assert session.face._topics.error == "the middleware was shut down"
-        assert session.face.status()["level"] == ERROR
-    assert session.hub.view.tasks[100].status == "SUCCEEDED"
-    assert caplog.text.count("could not be published") <= 2, "said once"
-
-
-async def test_records_that_come_too_fast_are_counted_and_said(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(record_topics, "MAX_WAITING", 50)
-    monkeypatch.setattr(diagnostics, "SECONDS", 0.05)
-    async with session_and_node(tmp_path) as (session, node, _):
-        await until(lambda: not session.face._topics.waiting)
-        for number in range(100):
-            session.engine.accept(Submit(function="assignValue", behavior=f"age = {number}"))
-        assert session.face._topics.waiting == 50 and session.face._topics.dropped == 150
-        note = await until(lambda: [r for r in node.records if r["kind"] == "note"])
-        assert "150 records were not published" in json.loads(note[0]["json"])["text"]
-        seqs = [record["seq"] for record in node.records]
-        assert seqs == sorted(seqs) and len(seqs) == node.records[-1]["seq"] - 150
-        assert WARN in {status["level"] for array in node.diagnostics for status in array["status"]}
-
-
-# --- diagnostics --------------------------------------------------------------------------------------------------
-
-
-def status_of(node: Node, name: str) -> Message:
-    if not node.diagnostics:
-        return {"level": None}
-    return next(s for s in node.diagnostics[-1]["status"] if s["name"] == f"rise: {name}")
-
-
-async def test_diagnostics(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(diagnostics, "SECONDS", 0.02)
-    async with session_and_node(tmp_path, disk=Disk()) as (session, node, _):
-        await until(lambda: status_of(node, "session")["level"] == OK)
-        assert [s["name"] for s in node.diagnostics[-1]["status"]] == [
-            "rise: session", "rise: robot link", "rise: journal", "rise: loop lag", "rise: ros",
-        ]  # fmt: skip
-        assert {s["hardware_id"] for s in node.diagnostics[-1]["status"]} == {session.engine.scenario.robot.name}
-        assert status_of(node, "robot link")["level"] == status_of(node, "journal")["level"] == OK
-        assert await node.ask(START_ACT, "Story").decided()
-        await until(lambda: status_of(node, "session")["message"] == "running")
-        values = {each["key"]: each["value"] for each in status_of(node, "session")["values"]}
-        assert (values["acts running"], values["mode"], values["control"]) == ("Story", "debug", "nobody")
-        session.engine.post(RobotChanged(status="degraded", detail="one motor is hot"))
-        await until(lambda: status_of(node, "robot link")["level"] == WARN)
-        session.engine.post(RobotChanged(status="lost", detail="no answer"))
-        await until(lambda: status_of(node, "robot link")["level"] == ERROR)
-        assert status_of(node, "robot link")["message"] == "lost: no answer"
-        session.engine.accept(Submit(function="stopAll"))
-        await until(lambda: status_of(node, "session")["level"] in (WARN, ERROR))
-        session.engine.post(StopReport(unconfirmed=("arm",)))
-        session.engine.end("done")
-        session.engine.end_now("done")
-        await until(lambda: status_of(node, "session")["level"] == STALE)
-        assert status_of(node, "session")["message"] == "the session has ended: done"
-
-
-async def test_the_robot_has_said_nothing_yet(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(diagnostics, "SECONDS", 0.02)
-    async with session_and_node(tmp_path, start=False) as (_, node, _):
-        await until(lambda: status_of(node, "robot link")["level"] == STALE)
-        assert status_of(node, "session")["level"] == STALE
-        assert status_of(node, "journal")["message"] == "this session is not recorded"
 
 
 # --- floods -------------------------------------------------------------------------------------------------------

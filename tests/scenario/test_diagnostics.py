@@ -250,10 +250,21 @@ RULES: dict[str, tuple[str, str, list[str]]] = {
     "own act that nobody knows": (
         "",
         '\n<transition ended="a" target="S"/>',
-        ["4:1 unreachable-transition", "4:20 unknown-act"],
+        ["4:20 unknown-act"],
     ),
     "own act that it never starts": ("", '\n<transition ended="A" target="S"/>', ["4:1 unreachable-transition"]),
     "outcome that is none": (START_A, '\n<transition ended="A" outcome="fine" target="S"/>', ["4:32 wrong-value"]),
+    "outcome that is none, and what comes after it": (
+        START_A,
+        '\n<transition ended="A" outcome="fail" target="S"/>\n<transition ended="A" outcome="succeeded" target="S"/>'
+        '\n<transition ended="A" target="S"/>',
+        ["4:32 wrong-value"],
+    ),
+    "own act that nobody knows, twice": (
+        "",
+        '\n<transition ended="a" outcome="failed" target="S"/>\n<transition ended="a" target="S"/>',
+        ["4:20 unknown-act", "5:20 unknown-act"],
+    ),
     "outcome of nothing": ("", '\n<transition cond="pause" outcome="failed" target="S"/>', ["4:26 trigger"]),
     "own act and event": (
         START_A,

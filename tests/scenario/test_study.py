@@ -95,4 +95,4 @@ def test_no_table_takes_an_entry_that_nobody_reads(tmp_path: Path, toml: str) ->
 def test_every_table_is_tried() -> None:
     """Who adds a table to scenario.toml adds it above."""
     tried = {found[1] for toml in TABLES if (found := re.match(r"\[(\w+)", toml))}
-    assert {*TOP_KEYS} - {"title", "robot", "mode", "acts", "rules", "memory", "on_failure"} <= tried
+    assert {*TOP_KEYS} - {"title", "language", "robot", "mode", "acts", "rules", "memory", "on_failure"} <= tried

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 from typing import Any
 
@@ -9,10 +10,12 @@ from msgspec.structs import replace
 
 from rise_engine.kernel.inputs import ActionReport, AnyInput, Note, SessionEnded, TimerElapsed
 from rise_engine.kernel.records import AnyRecord
+from rise_engine.kernel.view import SessionView
 from rise_engine.scenario import load
 from rise_engine.session import folder as folders
 from rise_engine.session.folder import JOURNAL
 from rise_engine.session.journal_format import encode_header, encode_input, encode_record, with_checksum
+from rise_engine.session.recovery import RecoveredSession
 
 from ..kernel.harness import Session, dialog, gaze, pause, speech, write
 
@@ -117,3 +120,46 @@ class Made:
                 session.timers.pop(fact.timer, None)
             session.do(fact)
         return session
+
+
+def kept(made: Made) -> dict[str, bytes]:
+    """What a repair has put beside the journal."""
+    return {
+        path.name: path.read_bytes()
+        for path in sorted(made.folder.iterdir())
+        if path.name.startswith(("journal.torn", "journal.damaged", "journal.jsonl."))
+    }
+
+
+def clean(made: Made) -> None:
+    for name in kept(made):
+        (made.folder / name).unlink()
+
+
+def unlabelled(journal: bytes) -> list[bytes]:
+    """Inputs, then records (a record that stands before its input is right too), without what nobody can make again:
+    `wall`, and the check sum of that."""
+    lines = re.sub(rb'"wall":"[^"]*"|"crc":"[^"]*"', b"", journal).splitlines()
+    return sorted(lines, key=lambda line: line.startswith(b'{"kind"'))
+
+
+def step_of(made: Made, index: int) -> int:
+    """The number of the step that line `index` (from 0) belongs to."""
+    return sum(start <= index for start in made.step_lines)
+
+
+def assert_is(made: Made, found: RecoveredSession, steps: int) -> None:
+    """`found` is the session as it was after so many steps, and its journal with `lines` is what was written then."""
+    fresh = made.replayed(steps)
+    assert found.inputs == steps
+    assert found.kernel.snapshot() == fresh.kernel.snapshot()
+    assert found.timers == fresh.timers
+    view = SessionView()
+    for _, records in made.session.steps[:steps]:
+        for record in records:
+            view.apply(record)
+    assert found.view.session is not None and view.session is not None
+    assert replace(found.view, session=replace(found.view.session, wall=view.session.wall)) == view
+    end = made.step_lines[steps] if steps < len(made.step_lines) else len(made.lines)
+    assert found.size == made.journal.stat().st_size
+    assert unlabelled(made.journal.read_bytes() + found.unwritten_lines) == unlabelled(b"".join(made.lines[:end]))

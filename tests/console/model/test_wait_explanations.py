@@ -147,6 +147,19 @@ def test_the_two_ends_of_a_row_stay_near_each_other() -> None:
     assert max(cell_len(plain_text(row.line)) for row in rows) == READABLE
 
 
+def test_the_result_of_a_rule_is_told_as_what_it_is() -> None:
+    task = Rule("Task", "Doing", {"Doing": State("Doing", transitions=(way("next"),)), "Done": State("Done")})
+    it = Scene(scene(way("Task_Done"), Task=task))
+    assert it.said() == ["waits for the rule Task to end in Done · ready → b"]
+    keys = {**it.store.scenario.keys, "t": KeyBinding("t", "t", "startInteractionRule", "Task")}
+    it = Scene(replace(scene(way("Task_Done"), Task=task), keys=keys))
+    assert it.said() == ["waits for the rule Task to end in Done · ready you: t → b"]
+    it.client.rule("Task", "entered", "Doing", previous=None, trigger="start")
+    assert it.said()[0].startswith("waits for the rule Task to end in Done ► running → b")
+    assert Scene(scene(way("Task_Doing"), Task=task)).said()[0].startswith("waits for event Task_Doing"), "no end"
+    assert Scene(scene(way("Task_end"), Task=task)).said()[0].startswith("waits for Task to end ·")
+
+
 def test_time_counts_down() -> None:
     it = Scene(scene(way(after=90.0)))
     assert it.counts()

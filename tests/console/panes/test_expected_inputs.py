@@ -6,10 +6,11 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from msgspec.structs import replace
 
 from rise_engine.kernel.records import MemoryRecord
 from rise_engine.scenario import load
-from rise_engine.scenario.model import Scenario
+from rise_engine.scenario.model import KeyBinding, Rule, Scenario, State, Transition
 from rise_tui.model.expected_inputs import ExpectedInputs, find_expected_inputs
 from rise_tui.model.study_keys import StudyKeys
 from tests.console.conftest import console
@@ -48,6 +49,17 @@ def test_what_is_waited_for(
     assert find_expected_inputs(StudyKeys(demo()), states, memory) == ExpectedInputs(
         frozenset(acts), frozenset(rules), frozenset(events)
     )
+
+
+def test_the_result_of_a_rule_is_waited_for_by_starting_the_rule() -> None:
+    waiting = Rule("Whole", "Wait", {"Wait": State("Wait", transitions=(Transition("Task_Done", target="Wait"),))})
+    task = Rule("Task", "Doing", {"Doing": State("Doing", transitions=(Transition("next"),)), "Done": State("Done")})
+    keys = {"t": KeyBinding("t", "t", "startInteractionRule", "Task")}
+    study = StudyKeys(replace(demo(), rules={"Whole": waiting, "Task": task}, keys=keys))
+    states: dict[str, str | None] = {"Whole": "Wait"}
+    assert find_expected_inputs(study, states, {}).rules == {"Task"} and study.expected_keys(states, {}) == {"t"}
+    states["Task"] = "Doing"
+    assert find_expected_inputs(study, states, {}).rules == frozenset() == study.expected_keys(states, {})
 
 
 def test_a_real_study_waits_for_its_wizard() -> None:

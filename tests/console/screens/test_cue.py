@@ -174,13 +174,14 @@ async def test_a_scenario_without_fillers_names_none() -> None:
         assert client.asked() == []
 
 
-async def test_a_cue_is_taken_back_from_the_palette() -> None:
+async def test_a_key_takes_the_cue_back() -> None:
     async with console() as it:
-        it.screen.action_do("undo-cue")
+        await it.press("underscore")
         await it.until(lambda: "not now, no cue is open" in it.notice)
+        assert it.client.asked() == []
         mark(it)
         await it.until(lambda: "cue 0.0 s" in it.bars.status_line.text)
-        it.screen.action_do("undo-cue")
+        await it.press("underscore")
         await it.sent("undoCue", "")
         mark(it, "undone")
         await it.until(lambda: "cue 0" not in it.bars.status_line.text)

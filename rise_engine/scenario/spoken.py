@@ -1,0 +1,18 @@
+"""Which actions say something, and what."""
+
+from __future__ import annotations
+
+from rise_engine.scenario.model import ActionSpec
+
+SPEECH_CHANNEL = "speech"
+"""An action that occupies this channel says something."""
+MESSAGE = "message"
+"""The parameter with what is said."""
+LANGUAGE = "language"
+"""The parameter with the language that it is in."""
+
+
+def says_message(spec: ActionSpec) -> bool:
+    """Whether an action says its `message` aloud: then the lexicon applies to it, and it can be SSML."""
+    message = spec.parameters.get(MESSAGE)
+    return message is not None and message.type == "text" and SPEECH_CHANNEL in spec.channels

@@ -1,0 +1,136 @@
+"""What is wrong with the SSML that an author wrote, found before a session begins (docs/reference/cra.md, "SSML")."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator
+from typing import NamedTuple
+
+from lxml import etree
+
+from rise_engine.nearest_name import did_you_mean
+from rise_engine.scenario.ssml import (
+    BEGINNING,
+    LANGUAGE_ATTRIBUTE,
+    TIME,
+    SsmlElement,
+    begins_as_ssml,
+    parse_ssml,
+)
+from rise_engine.scenario.template import Template
+from rise_engine.scenario.xml_syntax_errors import describe_syntax_error
+
+ELEMENTS = (
+    *("speak", "p", "s", "token", "w", "break", "emphasis", "prosody", "voice", "lang", "sub", "say-as", "phoneme"),
+    *("audio", "mark", "desc", "lexicon", "lookup", "meta", "metadata"),
+)
+"""What SSML 1.1 has. Elements of a maker have a prefix of their own."""
+_SLOT = "\ue000"
+"""Stands for a memory value while the rest is read as XML: a letter of nobody's, which no name can have in it."""
+_PROLOG = ("<?xml", "<!DOCTYPE")
+_LONGEST_PIECE = 12
+
+
+class SsmlProblem(NamedTuple):
+    """A finding about a message."""
+
+    is_error: bool
+    text: str
+    piece: str = ""
+    """What stands in the message where it is."""
+    nth: int = 0
+    """How often the piece stands in the message before."""
+
+    def index_in(self, text: str) -> int:
+        """Where it is in a text that has the message in it; 0 when that cannot be told."""
+        at = -1
+        for _ in range(self.nth + 1):
+            at = text.find(self.piece, at + 1)
+            if at < 0:
+                return 0
+        return at
+
+
+def find_ssml_problems(template: Template) -> Iterator[SsmlProblem]:
+    """All that is wrong with a message that is meant as SSML; nothing for any other text."""
+    if template.text.startswith(_PROLOG) and "<speak" in template.text:
+        yield SsmlProblem(True, "SSML begins with `<speak`; delete what stands before it", template.text[:5])
+    if not begins_as_ssml(template.text):
+        return
+    text = _without_slots(template)
+    root = parse_ssml(text)
+    if root is None:
+        yield _explain(text)
+    else:
+        yield from _slot_problems(template)
+        yield from _element_problems(root, text)
+
+
+def languages_in(template: Template) -> Iterator[str | None]:
+    """What `xml:lang` says in SSML, each time; None for a language that comes from the memory."""
+    root = parse_ssml(_without_slots(template))
+    for element in root.walk() if root is not None else ():
+        if (language := element.attributes.get(LANGUAGE_ATTRIBUTE)) is not None:
+            yield None if _SLOT in language else language
+
+
+def _without_slots(template: Template) -> str:
+    return "".join(part if isinstance(part, str) else _SLOT for part in template.parts)
+
+
+def _problem_at(text: str, index: int, message: str, piece: str = "") -> SsmlProblem:
+    """A problem at a character of a text without slots: an error, or a warning about the piece that stands there."""
+    found = piece or re.split(rf"[\s{_SLOT}]", text[index : index + _LONGEST_PIECE], maxsplit=1)[0]
+    return SsmlProblem(not piece, message, found or BEGINNING, text.count(found, 0, index) if found else 0)
+
+
+def _explain(text: str) -> SsmlProblem:
+    """Why a text is no SSML, in the words for XML files: libxml2 says more than expat."""
+    parser = etree.XMLParser(resolve_entities=False, no_network=True, load_dtd=False, huge_tree=False)
+    try:
+        etree.fromstring(text.encode(), parser)
+    except etree.XMLSyntaxError as error:
+        _, index, sentence = describe_syntax_error(error, text)
+        message = error.msg or ""
+    except ValueError:
+        return SsmlProblem(True, "this text holds half a character, which no XML can", BEGINNING)
+    else:
+        return SsmlProblem(True, "a name in these tags has a character that no XML name can have", BEGINNING)
+    if "Extra content" in message:
+        sentence = "the message goes on behind its `</speak>`; one `<speak>` holds all of it"
+    elif "EntityRef" in message or "Entity" in message:
+        index = text.rfind("&", 0, index + 2)
+        sentence = "in SSML, `&` is written `&amp;`; other characters stand as themselves"
+    elif "invalid element name" in message:
+        index = text.rfind("<", 0, index + 2)
+        sentence = "`<` cannot stand here; in SSML, write `&lt;`"
+    return _problem_at(text, max(index, 0), sentence.replace(" of line 1", ""))
+
+
+def _slot_problems(template: Template) -> Iterator[SsmlProblem]:
+    for slot in template.slots:
+        for piece in (slot.fallback, slot.before, slot.after):
+            if piece and not _is_plain(piece):
+                message = (
+                    f"`{piece}` stands beside a memory value or for it: words, with `&lt;` and `&amp;`, and no tags"
+                )
+                yield SsmlProblem(True, message, piece)
+
+
+def _is_plain(piece: str) -> bool:
+    root = parse_ssml(f"<speak>{piece}</speak>")
+    return root is not None and len(root) == 0
+
+
+def _element_problems(root: SsmlElement, text: str) -> Iterator[SsmlProblem]:
+    unknown: set[str] = set()
+    for element in root.walk():
+        name = element.tag
+        if ":" not in name and name not in ELEMENTS and name not in unknown:
+            unknown.add(name)
+            message = f"SSML has no element `<{name}>`{did_you_mean(name, ELEMENTS)}"
+            yield _problem_at(text, text.find(f"<{name}"), message, f"<{name}")
+        time = element.attributes.get("time") if name == "break" else None
+        if time is not None and _SLOT not in time and TIME.match(time) is None:
+            message = f'`{time}` is not a time; write <break time="500ms"/> or <break time="1.5s"/>'
+            yield _problem_at(text, max(text.find(f'"{time}'), text.find(f"'{time}")) + 1, message, time)
