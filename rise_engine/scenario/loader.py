@@ -18,6 +18,8 @@ from rise_engine.scenario.acts import read_acts
 from rise_engine.scenario.cross_references import check_cross_references
 from rise_engine.scenario.diagnostics import Diagnostic, Diagnostics
 from rise_engine.scenario.draft import ScenarioDraft
+from rise_engine.scenario.element_templates import LIBRARY, PATTERNS, TemplateCollection
+from rise_engine.scenario.expansion import Expander
 from rise_engine.scenario.failure_checks import check_failures
 from rise_engine.scenario.file_names import DEFAULT_PATHS, SCENARIO_FILE
 from rise_engine.scenario.memory import read_memory
@@ -51,6 +53,8 @@ class LoadResult(Struct, frozen=True):
     """Warnings that are meant, in reading order; they are not among the findings."""
     act_tables: ActTables = field(default_factory=ActTables)
     """What scenario.toml says of acts."""
+    expanded: dict[str, list[XmlFile]] = {}
+    """The files of `acts` and `rules` as they were read, with their templates put in."""
 
     def __iter__(self) -> Iterator[Any]:
         """`scenario, findings = load(...)` works too."""
@@ -118,9 +122,10 @@ class _Loader:
         self.named = {**settings.paths, **paths}
         paths = {key: self.named.get(key) or usual_path for key, usual_path in DEFAULT_PATHS.items()}
 
-        for file in self.read_xml_files("acts", paths["acts"]):
+        expanded = self.expand_files({kind: list(self.read_xml_files(kind, paths[kind])) for kind in ("acts", "rules")})
+        for file in expanded["acts"]:
             read_acts(file, profile, draft, diagnostics)
-        for file in self.read_xml_files("rules", paths["rules"]):
+        for file in expanded["rules"]:
             read_rules(file, draft, diagnostics)
         self.read_memory(paths["memory"])
         check_cross_references(draft, diagnostics)
@@ -157,7 +162,7 @@ class _Loader:
             topics=frozenset(mention.name for mention in draft.awaited_topics),
             hash=_hash(files, profile.name),
         )
-        return LoadResult(scenario, found, files, silenced, settings.act_tables)
+        return LoadResult(scenario, found, files, silenced, settings.act_tables, expanded)
 
     def read_settings(self) -> None:
         path = self.folder / (self.path.name if self.path.suffix == ".toml" else SCENARIO_FILE)
@@ -203,6 +208,17 @@ class _Loader:
             else:
                 yield file
 
+    def expand_files(self, files: dict[str, list[XmlFile]]) -> dict[str, list[XmlFile]]:
+        """These files with their templates put in."""
+        templates = TemplateCollection(self.files, self.draft, self.diagnostics)
+        templates.read(file for kind in files for file in files[kind] if file.may_have_templates)
+        expander = Expander(templates)
+        expanded = {kind: [expander.expand(file) for file in files[kind]] for kind in files}
+        for kind, those in expanded.items():
+            if not all(file.is_complete(file.root) for file in those):
+                self.draft.unreadable_parts.add(kind)
+        return expanded
+
     def check_exists(self, kind: str, path: Path) -> bool:
         """Whether a place is there. One that was named must be; the usual ones need not."""
         try:
@@ -229,6 +245,8 @@ class _Loader:
                 name = f"acts/{path.name}"
             elif rules in (path, path.parent):
                 name = f"rules/{path.name}"
+            elif path.parent in (LIBRARY, self.folder / PATTERNS) and path.suffix == ".xml":
+                name = f"{PATTERNS}/{path.name}"
             elif source.name in settings:
                 name = SCENARIO_FILE
             else:

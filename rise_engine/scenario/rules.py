@@ -56,6 +56,8 @@ class _RuleReader(BlockReader):
         """Its transitions after less than SHORT_AFTER: state, target, element."""
         self.shared: list[tuple[str, Element, list[tuple[Transition, Element]]]] = []
         """Its ways out that several states have: the states' names as written, the element, the transitions."""
+        self.unknown_states: list[tuple[Element, str, str]] = []
+        """Names of states that it does not have: element, attribute, name."""
 
     def read_rules(self) -> None:
         self.read_parts("InteractionRule", WRAPPERS, "rule", self.draft.rules, self.read_rule)
@@ -64,6 +66,7 @@ class _RuleReader(BlockReader):
         self.targets.clear()
         self.short.clear()
         self.shared.clear()
+        self.unknown_states.clear()
         self.check_attributes(element, _RULE)
         self.check_no_text(element)
         name = (element.get("name") or "").strip()
@@ -91,7 +94,9 @@ class _RuleReader(BlockReader):
         initial = self.read_initial(element, states)
         for target, transition in self.targets:
             if target not in states:
-                self.report_unknown_state(transition, "target", target, states)
+                self.unknown_states.append((transition, "target", target))
+        for place in self.unknown_states if self.file.is_complete(element) else ():
+            self.report_unknown_state(*place, states)
         priority = self.read_priority(element)
         self.check_short_loops(states)
         self.check_own_ends(states)
@@ -102,7 +107,9 @@ class _RuleReader(BlockReader):
 
     def read_initial(self, element: Element, states: dict[str, State]) -> str | None:
         initial = element.get("initial")
-        has_states = bool(states) or any(child.tag == "State" for child in element)
+        has_states = (
+            bool(states) or any(child.tag == "State" for child in element) or not self.file.is_complete(element)
+        )
         if not has_states:
             self.report_error("no-states", element, "this rule has no states")
         if initial is None:
@@ -113,7 +120,7 @@ class _RuleReader(BlockReader):
         if initial in states:
             return initial
         if has_states:
-            self.report_unknown_state(element, "initial", initial, states)
+            self.unknown_states.append((element, "initial", initial))
         return None
 
     def report_unknown_state(self, element: Element, attribute: str, name: str, states: dict[str, State]) -> None:
@@ -211,7 +218,7 @@ class _RuleReader(BlockReader):
             seen: set[str] = set()
             for name in (part.strip() for part in names.split("|")) if names.strip() else ():
                 if name not in states:
-                    self.report_unknown_state(element, "in", name, states)
+                    self.unknown_states.append((element, "in", name))
                 elif name in seen:
                     self.report_value("duplicate-state", element, "in", f"the state `{name}` stands here twice")
                 else:
