@@ -11,7 +11,7 @@ from shlex import quote
 from textwrap import wrap
 from typing import Any
 
-from msgspec import to_builtins
+from msgspec import UNSET, to_builtins
 
 from rise_engine.cli.terminal import write_json
 from rise_engine.engine.drivers import DOCTORS, DriverError, driver_names, load_ros_plugin, profile_problems
@@ -109,7 +109,7 @@ def _diagnostic_row(diagnostic: Diagnostic) -> dict[str, Any]:
         "severity": diagnostic.severity,
         "code": diagnostic.code,
         "message": diagnostic.message,
-        **({} if (place := diagnostic.location.template) is None else {"template": to_builtins(place)}),
+        **({} if (place := diagnostic.location.template) is UNSET else {"template": to_builtins(place)}),
     }
 
 

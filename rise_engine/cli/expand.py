@@ -9,9 +9,11 @@ from shutil import copyfile
 from rise_engine.cli.check import print_findings
 from rise_engine.cli.terminal import write_xml
 from rise_engine.errors import RiseError
-from rise_engine.scenario import LoadResult, load
+from rise_engine.scenario import load
 from rise_engine.scenario.element_templates import PATTERNS
+from rise_engine.scenario.loader import expanded_files
 from rise_engine.scenario.plain_xml import additions, plain_text
+from rise_engine.scenario.xml import XmlFile
 from rise_engine.text import pluralize
 
 
@@ -31,7 +33,8 @@ def expand_report(folder: str, new: str | None) -> int:
     if loaded.scenario is None:
         print_findings(loaded)
         return 1
-    texts = {file.source.name: plain_text(file) for kind in loaded.expanded.values() for file in kind}
+    files = expanded_files(loaded.scenario)
+    texts = {file.source.name: plain_text(file) for file in files}
     if new is None:
         for name, text in texts.items():
             if text:
@@ -39,7 +42,7 @@ def expand_report(folder: str, new: str | None) -> int:
     else:
         number = _write_copy(Path(loaded.scenario.folder), Path(new), texts)
         print(f"{new}: {pluralize(number, 'file')}, without templates")
-    print(_additions_text(loaded), file=sys.stderr)
+    print(_additions_text(files), file=sys.stderr)
     return 0
 
 
@@ -71,9 +74,9 @@ def _write_copy(folder: Path, new: Path, texts: dict[str, str]) -> int:
     return number
 
 
-def _additions_text(loaded: LoadResult) -> str:
+def _additions_text(files: list[XmlFile]) -> str:
     """What RISE itself would not read of it, in a sentence."""
-    found = additions(file for kind in loaded.expanded.values() for file in kind)
+    found = additions(files)
     if not found:
         return "nothing in these acts and rules is beyond RISE"
     return "beyond RISE itself, these acts and rules have: " + ", ".join(

@@ -8,7 +8,7 @@ from __future__ import annotations
 from collections.abc import Iterable
 from typing import Literal, TypeAlias
 
-from msgspec import Struct
+from msgspec import UNSET, Struct
 from msgspec.structs import replace
 
 from rise_engine.scenario.model import SourceLocation
@@ -89,7 +89,7 @@ def _reading_order(found: Diagnostic) -> tuple[str, int, int, str, str, str]:
 def _template_note(location: SourceLocation) -> str:
     """The end of a message about what comes from a template."""
     place = location.template
-    return "" if place is None else f" (in the template `{place.name}`: {place.file}, line {place.line})"
+    return "" if place is UNSET else f" (in the template `{place.name}`: {place.file}, line {place.line})"
 
 
 def join_uses(found: Iterable[Diagnostic]) -> list[Diagnostic]:
@@ -97,7 +97,7 @@ def join_uses(found: Iterable[Diagnostic]) -> list[Diagnostic]:
     joined: dict[object, list[Diagnostic]] = {}
     for diagnostic in found:
         template = diagnostic.location.template
-        key = diagnostic if template is None else (diagnostic.severity, diagnostic.code, diagnostic.message, template)
+        key = diagnostic if template is UNSET else (diagnostic.severity, diagnostic.code, diagnostic.message, template)
         joined.setdefault(key, []).append(diagnostic)
     return [
         same[0] if len(same) == 1 else replace(same[0], message=f"{same[0].message[:-1]}; used {len(same)} times)")

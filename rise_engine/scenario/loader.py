@@ -53,8 +53,6 @@ class LoadResult(Struct, frozen=True):
     """Warnings that are meant, in reading order; they are not among the findings."""
     act_tables: ActTables = field(default_factory=ActTables)
     """What scenario.toml says of acts."""
-    expanded: dict[str, list[XmlFile]] = {}
-    """The files of `acts` and `rules` as they were read, with their templates put in."""
 
     def __iter__(self) -> Iterator[Any]:
         """`scenario, findings = load(...)` works too."""
@@ -94,6 +92,13 @@ def load(
     """
     with limited_comparisons():
         return _Loader(Path(path)).load(robot, mode, paths or {})
+
+
+def expanded_files(scenario: Scenario) -> list[XmlFile]:
+    """The files of acts and rules of a scenario that `load` has found without errors, with their templates put in."""
+    loader = _Loader(Path(scenario.folder))
+    files = {kind: list(loader.read_xml_files(kind, scenario.paths[kind])) for kind in ("acts", "rules")}
+    return [file for kind in loader.expand_files(files).values() for file in kind]
 
 
 class _Loader:
@@ -162,7 +167,7 @@ class _Loader:
             topics=frozenset(mention.name for mention in draft.awaited_topics),
             hash=_hash(files, profile.name),
         )
-        return LoadResult(scenario, found, files, silenced, settings.act_tables, expanded)
+        return LoadResult(scenario, found, files, silenced, settings.act_tables)
 
     def read_settings(self) -> None:
         path = self.folder / (self.path.name if self.path.suffix == ".toml" else SCENARIO_FILE)

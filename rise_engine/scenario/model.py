@@ -12,7 +12,7 @@ from collections.abc import Iterator
 from functools import cached_property
 from typing import Any, Literal, TypeAlias
 
-from msgspec import Struct, field
+from msgspec import UNSET, Struct, UnsetType, field
 
 from rise_engine.expression import Assignment, Expression
 from rise_engine.scenario.template import Template
@@ -43,7 +43,7 @@ class SourceLocation(Struct, frozen=True):
     file: str
     line: int = 1
     column: int = 1
-    template: TemplateLocation | None = None
+    template: TemplateLocation | UnsetType = UNSET
     """Of what comes from a template: where in it. File, line and column are then those of the `<use>`."""
 
     def __str__(self) -> str:

@@ -14,7 +14,7 @@ from bisect import bisect_right
 from collections.abc import Iterator, Mapping, Sequence
 from operator import attrgetter
 
-from msgspec import Struct
+from msgspec import UNSET, Struct
 
 from rise_engine.nearest_name import did_you_mean
 from rise_engine.scenario.diagnostics import WARNING_CODES, Diagnostic, Diagnostics, join_uses
@@ -80,7 +80,7 @@ def apply_suppressions(
             group.append(suppression)
     for diagnostic in diagnostics.sorted():
         for location in (diagnostic.location, diagnostic.location.template):  # the `<use>`, and in its template
-            if location is None:
+            if location is UNSET:
                 continue
             group = groups.get((location.file, diagnostic.code), [])
             before = bisect_right(group, (location.line, location.column), key=_start)
