@@ -112,7 +112,9 @@ def test_templates_are_valid() -> None:
     for wrong in ("<Template/>", "<use/>", f"<Dialogs>{use[:-2]}><x/></use></Dialogs>", act(say)):
         assert not acts.validate(etree.fromstring(wrong)), wrong
     way = '<Template name="Way"><parameter name="x"/><transition after="${x}s" target="S"/><onExit/></Template>'
-    states = f'<InteractionRule name="R" initial="S" priority="${{p}}"><State id="S">{use}</State>{use}</InteractionRule>'
+    states = (
+        f'<InteractionRule name="R" initial="S" priority="${{p}}"><State id="S">{use}</State>{use}</InteractionRule>'
+    )
     rules_ = f"<InteractionRules>{way}{use}{states}<Template name='R'>{states}</Template></InteractionRules>"
     assert rule_schema().validate(etree.fromstring(rules_)), rule_schema().error_log
     for function in ("<function raiseEventTopic='/x'/>", use, "<oneOf>" + use + "</oneOf>", f"<if cond='x'>{use}</if>"):
