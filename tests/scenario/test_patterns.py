@@ -11,7 +11,7 @@ from tempfile import TemporaryDirectory
 import pytest
 
 from rise_engine.kernel.inputs import ActionReport
-from rise_engine.kernel.records import RuleRecord
+from rise_engine.kernel.records import RuleRecord, TaskRecord
 from rise_engine.scenario import load
 from rise_engine.scenario.element_templates import LIBRARY
 from rise_engine.scenario.model import Scenario, functions_in
@@ -131,6 +131,8 @@ def test_every_outcome_is_reached(pattern: str) -> None:
         entered.add(state(session))
         if "P" not in session.states:
             ended.add(state(session))
+        rejected = [each for each in session.records if isinstance(each, TaskRecord) and each.status == "REJECTED"]
+        assert rejected == [], "nothing is stopped that does not run"
     assert ended == OUTCOMES[pattern]
     assert entered == set(scenario.rules["P"].states), "and every state"
 
