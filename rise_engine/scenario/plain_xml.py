@@ -6,6 +6,7 @@ from collections import Counter
 from collections.abc import Iterable, Iterator
 from xml.sax.saxutils import escape
 
+from rise_engine.scenario.blocks import FUNCTIONS
 from rise_engine.scenario.expansion import ExpandedFile
 from rise_engine.scenario.xml import Element, XmlFile
 from rise_engine.text import BLANKS
@@ -95,6 +96,8 @@ def additions(files: Iterable[XmlFile]) -> Counter[str]:
             found.update(f"`{name}`" for name in _OF_TRANSITIONS if name in element.attributes)
             if "target" not in element.attributes:
                 found["transitions without `target`"] += 1
+        elif element.tag == "function":
+            found.update(f"`{name}` of `<function>`" for name in element.attributes if name not in FUNCTIONS)
         elif element.tag == "waitForActions" and ("," in element.text or ";" in element.text):
             found["several ids in `<waitForActions>`"] += 1
         elif not len(element) and "{" in element.text:
