@@ -239,6 +239,8 @@ class _TemplateReader(ElementReader):
     def check_uses(self, parent: Element, used: set[str]) -> None:
         """Every `<use>` inside an element, templates within it left out."""
         for child in parent:
+            if child.tag in ("use", "Template"):
+                self.check_no_tail(child)
             if child.tag == "use":
                 self.check_use(child, parent, used)
             elif child.tag != "Template":
@@ -247,14 +249,18 @@ class _TemplateReader(ElementReader):
                 message = "`<Template>` cannot stand here; it stands beside the acts or rules of a file"
                 self.report_error("unknown-element", child, message)
 
+    def check_no_tail(self, element: Element) -> None:
+        """A finding for text behind an element that will not be there when its parent is read."""
+        if stray := element.tail.strip(BLANKS):
+            location = self.file.tail_location(element, element.tail.index(stray))
+            message = f"text cannot stand here: `{' '.join(stray[:1000].split())[:60]}`"
+            self.diagnostics.error("unexpected-text", location, message)
+
     def check_use(self, element: Element, parent: Element, used: set[str]) -> None:
         self.check_no_text(element)
         for child in element:
             message = f"`<use>` holds nothing; `<{child.tag}>` cannot stand in it"
             self.report_error("unknown-element", child, message)
-        if stray := element.tail.strip(BLANKS):
-            location = self.file.tail_location(element, element.tail.index(stray))
-            self.diagnostics.error("unexpected-text", location, f"text cannot stand here: `{stray[:60]}`")
         name = (element.get("template") or "").strip()
         used.add(name)
         if parent.tag not in HOLDERS:

@@ -28,6 +28,7 @@ from rise_engine.scenario.model import (
     normal_topic,
 )
 from rise_engine.scenario.xml import Element, XmlFile
+from rise_engine.text import BLANKS
 
 WRAPPERS = ("InteractionRules",)
 _NUMBER = re.compile(r"\s*[-+]?(?:\d+(?:\.\d*)?|\.\d+)(?:[eE][-+]?\d+)?\s*\Z", re.ASCII)
@@ -285,7 +286,7 @@ class _RuleReader(BlockReader):
         if "ended" not in element.attributes:
             message = '`outcome` says how an act has ended; it stands beside `ended`: ended="R_X" outcome="failed"'
             self.report_attribute("trigger", element, "outcome", message)
-        words = [word.strip() for word in element.attributes["outcome"].split("|")]
+        words = [word.strip(BLANKS) for word in element.attributes["outcome"].split("|")]
         for word in words:
             if word not in _OUTCOMES:
                 near = did_you_mean(word, _OUTCOMES)

@@ -127,6 +127,10 @@ FAULTS: dict[str, tuple[str, list[tuple[str, str]]]] = {
         acts(f'{SAY}\n<Dialog name="A"><use template="Say" id="1" text="Hi"><Wait/></use> loud </Dialog>'),
         [("5:55 unknown-element", "`<use>` holds nothing"), ("5:69 unexpected-text", "text cannot stand here: `loud`")],
     ),
+    "text behind a template": (
+        acts(f'{SAY} loud <Dialog name="A"><use template="Say" id="1" text="Hi"/></Dialog>'),
+        [("4:13 unexpected-text", "text cannot stand here: `loud`")],
+    ),
     "a use in a text": (
         acts(
             f'{SAY}\n<Dialog name="A"><Speech><actionID>1</actionID>'
