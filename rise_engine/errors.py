@@ -8,6 +8,7 @@
       EndRefused                  This client may not end the session
       EngineGone                  The engine has ended or cannot be reached
         LinkLost                  This connection was cut
+      ExpandError                 The expanded scenario cannot be written
       ExportFailed                Nothing was written
       InvalidFilter               What is typed is no filter
       InvalidTime                 It is no time

@@ -11,6 +11,8 @@ from shlex import quote
 from textwrap import wrap
 from typing import Any
 
+from msgspec import UNSET, to_builtins
+
 from rise_engine.cli.terminal import write_json
 from rise_engine.engine.drivers import DOCTORS, DriverError, driver_names, load_ros_plugin, profile_problems
 from rise_engine.errors import RiseError
@@ -20,7 +22,7 @@ from rise_engine.expression.signatures import SIGNATURES
 from rise_engine.json_codec import JsonError, decode
 from rise_engine.nearest_name import did_you_mean
 from rise_engine.ports.bridge import Examiner, RosConnection
-from rise_engine.scenario import act_schema_text, load, rule_schema_text
+from rise_engine.scenario import LoadResult, act_schema_text, load, rule_schema_text
 from rise_engine.scenario.diagnostics import Diagnostic, Diagnostics
 from rise_engine.scenario.model import ActionSpec, RobotProfile, Scenario, SourceLocation
 from rise_engine.scenario.robot_profiles import DEFAULT_ROBOT, find_profile, read_robot, robot_names
@@ -107,6 +109,7 @@ def _diagnostic_row(diagnostic: Diagnostic) -> dict[str, Any]:
         "severity": diagnostic.severity,
         "code": diagnostic.code,
         "message": diagnostic.message,
+        **({} if (place := diagnostic.location.template) is UNSET else {"template": to_builtins(place)}),
     }
 
 
@@ -128,12 +131,16 @@ def _driver_diagnostics(scenario: Scenario) -> list[Diagnostic]:
 def load_or_refuse(folder: str, *, robot: str | None, mode: str | None) -> Scenario | None:
     """The scenario, or None when it is refused; findings go to standard error."""
     loaded = load(folder, robot=robot, mode=mode)
+    print_findings(loaded)
+    return loaded.scenario
+
+
+def print_findings(loaded: LoadResult) -> None:
+    """Say on standard error what is wrong, and whether the scenario is refused for it."""
     for diagnostic in loaded.diagnostics:
         print(f"{diagnostic}", file=sys.stderr)
     if loaded.scenario is None:
-        errors = sum(diagnostic.severity == "error" for diagnostic in loaded.diagnostics)
-        print(f"the scenario is refused: {pluralize(errors, 'error')}", file=sys.stderr)
-    return loaded.scenario
+        print(f"the scenario is refused: {pluralize(len(loaded.errors), 'error')}", file=sys.stderr)
 
 
 def _contents_text(scenario: Scenario | None) -> str:

@@ -1,4 +1,4 @@
-"""The commands about scenarios and robots: check, eval, new, schema, robots, doctor."""
+"""The commands about scenarios and robots: check, eval, expand, new, schema, robots, doctor."""
 
 from __future__ import annotations
 
@@ -22,6 +22,7 @@ from rise_engine.cli.check import (
     schema_text,
     studies_report,
 )
+from rise_engine.cli.expand import ExpandError, expand_report
 from rise_engine.cli.options import FOLDER, FOLDER_OR_NONE, JSON, MODE, ROBOT, ROS
 from rise_engine.cli.terminal import write_xml
 from rise_engine.ports.bridge import RosConnection, RosTransport
@@ -161,4 +162,31 @@ def doctor(folder: str | None, robot: str | None, ros: RosTransport, seconds: st
     sys.exit(doctor_report(folder, robot=robot, ros=connection, seconds=patience, as_json=as_json))
 
 
-COMMANDS = {"check": check, "doctor": doctor, "eval": evaluate, "new": new, "robots": robots, "schema": schema}
+@click.command()
+@FOLDER
+@click.option(
+    "-o", "--output", "new", metavar="NEWDIR", help="Write a copy of the scenario there, in a new or empty folder."
+)
+def expand(folder: str, new: str | None) -> None:
+    """Print the acts and rules of the scenario in DIR without templates, as they would have been written by hand.
+
+    Standard error says what is in them that RISE itself does not know. Exit status: 0; 1 when the scenario has errors
+    or the copy cannot be written; 2 when there is no such folder.
+    """
+    folder = resolve_scenario(folder)
+    try:
+        sys.exit(expand_report(folder, new))
+    except ExpandError as error:
+        print(f"error: {error}", file=sys.stderr)
+        sys.exit(exit_status.REFUSED)
+
+
+COMMANDS = {
+    "check": check,
+    "doctor": doctor,
+    "eval": evaluate,
+    "expand": expand,
+    "new": new,
+    "robots": robots,
+    "schema": schema,
+}

@@ -78,9 +78,10 @@ class _ActReader(ElementReader):
             actions[action.id] = action
             for call in action.calls:
                 channels.update(self.robot.actions[call.type].channels)
-        if len(element) == 0:
+        if len(element) == 0 and self.file.is_complete(element):
             self.report_warning("empty-act", element, f"the act `{name}` has no actions")
-        self.check_waits(actions)
+        if self.file.is_complete(element):
+            self.check_waits(actions)
         if not name:
             return None
         return Act(name, tuple(actions.values()), frozenset(channels), self.file.element_location(element))

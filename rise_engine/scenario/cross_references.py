@@ -25,7 +25,7 @@ def check_cross_references(draft: ScenarioDraft, diagnostics: Diagnostics) -> No
     if "rules" not in unread:
         _check_names(draft.rule_mentions, draft.rules, "rule", draft.acts, "act", diagnostics)
         _check_states(draft, diagnostics)
-    _check_reachable(draft, diagnostics)
+        _check_reachable(draft, diagnostics)
     for name, rule in draft.rules.items():
         if name in draft.acts:
             diagnostics.warning(

@@ -5,9 +5,11 @@ Every code is listed in docs/reference/scenario.md.
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from typing import Literal, TypeAlias
 
-from msgspec import Struct
+from msgspec import UNSET, Struct
+from msgspec.structs import replace
 
 from rise_engine.scenario.model import SourceLocation
 from rise_engine.text import clean
@@ -34,6 +36,8 @@ WARNING_CODES = frozenset(
         "unreachable-state",
         "unreachable-transition",
         "unset-key",
+        "unused-parameter",
+        "unused-template",
         "unwritable-key",
         "variants",
     }
@@ -69,10 +73,10 @@ class Diagnostics:
 
     def error(self, code: str, location: SourceLocation, message: str) -> None:
         self.errors += 1
-        self._found.append(Diagnostic("error", code, message, location))
+        self._found.append(Diagnostic("error", code, message + _template_note(location), location))
 
     def warning(self, code: str, location: SourceLocation, message: str) -> None:
-        self._found.append(Diagnostic("warning", code, message, location))
+        self._found.append(Diagnostic("warning", code, message + _template_note(location), location))
 
     def sorted(self) -> list[Diagnostic]:
         """All findings in reading order: by file, line and column, each once."""
@@ -82,3 +86,22 @@ class Diagnostics:
 def _reading_order(found: Diagnostic) -> tuple[str, int, int, str, str, str]:
     location = found.location
     return location.file, location.line, location.column, found.severity, found.code, found.message
+
+
+def _template_note(location: SourceLocation) -> str:
+    """The end of a message about what comes from a template."""
+    place = location.template
+    return "" if place is UNSET else f" (in the template `{place.name}`: {place.file}, line {place.line})"
+
+
+def join_uses(found: Iterable[Diagnostic]) -> list[Diagnostic]:
+    """What is wrong with one place of a template for the same reason, told once: at the first `<use>`."""
+    joined: dict[object, list[Diagnostic]] = {}
+    for diagnostic in found:
+        template = diagnostic.location.template
+        key = diagnostic if template is UNSET else (diagnostic.severity, diagnostic.code, diagnostic.message, template)
+        joined.setdefault(key, []).append(diagnostic)
+    return [
+        same[0] if len(same) == 1 else replace(same[0], message=f"{same[0].message[:-1]}; used {len(same)} times)")
+        for same in joined.values()
+    ]

@@ -63,6 +63,8 @@ class ElementReader:
         if root.tag == tag:
             yield root
             return
+        if root.tag == "Template":  # a file of its own, for a template
+            return
         if root.tag not in wrappers:
             near = did_you_mean(root.tag, (tag, *wrappers))
             self.report_error("unknown-element", root, f"`<{root.tag}>` cannot be the outermost element here{near}")

@@ -18,6 +18,8 @@ from rise_engine.scenario.acts import read_acts, report_unsent_ssml
 from rise_engine.scenario.cross_references import check_cross_references
 from rise_engine.scenario.diagnostics import Diagnostic, Diagnostics
 from rise_engine.scenario.draft import ScenarioDraft
+from rise_engine.scenario.element_templates import LIBRARY, PATTERNS, TemplateCollection
+from rise_engine.scenario.expansion import Expander
 from rise_engine.scenario.failure_checks import check_failures
 from rise_engine.scenario.file_names import DEFAULT_PATHS, LEXICON_FILE, SCENARIO_FILE
 from rise_engine.scenario.lexicon import read_lexicon
@@ -93,6 +95,13 @@ def load(
         return _Loader(Path(path)).load(robot, mode, paths or {})
 
 
+def expanded_files(scenario: Scenario) -> list[XmlFile]:
+    """The files of acts and rules of a scenario that `load` has found without errors, with their templates put in."""
+    loader = _Loader(Path(scenario.folder))
+    files = {kind: list(loader.read_xml_files(kind, scenario.paths[kind])) for kind in ("acts", "rules")}
+    return [file for kind in loader.expand_files(files).values() for file in kind]
+
+
 class _Loader:
     def __init__(self, path: Path) -> None:
         self.diagnostics = Diagnostics()
@@ -119,9 +128,10 @@ class _Loader:
         self.named = {**settings.paths, **paths}
         paths = {key: self.named.get(key) or usual_path for key, usual_path in DEFAULT_PATHS.items()}
 
-        for file in self.read_xml_files("acts", paths["acts"]):
+        expanded = self.expand_files({kind: list(self.read_xml_files(kind, paths[kind])) for kind in ("acts", "rules")})
+        for file in expanded["acts"]:
             read_acts(file, profile, draft, diagnostics)
-        for file in self.read_xml_files("rules", paths["rules"]):
+        for file in expanded["rules"]:
             read_rules(file, draft, diagnostics)
         self.read_memory(paths["memory"])
         report_unsent_ssml(profile, draft, diagnostics)
@@ -217,6 +227,17 @@ class _Loader:
             else:
                 yield file
 
+    def expand_files(self, files: dict[str, list[XmlFile]]) -> dict[str, list[XmlFile]]:
+        """These files with their templates put in."""
+        templates = TemplateCollection(self.files, self.draft, self.diagnostics)
+        templates.read(file for kind in files for file in files[kind] if file.may_have_templates)
+        expander = Expander(templates)
+        expanded = {kind: [expander.expand(file) for file in files[kind]] for kind in files}
+        for kind, those in expanded.items():
+            if not all(file.is_complete(file.root) for file in those):
+                self.draft.unreadable_parts.add(kind)
+        return expanded
+
     def check_exists(self, kind: str, path: Path) -> bool:
         """Whether a place is there. One that was named must be; the usual ones need not."""
         try:
@@ -243,6 +264,8 @@ class _Loader:
                 name = f"acts/{path.name}"
             elif rules in (path, path.parent):
                 name = f"rules/{path.name}"
+            elif path.parent in (LIBRARY, self.folder / PATTERNS) and path.suffix == ".xml":
+                name = f"{PATTERNS}/{path.name}"
             elif source.name in settings:
                 name = SCENARIO_FILE
             elif source.name == LEXICON_FILE:

@@ -12,7 +12,7 @@ from collections.abc import Iterator
 from functools import cached_property
 from typing import Any, Literal, TypeAlias
 
-from msgspec import Struct, field
+from msgspec import UNSET, Struct, UnsetType, field
 
 from rise_engine.expression import Assignment, Expression
 from rise_engine.scenario.template import Template
@@ -27,12 +27,24 @@ ActOutcome: TypeAlias = Literal["succeeded", "failed", "stopped"]
 ParameterType: TypeAlias = Literal["text", "number", "integer", "boolean", "name"]
 
 
+class TemplateLocation(Struct, frozen=True):
+    """Where something stands in a template."""
+
+    name: str
+    """The template's."""
+    file: str
+    line: int
+    column: int
+
+
 class SourceLocation(Struct, frozen=True):
     """Where something stands. Lines and columns count from 1; the file is relative to the folder."""
 
     file: str
     line: int = 1
     column: int = 1
+    template: TemplateLocation | UnsetType = UNSET
+    """Of what comes from a template: where in it. File, line and column are then those of the `<use>`."""
 
     def __str__(self) -> str:
         return f"{self.file}:{self.line}:{self.column}"

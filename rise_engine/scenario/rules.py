@@ -28,6 +28,7 @@ from rise_engine.scenario.model import (
     normal_topic,
 )
 from rise_engine.scenario.xml import Element, XmlFile
+from rise_engine.text import BLANKS
 
 WRAPPERS = ("InteractionRules",)
 _NUMBER = re.compile(r"\s*[-+]?(?:\d+(?:\.\d*)?|\.\d+)(?:[eE][-+]?\d+)?\s*\Z", re.ASCII)
@@ -58,6 +59,8 @@ class _RuleReader(BlockReader):
         """Its ways out that several states have: the states' names as written, the element, the transitions."""
         self.doubtful: set[SourceLocation] = set()
         """Its transitions of which an error says that what they wait for is not what is written there."""
+        self.unknown_states: list[tuple[Element, str, str]] = []
+        """Names of states that it does not have: element, attribute, name."""
 
     def read_rules(self) -> None:
         self.read_parts("InteractionRule", WRAPPERS, "rule", self.draft.rules, self.read_rule)
@@ -67,6 +70,7 @@ class _RuleReader(BlockReader):
         self.short.clear()
         self.shared.clear()
         self.doubtful.clear()
+        self.unknown_states.clear()
         self.check_attributes(element, _RULE)
         self.check_no_text(element)
         name = (element.get("name") or "").strip()
@@ -94,7 +98,9 @@ class _RuleReader(BlockReader):
         initial = self.read_initial(element, states)
         for target, transition in self.targets:
             if target not in states:
-                self.report_unknown_state(transition, "target", target, states)
+                self.unknown_states.append((transition, "target", target))
+        for place in self.unknown_states if self.file.is_complete(element) else ():
+            self.report_unknown_state(*place, states)
         priority = self.read_priority(element)
         self.check_short_loops(states)
         self.check_own_ends(states)
@@ -105,7 +111,9 @@ class _RuleReader(BlockReader):
 
     def read_initial(self, element: Element, states: dict[str, State]) -> str | None:
         initial = element.get("initial")
-        has_states = bool(states) or any(child.tag == "State" for child in element)
+        has_states = (
+            bool(states) or any(child.tag == "State" for child in element) or not self.file.is_complete(element)
+        )
         if not has_states:
             self.report_error("no-states", element, "this rule has no states")
         if initial is None:
@@ -116,7 +124,7 @@ class _RuleReader(BlockReader):
         if initial in states:
             return initial
         if has_states:
-            self.report_unknown_state(element, "initial", initial, states)
+            self.unknown_states.append((element, "initial", initial))
         return None
 
     def report_unknown_state(self, element: Element, attribute: str, name: str, states: dict[str, State]) -> None:
@@ -214,7 +222,7 @@ class _RuleReader(BlockReader):
             seen: set[str] = set()
             for name in (part.strip() for part in names.split("|")) if names.strip() else ():
                 if name not in states:
-                    self.report_unknown_state(element, "in", name, states)
+                    self.unknown_states.append((element, "in", name))
                 elif name in seen:
                     self.report_value("duplicate-state", element, "in", f"the state `{name}` stands here twice")
                 else:
@@ -281,7 +289,7 @@ class _RuleReader(BlockReader):
         if "ended" not in element.attributes:
             message = '`outcome` says how an act has ended; it stands beside `ended`: ended="R_X" outcome="failed"'
             self.report_attribute("trigger", element, "outcome", message)
-        words = [word.strip() for word in element.attributes["outcome"].split("|")]
+        words = [word.strip(BLANKS) for word in element.attributes["outcome"].split("|")]
         for word in words:
             if word not in _OUTCOMES:
                 near = did_you_mean(word, _OUTCOMES)

@@ -14,11 +14,11 @@ from bisect import bisect_right
 from collections.abc import Iterator, Mapping, Sequence
 from operator import attrgetter
 
-from msgspec import Struct
+from msgspec import UNSET, Struct
 
 from rise_engine.nearest_name import did_you_mean
-from rise_engine.scenario.diagnostics import WARNING_CODES, Diagnostic, Diagnostics
-from rise_engine.scenario.model import SourceLocation
+from rise_engine.scenario.diagnostics import WARNING_CODES, Diagnostic, Diagnostics, join_uses
+from rise_engine.scenario.model import SourceLocation, TemplateLocation
 from rise_engine.scenario.source_files import SourceFile
 from rise_engine.text import match_end
 
@@ -44,8 +44,8 @@ class Suppression(Struct, frozen=True):
     end: tuple[int, int]
     """Behind the last location."""
 
-    def covers(self, diagnostic: Diagnostic) -> bool:
-        location = diagnostic.location
+    def covers(self, diagnostic: Diagnostic, location: SourceLocation | TemplateLocation) -> bool:
+        """Whether it is about a finding that stands there."""
         return (
             diagnostic.severity == "warning"
             and (diagnostic.code, location.file) == (self.code, self.file)
@@ -79,18 +79,21 @@ def apply_suppressions(
         if not group or group[-1].start < suppression.start:
             group.append(suppression)
     for diagnostic in diagnostics.sorted():
-        location = diagnostic.location
-        group = groups.get((location.file, diagnostic.code), [])
-        before = bisect_right(group, (location.line, location.column), key=_start)
-        if before and group[before - 1].covers(diagnostic):
-            used.add(group[before - 1])
-            silenced.append(SuppressedWarning(diagnostic, group[before - 1].reason))
+        for location in (diagnostic.location, diagnostic.location.template):  # the `<use>`, and in its template
+            if location is UNSET:
+                continue
+            group = groups.get((location.file, diagnostic.code), [])
+            before = bisect_right(group, (location.line, location.column), key=_start)
+            if before and group[before - 1].covers(diagnostic, location):
+                used.add(group[before - 1])
+                silenced.append(SuppressedWarning(diagnostic, group[before - 1].reason))
+                break
     for suppression in suppressions if complete else ():
         if suppression not in used:
             message = f"this silences nothing: there is no warning `{suppression.code}` at what follows; delete it"
             diagnostics.warning("unused-allow", suppression.location, message)
     covered = {warning.diagnostic for warning in silenced}
-    return [diagnostic for diagnostic in diagnostics.sorted() if diagnostic not in covered], silenced
+    return join_uses(each for each in diagnostics.sorted() if each not in covered), silenced
 
 
 def read_suppressions(sources: Sequence[SourceFile], diagnostics: Diagnostics) -> list[Suppression]:

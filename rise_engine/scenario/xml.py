@@ -85,6 +85,25 @@ class XmlFile:
         self._text = text
         self._repaired = repaired
 
+    @property
+    def text(self) -> str:
+        """What was parsed: the file's text, with its common mistakes repaired."""
+        return self._text
+
+    def end_of(self, element: Element) -> int:
+        """The offset in `text` behind an element."""
+        end = match_end(_TAG, self._text, element.start_offset)
+        return end if self._text.endswith("/>", 0, end) else self._text.index(">", element.end_offset) + 1
+
+    @property
+    def may_have_templates(self) -> bool:
+        """Whether it may have a `<Template>` or a `<use>`."""
+        return "<use" in self._text or "<Template" in self._text
+
+    def is_complete(self, element: Element) -> bool:
+        """Whether the element holds all that it should: not when a `<use>` in it has come to nothing."""
+        return True
+
     def element_location(self, element: Element) -> SourceLocation:
         """Where an element's start tag begins."""
         return self._location(element.start_offset)

@@ -242,7 +242,7 @@ async def test_a_look_that_lasts_raises_one_event(tmp_path: Path) -> None:
         await look(lambda: trigger.take_name({"data": "robot"}), lambda: it.state("Opening") == "Conversation")
         assert it.events() == ["gaze/robot"]
         await it.until_in("Opening", "Default pose")  # no message any more: nobody is there
-        assert it.events() == ["gaze/robot", "gaze/nothing"]
+        assert it.events() == ["gaze/robot", "gaze/nothing", "conversation_over"]
 
 
 async def test_points_in_named_regions(tmp_path: Path) -> None:

@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 from lxml import etree
 
-from rise_engine.scenario import blocks, load, rules
+from rise_engine.scenario import blocks, element_templates, load, rules
 from rise_engine.scenario.action_declarations import core_actions
 from rise_engine.scenario.editor_schemas import FOLDER, act_schema_text, rule_schema_text
 from rise_engine.scenario.model import ActionSpec
@@ -71,12 +71,14 @@ def test_the_reader_and_the_schemas_have_the_same_words() -> None:
     """No element and no attribute that only the schemas know, and none that only the reader knows."""
     known = {*rules._RULE, *rules._STATE, *rules._TRANSITION, *rules._SHARED, *blocks._COND, *blocks.FUNCTIONS}
     known.update(*blocks._EXTRAS.values())
-    assert names(rule_schema_text(), "attribute") == known
-    assert names(rule_schema_text(), "element") == {"InteractionRules", *blocks._PLACES}
+    of_templates = {*element_templates._TEMPLATE, *element_templates._PARAMETER, "template"}
+    assert names(rule_schema_text(), "attribute") == known | of_templates
+    assert names(rule_schema_text(), "element") == {"InteractionRules", *blocks._PLACES, "Template", "parameter", "use"}
     core = core_actions()
-    assert names(act_schema_text(core), "attribute") == {"name"}
+    assert names(act_schema_text(core), "attribute") == {"name"} | of_templates
     assert names(act_schema_text(core), "element") == {
         *("Dialogs", "AgentDialogs", "CommunicationRobotActs", "Dialog", "Variants"),
+        *("Template", "parameter", "use"),
         *("actionID", "waitForActions", "onFailure"),
         *core,
         *(parameter for spec in core.values() for parameter in spec.parameters),
@@ -99,6 +101,25 @@ def test_rules_agree(name: str) -> None:
     accepted = rule_schema().validate(etree.fromstring(in_state(entry, rest)))
     if name != "two else":  # one inside the `if`, one behind it: a schema cannot see both
         assert accepted == (codes(expected) <= _BEYOND), expected
+
+
+def test_templates_are_valid() -> None:
+    acts = act_schema(core_actions())
+    say = '<Template name="Say"><parameter name="id"/><parameter name="after" default=""/>\n' + SPEECH + "</Template>"
+    use = '<use template="Say" id="1"/>'
+    assert acts.validate(etree.fromstring(say))
+    assert acts.validate(etree.fromstring(f"<Dialogs>{say}{use}{act(use + SPEECH)}</Dialogs>"))
+    for wrong in ("<Template/>", "<use/>", f"<Dialogs>{use[:-2]}><x/></use></Dialogs>", act(say)):
+        assert not acts.validate(etree.fromstring(wrong)), wrong
+    way = '<Template name="Way"><parameter name="x"/><transition after="${x}s" target="S"/><onExit/></Template>'
+    states = (
+        f'<InteractionRule name="R" initial="S" priority="${{p}}"><State id="S">{use}</State>{use}</InteractionRule>'
+    )
+    rules_ = f"<InteractionRules>{way}{use}{states}<Template name='R'>{states}</Template></InteractionRules>"
+    assert rule_schema().validate(etree.fromstring(rules_)), rule_schema().error_log
+    for function in ("<function raiseEventTopic='/x'/>", use, "<oneOf>" + use + "</oneOf>", f"<if cond='x'>{use}</if>"):
+        assert rule_schema().validate(etree.fromstring(in_state(function))), function
+        assert rule_schema().validate(etree.fromstring(f"<Template name='T'>{function}</Template>")), function
 
 
 def test_the_listings_are_valid() -> None:

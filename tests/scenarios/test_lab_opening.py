@@ -36,10 +36,10 @@ def test_the_states_of_the_rules(play: Play) -> None:
     assert session.of("rule", name="Opening")[-1]["status"] == "ended"
     assert session.states("Conversation") == [
         *("Listening", "Kitchen", "Listening", "Thinking", "Answering", "Listening", "Thinking", "Answering"),
-        *("Listening", "Thinking", "No answer", "Listening", "Control room", "Listening"),
-        *("Studio", "Listening"),
+        *("Listening", "Thinking", "No answer", "Listening", "Control room", "Listening", "Over"),
+        *("Listening", "Studio", "Listening", "Over"),
     ]
-    assert [each["status"] for each in session.of("rule", name="Conversation")].count("stopped") == 2
+    assert [each["status"] for each in session.of("rule", name="Conversation")].count("ended") == 2
 
 
 def test_the_answer_is_said_as_it_stands_in_the_memory(play: Play) -> None:

@@ -143,15 +143,15 @@ def test_the_rule_of_the_study() -> None:
     layout = check(scenario.rules["Table setting"], 80)
     drawn = [line.rstrip() for line in texts(layout, GraphPosition("After the welcome", ("Welcome", 0)))]
     assert drawn[:11] == [
-        "           ○ Start  start                           ↓ begin_welcome",
-        "       ╭───┤   begin_task_1",
-        "     ╭─│───┤   begin_task_2 → Task 2, introduction",
-        "   ╭─│─│───┤   begin_task_3 → Task 3, introduction",
-        " ╭─│─│─│───┤   begin_task_4 → Task 4, introduction",
-        " │ │ │ │ ╭►◎ Welcome  may follow                    ↓ R_Welcome_end  taken last",
+        "           ○ Start  start                           ↓ true",
+        "       ╭───┤   task = 1",
+        "     ╭─│───┤   task = 2 → Task 2, introduction",
+        "   ╭─│─│───┤   task = 3 → Task 3, introduction",
+        " ╭─│─│─│───┤   task = 4 → Task 4, introduction",
+        " │ │ │ │ ╭►◎ Welcome  may follow                    ↓ R_Welcome end…  taken last",
         " │ │ │ │ │ ● After the welcome  here                ↓ next",
         " │ │ │ │ ╰─┤   repeat",
-        " │ │ │ ├──►◎ Task 1, introduction  may follow       ↓ R_Task1_Intro_end",
+        " │ │ │ ├──►◎ Task 1, introduction  may follow       ↓ R_Task1_Intro ended",
         " │ │ │ │   ○ After task 1, introduction             ↓ next",
         " │ │ │ ╰───┤   repeat",
     ]

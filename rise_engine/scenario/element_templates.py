@@ -1,0 +1,310 @@
+"""Templates: elements written once, with parameters, and used many times (docs/reference/templates.md).
+
+    <Template name="Say"><parameter name="text"/><Speech>...<message>${text}</message></Speech></Template>
+    <use template="Say" text="Hello"/>
+
+What is wrong with a template, or with a `<use>`, is found here, once and where it is written; `expansion.py` puts the
+elements into their places.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterable, Iterator
+from pathlib import Path
+
+from msgspec import Struct
+
+from rise_engine.nearest_name import did_you_mean, nearest_name
+from rise_engine.scenario.diagnostics import Diagnostics
+from rise_engine.scenario.draft import ScenarioDraft
+from rise_engine.scenario.element_reader import ElementReader
+from rise_engine.scenario.graph import find_cycles
+from rise_engine.scenario.model import SourceLocation
+from rise_engine.scenario.source_files import FileReader
+from rise_engine.scenario.xml import Element, XmlFile, read_xml
+from rise_engine.text import BLANKS
+
+LIBRARY = Path(__file__).with_name("patterns")
+"""The patterns that come with the program: one template a file, each file called as its template."""
+PATTERNS = "patterns"
+"""The folder of a scenario that is looked into before the library; a session keeps there what it used of it."""
+_MARK = re.compile(r"\$\$\{|\$\{([^{}$]*)(\}?)")
+_NAME = re.compile(r"[^\W\d][\w-]*\Z")
+_TEMPLATE = frozenset({"name"})
+_PARAMETER = frozenset({"name", "default"})
+_WRAPPERS = frozenset({"Dialogs", "AgentDialogs", "CommunicationRobotActs", "InteractionRules"})
+HOLDERS = _WRAPPERS | frozenset(
+    {
+        *("Dialog", "InteractionRule", "State", "transitions", "transition", "onEntry", "onExit"),
+        *("if", "elseif", "else", "oneOf", "Template"),
+    }
+)
+"""In what a `<use>` can stand: what holds acts, actions, rules, states, transitions or functions."""
+
+
+class TextPiece(Struct, frozen=True):
+    """A part of an attribute or text in a template."""
+
+    start: int
+    """Where it begins in what is written."""
+    text: str
+    parameter: str | None = None
+    """The parameter that stands there instead, in `${...}`."""
+
+
+def text_pieces(written: str) -> Iterator[TextPiece]:
+    """The literal parts of a text and the parameters between them; `$${` is a literal `${`."""
+    at = 0
+    for mark in _MARK.finditer(written):
+        if mark.start() > at:
+            yield TextPiece(at, written[at : mark.start()])
+        if mark.group().startswith("$$"):
+            yield TextPiece(mark.start(), "${")
+        else:
+            yield TextPiece(mark.start(), mark.group(), mark.group(1).strip())
+        at = mark.end()
+    if at < len(written):
+        yield TextPiece(at, written[at:])
+
+
+class ElementTemplate:
+    """A template as it was read."""
+
+    def __init__(self, name: str, file: XmlFile, element: Element) -> None:
+        self.name = name
+        self.file = file
+        self.element = element
+        self.parameters: dict[str, Element] = {}
+        self.content = [child for child in element if child.tag != "parameter"]
+        self.uses: set[str] = set()
+        """The templates that its content uses."""
+
+    @property
+    def required(self) -> list[str]:
+        """The parameters without default."""
+        return [name for name, element in self.parameters.items() if element.get("default") is None]
+
+
+class TemplateCollection:
+    """The templates of a scenario, and which of them each `<use>` means."""
+
+    def __init__(self, files: FileReader, draft: ScenarioDraft, diagnostics: Diagnostics) -> None:
+        self.files = files
+        self.draft = draft
+        self.diagnostics = diagnostics
+        self.templates: dict[str, ElementTemplate] = {}
+        self.own: set[str] = set()
+        """Those that the files of acts and rules hold."""
+        self.meant: dict[int, ElementTemplate] = {}
+        """By the id of a `<use>` without fault: its template."""
+        self.circular: set[str] = set()
+        """Templates that use each other; nothing can come of them."""
+        self._library: dict[str, Path] | None = None
+
+    def read(self, files: Iterable[XmlFile]) -> None:
+        """Find the templates of these files and check them, and every `<use>`."""
+        files = list(files)
+        readers = [_TemplateReader(file, self) for file in files]
+        for reader in readers:
+            reader.read_templates()
+        self.own.update(self.templates)
+        used: set[str] = set()
+        for reader in readers:
+            reader.check_uses(reader.file.root, used)
+        for template in pending(self.templates):
+            _TemplateReader(template.file, self).check_content(template)
+            used |= template.uses
+        for cycle in find_cycles(self._uses_of_templates()):
+            first = self.templates[cycle[0]]
+            message = f"these templates use each other: {' -> '.join((*cycle, cycle[0]))}; none of them would ever end"
+            self.diagnostics.error("cycle", first.file.value_location(first.element, "name"), message)
+            self.circular.update(cycle)
+        for name in sorted(self.own - used):
+            location = self.templates[name].file.value_location(self.templates[name].element, "name")
+            self.diagnostics.warning("unused-template", location, f"nothing uses the template `{name}`")
+
+    def _uses_of_templates(self) -> dict[str, list[str]]:
+        """By name, the templates that each uses."""
+        return {name: sorted(each.uses & self.templates.keys()) for name, each in self.templates.items()}
+
+    def find(self, name: str) -> ElementTemplate | None:
+        """The template of this name: the scenario's own, or else the library's, which is read when it is asked for."""
+        if name not in self.templates and name in self.library:
+            source = self.files.read(self.library[name])
+            file = read_xml(source, self.diagnostics) if source is not None else None
+            if file is not None:
+                _TemplateReader(file, self).read_templates()
+        return self.templates.get(name)
+
+    @property
+    def library(self) -> dict[str, Path]:
+        """The files of the library by the names of their templates."""
+        if self._library is None:
+            folders = (LIBRARY, self.files.folder / PATTERNS)
+            self._library = {path.stem: path for folder in folders for path in sorted(folder.glob("*.xml"))}
+        return self._library
+
+
+def pending(templates: dict[str, ElementTemplate]) -> Iterator[ElementTemplate]:
+    """All templates, also those that are found meanwhile."""
+    done: set[str] = set()
+    while rest := [each for name, each in templates.items() if name not in done]:
+        for template in rest:
+            done.add(template.name)
+            yield template
+
+
+class _TemplateReader(ElementReader):
+    """Reads the templates of a file."""
+
+    def __init__(self, file: XmlFile, collection: TemplateCollection) -> None:
+        super().__init__(file, collection.draft, collection.diagnostics)
+        self.collection = collection
+
+    def read_templates(self) -> None:
+        root = self.file.root
+        for element in root if root.tag in _WRAPPERS else [root]:
+            if element.tag == "Template":
+                self.read_template(element)
+
+    def read_template(self, element: Element) -> None:
+        self.check_attributes(element, _TEMPLATE)
+        self.check_no_text(element)
+        name = (element.get("name") or "").strip()
+        known = self.collection.templates.get(name)
+        if not name:
+            self.report_error("missing-attribute", element, 'a template needs a name: <Template name="...">')
+        elif known is not None:
+            first = known.file.element_location(known.element)
+            message = f"there is another template `{name}` in {first.file}, line {first.line}"
+            self.report_value("duplicate-name", element, "name", message)
+        template = ElementTemplate(name, self.file, element)
+        for child in element:
+            if child.tag == "parameter":
+                self.read_parameter(child, template)
+        if not template.content:
+            self.report_warning("no-effect", element, f"the template `{name}` holds nothing")
+        if name and known is None:
+            self.collection.templates[name] = template
+
+    def read_parameter(self, element: Element, template: ElementTemplate) -> None:
+        self.check_attributes(element, _PARAMETER)
+        self.check_no_text(element)
+        for child in element:
+            self.report_error("unknown-element", child, f"`<parameter>` holds nothing; move `<{child.tag}>` behind it")
+        name = (element.get("name") or "").strip()
+        if not name:
+            self.report_error("missing-attribute", element, 'a parameter needs a name: <parameter name="..."/>')
+        elif not _NAME.match(name) or name == "template":
+            reserved = "; `template` says which template is used" if name == "template" else ""
+            message = f"a parameter is called by one word of letters, digits, _ and -, not `{name}`{reserved}"
+            self.report_value("bad-name", element, "name", message)
+        elif name in template.parameters:
+            self.report_value("duplicate-parameter", element, "name", f"the parameter `{name}` stands here twice")
+        else:
+            template.parameters[name] = element
+        default = element.get("default") or ""
+        if (at := default.find("${")) >= 0:
+            location = self.file.value_location(element, "default", at)
+            self.diagnostics.error("template", location, "a default is a plain text; it cannot name other parameters")
+
+    def check_content(self, template: ElementTemplate) -> None:
+        """Every `${...}` and every `<use>` in a template."""
+        read: set[str] = set()
+        for element in _elements(template.content):
+            for name, value in element.attributes.items():
+                for piece in _parameters(value):
+                    at = self.file.value_location(element, name, piece.start)
+                    self.check_piece(piece, template, at, read)
+            for piece in _parameters(element.text):
+                self.check_piece(piece, template, self.file.text_location(element, piece.start), read)
+        for name, element in template.parameters.items():
+            if name not in read:
+                message = f"the template `{template.name}` makes no use of its parameter `{name}`"
+                self.diagnostics.warning("unused-parameter", self.file.value_location(element, "name"), message)
+        self.check_uses(template.element, template.uses)
+
+    def check_piece(self, piece: TextPiece, template: ElementTemplate, at: SourceLocation, read: set[str]) -> None:
+        name = piece.parameter or ""
+        read.add(name)
+        if not piece.text.endswith("}"):
+            message = "a `${` without its `}`; write `$${` for the characters themselves"
+            self.diagnostics.error("template", at, message)
+        elif name not in template.parameters:
+            near = did_you_mean(name, template.parameters)
+            message = f"the template `{template.name}` has no parameter `{name}`{near}"
+            self.diagnostics.error("unknown-parameter", at, message)
+
+    def check_uses(self, parent: Element, used: set[str]) -> None:
+        """Every `<use>` inside an element, templates within it left out."""
+        for child in parent:
+            if child.tag in ("use", "Template"):
+                self.check_no_tail(child)
+            if child.tag == "use":
+                self.check_use(child, parent, used)
+            elif child.tag != "Template":
+                self.check_uses(child, used)
+            elif parent is not self.file.root or parent.tag not in _WRAPPERS:
+                message = "`<Template>` cannot stand here; it stands beside the acts or rules of a file"
+                self.report_error("unknown-element", child, message)
+
+    def check_no_tail(self, element: Element) -> None:
+        """A finding for text behind an element that will not be there when its parent is read."""
+        if stray := element.tail.strip(BLANKS):
+            location = self.file.tail_location(element, element.tail.index(stray))
+            message = f"text cannot stand here: `{' '.join(stray[:1000].split())[:60]}`"
+            self.diagnostics.error("unexpected-text", location, message)
+
+    def check_use(self, element: Element, parent: Element, used: set[str]) -> None:
+        self.check_no_text(element)
+        for child in element:
+            message = f"`<use>` holds nothing; `<{child.tag}>` cannot stand in it"
+            self.report_error("unknown-element", child, message)
+        name = (element.get("template") or "").strip()
+        used.add(name)
+        if parent.tag not in HOLDERS:
+            message = f"`<use>` cannot stand in `<{parent.tag}>`; it stands where acts, actions, rules, states, "
+            self.report_error("misplaced", element, message + "transitions or functions stand")
+        elif not name:
+            self.report_error("missing-attribute", element, 'which template is used: <use template="..."/>')
+        elif "${" in name:
+            self.report_value("wrong-value", element, "template", "a template is named here as it is, without `${...}`")
+        elif (template := self.collection.find(name)) is not None:
+            self.check_arguments(element, template)
+        elif not self.collection.draft.unreadable_parts:
+            known = [*self.collection.templates, *self.collection.library]
+            near = did_you_mean(name, sorted(known), limit=0)
+            self.report_value("unknown-template", element, "template", f"there is no template `{name}`{near}")
+
+    def check_arguments(self, element: Element, template: ElementTemplate) -> None:
+        required = set(template.required)
+        missing = [name for name in template.required if name not in element.attributes]
+        for name in element.attributes:
+            if name != "template" and name not in template.parameters:
+                near = did_you_mean(name, template.parameters)
+                message = f"the template `{template.name}` has no parameter `{name}`{near}"
+                self.report_attribute("unknown-parameter", element, name, message)
+                meant = nearest_name(name, template.parameters)
+                missing = [each for each in missing if each != meant]
+        if missing:
+            names = ", ".join(f"`{name}`" for name in missing)
+            where = template.file.element_location(template.element)
+            message = f"the template `{template.name}` ({where.file}, line {where.line}) needs {names}"
+            self.report_error("missing-parameter", element, message)
+        if required <= element.attributes.keys():
+            self.collection.meant[id(element)] = template
+
+
+def _elements(elements: Iterable[Element]) -> Iterator[Element]:
+    """These and all that they hold."""
+    rest = list(elements)[::-1]
+    while rest:
+        element = rest.pop()
+        yield element
+        rest += element[::-1]
+
+
+def _parameters(written: str) -> Iterator[TextPiece]:
+    if "${" in written:
+        yield from (piece for piece in text_pieces(written) if piece.parameter is not None)
