@@ -198,9 +198,9 @@ def eval_report(text: str, memory: Mapping[str, Any], *, as_json: bool) -> int:
             print(f"{_one_line(text)}\n{' ' * (error.column - 1)}^\nerror: {error}", file=sys.stderr)
         return 1
     missing: set[str] = set()
-    chance = Random(0).random
+    chance = Random(0)
     try:
-        value = expression.value(memory, chance, missing)
+        value = expression.value(memory, chance.random, missing, chance.randrange)
     except EvaluationError as error:
         if as_json:
             write_json({"expression": text, "error": str(error), "read_as": expression.with_all_brackets})
@@ -209,7 +209,8 @@ def eval_report(text: str, memory: Mapping[str, Any], *, as_json: bool) -> int:
             print(f"error: {error}", file=sys.stderr)
         return 1
     try:
-        holds = str(expression.as_condition(memory, Random(0).random)).lower()
+        chance = Random(0)
+        holds = str(expression.as_condition(memory, chance.random, None, chance.randrange)).lower()
     except EvaluationError as error:
         holds = f"error: {error}"
     difference = rise1_difference(expression)

@@ -7,7 +7,7 @@ from functools import lru_cache, partial
 
 from rise_engine.nearest_name import did_you_mean
 from rise_engine.scenario.diagnostics import Diagnostics
-from rise_engine.scenario.draft import BareKey, Mention, ScenarioDraft
+from rise_engine.scenario.draft import BareKey, Mention, PartMention, ScenarioDraft
 from rise_engine.scenario.element_reader import ElementReader
 from rise_engine.scenario.graph import find_cycles
 from rise_engine.scenario.model import Act, Action, ActionCall, ActionSpec, Parameter, RobotProfile
@@ -19,7 +19,7 @@ from rise_engine.text import BLANKS, character_name, find_unseen
 WRAPPERS = ("Dialogs", "AgentDialogs", "CommunicationRobotActs")
 COMMON = ("actionID", "waitForActions", "onFailure")
 _NO_ATTRIBUTES: frozenset[str] = frozenset()
-_SLOT = re.compile(r"\{\{|\{\s*+(?:\"[^\"]*+\"\s*+)?([^\W\d][\w.]*)")
+_SLOT = re.compile(r"\{\{|\{\s*+(?:\"[^\"]*+\"\s*+)?([^\W\d][\w.]*+)(?!\s*\[)")
 _ID = re.compile(r"[^,;\s]+")
 _KEY = re.compile(r"[^\W\d][\w.]*\Z")
 
@@ -244,12 +244,7 @@ class _ActReader(ElementReader):
             return None
         constant = template.constant
         if constant is None:
-            index = {found.group(1): found.start() for found in reversed(list(_SLOT.finditer(element.text)))}
-            for slot in template.slots:
-                if slot.fallback is not None and not (slot.before or slot.after):
-                    continue
-                mention = Mention(slot.key, partial(self.file.text_location, element, index.get(slot.key, 0)))
-                (self.draft.key_reads if slot.fallback is None else self.draft.optional_key_reads).append(mention)
+            self.note_slots(element, template)
             try:
                 check_template(parameter, template)
             except ParameterError as error:
@@ -267,6 +262,29 @@ class _ActReader(ElementReader):
             self.report_parameter(element, parameter, error)
             return None
         return template
+
+    def note_slots(self, element: Element, template: Template) -> None:
+        """Note the memory keys that a parameter reads."""
+        index = {found.group(1): found.start() for found in reversed(list(_SLOT.finditer(element.text)))}
+        draft = self.draft
+        behind = 0
+        for slot in template.slots:
+            start = index.get(slot.key, 0)
+            if slot.part is not None:
+                start = max(element.text.find(slot.key, behind), 0)
+                behind = start + len(slot.key)
+            locate = partial(self.file.text_location, element, start)
+            draft.spoken_keys.append(Mention(slot.key, locate))
+            if slot.part is not None:
+                root = slot.part.root
+                if slot.fallback is None:
+                    draft.key_reads += [Mention(key, locate) for key in slot.part.keys]
+                    draft.part_reads += [PartMention(part, locate, spoken=part is root) for part in slot.part.parts]
+                else:
+                    draft.optional_key_reads += [Mention(key, locate) for key in slot.part.keys]
+            elif slot.fallback is None or slot.before or slot.after:
+                reads = draft.key_reads if slot.fallback is None else draft.optional_key_reads
+                reads.append(Mention(slot.key, locate))
 
     def report_parameter(self, element: Element, parameter: Parameter, error: ParameterError) -> None:
         """An error about a parameter's text, where that begins."""

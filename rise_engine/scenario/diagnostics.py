@@ -18,6 +18,7 @@ WARNING_CODES = frozenset(
     {
         "ambiguous-else",
         "bare-word",
+        "decimal-comma",
         "empty-act",
         "memory-form",
         "no-effect",
@@ -31,6 +32,7 @@ WARNING_CODES = frozenset(
         "unreachable-state",
         "unreachable-transition",
         "unset-key",
+        "unused-table",
         "unwritable-key",
         "variants",
     }

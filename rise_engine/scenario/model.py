@@ -15,6 +15,7 @@ from msgspec import Struct, field
 
 from rise_engine.expression import Assignment, Expression
 from rise_engine.scenario.template import Template
+from rise_engine.text import pluralize
 
 Json: TypeAlias = Any
 """A JSON value: null, boolean, integer, number, string, array or object."""
@@ -246,6 +247,27 @@ class Rule(Struct, frozen=True):
 # --- the whole ------------------------------------------------------------------------------------------------------
 
 
+class Table(Struct, frozen=True, dict=True):
+    """A table of `tables/`: read-only memory (docs/reference/scenario.md)."""
+
+    name: str
+    """Its key in the memory."""
+    columns: tuple[str, ...]
+    rows: list[list[Json]]
+    """The values of each row, in the order of the columns."""
+    location: SourceLocation = field(default=SourceLocation(""), name="place")
+
+    @cached_property
+    def records(self) -> list[dict[str, Json]]:
+        """The rows as expressions read them: one object each. Nobody changes them."""
+        return [dict(zip(self.columns, row, strict=True)) for row in self.rows]
+
+    @property
+    def size_text(self) -> str:
+        """How large it is, for people and for records."""
+        return f"{pluralize(len(self.rows), 'row')} x {pluralize(len(self.columns), 'column')}"
+
+
 class KeyBinding(Struct, frozen=True):
     """A key of the scenario and the DomainTask that it submits."""
 
@@ -309,6 +331,8 @@ class Scenario(Struct, frozen=True):
     study: dict[str, Json] = field(default_factory=dict)
     may_release: tuple[str, ...] = ()
     """Programs that may release a stop without control: full names of ROS nodes, names of programs on the link."""
+    tables: dict[str, Table] = field(default_factory=dict)
+    """Read-only memory, by key."""
     paths: dict[str, str] = field(default_factory=dict)
     """`acts`, `rules`, `memory`: where they were read from, relative to the folder."""
     known_keys: frozenset[str] = frozenset()
