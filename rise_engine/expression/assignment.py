@@ -1,4 +1,4 @@
-"""`assignValue`: `key = expression`, `items[i].done = expression`, or a JSON object with one key (semantics.md 7; paper,
+"""`assignValue`: `key = expression`, `items[i].done = expression`, or a JSON object (semantics.md 7; paper, section
 4.2.2)."""
 
 from __future__ import annotations

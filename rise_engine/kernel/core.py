@@ -120,7 +120,7 @@ class Core:
         self.memory: dict[str, Any] = {}
         self.tables = frozenset(scenario.tables)
         """Keys of the memory that nothing can change. They are there from the beginning, and in no snapshot."""
-        self.memory.update((name, table.records) for name, table in scenario.tables.items())
+        self.memory.update(scenario.table_memory)
         self.env = Environment(self.memory, self.rng.fraction, set(), self.rng.integer_below)
         """What expressions see: the memory, and where they report keys that do not exist."""
 

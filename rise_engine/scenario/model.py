@@ -344,6 +344,11 @@ class Scenario(Struct, frozen=True):
     hash: str = ""
     """SHA-256 over every file that was read, in a fixed order: two scenarios with one hash are the same study."""
 
+    @property
+    def table_memory(self) -> dict[str, Json]:
+        """The tables as the memory holds them, by key."""
+        return {name: table.records for name, table in self.tables.items()}
+
     def settings_of(self, act: str) -> ActSettings:
         """The settings of an act, the usual ones where scenario.toml gives none; never raises."""
         return self.act_settings.get(act, _DEFAULT_SETTINGS)

@@ -37,7 +37,7 @@ _TO_SEPARATOR = re.compile(r'"(?:[^"]|"")*"?|[^"]')
 _BLANKS = re.compile(" *")
 
 
-class Record(Struct, frozen=True):
+class TableRecord(Struct, frozen=True):
     """One line of a table, or several when a value goes over their ends."""
 
     start: int
@@ -126,9 +126,13 @@ class _TableReader:
     def has_problems(self) -> bool:
         return self.problems > 0
 
-    def report(self, offset: int, message: str, code: str = "table-form") -> None:
+    def report(self, offset: int, message: str) -> None:
         self.problems += 1
-        self.diagnostics.error(code, self.source.location(offset), message)
+        self.diagnostics.error("table-form", self.source.location(offset), message)
+
+    def report_value(self, offset: int, message: str) -> None:
+        self.problems += 1
+        self.diagnostics.error("table-value", self.source.location(offset), message)
 
     def find_separator(self) -> int:
         """Find out what stands between the values; returns where the first row begins."""
@@ -143,7 +147,7 @@ class _TableReader:
             self.separator = next((piece for piece in pieces if piece in SEPARATORS), ",")
         return excel.end() if excel is not None else 0
 
-    def read_records(self, start: int) -> Iterator[Record]:
+    def read_records(self, start: int) -> Iterator[TableRecord]:
         """The rows that have a value, the header among them."""
         lines = self.source.text[start:].split("\n")
         ends = [start]
@@ -163,7 +167,7 @@ class _TableReader:
                 return
             values = [value.strip().replace("\r\n", "\n") for value in values]
             if any(values):
-                yield Record(ends[first], ends[reader.line_num], values)
+                yield TableRecord(ends[first], ends[reader.line_num], values)
 
     def report_syntax(self, error: csv.Error, start: int, end: int) -> None:
         """What the csv module could not read."""
@@ -187,12 +191,12 @@ class _TableReader:
             else:
                 self.report(start + starts[-1], "this quotation mark is never closed")
 
-    def value_at(self, row: Record, at: int) -> int:
+    def value_at(self, row: TableRecord, at: int) -> int:
         """Where the value of a column stands in the file; behind the row, when it has none."""
         starts, _ = find_values(self.source.text[row.start : row.end], self.separator)
         return row.start + starts[min(at, len(starts) - 1)]
 
-    def read_header(self, header: Record, rows: Sequence[Record]) -> list[str]:
+    def read_header(self, header: TableRecord, rows: Sequence[TableRecord]) -> list[str]:
         names = header.values
         used = max((at + 1 for at, name in enumerate(names) if name), default=0)
         for row in rows:  # a column without name and values is what Excel leaves of a deleted one
@@ -215,7 +219,7 @@ class _TableReader:
             self.report(header.start, message)
         return names[:used]
 
-    def check_length(self, row: Record, count: int) -> bool:
+    def check_length(self, row: TableRecord, count: int) -> bool:
         """Whether a row has a value for each column, and none beside."""
         values = row.values
         beside = next((at for at in range(count, len(values)) if values[at]), None)
@@ -230,7 +234,7 @@ class _TableReader:
             self.report(end, f"this row has {len(values)} values, and the header {count} names")
         return not self.has_problems()
 
-    def read_column(self, name: str, at: int, rows: Sequence[Record]) -> list[Json]:
+    def read_column(self, name: str, at: int, rows: Sequence[TableRecord]) -> list[Json]:
         """The values of one column, all of one type; null where there is none."""
         settings = self.settings
         texts = [row.values[at] for row in rows]
@@ -246,11 +250,11 @@ class _TableReader:
             value = convert_value(text, kind, settings.decimal)
             if value is None and text:
                 message = f"`{name}` is {_KINDS[kind]}, and this is none: `{text[:40]}`"
-                self.report(self.value_at(row, at), message, "table-value")
+                self.report_value(self.value_at(row, at), message)
             values.append(value)
         return values
 
-    def warn_of_commas(self, name: str, at: int, rows: Sequence[Record]) -> None:
+    def warn_of_commas(self, name: str, at: int, rows: Sequence[TableRecord]) -> None:
         row = next(row for row in rows if "," in row.values[at])
         message = (
             f'`{name}` is read as text, because its numbers have a comma; write decimal = "," into '
