@@ -271,8 +271,8 @@ class _ActReader(ElementReader):
         for slot in template.slots:
             start = index.get(slot.key, 0)
             if slot.part is not None:
-                start = max(element.text.find(slot.key, behind), 0)
-                behind = start + len(slot.key)
+                start = max(element.text.rfind("{", behind, element.text.find(slot.key, behind)), 0)
+                behind = start + 1
             locate = partial(self.file.text_location, element, start)
             draft.spoken_keys.append(Mention(slot.key, locate))
             if slot.part is not None:

@@ -69,9 +69,8 @@ def _check_use(draft: ScenarioDraft, diagnostics: Diagnostics) -> None:
     used = {mention.name.partition(".")[0] for mention in mentions}
     for name, table in draft.tables.items():
         if name not in used:
-            message = (
-                f"nothing in this scenario reads the table `{name}`; a row is read as {name}[i].{table.columns[0]}"
-            )
+            example = f"{name}[i].{table.columns[0]}"
+            message = f"nothing in this scenario reads the table `{name}`; its rows are read as {example}"
             diagnostics.warning("unused-table", table.location, message)
 
 
@@ -141,6 +140,8 @@ class _PartPaths:
 
 def _start_value_problem(start: Json, steps: list[Json], part: Part) -> str:
     """Why no way leads from a start value along these steps, or empty. A null is a value that is still to come."""
+    if start is None:
+        return ""
     holders = [start]
     for count, step in enumerate(steps):
         found: list[Json] = []

@@ -14,6 +14,7 @@ ColumnType: TypeAlias = Literal["text", "number", "bool"]
 DecimalMark: TypeAlias = Literal[".", ","]
 
 _WHOLE = re.compile(r"[-+]?(?:0|[1-9][0-9]{0,18})")
+_DIGITS = re.compile(r"[-+]?[0-9]+")
 _NUMBER = {
     mark: re.compile(
         rf"[-+]?(?:(?:0|[1-9][0-9]*)(?:{re.escape(mark)}[0-9]*)?|{re.escape(mark)}[0-9]+)(?:[eE][-+]?[0-9]+)?"
@@ -40,7 +41,7 @@ def convert_value(text: str, kind: ColumnType, decimal: DecimalMark) -> Json:
         return _TRUTH.get(text.lower())
     if _WHOLE.fullmatch(text) and is_64_bit(int(text)):
         return int(text)
-    if _NUMBER[decimal].fullmatch(text) and not _WHOLE.fullmatch(text):
+    if _NUMBER[decimal].fullmatch(text) and not _DIGITS.fullmatch(text):
         number = float(text.replace(",", "."))
         return number if math.isfinite(number) else None
     return None

@@ -77,8 +77,10 @@ def _read_table(path: Path, files: FileReader, draft: ScenarioDraft, diagnostics
     if not is_writable_key(name) or "." in name:
         message = f"a table is called as a key is: letters, digits and `_`, beginning with a letter, not `{name}`"
         diagnostics.error("bad-name", location, message)
+        source = None
     elif name in draft.tables:  # items.csv and items.CSV
         diagnostics.error("duplicate-name", location, f"there is another table `{name}`")
+        source = None
     table = _TableReader(source, name, settings, diagnostics).read() if source is not None else None
     if table is None:
         draft.unreadable_parts.add("tables")

@@ -92,7 +92,6 @@ def test_the_same_on_every_python() -> None:
     assert rng.state == (2026 + (4 + 3 + 9) * 0x9E3779B97F4A7C15) % 2**64, "as many draws as the page says"
 
 
-
 class Written:
     """semantics.md 8.6 once more, written down without looking at the program."""
 

@@ -1,4 +1,4 @@
-"""Parts of values by index: what is read, what is set, and the one ending of what is not there (semantics.md 8.4, 8.5)."""
+"""Parts of values by index: what is read and set, and the one ending of what is not there (semantics.md 8.4, 8.5)."""
 
 from __future__ import annotations
 
@@ -171,7 +171,7 @@ def test_set(text: str, expected: tuple[Any, ...]) -> None:
     key, *way, value = expected
     before = copy.deepcopy(MEMORY)
     changed, whole = Assignment.parse(text).entry(Environment(MEMORY))
-    assert MEMORY == before, "what was there is copied"
+    assert before == MEMORY, "what was there is copied"
     assert (changed, reach(whole, way)) == (key, value)
 
 
@@ -229,7 +229,7 @@ def test_a_value_does_not_grow_without_end() -> None:
     memory: dict[str, Any] = {"a": [0, "x" * 40_000], "b": [0] * 1_000, "big": ["y" * MAX_BYTES]}
     with pytest.raises(EvaluationError, match=r"would have .* bytes as JSON; at most 100,000 are allowed"):
         for _ in range(3):
-            key, memory["a"] = Assignment.parse("a[0] = a").entry(Environment(memory))
+            _, memory["a"] = Assignment.parse("a[0] = a").entry(Environment(memory))
     assert Assignment.parse("copy = big").entry(Environment(memory))[1] is memory["big"], "as it always was"
     with pytest.raises(EvaluationError, match="bytes as JSON"):
         Assignment.parse("copy = big").entry(Environment(memory), limited=True)
@@ -244,7 +244,7 @@ COMPARED_WITH_RISE = {
     "items[i].done": None,
     "shuffle(items)[0] = 'a'": None,
     "defined(items[i].x) and n > 3": None,
-    "not items[i].n > 3": "RISE reads this as `(not items[i].n) > 3`; write `not (items[i].n > 3)` to have the same meaning",
+    "not items[i].n > 3": "RISE reads this as `(not items[i].n) > 3`; write `not (items[i].n > 3)` to have",
     "items[not n > 3]": None,
     "'[' = a and not n > 3": "RISE reads this as",
     "items[0]=5": "RISE reads `items[0]=5` as the name of one key; write `items[0] == 5`",
