@@ -139,9 +139,10 @@ def load_or_refuse(folder: str, *, robot: str | None, mode: str | None) -> Scena
 def _contents_text(scenario: Scenario | None) -> str:
     if scenario is None:
         return ""
+    tables = f"{pluralize(len(scenario.tables), 'table')}, " if scenario.tables else ""
     return (
         f" ({pluralize(len(scenario.acts), 'act')}, {pluralize(len(scenario.rules), 'rule')}, "
-        f"{pluralize(len(scenario.memory), 'memory key')}, robot {scenario.robot.name})"
+        f"{pluralize(len(scenario.memory), 'memory key')}, {tables}robot {scenario.robot.name})"
     )
 
 

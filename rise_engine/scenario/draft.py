@@ -43,7 +43,7 @@ class ScenarioDraft:
         self.rules: dict[str, Rule] = {}
         self.memory: dict[str, Json] = {}
         self.memory_key_locations: dict[str, SourceLocation] = {}
-        """Where the memory's keys stand that there is a warning about."""
+        """Where the memory's keys, the tables and their columns stand that there may be a warning about."""
         self.tables: dict[str, Table] = {}
         self.unreadable_parts: set[str] = set()
         """Of acts, rules, memory and tables, what could not be read whole: then nothing can be said to be missing

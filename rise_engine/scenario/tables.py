@@ -81,11 +81,12 @@ def _read_table(path: Path, files: FileReader, draft: ScenarioDraft, diagnostics
     elif name in draft.tables:  # items.csv and items.CSV
         diagnostics.error("duplicate-name", location, f"there is another table `{name}`")
         source = None
-    table = _TableReader(source, name, settings, diagnostics).read() if source is not None else None
+    table = _TableReader(source, name, settings, draft, diagnostics).read() if source is not None else None
     if table is None:
         draft.unreadable_parts.add("tables")
     else:
         draft.tables[name] = table
+        draft.memory_key_locations[name] = table.location
 
 
 _ENCODING_REMEDY = (
@@ -94,9 +95,12 @@ _ENCODING_REMEDY = (
 
 
 class _TableReader:
-    def __init__(self, source: SourceFile, name: str, settings: TableSettings, diagnostics: Diagnostics) -> None:
+    def __init__(
+        self, source: SourceFile, name: str, settings: TableSettings, draft: ScenarioDraft, diagnostics: Diagnostics
+    ) -> None:
         self.source = source
         self.name = name
+        self.draft = draft
         self.settings = settings
         self.diagnostics = diagnostics
         self.separator = settings.separator or ","
@@ -262,7 +266,9 @@ class _TableReader:
             f'`{name}` is read as text, because its numbers have a comma; write decimal = "," into '
             f'tables/{self.name}.toml, or types.{name} = "text" if it is meant as text'
         )
-        self.diagnostics.warning("decimal-comma", self.source.location(self.value_at(row, at)), message)
+        location = self.source.location(self.value_at(row, at))
+        self.draft.memory_key_locations[f"{self.name}.{name}"] = location
+        self.diagnostics.warning("decimal-comma", location, message)
 
 
 def find_values(text: str, separator: str) -> tuple[list[int], int | None]:

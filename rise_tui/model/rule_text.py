@@ -48,7 +48,9 @@ def truth_of(expression: Expression, memory: Mapping[str, Any]) -> Truth:
         holds = expression.compiled_condition(Environment(memory, parts=parts))
     except EvaluationError as problem:
         error = str(problem)
-    texts = {name: f"{name} is {_short_value(value)}" for name, value in parts.items()}
+    texts = {
+        name: f"{name} is {_short_value(value)}" for name, value in parts.items() if value is not None or not error
+    }
     for key in expression.keys - expression.keys_of_parts_only:
         found, value = lookup(memory, key)
         texts[key] = f"{key} is {_short_value(value)}" if found else f"{key} is not set"

@@ -298,6 +298,21 @@ def test_a_table_that_nobody_reads_is_a_warning(tmp_path: Path) -> None:
     assert "its rows are read as more[i].id" in result.diagnostics[0].message
 
 
+def test_warnings_about_tables_can_be_silenced(tmp_path: Path) -> None:
+    allowed = "\n".join(
+        f'  {{ code = "{code}", key = "{key}", reason = "meant so" }},'
+        for code, key in (("unused-table", "more"), ("decimal-comma", "items.rt"))
+    )
+    files: dict[str, str | bytes] = {
+        **USE,
+        "tables/items.csv": "id;rt\n1;1,5\n",
+        "tables/more.csv": TABLE,
+        "scenario.toml": f"[check]\nallow = [\n{allowed}\n]\n",
+    }
+    result = loaded(tmp_path, files)
+    assert result.diagnostics == [] and len(result.suppressed) == 2
+
+
 def test_tables_belong_to_the_scenario(tmp_path: Path) -> None:
     """They are in its hash, in the copy that a session keeps, and in what a console gets."""
     files: dict[str, str | bytes] = {**USE, "tables/items.csv": TABLE, "tables/items.toml": 'types.id = "text"\n'}
