@@ -17,6 +17,8 @@ from rise_engine.expression import Assignment, Environment, Expression
 from rise_engine.kernel.behaviors import event_behavior
 from rise_engine.kernel.core import EventTopic, EventTopics, RuleList
 from rise_engine.scenario.model import (
+    SESSION,
+    SESSION_STATES,
     ActOutcome,
     Block,
     Function,
@@ -189,6 +191,8 @@ class CompiledState:
         keys = {key for condition in watched if condition for key in condition.watched_keys}
         # `a.b.c` is touched by changes of `a`, `a.b` and `a.b.c`: a dotted key reaches into objects.
         written = {name for key in keys for name in accumulate(key.split("."), "{}.{}".format)}
+        if SESSION in keys:  # of that, each part tells its own changes
+            written.update(f"{SESSION}.{name}" for name in SESSION_STATES)
         self.watch_lists = tuple(watchers.setdefault(name, {}) for name in sorted(written))
         """Where it stands for the keys that it watches."""
         self.final = not transitions

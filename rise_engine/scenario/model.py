@@ -359,6 +359,8 @@ _DEFAULT_SETTINGS = ActSettings()
 
 SESSION = "session"
 """The memory key under which the engine says how the session stands (semantics.md 7.2)."""
+SESSION_STATES = ("speaking", "cue", "stopped")
+"""Its parts that change while a session runs."""
 
 CUE_TOPICS = ("cue", "cue_undone")
 """What is raised when the participant's turn has ended, and when that is taken back (semantics.md 4.2)."""

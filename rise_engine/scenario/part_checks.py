@@ -16,7 +16,7 @@ from rise_engine.expression.values import describe
 from rise_engine.nearest_name import did_you_mean, in_backquotes, nearest_name
 from rise_engine.scenario.diagnostics import Diagnostics
 from rise_engine.scenario.draft import Mention, ScenarioDraft
-from rise_engine.scenario.model import Json, Table
+from rise_engine.scenario.model import SESSION, Json, Table
 
 _MOST = 10_000
 """Entries that an unknown index may stand for; of more, nothing is proved."""
@@ -45,8 +45,10 @@ def check_parts(draft: ScenarioDraft, diagnostics: Diagnostics) -> None:
 
 def _check_changes(draft: ScenarioDraft, diagnostics: Diagnostics) -> None:
     for mention in (*draft.key_writes, *draft.part_writes):
-        if (name := mention.name.partition(".")[0]) in draft.tables:
-            message = f"`{name}` is a table, which nothing can change; keep what changes under a key of its own"
+        name = mention.name.partition(".")[0]
+        what = "a table" if name in draft.tables else "the engine's" if name == SESSION and draft.session_keys else ""
+        if what:
+            message = f"`{name}` is {what}, and nothing can change it; keep what changes under a key of its own"
             diagnostics.error("read-only", mention.locate(), message)
     settable = sorted(draft.settable_keys | draft.tables.keys())
     for mention in draft.part_writes:
@@ -79,7 +81,7 @@ class _PartPaths:
 
     def __init__(self, draft: ScenarioDraft) -> None:
         self._tables = draft.tables
-        self._memory = draft.memory
+        self._memory = {**draft.memory, **({SESSION: draft.session_keys} if draft.session_keys else {})}
         written = {mention.name for mention in (*draft.key_writes, *draft.part_writes)}
         self._changed = {name.partition(".")[0] for name in written}
         """First parts of keys that something sets, or sets something in."""

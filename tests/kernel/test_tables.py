@@ -100,6 +100,17 @@ def test_a_change_of_a_key_or_of_a_part_is_looked_at(tmp_path: Path, change: str
     assert s.states == {"R": "b"} and len(conditions(s)) == 2
 
 
+def test_what_the_engine_keeps_is_read_by_index_too(tmp_path: Path) -> None:
+    s = session(tmp_path, waiting("session['speaking']"), dialog("Say", speech(1)))
+    s.rule("R")
+    s.act("Say")
+    assert s.states == {"R": "b"} and conditions(s)[-1] == ({"session['speaking']": True}, True, "")
+    s.finish_all()
+    s.event("/x")
+    assert conditions(s)[-1] == ({"session['speaking']": False}, False, "")
+    assert s.assign("session['speaking'] = true").status == "REJECTED"
+
+
 def test_a_part_is_set_and_recorded_as_a_change_of_its_key(tmp_path: Path) -> None:
     s = session(tmp_path, rule("R", state("a", put("marks[i + 1].done = true") + put("scores[items[i].text] = 5"))))
     s.rule("R")

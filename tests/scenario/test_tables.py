@@ -283,6 +283,17 @@ def test_what_can_be_proved_is_checked(tmp_path: Path, case: str) -> None:
     assert not says or any(says in diagnostic.message for diagnostic in result.diagnostics)
 
 
+def test_nothing_sets_a_part_of_what_the_engine_keeps(tmp_path: Path) -> None:
+    rules = in_state("<function assignValue=\"session['cue'] = true\"/>")
+    assert found(loaded(tmp_path, {"rules/r.xml": rules})) == ["rules/r.xml:3:33 read-only"]
+
+
+def test_a_table_called_session_is_the_scenarios_own(tmp_path: Path) -> None:
+    rules = in_state('<if cond="session[0].cue"><function assignValue="n = session[0].id"/></if>')
+    result = loaded(tmp_path, {"rules/r.xml": rules, "tables/session.csv": "id,cue\n1,true\n"})
+    assert result.scenario is not None and not result.scenario.reads_session, result.diagnostics
+
+
 def test_a_key_of_the_keyboard_changes_no_table(tmp_path: Path) -> None:
     files: dict[str, str | bytes] = {
         **USE,
