@@ -16,6 +16,7 @@
       KeyRefusedError             A key that a scenario cannot bind
       LanguageError               An expression or an assignment that cannot be used
         EvaluationError           A value of this moment does not fit the expression
+          MissingPartError        `items[i].text` names a part that is not there
         ExpressionError           A text that is no expression
       LineError                   A line is not what was written
         NewerFormatError          A newer program wrote this

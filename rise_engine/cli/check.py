@@ -146,9 +146,10 @@ def print_findings(loaded: LoadResult) -> None:
 def _contents_text(scenario: Scenario | None) -> str:
     if scenario is None:
         return ""
+    tables = f"{pluralize(len(scenario.tables), 'table')}, " if scenario.tables else ""
     return (
         f" ({pluralize(len(scenario.acts), 'act')}, {pluralize(len(scenario.rules), 'rule')}, "
-        f"{pluralize(len(scenario.memory), 'memory key')}, robot {scenario.robot.name})"
+        f"{pluralize(len(scenario.memory), 'memory key')}, {tables}robot {scenario.robot.name})"
     )
 
 
@@ -205,9 +206,9 @@ def eval_report(text: str, memory: Mapping[str, Any], *, as_json: bool) -> int:
             print(f"{_one_line(text)}\n{' ' * (error.column - 1)}^\nerror: {error}", file=sys.stderr)
         return 1
     missing: set[str] = set()
-    chance = Random(0).random
+    chance = Random(0)
     try:
-        value = expression.value(memory, chance, missing)
+        value = expression.value(memory, chance.random, missing, chance.randrange)
     except EvaluationError as error:
         if as_json:
             write_json({"expression": text, "error": str(error), "read_as": expression.with_all_brackets})
@@ -216,7 +217,8 @@ def eval_report(text: str, memory: Mapping[str, Any], *, as_json: bool) -> int:
             print(f"error: {error}", file=sys.stderr)
         return 1
     try:
-        holds = str(expression.as_condition(memory, Random(0).random)).lower()
+        chance = Random(0)
+        holds = str(expression.as_condition(memory, chance.random, None, chance.randrange)).lower()
     except EvaluationError as error:
         holds = f"error: {error}"
     difference = rise1_difference(expression)

@@ -1,4 +1,5 @@
-"""`assignValue`: `key = expression`, or a JSON object with one key (semantics.md 7; paper, section 4.2.2)."""
+"""`assignValue`: `key = expression`, `items[i].done = expression`, or a JSON object (semantics.md 7; paper, section
+4.2.2)."""
 
 from __future__ import annotations
 
@@ -9,39 +10,47 @@ from math import isfinite
 from rise_engine.expression.environment import Environment, Json, list_index, lookup
 from rise_engine.expression.errors import EvaluationError, ExpressionError, shorten
 from rise_engine.expression.expression import Expression
-from rise_engine.expression.tokens import KEY, MAX_LENGTH, RESERVED, check_key
+from rise_engine.expression.tokens import KEY, MAX_LENGTH, RESERVED, check_key, path_end
 from rise_engine.expression.values import describe, nesting_levels
-from rise_engine.json_codec import MAX_LEVELS, JsonError, decode
+from rise_engine.json_codec import MAX_LEVELS, JsonError, decode, encode
 from rise_engine.text import match_end
 
 _BLANKS = re.compile(r"\s*")
+MAX_BYTES = 100_000
+"""Of a list or an object that an assignment makes by parts or with a list function, as JSON."""
 _COMPOUND = re.compile(r"\s*([+\-*/^])\s*=")
 
 
 class Assignment:
-    """One value for one key. Immutable; equal when text and key are.
+    """One value for one key, or for a part of its value. Immutable; equal when text and key are.
 
     The right side is an `expression`, or, when that is null, the JSON value `literal`.
     """
 
-    __slots__ = ("expression", "key", "literal", "text")
+    __slots__ = ("expression", "key", "literal", "target", "text")
 
     text: str
     """As written; several assignments can come from one text (`parse_all`)."""
     key: str
     """The key that is set, dots included; see `store` for what a dotted key means."""
+    target: Expression | None
+    """The left side when it has an index: the part of the value of `key` that is set, `items[i].done`."""
     expression: Expression | None
     literal: Json
 
-    def __init__(self, text: str, key: str, expression: Expression | None, literal: Json) -> None:
+    def __init__(
+        self, text: str, key: str, expression: Expression | None, literal: Json, target: Expression | None = None
+    ) -> None:
         self.text = text
         self.key = key
+        self.target = target
         self.expression = expression
         self.literal = literal
 
     @classmethod
     def parse(cls, text: str) -> Assignment:
-        """Read `key = expression`, `key = JSON` or `{"key": JSON}`. Raises ExpressionError.
+        """Read `key = expression`, `key = JSON` (both also of a part: `key[index].name = ...`), or `{"key": JSON}`.
+        Raises ExpressionError.
 
         >>> assignment = Assignment.parse("task = task + 1")
         >>> assignment.key, assignment.evaluate(Environment({"task": 2}))
@@ -69,19 +78,57 @@ class Assignment:
             if any(key.count(".") >= MAX_LEVELS for key in pairs):
                 raise ExpressionError(f"a key here has more than {MAX_LEVELS} parts", text, start + 1)
             return tuple(cls(text, key, None, value) for key, value in pairs.items())
-        key, at = _read_key(text, start)
+        key, target, at = _read_left_side(text, start)
         expression, literal = _read_right_side(text, at)
-        return (cls(text, key, expression, literal),)
+        return (cls(text, key, expression, literal, target),)
 
     @property
     def keys(self) -> frozenset[str]:
-        """The memory keys that the right side reads (a bare word among them: it may be a key)."""
-        return self.expression.keys if self.expression is not None else frozenset()
+        """The memory keys that the right side reads (a bare word among them: it may be a key), and those that an index
+        on the left does."""
+        keys = self.expression.keys if self.expression is not None else frozenset()
+        return keys if self.target is None else keys | (self.target.keys - self.target.keys_of_parts_only)
 
     @property
     def bare_word(self) -> str | None:
         """The right side when it is one single word: a key, or else a text that its author did not quote."""
         return self.expression.bare_key if self.expression is not None else None
+
+    def entry(
+        self,
+        env: Environment,
+        known_keys: Collection[str] = frozenset(),
+        memory: Mapping[str, Json] | None = None,
+        *,
+        limited: bool = False,
+    ) -> tuple[str, Json]:
+        """Which key of the memory gets which new value.
+
+        Arguments:
+            env: what the right side and then the indexes of the left side are read from.
+            known_keys: as for `evaluate`.
+            memory: what the value is put into, if that is not the memory of `env`; it is not changed.
+            limited: the size of the value is limited in any case, and not only with an index or a list function.
+
+        Raises EvaluationError, as `evaluate` and `assigned_entry` do; MissingPartError when what an index on the left
+        names is not there.
+        """
+        value = self.evaluate(env, known_keys)
+        memory = env.memory if memory is None else memory
+        if self.target is not None:
+            part = self.target.compiled_part
+            assert part is not None  # _read_left_side takes nothing else
+            key, value = part.assign(memory, value, env)
+        else:
+            key, value = assigned_entry(memory, self.key, value)
+        if limited or self.target is not None or (self.expression is not None and self.expression.gives_parts):
+            self._check_size(key, value)
+        return key, value
+
+    def _check_size(self, key: str, value: Json) -> None:
+        if isinstance(value, (list, dict)) and (size := len(encode(value))) > MAX_BYTES:
+            message = f"the value of `{key}` would have {size:,} bytes as JSON; at most {MAX_BYTES:,} are allowed here"
+            raise EvaluationError(message, self.text)
 
     def evaluate(self, env: Environment, known_keys: Collection[str] = frozenset()) -> Json:
         """The value to store. Raises EvaluationError, also for NaN and infinity, which a memory cannot hold.
@@ -158,8 +205,8 @@ def _index_or_name(container: Json, part: str, path: str, key: str) -> str | int
     return index
 
 
-def _read_key(text: str, start: int) -> tuple[str, int]:
-    """The key on the left and the place behind the `=`."""
+def _read_left_side(text: str, start: int) -> tuple[str, Expression | None, int]:
+    """The key on the left, the part of its value if there is an index, and the place behind the `=`."""
     match = KEY.match(text, start)
     if match is None:
         if start == len(text):
@@ -173,24 +220,43 @@ def _read_key(text: str, start: int) -> tuple[str, int]:
     check_key(text, key, start)
     if key in RESERVED:
         raise ExpressionError(f"`{key}` is a word of the language and cannot be a key", text, start + 1)
+    target: Expression | None = None
+    written = key
+    if text.startswith("[", match_end(_BLANKS, text, end)):
+        target, end = _read_target(text, start, end)
+        written = target.text
     compound = _COMPOUND.match(text, end)
     if compound:
-        hint = f"write `{key} = {key} {compound[1]} ...`"
+        hint = f"write `{written} = {written} {compound[1]} ...`"
         raise ExpressionError(f"`{compound[1]}=` is no operator", text, compound.start(1) + 1, hint)
     at = match_end(_BLANKS, text, end)
     if at == len(text):
-        raise ExpressionError("the `=` is missing", text, at + 1, f"write `{key} = value`")
+        raise ExpressionError("the `=` is missing", text, at + 1, f"write `{written} = value`")
     if text.startswith("==", at):
         raise ExpressionError("`==` compares; it does not assign", text, at + 1, "write a single `=`")
     if text.startswith(":=", at):
         raise ExpressionError("`:=` is no operator", text, at + 1, "write a single `=`")
     if text[at] == "=":
-        return key, at + 1
-    if at == end:
+        return key, target, at + 1
+    if at == end and target is None:
         hint = "a key has only letters, digits, `_` and dots"
         raise ExpressionError(f"`{text[at]}` cannot stand in a key", text, at + 1, hint)
-    hint = f"write `{key} = value`; a key has no blanks"
-    raise ExpressionError(f"after the key `{key}` there must be a `=`", text, at + 1, hint)
+    hint = f"write `{written} = value`" + ("; a key has no blanks" if target is None else "")
+    raise ExpressionError(f"after the key `{written}` there must be a `=`", text, at + 1, hint)
+
+
+def _read_target(text: str, start: int, key_end: int) -> tuple[Expression, int]:
+    """The part that is set, which begins with its key at `start`, and where it ends."""
+    end = path_end(text, match_end(_BLANKS, text, key_end))
+    if end < 0:
+        at = text.index("[", key_end)
+        raise ExpressionError("this bracket is not closed", text, at + 1, "add `]`")
+    try:
+        target = Expression.parse(text[start:end])
+    except ExpressionError as error:
+        raise ExpressionError(error.message, text, error.column + start, error.hint) from None
+    assert target.compiled_part is not None  # a key and an index
+    return target, end
 
 
 def _read_right_side(text: str, start: int) -> tuple[Expression | None, Json]:

@@ -13,6 +13,7 @@ from typing import Any, TypeAlias
 from rise_engine.expression.environment import MISSING, Environment, Json, lookup
 from rise_engine.expression.errors import EvaluationError
 from rise_engine.expression.functions import CONSTANTS, NUMERIC, power
+from rise_engine.expression.lists import LIST_FUNCTIONS, ListCall
 from rise_engine.expression.nodes import (
     Chain,
     Compare,
@@ -25,6 +26,7 @@ from rise_engine.expression.nodes import (
     Negative,
     Node,
     Not,
+    Part,
     Power,
     with_all_brackets,
 )
@@ -38,6 +40,7 @@ from rise_engine.expression.operators import (
     compile_comparison,
     compile_logic,
 )
+from rise_engine.expression.parts import PartReader
 from rise_engine.expression.values import describe, is_true, native_number, to_double
 
 Compute: TypeAlias = Callable[[Any], Json]
@@ -79,6 +82,8 @@ class ExpressionCompiler:
             case Literal(value):
                 fixed = is_true(value)
                 return lambda env: fixed
+            case Defined(_, Part() as part):
+                return self.compile_part(part).is_there
             case Defined(name):
                 return lambda env: lookup(env.memory, name)[0]
             case Chain() | Power() | Negative():
@@ -138,6 +143,10 @@ class ExpressionCompiler:
                 return self.compile_condition(node)
             case FunctionCall("lower", (argument,)):
                 return self.compile_function(str.lower, argument, str, "", "is not a text")
+            case Part():
+                return self.compile_part(node)
+            case FunctionCall(function, arguments) if function in LIST_FUNCTIONS:
+                return self.compile_list_call(function, arguments)
             case _:
                 return self.compile_number(node)
 
@@ -159,6 +168,17 @@ class ExpressionCompiler:
 
             return computed
         return operand
+
+    def compile_part(self, part: Part) -> PartReader:
+        """Reads a part, and can set it."""
+        steps = [step if isinstance(step, str) else self.compile_operand(step) for step in part.steps]
+        return PartReader(part, self.compile_operand(part.base), steps, self.text)
+
+    def compile_list_call(self, function: str, arguments: tuple[Node, ...]) -> ListCall:
+        """A function that gives a list."""
+        takes_list = function != "range"
+        entries = self.compile_operand(arguments[0]) if takes_list else None
+        return ListCall(function, entries, [self.compile_number(each) for each in arguments[takes_list:]], self.text)
 
     def compile_function(
         self, compute: Compute, node: Node, types: type | tuple[type, ...], absent: Json, problem: str

@@ -35,6 +35,11 @@ class Environment:
     """Gives the next number in [0, 1); null: `rand()` is an evaluation error."""
     missing: MutableSet[str] | None = None
     """Collects the keys that an evaluation wanted and that do not exist; null: not collected."""
+    below: Callable[[int], int] | None = None
+    """Gives the next whole number from 0 up to, but without, its argument; null: `shuffle` is an evaluation error."""
+    parts: dict[str, Json] | None = None
+    """Collects the parts that an evaluation read (`items[i].text`) with their values, null for what was not there;
+    null: not collected."""
 
     def value_of_absent_key(self, key: str, default: Json) -> Json:
         """The value of a key that is no flat key: from within an object, or else `default`, and it is reported."""

@@ -47,6 +47,14 @@ class EvaluationError(LanguageError):
         return f"{self.message} (in `{shorten(self.text)}`)"
 
 
+class MissingPartError(EvaluationError):
+    """`items[i].text` names a part that is not there: no such key, entry or name. The message begins with the word by
+    which records tell it (`MISSING_PART`)."""
+
+
+MISSING_PART = "missing-part"
+
+
 def _normalize(text: str) -> str:
     """A text without what differs between how an expression is written and how a message shows it."""
     return "".join(text.split()).replace("==", "=").replace("'", '"')

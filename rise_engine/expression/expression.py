@@ -8,7 +8,9 @@ from functools import cached_property
 from rise_engine.expression import nodes
 from rise_engine.expression.compiler import ExpressionCompiler
 from rise_engine.expression.environment import Environment, Json
+from rise_engine.expression.lists import CHANCE_FUNCTIONS, LIST_FUNCTIONS
 from rise_engine.expression.parser import parse
+from rise_engine.expression.parts import PartReader
 
 
 class Expression:
@@ -22,7 +24,7 @@ class Expression:
     text: str
     """As written."""
     keys: frozenset[str]
-    """The memory keys that it reads, dotted ones whole."""
+    """The memory keys that it reads, dotted ones whole; of `items[i].text`, `items` and `i`."""
     constants: frozenset[str]
     """Those of pi, e, r2d and d2r that it uses. A memory key of the same name would hide them, so whoever waits for
     changes of `keys` waits for these as well; nobody needs to set them, so they are not among `keys`."""
@@ -60,6 +62,13 @@ class Expression:
         return ExpressionCompiler(self.text).compile_value(self.root)
 
     @cached_property
+    def compiled_part(self) -> PartReader | None:
+        """Compiled, when the whole expression is a part of a key's value, `items[i].text`: it can be set, too."""
+        if isinstance(self.root, nodes.Part) and isinstance(self.root.base, nodes.Key):
+            return ExpressionCompiler(self.text).compile_part(self.root)
+        return None
+
+    @cached_property
     def with_all_brackets(self) -> str:
         """The same expression with all brackets written out."""
         return nodes.with_all_brackets(self.root)
@@ -68,6 +77,47 @@ class Expression:
     def keys_read(self) -> frozenset[str]:
         """Those of `keys` whose value is read; of the others it is only asked whether they are `defined`."""
         return self.keys if "defined" not in self.text else nodes.read_keys(self.root)
+
+    @cached_property
+    def keys_of_parts_only(self) -> frozenset[str]:
+        """Those of `keys` that stand nowhere but before an index: of them only parts are read, as of `items` in
+        `items[i].text`."""
+        if "[" not in self.text:
+            return frozenset()
+        every = [node for node, _ in nodes.walk(self.root)]
+        bases = [node.base for node in every if isinstance(node, nodes.Part)]
+        asked = [node.name for node in every if isinstance(node, nodes.Defined) and node.part is not None]
+        whole = [node.name for node in every if isinstance(node, nodes.Key)]
+        whole += [node.name for node in every if isinstance(node, nodes.Defined) and node.part is None]
+        for base in bases:
+            if isinstance(base, nodes.Key):
+                asked.append(base.name)
+                whole.remove(base.name)
+        return frozenset(asked) - frozenset(whole)
+
+    @cached_property
+    def parts(self) -> tuple[nodes.Part, ...]:
+        """Its parts of values, also those within others, in no particular order."""
+        if "[" not in self.text:
+            return ()
+        found = [node for node, _ in nodes.walk(self.root) if isinstance(node, nodes.Part | nodes.Defined)]
+        return tuple(part for part in (n if isinstance(n, nodes.Part) else n.part for n in found) if part is not None)
+
+    @cached_property
+    def gives_parts(self) -> bool:
+        """Whether it has a part or a list function in it: the size of what it gives is limited (semantics.md 8.7)."""
+        return any(
+            isinstance(node, nodes.Part) or (isinstance(node, nodes.FunctionCall) and node.function in LIST_FUNCTIONS)
+            for node, _ in nodes.walk(self.root)
+        )
+
+    @cached_property
+    def draws(self) -> bool:
+        """Whether chance has a part in it."""
+        return any(
+            isinstance(node, nodes.FunctionCall) and node.function in CHANCE_FUNCTIONS
+            for node, _ in nodes.walk(self.root)
+        )
 
     @property
     def bare_key(self) -> str | None:
@@ -79,26 +129,28 @@ class Expression:
         memory: Mapping[str, Json],
         rand: Callable[[], float] | None = None,
         missing: MutableSet[str] | None = None,
+        below: Callable[[int], int] | None = None,
     ) -> bool:
         """Whether it holds, with these memory values by key. Raises EvaluationError when a value does not fit.
 
-        `rand` gives numbers in [0, 1) (without it, `rand(...)` is an EvaluationError); keys that do not exist are added
-        to `missing`.
+        `rand` gives numbers in [0, 1), `below` whole numbers below its argument (without them, `rand(...)` and
+        `shuffle(...)` are an EvaluationError); keys that do not exist are added to `missing`.
         """
-        return self.compiled_condition(Environment(memory, rand, missing))
+        return self.compiled_condition(Environment(memory, rand, missing, below))
 
     def value(
         self,
         memory: Mapping[str, Json],
         rand: Callable[[], float] | None = None,
         missing: MutableSet[str] | None = None,
+        below: Callable[[int], int] | None = None,
     ) -> Json:
         """Its value in its own type, as `as_condition` gets it. A bare key that does not exist gives null.
 
         >>> Expression.parse("n / 2 + 1").value({"n": 3})
         2.5
         """
-        return self.compiled_value(Environment(memory, rand, missing))
+        return self.compiled_value(Environment(memory, rand, missing, below))
 
     def __eq__(self, other: object) -> bool:
         return isinstance(other, Expression) and self.text == other.text

@@ -1,7 +1,8 @@
 """The functions of the language: those of RISE's parser, with the results of IEEE arithmetic instead of exceptions.
 
 All take and give doubles. A domain error gives NaN, an overflow infinity, as in the C library. `rand`, `length`,
-`lower` and `defined` need more than numbers; their arity is here, their meaning in the compiler.
+`lower` and `defined` need more than numbers; their arity is here, their meaning in the compiler, and that of the
+functions which give lists in `lists`.
 """
 
 from __future__ import annotations
@@ -109,6 +110,10 @@ ARITY: dict[str, tuple[int, int]] = {
     "clamp": (3, 3),
     "rand": (1, 2),
     "length": (1, 1),
+    "shuffle": (1, 1),
+    "sample": (2, 2),
+    "latin": (2, 2),
+    "range": (1, 2),
     "lower": (1, 1),
     "defined": (1, 1),
 }

@@ -23,10 +23,27 @@ class NamedConstant(NamedTuple):
     name: str
 
 
+class Part(NamedTuple):
+    """`items[i].text`: what lies within the value of a key, or of a call."""
+
+    base: Node
+    """A Key or a FunctionCall."""
+    steps: tuple[str | Node, ...]
+    """The first is an index; then indexes, and names behind a dot."""
+    written: str
+    """As it stands in the expression: its name in records."""
+
+    @property
+    def indexes(self) -> Iterator[Node]:
+        """What stands in its brackets."""
+        return (step for step in self.steps if not isinstance(step, str))
+
+
 class Defined(NamedTuple):
-    """`defined(key)`: true when the key exists, whatever its value."""
+    """`defined(key)`: true when the key exists, whatever its value. With `part`, when that is there."""
 
     name: str
+    part: Part | None = None
 
 
 class Not(NamedTuple):
@@ -70,10 +87,10 @@ class FunctionCall(NamedTuple):
 
 
 Node: TypeAlias = (
-    Literal | Key | NamedConstant | Defined | Not | Negative | Logic | Compare | Chain | Power | FunctionCall
+    Literal | Key | NamedConstant | Part | Defined | Not | Negative | Logic | Compare | Chain | Power | FunctionCall
 )
 
-_ATOMS = (Literal, Key, NamedConstant, Defined, FunctionCall)
+_ATOMS = (Literal, Key, NamedConstant, Part, Defined, FunctionCall)
 
 
 def children(node: Node) -> Iterator[Node]:
@@ -90,6 +107,11 @@ def children(node: Node) -> Iterator[Node]:
             yield first
             for _, operand in rest:
                 yield operand
+        case Part(base):
+            yield base
+            yield from node.indexes
+        case Defined(_, Part() as part):  # its key is not read: it is only asked whether it is there
+            yield from part.indexes
 
 
 def walk(node: Node) -> Iterator[tuple[Node, int]]:
@@ -128,6 +150,8 @@ def map_children(node: Node, change: Callable[[Node], Node]) -> Node:
             return Power(change(base), change(exponent))
         case Chain(first, rest):
             return Chain(change(first), tuple((sign, change(operand)) for sign, operand in rest))
+        case Part(base, steps, written):
+            return Part(change(base), tuple(s if isinstance(s, str) else change(s) for s in steps), written)
         case _:
             return node
 
@@ -139,8 +163,11 @@ def with_all_brackets(node: Node) -> str:
             return name
         case Literal(value):
             return literal_text(value)
-        case Defined(name):
-            return f"defined({name})"
+        case Part(base, steps):
+            inner = (f".{step}" if isinstance(step, str) else f"[{with_all_brackets(step)}]" for step in steps)
+            return with_all_brackets(base) + "".join(inner)
+        case Defined(name, part):
+            return f"defined({name if part is None else with_all_brackets(part)})"
         case Not(operand):
             return f"not {_bracket(operand)}"
         case Negative(operand):

@@ -73,6 +73,9 @@ def missing_operand_error(text: str, tokens: Sequence[Token], at: int) -> Expres
     if token.kind == "+":
         hint = "alone it stands only before a number that is written out; leave it out"
         return ExpressionError("`+` needs a value on its left", text, column, hint)
+    if token.kind == "[":
+        hint = "a list stands in the memory, under a key; `range(3)` makes 0, 1, 2"
+        return ExpressionError("`[` stands behind a key or a function", text, column, hint)
     if token.kind == ")" and before is not None and before.kind == "(":
         return ExpressionError("there is nothing between the brackets", text, column)
     if token.kind == "," and before is not None and before.kind in (",", "("):
@@ -87,8 +90,9 @@ def missing_operand_error(text: str, tokens: Sequence[Token], at: int) -> Expres
 
 def unclosed_bracket_error(text: str, tokens: Sequence[Token], at: int, opening: Token) -> ExpressionError:
     """A bracket is not closed at this token: it is missing, or something stands in its place."""
-    if tokens[at].kind == "end":
-        return ExpressionError("this bracket is not closed", text, opening.start + 1, "add `)`")
+    if tokens[at].kind == "end" or tokens[at].kind in (")", "]"):
+        closing = {"(": ")", "[": "]"}[opening.kind]
+        return ExpressionError("this bracket is not closed", text, opening.start + 1, f"add `{closing}`")
     return stray_token_error(text, tokens, at)
 
 
@@ -98,8 +102,11 @@ def stray_token_error(text: str, tokens: Sequence[Token], at: int) -> Expression
     column = token.start + 1
     before = tokens[at - 1]
     shown = shorten(text[token.start : token.end], 40)
-    if token.kind == ")":
-        return ExpressionError("this bracket was never opened", text, column, "remove it, or add `(`")
+    if token.kind in (")", "]"):
+        opening = "(" if token.kind == ")" else "["
+        return ExpressionError("this bracket was never opened", text, column, f"remove it, or add `{opening}`")
+    if token.kind == "[":
+        return ExpressionError("`[` stands behind a key or a function", text, column, "write `items[i].text`")
     if token.kind == "," and before.kind == "number" and tokens[at + 1].kind == "number":
         number = f"{text[before.start : before.end]}.{text[tokens[at + 1].start : tokens[at + 1].end]}"
         return ExpressionError("numbers have a point, not a comma", text, column, f"write `{number}`")

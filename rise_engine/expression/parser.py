@@ -1,5 +1,5 @@
 """Reads tokens into a tree: a Pratt parser with the precedences of semantics.md 8.1, loosest to tightest:
-or; xor; and; not; equality; ordering and text comparisons; sums; products; unary minus; power; calls and brackets.
+or; xor; and; not; equality; ordering and text comparisons; sums; products; unary minus; power; calls, brackets, parts.
 
 Comparisons of one level do not chain. Anything that RISE's own parser would silently drop (text beside a bracket, an
 unknown function, an operator without operand) is refused here.
@@ -24,10 +24,12 @@ from rise_engine.expression.nodes import (
     Negative,
     Node,
     Not,
+    Part,
     Power,
     depth,
 )
 from rise_engine.expression.tokens import Token, tokenize
+from rise_engine.json_codec import MAX_LEVELS
 
 MAX_NESTING = 250
 """Brackets and operators within each other, as written."""
@@ -45,6 +47,7 @@ _LEVEL = {
     **dict.fromkeys(("*", "/"), _PRODUCT),
     "^": _POWER,
 }
+_INDEX_HINT = "write a number, a key or a text in quotes: `items[0]`, `items[i]`"
 _WORD_OPERATORS = frozenset({"starts", "ends", "contains"})
 _VALUES = {"true": Literal(True), "false": Literal(False), "null": Literal(None)}
 
@@ -152,9 +155,9 @@ class _Parser:
         kind = token.kind
         self.at += 1
         if kind == "word":
-            if self.tokens[self.at].kind == "(":
-                return self.parse_call(token)
-            return self.parse_name(token)
+            called = self.tokens[self.at].kind == "("
+            node = self.parse_call(token) if called else self.parse_name(token)
+            return self.parse_parts(node, token) if self.tokens[self.at].kind == "[" else node
         if kind == "number" or kind == "text":
             return Literal(token.value)
         if kind in _VALUES:
@@ -177,13 +180,36 @@ class _Parser:
 
     def parse_name(self, token: Token) -> Node:
         name: str = token.value
-        if name in CONSTANTS:
+        if name in CONSTANTS and self.tokens[self.at].kind != "[":
             self.constants.add(name)
             return NamedConstant(name)
         if parse_errors.is_reserved_in_wrong_case(name):
             raise parse_errors.wrong_case_error(self.text, token)
         self.keys.add(name)
         return Key(name)
+
+    def parse_parts(self, base: Node, first: Token) -> Part:
+        """What stands behind a key or a call: `[i].text`, as often as it goes on."""
+        if isinstance(base, Key) and base.name.endswith("."):
+            dot = first.end - 1
+            raise ExpressionError("no dot stands before `[`", self.text, dot + 1, f"write `{base.name[:-1]}[`")
+        steps: list[str | Node] = []
+        tokens = self.tokens
+        while (token := tokens[self.at]).kind in ("[", "names"):
+            self.at += 1
+            if token.kind == "names":
+                steps += token.value[1:].split(".")
+                continue
+            if tokens[self.at].kind == "]":
+                raise ExpressionError("there is nothing between `[` and `]`", self.text, token.start + 1, _INDEX_HINT)
+            steps.append(self.parse_expression(_OR))
+            if tokens[self.at].kind != "]":
+                raise parse_errors.unclosed_bracket_error(self.text, tokens, self.at, token)
+            self.at += 1
+        if len(steps) >= MAX_LEVELS:
+            message = f"this key has more than {MAX_LEVELS} parts"
+            raise ExpressionError(message, self.text, first.start + 1, "no memory value is deeper")
+        return Part(base, tuple(steps), self.text[first.start : tokens[self.at - 1].end])
 
     def parse_call(self, token: Token) -> Node:
         name: str = token.value
@@ -207,11 +233,16 @@ class _Parser:
         return FunctionCall(name, tuple(arguments))
 
     def parse_defined(self, token: Token) -> Node:
-        key, closing = self.tokens[self.at], self.tokens[min(self.at + 1, len(self.tokens) - 1)]
-        if key.kind != "word" or closing.kind != ")":
+        key = self.tokens[self.at]
+        part: Part | None = None
+        if key.kind == "word":
+            self.at += 1
+            if self.tokens[self.at].kind == "[":
+                part = self.parse_parts(Key(key.value), key)
+        if key.kind != "word" or self.tokens[self.at].kind != ")":
             raise ExpressionError(
                 "`defined` takes one key", self.text, key.start + 1, "write `defined(key)`, without quotes"
             )
-        self.at += 2
+        self.at += 1
         self.keys.add(key.value)
-        return Defined(key.value)
+        return Defined(key.value, part)

@@ -10,16 +10,22 @@ is taken to work as the paper prints it: `=` with blanks as `==`, the rest as co
 from __future__ import annotations
 
 import re
+from collections.abc import Iterator
+from itertools import count
 
 from rise_engine.expression.errors import ExpressionError
 from rise_engine.expression.expression import Expression
+from rise_engine.expression.lists import LIST_FUNCTIONS
 from rise_engine.expression.nodes import (
     Chain,
+    Defined,
     FunctionCall,
     Key,
     Negative,
     Node,
+    Part,
     Power,
+    children,
     map_children,
     with_all_brackets,
 )
@@ -48,7 +54,44 @@ def rise1_reading(text: str) -> str | None:
 
 
 def rise1_difference(expression: Expression) -> str | None:
-    """A sentence for the author when RISE would read this condition differently or refuse it; null otherwise."""
+    """A sentence for the author when RISE would read this condition differently or refuse it; null otherwise.
+
+    RISE has neither index nor lists, and whoever writes `items[i].done` or `shuffle(items)` knows that this is not
+    RISE's: nothing is said about it. What stands around an index is compared as if that were a plain key.
+    """
+    if isinstance(expression.root, FunctionCall) and expression.root.function in LIST_FUNCTIONS:
+        return None
+    if not expression.parts:
+        return _difference(expression)
+    text = expression.text
+    written = dict.fromkeys(_texts_of_parts(expression.root, text))
+    names: dict[str, str] = {}
+    for part in sorted(written, key=len, reverse=True):
+        name = next(each for number in count() if (each := f"part{number}") not in text)
+        text, names[name] = text.replace(part, name), part
+    try:
+        difference = _difference(Expression.parse(text))
+    except ExpressionError:  # a text in quotation marks holds the same characters
+        return None
+    for name, part in reversed(names.items()):
+        difference = difference and difference.replace(name, part)
+    return difference
+
+
+def _texts_of_parts(node: Node, text: str) -> Iterator[str]:
+    """The outermost parts as they are written, and with `defined(...)` around them."""
+    if isinstance(node, Part):
+        yield node.written
+    elif isinstance(node, Defined):
+        if node.part is not None:
+            asked = f"defined({node.part.written})"
+            yield asked if asked in text else node.part.written
+    else:
+        for child in children(node):
+            yield from _texts_of_parts(child, text)
+
+
+def _difference(expression: Expression) -> str | None:
     text = expression.text
     if _obviously_alike(text):
         return None

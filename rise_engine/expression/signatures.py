@@ -18,7 +18,7 @@ class Signature(NamedTuple):
     """Its result and its arguments, with their units."""
     example: str
     result: str
-    """What the example gives, as `rise-engine eval` shows it; of chance, a range."""
+    """What the example gives, as `rise-engine eval` shows it; of `rand`, a range."""
 
     @property
     def usage(self) -> str:
@@ -42,6 +42,32 @@ SIGNATURES: tuple[Signature, ...] = (
     _declare("length(value)", "how many characters a text has, entries a list, keys an object", "length('Anna')", "4"),
     _declare("lower(text)", "the text in small letters", "lower('Yes, PLEASE')", '"yes, please"'),
     _declare("defined(key)", "whether the memory has this key, whatever its value", "defined(nobody)", "false"),
+    _declare(
+        "range(n) or range(first, end)",
+        "a list of whole numbers, from `first` (0 if left out) up to, but without, the last argument",
+        "range(2, 5)",
+        "[2, 3, 4]",
+    ),
+    _declare(
+        "shuffle(list)",
+        "the same entries in an order by chance, from the session's seed",
+        "shuffle(range(5))",
+        "[2, 1, 0, 4, 3]",
+    ),
+    _declare(
+        "sample(list, n)",
+        "n different entries of a list, drawn by chance, from the session's seed",
+        "sample(range(100), 3)",
+        "[49, 97, 53]",
+    ),
+    _declare(
+        "latin(list, k)",
+        "row k (from 0 on, and round again) of the balanced Latin square of a list: for as many participants as it has "
+        "entries (with an odd number: twice as many), every entry stands in every place, and follows every other one, "
+        "equally often",
+        "latin(range(4), 1)",
+        "[1, 2, 0, 3]",
+    ),
     _declare("abs(x)", "x without its sign", "abs(-2.5)", "2.5"),
     _declare("floor(x)", "the next whole number below", "floor(-2.5)", "-3"),
     _declare("ceil(x)", "the next whole number above", "ceil(2.1)", "3"),

@@ -13,6 +13,7 @@ from unicodedata import combining, normalize
 from rise_engine.expression.errors import ExpressionError
 from rise_engine.expression.values import native_number
 from rise_engine.json_codec import MAX_LEVELS
+from rise_engine.text import match_end
 
 MAX_LENGTH = 100_000
 """Characters. Longer texts are refused: no author writes them."""
@@ -26,15 +27,16 @@ KEY = re.compile(r"[^\W\d][\w.]*")
 _TOKEN = re.compile(
     r"""\s*(?:
       ([^\W\d][\w.]*)
+    | (?<=\])((?:\.\w+)+)
     | ((?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][+-]?[0-9]+)?)
-    | (&&|\|\||==(?!=)|!=(?!=)|<=(?!>)|>=|=(?![=!])|!(?!=)|<(?!>)|[>()+\-/^,]|\*(?!\*))
+    | (&&|\|\||==(?!=)|!=(?!=)|<=(?!>)|>=|=(?![=!])|!(?!=)|<(?!>)|[>()\[\]+\-/^,]|\*(?!\*))
     | ("(?:[^"\\]|\\.)*"|'(?:[^'\\]|\\.)*')
     | (\Z)
     | (.)
     )""",
     re.VERBOSE | re.DOTALL,
 )
-_WORD, _NUMBER, _OPERATOR, _TEXT, _END, _BAD = range(1, 7)
+_WORD, _NAMES, _NUMBER, _OPERATOR, _TEXT, _END, _BAD = range(1, 8)
 _SYNONYMS = {"&&": "and", "||": "or", "!": "not", "=": "=="}
 _ESCAPE = re.compile(r"\\(?:u([0-9a-fA-F]{4})|(.))", re.DOTALL)
 _ESCAPES = {"n": "\n", "t": "\t", "r": "\r", "b": "\b", "f": "\f", "/": "/", "\\": "\\", '"': '"', "'": "'"}
@@ -49,8 +51,7 @@ _HINTS = {
     ";": "separate arguments by a comma",
     "{": "braces belong to the parameters of actions; write the key alone",
     "}": "braces belong to the parameters of actions; write the key alone",
-    "[": "write `list.0` for the first entry of a list",
-    "]": "write `list.0` for the first entry of a list",
+    ".": "a name stands directly behind a dot: `items[i].text`",
     "≥": "write `>=`",
     "≤": "write `<=`",
     "≠": "write `!=`",
@@ -68,12 +69,16 @@ _HINTS = {
     "?": "choose with `if` and `else` in the rule",
     ":": "write `=` to compare",
 }
+_PATH_PIECE = re.compile(r""""(?:[^"\\]|\\.)*"|'(?:[^'\\]|\\.)*'|[\[\]]""", re.DOTALL)
+_NAMES_BEHIND = re.compile(r"(?:\.\w+)*")
+_NEXT_INDEX = re.compile(r"\s*\[")
 TYPOGRAPHIC_QUOTES = "“”„‟‘’‚«»‹›`´"
 _CLOSING = re.compile(rf"[{TYPOGRAPHIC_QUOTES}](?!\w)")
 
 
 class Token(NamedTuple):
-    """`kind` is word, number, text or end, or else the operator or reserved word itself, in its one spelling."""
+    """`kind` is word, names (`.text` behind a `]`), number, text or end, or else the operator or reserved word itself,
+    in its one spelling."""
 
     kind: str
     value: Any
@@ -94,6 +99,9 @@ def tokenize(text: str) -> list[Token]:
         if group == _WORD:
             kind = value if value in RESERVED else "word"
             check_key(text, value, start)
+        elif group == _NAMES:
+            kind = "names"
+            check_key(text, value, start)
         elif group == _OPERATOR:
             kind = _SYNONYMS.get(value, value)
         elif group == _NUMBER:
@@ -106,6 +114,23 @@ def tokenize(text: str) -> list[Token]:
         if kind == "end":
             break
     return tokens
+
+
+def path_end(text: str, start: int) -> int:
+    """Where a path ends whose first `[` stands at `start`, as `[i].text[0]` does; -1 when a bracket is not closed."""
+    at, level = start, 0
+    while True:
+        piece = _PATH_PIECE.search(text, at)
+        if piece is None:
+            return -1
+        at = piece.end()
+        level += {"[": 1, "]": -1}.get(piece[0], 0)
+        if level == 0:
+            at = match_end(_NAMES_BEHIND, text, at)
+            following = _NEXT_INDEX.match(text, at)
+            if following is None:
+                return at
+            at = following.end() - 1
 
 
 def unquote(text: str, quoted: str, start: int) -> str:

@@ -6,15 +6,18 @@ events for a thousand rules in turn take one and a half times as long (benchmark
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from copy import copy
 from dataclasses import dataclass, field
 from functools import lru_cache
 from itertools import accumulate
 from typing import get_args
 
-from rise_engine.expression import Assignment, Expression
+from rise_engine.expression import Assignment, Environment, Expression
 from rise_engine.kernel.core import EventTopic, EventTopics, RuleList
 from rise_engine.scenario.model import (
+    SESSION,
+    SESSION_STATES,
     ActOutcome,
     Block,
     Function,
@@ -41,11 +44,23 @@ class CompiledCondition:
 
     def __init__(self, expression: Expression) -> None:
         self.text = expression.text
-        self.evaluate = expression.compiled_condition
-        self.keys = tuple(sorted(expression.keys))
-        self.only_key = self.keys[0] if len(self.keys) == 1 else ""
+        self.evaluate = _collecting_parts(expression) if expression.parts else expression.compiled_condition
+        self.keys = tuple(sorted(expression.keys - expression.keys_of_parts_only))
+        self.only_key = self.keys[0] if len(self.keys) == 1 and not expression.parts else ""
+        """The key, when its value is all that the record needs."""
         self.watched_keys = expression.keys | expression.constants
         """A key called `e` would hide the constant, so a change of it matters too."""
+
+
+def _collecting_parts(expression: Expression) -> Callable[[Environment], bool]:
+    """A condition that leaves in `env.parts` what it has read by index, for its record."""
+    holds = expression.compiled_condition
+
+    def evaluate(env: Environment) -> bool:
+        env.parts = {}
+        return holds(env)
+
+    return evaluate
 
 
 _compile_condition = lru_cache(maxsize=1024)(CompiledCondition)
@@ -175,6 +190,8 @@ class CompiledState:
         keys = {key for condition in watched if condition for key in condition.watched_keys}
         # `a.b.c` is touched by changes of `a`, `a.b` and `a.b.c`: a dotted key reaches into objects.
         written = {name for key in keys for name in accumulate(key.split("."), "{}.{}".format)}
+        if SESSION in keys:  # of that, each part tells its own changes
+            written.update(f"{SESSION}.{name}" for name in SESSION_STATES)
         self.watch_lists = tuple(watchers.setdefault(name, {}) for name in sorted(written))
         """Where it stands for the keys that it watches."""
         self.final = not transitions

@@ -122,7 +122,10 @@ class Core:
         self.key_at: float | None = None
         """When the key was pressed that this step came of."""
         self.memory: dict[str, Any] = {}
-        self.env = Environment(self.memory, self.rng.fraction, set())
+        self.tables = frozenset(scenario.tables)
+        """Keys of the memory that nothing can change. They are there from the beginning, and in no snapshot."""
+        self.memory.update(scenario.table_memory)
+        self.env = Environment(self.memory, self.rng.fraction, set(), self.rng.integer_below)
         """What expressions see: the memory, and where they report keys that do not exist."""
 
     # --- outputs ---
@@ -202,8 +205,12 @@ class Core:
     # --- memory, read ---
 
     def read_values(self, keys: tuple[str, ...]) -> dict[str, Any]:
-        memory = self.memory
-        return {key: memory[key] if key in memory else lookup(memory, key)[1] for key in keys}
+        """The values of these keys, and of the parts that the condition has read that was evaluated last."""
+        memory, parts = self.memory, self.env.parts
+        if parts is None:
+            return {key: memory[key] if key in memory else lookup(memory, key)[1] for key in keys}
+        self.env.parts = None
+        return dict(sorted({**{key: lookup(memory, key)[1] for key in keys}, **parts}.items()))
 
     def newly_missing(self) -> tuple[str, ...]:
         """Keys that the last evaluation missed and that have not been reported yet."""

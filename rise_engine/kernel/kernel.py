@@ -160,7 +160,7 @@ class Kernel:
             next_timer=core.next_timer,
             timers=core.timers,
             reported_missing=sorted(core.reported_missing),
-            memory=core.memory,
+            memory={key: value for key, value in core.memory.items() if key not in core.tables},
             rules=self.rules.snapshot(),
             waiting=self.scheduler.waiting,
             acts=list(runner.runs.values()),

@@ -6,7 +6,7 @@ from collections import ChainMap
 from collections.abc import Callable
 from typing import Any
 
-from rise_engine.expression import Assignment, assigned_entry, lookup
+from rise_engine.expression import Assignment, EvaluationError, lookup
 from rise_engine.kernel.core import Core
 from rise_engine.kernel.records import MemoryRecord
 from rise_engine.scenario.model import SESSION
@@ -28,9 +28,10 @@ class WorkingMemory:
 
     def why_not_write(self, key: str) -> str:
         """Why nobody may set or delete a key, or empty."""
-        if self._core.scenario.reads_session and key.partition(".")[0] == SESSION:
+        head = key.partition(".")[0]
+        if self._core.scenario.reads_session and head == SESSION:
             return f"`{SESSION}` says how the session stands; it is the engine's, and cannot be set"
-        return ""
+        return f"`{head}` is a table of the scenario, which nothing changes" if head in self._core.tables else ""
 
     def is_key(self, word: str) -> bool:
         """Whether a bare word is a key: one that exists, or that something in the scenario sets."""
@@ -41,11 +42,15 @@ class WorkingMemory:
     def compute(self, assignments: tuple[Assignment, ...]) -> list[tuple[str, Any]]:
         """What assignments would write, key by key. Raises EvaluationError and writes nothing: it is all or nothing."""
         core = self._core
+        for assignment in assignments:
+            if problem := self.why_not_write(assignment.key):
+                raise EvaluationError(problem, assignment.text)
         so_far = ChainMap[str, Any]({}, core.memory)
         """The memory with what the assignments before would write."""
         written = []
         for assignment in assignments:
-            key, value = assigned_entry(so_far, assignment.key, assignment.evaluate(core.env, self._known_keys))
+            limited = bool(core.tables) and any(key.partition(".")[0] in core.tables for key in assignment.keys)
+            key, value = assignment.entry(core.env, self._known_keys, so_far, limited=limited)
             so_far[key] = value
             written.append((key, value))
         for key in core.newly_missing():

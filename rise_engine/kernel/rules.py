@@ -12,7 +12,7 @@ thousand deep, is no deeper than the first.
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Literal, TypeAlias
+from typing import Any, Literal, TypeAlias
 
 from rise_engine.expression import EvaluationError
 from rise_engine.kernel.compiled_rules import (
@@ -512,6 +512,8 @@ class RuleMachine:
         memory = core.memory
         key = condition.only_key
         values = {key: memory[key]} if key in memory else core.read_values(condition.keys)
+        if core.tables:
+            self._abridge_tables(values)
         missing = core.newly_missing() if env.missing else ()
         core.records.append(
             ConditionRecord(
@@ -519,6 +521,12 @@ class RuleMachine:
             )
         )
         return result
+
+    def _abridge_tables(self, values: dict[str, Any]) -> None:
+        """A table that a condition has read whole is recorded by its size."""
+        tables = self._core.scenario.tables
+        for key in tables.keys() & values:
+            values[key] = tables[key].size_text
 
     def _on_left(self, run: RuleRun) -> None:
         """A state is left, or the rule ends: it watches no key any more, and its timers are no longer wanted."""

@@ -201,7 +201,7 @@ class TaskHandlers:
         self._succeed(task)
         for assignment in assignments:
             word = assignment.bare_word
-            if word is not None and written[0][1] == word and not memory.is_key(word):
+            if word is not None and not memory.is_key(word):
                 self._core.record_note(
                     f"`{word}` is no memory key; it was taken as a text. Quotation marks make that plain"
                 )

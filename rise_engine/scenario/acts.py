@@ -7,7 +7,7 @@ from functools import lru_cache, partial
 
 from rise_engine.nearest_name import did_you_mean
 from rise_engine.scenario.diagnostics import Diagnostics
-from rise_engine.scenario.draft import BareKey, Mention, ScenarioDraft
+from rise_engine.scenario.draft import BareKey, Mention, PartMention, ScenarioDraft
 from rise_engine.scenario.element_reader import ElementReader
 from rise_engine.scenario.graph import find_cycles
 from rise_engine.scenario.model import Act, Action, ActionCall, ActionSpec, Parameter, RobotProfile
@@ -22,7 +22,7 @@ from rise_engine.text import BLANKS, character_name, find_unseen, pluralize
 WRAPPERS = ("Dialogs", "AgentDialogs", "CommunicationRobotActs")
 COMMON = ("actionID", "waitForActions", "onFailure")
 _NO_ATTRIBUTES: frozenset[str] = frozenset()
-_SLOT = re.compile(r"\{\{|\{\s*+(?:\"[^\"]*+\"\s*+)?([^\W\d][\w.]*)")
+_SLOT = re.compile(r"\{\{|\{\s*+(?:\"[^\"]*+\"\s*+)?([^\W\d][\w.]*+)(?!\s*\[)")
 _LONGEST_PIECE = 12
 """Characters by which a place is found again."""
 _ID = re.compile(r"[^,;\s]+")
@@ -305,15 +305,7 @@ class _ActReader(ElementReader):
             return None
         constant = template.constant
         if constant is None:
-            index = {found.group(1): found.start() for found in reversed(list(_SLOT.finditer(element.text)))}
-            for slot in template.slots:
-                if slot.fallback is not None and not (slot.before or slot.after):
-                    continue
-                locate = partial(self.file.text_location, element, index.get(slot.key, 0))
-                if len(element):
-                    locate = partial(self.file.inner_location, element[0], partial(_find_slot, slot.key))
-                mention = Mention(slot.key, locate)
-                (self.draft.key_reads if slot.fallback is None else self.draft.optional_key_reads).append(mention)
+            self.note_slots(element, template)
             try:
                 check_template(parameter, template)
             except ParameterError as error:
@@ -331,6 +323,31 @@ class _ActReader(ElementReader):
             self.report_parameter(element, parameter, error)
             return None
         return template
+
+    def note_slots(self, element: Element, template: Template) -> None:
+        """Note the memory keys that a parameter reads."""
+        index = {found.group(1): found.start() for found in reversed(list(_SLOT.finditer(element.text)))}
+        draft = self.draft
+        behind = 0
+        for slot in template.slots:
+            start = index.get(slot.key, 0)
+            if slot.part is not None:
+                start = max(element.text.rfind("{", behind, element.text.find(slot.key, behind)), 0)
+                behind = start + 1
+            locate = partial(self.file.text_location, element, start)
+            if len(element):
+                locate = partial(self.file.inner_location, element[0], partial(_find_slot, slot.key))
+            draft.spoken_keys.append(Mention(slot.key, locate))
+            if slot.part is not None:
+                root = slot.part.root
+                if slot.fallback is None:
+                    draft.key_reads += [Mention(key, locate) for key in slot.part.keys]
+                    draft.part_reads += [PartMention(part, locate, spoken=part is root) for part in slot.part.parts]
+                else:
+                    draft.optional_key_reads += [Mention(key, locate) for key in slot.part.keys]
+            elif slot.fallback is None or slot.before or slot.after:
+                reads = draft.key_reads if slot.fallback is None else draft.optional_key_reads
+                reads.append(Mention(slot.key, locate))
 
     def report_parameter(self, element: Element, parameter: Parameter, error: ParameterError) -> None:
         """An error about a parameter's text, where that begins."""
@@ -358,7 +375,8 @@ def _explain(parameter: Parameter) -> str:
 
 def _find_slot(key: str, text: str) -> int:
     """Where a memory key is first read in an element as it is written."""
-    return next((found.start() for found in _SLOT.finditer(text) if found.group(1) == key), 0)
+    part = max(text.rfind("{", 0, max(text.find(key), 0)), 0)
+    return next((found.start() for found in _SLOT.finditer(text) if found.group(1) == key), part)
 
 
 def _raw_index(raw: str, index: int) -> int:

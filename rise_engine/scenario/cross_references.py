@@ -11,6 +11,7 @@ from rise_engine.scenario.draft import Mention, ScenarioDraft
 from rise_engine.scenario.graph import reachable_from
 from rise_engine.scenario.memory_paths import MemoryPaths
 from rise_engine.scenario.model import CUE_TOPICS, SESSION, result_topics
+from rise_engine.scenario.part_checks import check_parts
 from rise_engine.scenario.session_keys import add_session_keys
 
 ACT_END_SUFFIXES = ("_succeeded", "_failed", "_stopped", "_end")
@@ -37,8 +38,10 @@ def check_cross_references(draft: ScenarioDraft, diagnostics: Diagnostics) -> No
     if not unread & {"acts", "rules"}:
         _check_topics(draft, diagnostics)
     add_session_keys(draft, diagnostics)
-    if not unread & {"rules", "memory"}:
+    if not unread & {"rules", "memory", "tables"}:
         _check_memory(draft, diagnostics)
+        if "acts" not in unread:
+            check_parts(draft, diagnostics)
 
 
 def engine_topics(draft: ScenarioDraft) -> set[str]:
@@ -129,15 +132,17 @@ def _check_topics(draft: ScenarioDraft, diagnostics: Diagnostics) -> None:
 
 
 def _check_memory(draft: ScenarioDraft, diagnostics: Diagnostics) -> None:
-    start = {**draft.memory, SESSION: draft.session_keys} if draft.session_keys else draft.memory
-    paths = MemoryPaths(start, {mention.name for mention in draft.key_writes})
-    suggest = _remember_suggestions(draft.settable_keys)
+    written = {mention.name for mention in (*draft.key_writes, *draft.part_writes)}
+    tables = {name: table.records for name, table in draft.tables.items()}
+    own = {SESSION: draft.session_keys} if draft.session_keys else {}
+    paths = MemoryPaths({**draft.memory, **own, **tables}, written)
+    suggest = _remember_suggestions(draft.settable_keys | tables.keys())
     is_known, reading_problem = cache(paths.is_known), cache(paths.reading_problem)
     for mention in draft.key_writes:
-        if problem := paths.writing_problem(mention.name):
+        if mention.name.partition(".")[0] not in tables and (problem := paths.writing_problem(mention.name)):
             diagnostics.error("unknown-path", mention.locate(), problem)
     for mention in (*draft.key_reads, *draft.bare_words, *draft.bare_keys):
-        if problem := reading_problem(mention.name):
+        if mention.name.partition(".")[0] not in tables and (problem := reading_problem(mention.name)):
             diagnostics.error("unknown-path", mention.locate(), problem)
     for mention in (
         *(mention for mention in draft.key_reads if not is_known(mention.name)),

@@ -20,6 +20,7 @@ WARNING_CODES = frozenset(
     {
         "ambiguous-else",
         "bare-word",
+        "decimal-comma",
         "empty-act",
         "memory-form",
         "no-effect",
@@ -37,6 +38,7 @@ WARNING_CODES = frozenset(
         "unreachable-transition",
         "unset-key",
         "unused-parameter",
+        "unused-table",
         "unused-template",
         "unwritable-key",
         "variants",

@@ -7,7 +7,8 @@ from collections.abc import Callable
 from msgspec import Struct
 
 from rise_engine.expression import Assignment, Expression
-from rise_engine.scenario.model import Act, Json, Rule, SourceLocation
+from rise_engine.expression.nodes import Part
+from rise_engine.scenario.model import Act, Json, Rule, SourceLocation, Table
 
 
 class Mention(Struct, frozen=True):
@@ -31,6 +32,15 @@ class StateMention(Mention, frozen=True):
     rule: str
 
 
+class PartMention(Struct, frozen=True):
+    """A part of a value that is read, `items[i].text`, and where it stands."""
+
+    part: Part
+    locate: Callable[[], SourceLocation]
+    spoken: bool = False
+    """It stands in a text."""
+
+
 class ScenarioDraft:
     """A scenario in the making."""
 
@@ -39,9 +49,11 @@ class ScenarioDraft:
         self.rules: dict[str, Rule] = {}
         self.memory: dict[str, Json] = {}
         self.memory_key_locations: dict[str, SourceLocation] = {}
-        """Where the memory's keys stand that there is a warning about."""
+        """Where the memory's keys, the tables and their columns stand that there may be a warning about."""
+        self.tables: dict[str, Table] = {}
         self.unreadable_parts: set[str] = set()
-        """Of acts, rules and memory, what could not be read whole: then nothing can be said to be missing there."""
+        """Of acts, rules, memory and tables, what could not be read whole: then nothing can be said to be missing
+        there."""
         self.act_mentions: list[Mention] = []
         self.rule_mentions: list[Mention] = []
         self.state_mentions: list[StateMention] = []
@@ -54,6 +66,12 @@ class ScenarioDraft:
         """Memory keys that need not be there: conditions ask `defined(key)`, texts have `{", "key}`."""
         self.key_writes: list[Mention] = []
         """Memory keys that rules and key bindings set."""
+        self.part_writes: list[Mention] = []
+        """Memory keys of which rules and key bindings set parts, `items` in `items[i].done = true`."""
+        self.part_reads: list[PartMention] = []
+        """Parts of values that conditions, assignments and templates read and that have no fallback."""
+        self.spoken_keys: list[Mention] = []
+        """Memory keys that stand in texts, with or without fallback."""
         self.settable_keys: set[str] = set()
         """Memory keys that start values, rules and key bindings set."""
         self.session_keys: dict[str, Json] = {}

@@ -7,9 +7,10 @@ from collections.abc import Callable
 from functools import partial
 
 from rise_engine.expression import Assignment, Expression, ExpressionError
+from rise_engine.expression.nodes import Defined, walk
 from rise_engine.expression.rise1_compat import rise1_difference
 from rise_engine.scenario.diagnostics import Diagnostics
-from rise_engine.scenario.draft import Mention, ScenarioDraft
+from rise_engine.scenario.draft import Mention, PartMention, ScenarioDraft
 from rise_engine.scenario.model import SourceLocation
 from rise_engine.typography import typography_problem
 
@@ -50,8 +51,16 @@ def _find_odd_blank(text: str) -> int:
 
 def note_assignment(assignment: Assignment, locate: Callable[[], SourceLocation], draft: ScenarioDraft) -> None:
     """Note the key that an assignment sets and those that it reads."""
-    draft.settable_keys.add(assignment.key)
-    draft.key_writes.append(Mention(assignment.key, locate))
+    if assignment.target is None:
+        draft.settable_keys.add(assignment.key)
+        draft.key_writes.append(Mention(assignment.key, locate))
+    else:
+        draft.part_writes.append(Mention(assignment.key, locate))
+        for index in assignment.target.parts:
+            if index is not assignment.target.root:
+                draft.part_reads.append(PartMention(index, locate))
+        for key in assignment.target.keys:
+            draft.key_reads.append(Mention(key, locate))
     word = assignment.bare_word
     if word is not None:
         draft.bare_words.append(Mention(word, locate))
@@ -61,6 +70,9 @@ def note_assignment(assignment: Assignment, locate: Callable[[], SourceLocation]
 
 
 def _note_reads(expression: Expression, locate: Callable[[], SourceLocation], draft: ScenarioDraft) -> None:
+    """Note the keys, and the parts of values, that an expression reads."""
     values = expression.keys_read
     for key in expression.keys:
         (draft.key_reads if key in values else draft.optional_key_reads).append(Mention(key, locate))
+    asked = {node.part for node, _ in walk(expression.root) if isinstance(node, Defined)} if expression.parts else ()
+    draft.part_reads += [PartMention(part, locate) for part in expression.parts if part not in asked]

@@ -36,6 +36,7 @@ from rise_engine.scenario.suppressions import (
     memory_suppressions,
     read_suppressions,
 )
+from rise_engine.scenario.tables import TABLES_FOLDER, read_tables
 from rise_engine.scenario.toml_locations import TomlFile, read_toml
 from rise_engine.scenario.toml_tables import TomlTable
 from rise_engine.scenario.xml import XmlFile, read_xml
@@ -133,6 +134,7 @@ class _Loader:
             read_acts(file, profile, draft, diagnostics)
         for file in expanded["rules"]:
             read_rules(file, draft, diagnostics)
+        read_tables(self.files, draft, diagnostics)
         self.read_memory(paths["memory"])
         report_unsent_ssml(profile, draft, diagnostics)
         lexicon = self.read_lexicon(settings.language, profile.name)
@@ -158,6 +160,7 @@ class _Loader:
             acts=draft.acts,
             rules=draft.rules,
             memory=draft.memory,
+            tables=draft.tables,
             keys=settings.keys,
             act_settings=settings.act_tables.settings_by_act(draft.acts),
             fillers=settings.fillers,
@@ -258,7 +261,9 @@ class _Loader:
         files: dict[str, bytes] = {}
         for source in self.files.sources:
             path = self.folder / source.name
-            if path == memory:
+            if path.parent == self.folder / TABLES_FOLDER:
+                name = f"{TABLES_FOLDER}/{path.name}"
+            elif path == memory:
                 name = DEFAULT_PATHS["memory"]
             elif acts in (path, path.parent):
                 name = f"acts/{path.name}"

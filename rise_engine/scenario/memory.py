@@ -18,6 +18,11 @@ _WORDS = frozenset({"true", "false", "null", "or", "xor", "and", "not", "starts"
 _FORM = 'the memory is an object of keys and values, or {"WorkingMemory": [{"key": value}, ...]}'
 
 
+def is_writable_key(key: str) -> bool:
+    """Whether a key can be written in a condition."""
+    return _WRITABLE.match(key) is not None and key not in _WORDS
+
+
 def read_memory(source: SourceFile, draft: ScenarioDraft, diagnostics: Diagnostics) -> None:
     """Read a memory file, in RISE's form or as a plain object, into `draft`."""
     _MemoryReader(source, draft, diagnostics).read()
@@ -63,7 +68,11 @@ class _MemoryReader:
             if not member.key.strip():
                 self.report_error("bad-name", member.key_at, "a memory key cannot be empty")
                 continue
-            if not _WRITABLE.match(member.key) or member.key in _WORDS:
+            if (head := member.key.partition(".")[0]) in self.draft.tables:
+                message = f"`{head}` is a table, tables/{head}.csv; nothing else can have its name"
+                self.report_error("duplicate-key", member.key_at, message)
+                continue
+            if not is_writable_key(member.key):
                 self.warn_of_key(member)
             self.draft.memory[member.key] = to_plain(member.value)
         self.draft.settable_keys.update(self.draft.memory)

@@ -16,6 +16,7 @@ from msgspec import UNSET, Struct, UnsetType, field
 
 from rise_engine.expression import Assignment, Expression
 from rise_engine.scenario.template import Template
+from rise_engine.text import pluralize
 
 Json: TypeAlias = Any
 """A JSON value: null, boolean, integer, number, string, array or object."""
@@ -272,6 +273,27 @@ class Rule(Struct, frozen=True):
 # --- the whole ------------------------------------------------------------------------------------------------------
 
 
+class Table(Struct, frozen=True, dict=True):
+    """A table of `tables/`: read-only memory (docs/reference/scenario.md)."""
+
+    name: str
+    """Its key in the memory."""
+    columns: tuple[str, ...]
+    rows: list[list[Json]]
+    """The values of each row, in the order of the columns."""
+    location: SourceLocation = field(default=SourceLocation(""), name="place")
+
+    @cached_property
+    def records(self) -> list[dict[str, Json]]:
+        """The rows as expressions read them: one object each. Nobody changes them."""
+        return [dict(zip(self.columns, row, strict=True)) for row in self.rows]
+
+    @property
+    def size_text(self) -> str:
+        """How large it is, for people and for records."""
+        return f"{pluralize(len(self.rows), 'row')} x {pluralize(len(self.columns), 'column')}"
+
+
 class KeyBinding(Struct, frozen=True):
     """A key of the scenario and the DomainTask that it submits."""
 
@@ -384,6 +406,8 @@ class Scenario(Struct, frozen=True):
     lexicon: tuple[LexiconTable, ...] = ()
     may_release: tuple[str, ...] = ()
     """Programs that may release a stop without control: full names of ROS nodes, names of programs on the link."""
+    tables: dict[str, Table] = field(default_factory=dict)
+    """Read-only memory, by key."""
     paths: dict[str, str] = field(default_factory=dict)
     """`acts`, `rules`, `memory`: where they were read from, relative to the folder."""
     on_failure: str = "go_on"
@@ -396,6 +420,11 @@ class Scenario(Struct, frozen=True):
     """Event topics (without slash) that some transition waits for."""
     hash: str = ""
     """SHA-256 over every file that was read, in a fixed order: two scenarios with one hash are the same study."""
+
+    @property
+    def table_memory(self) -> dict[str, Json]:
+        """The tables as the memory holds them, by key."""
+        return {name: table.records for name, table in self.tables.items()}
 
     def settings_of(self, act: str) -> ActSettings:
         """The settings of an act, the usual ones where scenario.toml gives none; never raises."""
@@ -411,6 +440,8 @@ _DEFAULT_SETTINGS = ActSettings()
 
 SESSION = "session"
 """The memory key under which the engine says how the session stands (semantics.md 7.2)."""
+SESSION_STATES = ("speaking", "cue", "stopped")
+"""Its parts that change while a session runs."""
 
 CUE_TOPICS = ("cue", "cue_undone")
 """What is raised when the participant's turn has ended, and when that is taken back (semantics.md 4.2)."""

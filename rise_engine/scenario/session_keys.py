@@ -30,7 +30,7 @@ def add_session_keys(draft: ScenarioDraft, diagnostics: Diagnostics) -> None:
     ]
     if not reads:
         return
-    is_own = any(key.partition(".")[0] == SESSION for key in draft.settable_keys)
+    is_own = SESSION in draft.tables or any(key.partition(".")[0] == SESSION for key in draft.settable_keys)
     if not is_own:
         draft.session_keys = EXAMPLE
         draft.settable_keys.add(SESSION)

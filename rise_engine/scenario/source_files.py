@@ -17,6 +17,7 @@ MAX_BYTES = 10_000_000
 """Larger files are refused before anything looks into them."""
 MAX_TOML_BYTES = 1_000_000
 """The same for settings and robot profiles, which people write by hand."""
+ENCODING_REMEDY = "open it with the encoding it has (often Windows-1252 or Latin-1) and save it as UTF-8"
 _CONFLICT = re.compile(r"^(?:<{7}|={7}|>{7})(?=[ \r\n]|\Z)", re.MULTILINE)
 """What git writes into a file whose two versions it could not join."""
 
@@ -70,8 +71,11 @@ class FileReader:
         except ValueError:
             return str(path)
 
-    def read(self, path: Path, most: int = MAX_BYTES) -> SourceFile | None:
-        """The file at `path`, of at most `most` bytes, or None after a finding."""
+    def read(
+        self, path: Path, most: int = MAX_BYTES, encoding: str = "utf-8", remedy: str = ENCODING_REMEDY
+    ) -> SourceFile | None:
+        """The file at `path`, of at most `most` bytes, or None after a finding. `remedy` ends the one about a file that
+        is not in this encoding."""
         name = self.display_name(path)
         location = SourceLocation(name)
         try:
@@ -90,7 +94,7 @@ class FileReader:
                 reason = f"this link leads nowhere: there is no `{os.readlink(path)}`"  # noqa: PTH115  # as written
             self.diagnostics.error("unreadable", location, reason)
             return None
-        text = decode_utf8(name, data, self.diagnostics)
+        text = decode_text(name, data, self.diagnostics, encoding, remedy)
         if text is None:
             return None
         source = SourceFile(name, data, text)
@@ -125,20 +129,21 @@ def _has_conflicts(source: SourceFile, diagnostics: Diagnostics) -> bool:
     return found
 
 
-def decode_utf8(name: str, data: bytes, diagnostics: Diagnostics) -> str | None:
-    """The text of a UTF-8 file, with or without byte order mark; otherwise None and a finding."""
+def decode_text(
+    name: str, data: bytes, diagnostics: Diagnostics, encoding: str = "utf-8", remedy: str = ENCODING_REMEDY
+) -> str | None:
+    """The text of a file, in UTF-8 with or without byte order mark; otherwise None and a finding."""
     if data.startswith((b"\xff\xfe", b"\xfe\xff")) or data[:4].count(0) >= 2:
         diagnostics.error("encoding", SourceLocation(name), "this file is UTF-16 or UTF-32; save it as UTF-8")
         return None
     try:
-        return data.decode("utf-8-sig")
+        return data.decode("utf-8-sig" if encoding == "utf-8" else encoding)
     except UnicodeDecodeError as error:
-        before = error.object[: error.start].decode("utf-8", "replace")  # error.object has no byte order mark
+        before = error.object[: error.start].decode(encoding, "replace")  # error.object has no byte order mark
         location = SourceFile(name, b"", before).location(len(before))
         diagnostics.error(
             "encoding",
             location,
-            f"this file is not UTF-8 (byte 0x{error.object[error.start]:02X}); "
-            "open it with the encoding it has (often Windows-1252 or Latin-1) and save it as UTF-8",
+            f"this file is not {encoding.upper()} (byte 0x{error.object[error.start]:02X}); {remedy}",
         )
         return None

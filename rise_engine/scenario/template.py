@@ -1,6 +1,7 @@
 """Parameter texts with memory values in them: `Hello {person_name|there}!` (semantics.md 2.3).
 
-`Thank you{", "person_name}!` has a separator: it is said only together with a value.
+`Thank you{", "person_name}!` has a separator: it is said only together with a value. A slot can name a part of a value:
+`{items[i].text}`.
 """
 
 from __future__ import annotations
@@ -13,14 +14,21 @@ from typing import Any
 from msgspec import Struct
 
 from rise_engine.errors import RiseError
-from rise_engine.expression import lookup
+from rise_engine.expression import Environment, EvaluationError, Expression, ExpressionError, MissingPartError, lookup
+from rise_engine.expression.tokens import path_end
 from rise_engine.json_codec import MAX_LEVELS
 from rise_engine.scenario.ssml import begins_as_ssml, escape_value
+from rise_engine.text import match_end
 
 _SLOT = re.compile(
     r"""\{ \s*+ (?:"([^"]*+)" \s*+)? ([^\W\d][\w.]*+) \s*+ (?:"([^"]*+)" \s*+)? (?:\|([^}]*+))? \}""", re.VERBOSE
 )
 """A separator, the key, a separator, a fallback."""
+_SLOT_START = re.compile(r"""\{ \s*+ (?:"([^"]*+)" \s*+)? (?=[^\W\d][\w.]*+\s*+\[)""", re.VERBOSE)
+"""A separator, before a key with an index."""
+_SLOT_END = re.compile(r"""\s*+ (?:"([^"]*+)" \s*+)? (?:\|([^}]*+))? \}""", re.VERBOSE)
+"""A separator and a fallback, behind it."""
+_SLOT_KEY = re.compile(r"[\w.]+\s*")
 _TYPOGRAPHIC = re.compile("[“”„‟«»″]")
 
 
@@ -33,10 +41,10 @@ class TemplateError(RiseError, ValueError):
 
 
 class MissingValueError(RiseError):
-    """A memory key without value was needed to fill a template."""
+    """A memory key without value was needed to fill a template, or a part of a value that cannot be read."""
 
-    def __init__(self, key: str) -> None:
-        super().__init__(f"the memory has no value for {key!r}")
+    def __init__(self, key: str, message: str = "") -> None:
+        super().__init__(message or f"the memory has no value for {key!r}")
         self.key = key
 
 
@@ -44,11 +52,34 @@ class MemorySlot(Struct, frozen=True):
     """A place where a memory value goes."""
 
     key: str
+    """As it is written, with its index: `items[i].text`."""
     fallback: str | None = None
     """What is taken without a value. With separators it is the empty text unless another one is written."""
     before: str = ""
     after: str = ""
     """Separators: said only together with a value that is not empty."""
+    part: Expression | None = None
+    """What is read, when the key has an index."""
+
+    def read(self, memory: Mapping[str, Any]) -> Any:
+        """The memory's value of this moment; null: there is none, and a fallback.
+
+        Raises MissingValueError when there is neither, or when the index cannot be worked out.
+        """
+        problem = ""
+        value: Any = None
+        if self.part is None:
+            value = lookup(memory, self.key)[1]
+        else:
+            try:
+                value = self.part.compiled_value(Environment(memory))
+            except MissingPartError as missing:
+                problem = str(missing)
+            except EvaluationError as error:
+                raise MissingValueError(self.key, str(error)) from None
+        if value is None and self.fallback is None:
+            raise MissingValueError(self.key, problem)
+        return value
 
 
 class Template(Struct, frozen=True):
@@ -83,8 +114,8 @@ class Template(Struct, frozen=True):
     def fill_value(self, memory: Mapping[str, Any]) -> Any:
         """As `fill`, but a template that is one single slot keeps the value's own type (for numbers and booleans)."""
         if len(self.parts) == 1 and isinstance(slot := self.parts[0], MemorySlot):
-            found, value = lookup(memory, slot.key)
-            if found and value is not None:
+            value = slot.read(memory)
+            if value is not None:
                 return value
         return self.fill(memory)
 
@@ -107,20 +138,55 @@ def parse_template(text: str) -> Template:
         elif character == "}":
             raise TemplateError("a `}` without its `{`; write `}}` for the character itself", at + 1)
         else:
-            found = _SLOT.match(text, at)
-            if found is None or found[2].count(".") >= MAX_LEVELS:
-                raise _malformed_error(text, at)
             if literal:
                 parts.append("".join(literal))
                 literal.clear()
-            before, key, after, fallback = found.groups()
-            if fallback is None and (before is not None or after is not None):
-                fallback = ""
-            parts.append(MemorySlot(key, fallback, before or "", after or ""))
-            at = found.end()
+            slot, at = _read_slot(text, at)
+            parts.append(slot)
     if literal:
         parts.append("".join(literal))
     return Template(text, tuple(parts))
+
+
+def _read_slot(text: str, start: int) -> tuple[MemorySlot, int]:
+    """The slot that begins at `start`, and where it ends. Raises TemplateError."""
+    part: Expression | None = None
+    indexed = _SLOT_START.match(text, start)
+    if indexed is not None:
+        before = indexed[1]
+        part, at = _read_part(text, indexed.end())
+        key = part.text
+        rest = _SLOT_END.match(text, at)
+        if rest is None:
+            raise _malformed_error(text, start)
+        (after, fallback), end = rest.groups(), rest.end()
+    else:
+        found = _SLOT.match(text, start)
+        if found is None or found[2].count(".") >= MAX_LEVELS:
+            raise _malformed_error(text, start)
+        (before, key, after, fallback), end = found.groups(), found.end()
+    if fallback is None and (before is not None or after is not None):
+        fallback = ""
+    return MemorySlot(key, fallback, before or "", after or "", part), end
+
+
+def _read_part(text: str, start: int) -> tuple[Expression, int]:
+    """The part of a value that is named from `start` on, and where it ends."""
+    end = path_end(text, match_end(_SLOT_KEY, text, start))
+    if end < 0:
+        opening = text.index("[", start)
+        raise TemplateError("this `[` is not closed; write {items[i].text}", opening + 1)
+    try:
+        part = Expression.parse(text[start:end])
+    except ExpressionError as error:
+        message = f"{error.message}; {error.hint}" if error.hint else error.message
+        raise TemplateError(message, start + error.column) from None
+    if part.draws:
+        message = (
+            "chance cannot stand in braces, because a text is also shown before it is said; assign the number first"
+        )
+        raise TemplateError(message, start + 1)
+    return part, end
 
 
 def _malformed_error(text: str, at: int) -> TemplateError:
@@ -169,13 +235,12 @@ def spoken_text(value: Any) -> str:
 
 def _slot_text(slot: MemorySlot, memory: Mapping[str, Any], write: Callable[[str], str]) -> str:
     """What is said for a slot; `write` makes of a value's text what stands there."""
-    found, value = lookup(memory, slot.key)
-    if found and value is not None:
+    value = slot.read(memory)
+    if value is not None:
         text = write(spoken_text(value))
         if not (slot.before or slot.after):
             return text
         if text.strip():
             return slot.before + text + slot.after
-    if slot.fallback is not None:
-        return slot.fallback
-    raise MissingValueError(slot.key)
+    assert slot.fallback is not None  # separators have one, and without value `read` has raised
+    return slot.fallback

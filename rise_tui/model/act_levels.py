@@ -43,7 +43,9 @@ def estimate_act_seconds(scenario: Scenario, act: Act) -> float:
 
 def _mean_seconds(scenario: Scenario, action: Action) -> float:
     """The mean of an action's variants."""
-    estimates = (estimate_call_seconds(scenario, call, scenario.memory) for call in action.calls)
+    estimates = (
+        estimate_call_seconds(scenario, call, {**scenario.table_memory, **scenario.memory}) for call in action.calls
+    )
     return sum(seconds or 0.0 for seconds in estimates) / max(1, len(action.calls))
 
 

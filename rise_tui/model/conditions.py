@@ -12,7 +12,8 @@ from rise_engine.expression.nodes import Logic, with_all_brackets
 
 Joint = Literal["and", "or", ""]
 
-_PIECE = re.compile(r'"(?:[^"\\]|\\.)*"|\'(?:[^\'\\]|\\.)*\'|[()]|&&|\|\||[^\W\d][\w.]*', re.DOTALL)
+_PIECE = re.compile(r'"(?:[^"\\]|\\.)*"|\'(?:[^\'\\]|\\.)*\'|[()\[\]]|&&|\|\||[^\W\d][\w.]*', re.DOTALL)
+_LEVELS = {"(": 1, "[": 1, ")": -1, "]": -1}
 _JOINTS = {"and": ("and", "&&"), "or": ("or", "||")}
 
 
@@ -55,7 +56,7 @@ def _split_text(text: str, joints: tuple[str, ...]) -> list[str]:
         bare = bare[1:-1].strip()
     pieces, depth, start = [], 0, 0
     for found in _PIECE.finditer(bare):
-        depth += {"(": 1, ")": -1}.get(found[0], 0)
+        depth += _LEVELS.get(found[0], 0)
         if not depth and found[0] in joints:
             pieces.append(bare[start : found.start()].strip())
             start = found.end()
@@ -66,7 +67,7 @@ def _find_closing(text: str) -> int:
     """Where the bracket with which a text begins is closed."""
     depth = 0
     for found in _PIECE.finditer(text):
-        depth += {"(": 1, ")": -1}.get(found[0], 0)
+        depth += _LEVELS.get(found[0], 0)
         if not depth:
             return found.start()
     return -1

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from typing import Any, NamedTuple
 
-from rise_engine.expression import EvaluationError, Expression, lookup
+from rise_engine.expression import Environment, EvaluationError, Expression, lookup
 from rise_engine.scenario.model import (
     CUE_TOPICS,
     Block,
@@ -27,26 +27,42 @@ ENDINGS = {"_end": "to end", "_succeeded": "to succeed", "_failed": "to fail", "
 _WHEN = {"_end": "ends", "_succeeded": "succeeds", "_failed": "fails", "_stopped": "is stopped"}
 
 
+MOST_PARTS = 20
+"""Parts of a value beyond which only their number is told."""
+
+
 class Truth(NamedTuple):
     """A condition at this moment."""
 
     text: str
     values: str
-    """The keys that it reads, with their values: `task is 2`."""
+    """The keys and parts that it reads, with their values: `task is 2, items[i].done is true`."""
     holds: bool
     error: str = ""
 
 
 def truth_of(expression: Expression, memory: Mapping[str, Any]) -> Truth:
     """The condition's value over the present memory."""
-    values = []
-    for key in sorted(expression.keys):
-        found, value = lookup(memory, key)
-        values.append(f"{key} is {format_value(value)}" if found else f"{key} is not set")
+    parts: dict[str, Any] = {}
+    holds, error = False, ""
     try:
-        return Truth(expression.text, ", ".join(values), expression.as_condition(memory))
-    except EvaluationError as error:
-        return Truth(expression.text, ", ".join(values), False, str(error))
+        holds = expression.compiled_condition(Environment(memory, parts=parts))
+    except EvaluationError as problem:
+        error = str(problem)
+    texts = {
+        name: f"{name} is {_short_value(value)}" for name, value in parts.items() if value is not None or not error
+    }
+    for key in expression.keys - expression.keys_of_parts_only:
+        found, value = lookup(memory, key)
+        texts[key] = f"{key} is {_short_value(value)}" if found else f"{key} is not set"
+    return Truth(expression.text, ", ".join(text for _, text in sorted(texts.items())), holds, error)
+
+
+def _short_value(value: Any) -> str:
+    """A value beside others: of a long list or object, how much there is of it."""
+    if isinstance(value, list | dict) and len(value) > MOST_PARTS:
+        return f"{'a list' if isinstance(value, list) else 'an object'} of {len(value)}"
+    return format_value(value)
 
 
 def wait_text(scenario: Scenario, transition: Transition) -> str:

@@ -185,8 +185,8 @@ class Store:
 
     @property
     def memory(self) -> Mapping[str, Any]:
-        """The working memory as expressions and templates read it."""
-        return {key: entry.value for key, entry in self.view.memory.items()}
+        """The working memory as expressions and templates read it, tables included."""
+        return {**self.scenario.table_memory, **{key: entry.value for key, entry in self.view.memory.items()}}
 
     @property
     def stopping(self) -> bool:

@@ -6,7 +6,7 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from functools import lru_cache
 from typing import Any
 
-from rise_engine.expression import Assignment, Environment, EvaluationError, Expression, LanguageError, assigned_entry
+from rise_engine.expression import Assignment, Environment, EvaluationError, Expression, LanguageError
 from rise_engine.scenario.model import KeyBinding, Scenario, Transition, normal_topic
 from rise_tui.model.conditions import is_met
 from rise_tui.model.rule_text import events_raised_by, find_what_to_start, functions_of_rule
@@ -115,8 +115,7 @@ class StudyKeys:
             return
         for key, assignment in self._assignments_for(condition):
             try:
-                value = assignment.evaluate(Environment(memory), self.scenario.known_keys)
-                changed, value = assigned_entry(memory, assignment.key, value)
+                changed, value = assignment.entry(Environment(memory), self.scenario.known_keys)
                 if condition.as_condition({**memory, changed: value}):
                     yield key
             except EvaluationError:

@@ -86,7 +86,7 @@ class MemoryPane(ListPane):
         return [self.row_list, self.editor]
 
     def subtitle(self) -> StyledLine:
-        return ((f"{len(self.store.view.memory)}", "muted"),)
+        return ((f"{len(self._entries())}", "muted"),)
 
     # --- rows ---------------------------------------------------------------------------------------------------------
 
@@ -94,7 +94,7 @@ class MemoryPane(ListPane):
         columns = self._columns(width)
         self._paths.clear()
         rows = []
-        for key, entry in self.store.view.memory.items():
+        for key, entry in self._entries().items():
             rows.append(self._row((key,), entry.value, columns, entry))
             rows += self._child_rows((key,), entry.value, columns)
         rows.append(ListRow(ADD, ((" + add a key", "muted"),)))
@@ -103,7 +103,15 @@ class MemoryPane(ListPane):
         return rows
 
     def _columns(self, width: int) -> MemoryColumns:
-        return MemoryColumns.from_width(width, max(map(cell_width, self.store.view.memory), default=0))
+        return MemoryColumns.from_width(width, max(map(cell_width, self._entries()), default=0))
+
+    def _entries(self) -> dict[str, MemoryView]:
+        """The keys of the memory, and behind them the tables."""
+        tables = self.store.scenario.tables.items()
+        return {
+            **self.store.view.memory,
+            **{name: MemoryView(table.records, None, "file", 0.0) for name, table in tables},
+        }
 
     def _child_rows(self, path: JsonPath, value: Any, columns: MemoryColumns) -> Iterator[ListRow]:
         """The rows below an unfolded value."""
@@ -123,10 +131,11 @@ class MemoryPane(ListPane):
         row_id = _row_id(path)
         self._paths[row_id] = path
         sent = entry is not None and self._is_sent(str(path[0]))
-        kind = "↑ sent" if sent else json_type_name(value)
+        table = self.store.scenario.tables.get(str(path[0])) if len(path) == 1 else None
+        kind = "table" if table is not None else "↑ sent" if sent else json_type_name(value)
         fold = " " if not any(children(value)) else "▾" if path in self._unfolded else "▸"
         label = "  " * (len(path) - 1) + (name if len(path) == 1 else f".{path[-1]}")
-        text = format_value(value)
+        text = format_value(value) if table is None else table.size_text
         line: list[StyledSpan] = [
             (fold, "muted"),
             (fit_middle(label, columns.key), "plain"),
@@ -156,7 +165,7 @@ class MemoryPane(ListPane):
 
     def _value_at(self, path: JsonPath) -> Any:
         """The value of a row at this moment. Raises NoSuchPath."""
-        entry = self.store.view.memory.get(str(path[0]))
+        entry = self._entries().get(str(path[0]))
         if entry is None:
             raise NoSuchPath(path_text(path))
         return value_at(entry.value, path[1:])
@@ -180,6 +189,8 @@ class MemoryPane(ListPane):
                 self._open_editor((), *(self.store.last_deletion or ("", None)))
         elif not path:
             self.post_message(ShowNotice("no key is selected"))
+        elif (name := str(path[0])) in self.store.scenario.tables:
+            self.post_message(ShowNotice(f"{name} is a table, which nothing changes; its file is tables/{name}.csv"))
         elif action == "memory.edit":
             self._open_editor(path, path_text(path), self._value_at(path))
         elif action == "memory.delete":
@@ -228,7 +239,7 @@ class MemoryPane(ListPane):
         """A value in full: its row may have no room for it."""
 
         def rows(width: int) -> list[ListRow]:
-            entry = self.store.view.memory.get(str(path[0]))
+            entry = self._entries().get(str(path[0]))
             try:
                 value = self._value_at(path)
             except NoSuchPath:

@@ -25,7 +25,7 @@ async def ask_to_save_start_values(pane: Pane) -> None:
     except MemoryNotWritable as why:
         pane.post_message(ShowNotice(f"not saved: {why}"))
         return
-    memory = pane.store.memory
+    memory = {key: entry.value for key, entry in pane.store.view.memory.items()}
     differing = describe_changes(scenario.memory, memory)
     if not differing:
         pane.post_message(ShowNotice("the memory is as it was at the start: nothing to save"))

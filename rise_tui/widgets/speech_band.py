@@ -25,7 +25,9 @@ class SpeechBand(StoreLines):
     def fit_terminal(self, size: Size) -> None:
         """Take as many lines as this session needs in a terminal of this size."""
         scenario = self.store.scenario
-        self._sentence_rows = sentence_height(scenario, scenario.memory, size.width, size.height)
+        self._sentence_rows = sentence_height(
+            scenario, {**scenario.table_memory, **scenario.memory}, size.width, size.height
+        )
         self.styles.height = self._sentence_rows + 1
 
     def draw(self) -> None:

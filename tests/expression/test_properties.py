@@ -25,6 +25,7 @@ WORDS = [
     *KEYS, "1", "2.5", "1e3", '"t"', "''", "true", "false", "null", "pi", "(", ")", "(", ")", ",", "and", "or", "xor",
     "not", "!", "&&", "||", "=", "==", "!=", "<", "<=", ">", ">=", "+", "-", "*", "/", "^", "starts with", "ends with",
     "contains", "abs(", "max(", "rand(", "length(", "lower(", "defined(", " ", "\n", "%", "'",
+    "[", "]", "[", "]", "].a", "a[0]", "a[n].b", "shuffle(", "sample(", "latin(", "range(",
 ]  # fmt: skip
 
 # Any shape of expression, types be damned.
@@ -35,8 +36,10 @@ SHAPES = st.recursive(
     lambda inner: (
         st.builds("({} {} {})".format, inner, st.sampled_from(BINARY), inner)
         | st.builds("({}{})".format, st.sampled_from(["not ", "-", "!"]), inner)
-        | st.builds("{}({})".format, st.sampled_from(["abs", "sqrt", "ln", "round", "length", "lower"]), inner)
-        | st.builds("{}({}, {})".format, st.sampled_from(["max", "atan2", "pow"]), inner, inner)
+        | st.builds("{}({})".format, st.sampled_from(["abs", "sqrt", "ln", "length", "lower", "shuffle"]), inner)
+        | st.builds("{}({}, {})".format, st.sampled_from(["max", "atan2", "pow", "sample", "latin"]), inner, inner)
+        | st.builds("{}[{}]".format, st.sampled_from(["a", "c.d", "shuffle(a)", "range(n)"]), inner)
+        | st.builds("a[{}].{}".format, inner, st.sampled_from(["b", "d.0"]))
     ),
     max_leaves=12,
 )

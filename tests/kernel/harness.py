@@ -44,7 +44,13 @@ SHORT = {
 
 
 def write(
-    folder: Path, *, acts: str = "", rules: str = "", memory: dict[str, Any] | None = None, toml: str = ""
+    folder: Path,
+    *,
+    acts: str = "",
+    rules: str = "",
+    memory: dict[str, Any] | None = None,
+    toml: str = "",
+    tables: dict[str, str] | None = None,
 ) -> Path:
     """Write a scenario folder from the inside of its files."""
     for name, content, wrapper in (("acts", acts, "Dialogs"), ("rules", rules, "InteractionRules")):
@@ -52,6 +58,9 @@ def write(
         (folder / name / "all.xml").write_text(f"<{wrapper}>{content}</{wrapper}>", encoding="utf-8")
     (folder / "memory.json").write_text(json.dumps(memory or {}), encoding="utf-8")
     (folder / "scenario.toml").write_text(toml, encoding="utf-8")
+    for name, content in (tables or {}).items():
+        (folder / "tables").mkdir(exist_ok=True)
+        (folder / "tables" / f"{name}.csv").write_text(content, encoding="utf-8")
     return folder
 
 

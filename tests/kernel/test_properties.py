@@ -47,6 +47,7 @@ from rise_engine.scenario.model import (
     Scenario,
     State,
     Statement,
+    Table,
     Transition,
 )
 from rise_engine.scenario.template import parse_template
@@ -68,6 +69,10 @@ CONDITIONS = (
     "not session.speaking and not session.cue",
     "session.stopped",
     "session.condition = 'b'",
+    "items[k1].n > 1",
+    "items[order[k1]].text = name",
+    "length(order) > 2 and order[k1]",
+    "defined(items[k1 + 1])",
 )
 ASSIGNMENTS = (
     "k0 = true",
@@ -77,6 +82,12 @@ ASSIGNMENTS = (
     "k1 = name + 1",
     "k1 = missing + 1",
     '{"person": {"near": true}}',
+    "order = shuffle(range(length(items)))",
+    "order = sample(order, 2)",
+    "order = latin(items, k1)",
+    "order[k1] = items[k1].n",
+    "person.near = items[order[0]]",
+    "items = 1",
 )
 
 text = Parameter("message", "text", required=True)
@@ -110,8 +121,9 @@ class Author:
             ROBOT,
             {name: self.act(name) for name in ACTS},
             {name: self.rule(name) for name in RULES},
-            {"k0": False, "k1": 0, "name": "Ada"},
-            known_keys=frozenset({"k0", "k1", "name", "person"}),
+            {"k0": False, "k1": 0, "name": "Ada", "order": [0, 1, 2]},
+            tables={"items": Table("items", ("n", "text"), [[1, "one"], [2, None], [3, "three"]])},
+            known_keys=frozenset({"k0", "k1", "name", "person", "order"}),
             topics=frozenset(TOPICS),
             reads_session=self.random.random() < 0.7,
         )
@@ -130,7 +142,12 @@ class Author:
         if kind == "Wait":
             return ActionCall("Wait", {"duration": parse_template(self.random.choice(["0", "100", "2000"]))})
         return ActionCall(
-            kind, {"message": parse_template(self.random.choice(["hi", "{name}", "{missing}", "{missing|x}"]))}
+            kind,
+            {
+                "message": parse_template(
+                    self.random.choice(["hi", "{name}", "{missing}", "{missing|x}", "{items[k1].text}"])
+                )
+            },
         )
 
     def function(self) -> Statement:
@@ -437,7 +454,8 @@ def test_the_records_alone_rebuild_the_state(scenario: Scenario, moves: list[Mov
     run = Run(scenario, moves)
     view, kernel = run.view, run.kernel
     assert view.seq == kernel.seq
-    assert {key: entry.value for key, entry in view.memory.items()} == kernel.core.memory
+    memory = {key: entry.value for key, entry in view.memory.items()}
+    assert {**scenario.table_memory, **memory} == kernel.core.memory
     assert view.running_rules() == list(reversed(kernel.rules.stack))
     assert {name: rule.state for name, rule in view.rules.items() if rule.running} == {
         name: r.state.id for name, r in kernel.rules.stack.items()

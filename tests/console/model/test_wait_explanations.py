@@ -10,7 +10,7 @@ from rich.cells import cell_len
 
 from rise_engine.expression import Expression
 from rise_engine.kernel.records import CountdownRecord, KeptRecord, MemoryRecord
-from rise_engine.scenario.model import Delay, KeyBinding, Rule, Scenario, State, Transition
+from rise_engine.scenario.model import Delay, KeyBinding, Rule, Scenario, State, Table, Transition
 from rise_tui.model.conditions import split_condition
 from rise_tui.model.store import Store
 from rise_tui.model.wait_explanations import READABLE, WaitExplanations
@@ -81,6 +81,8 @@ class Scene:
         ("not (a and b)", "", ["not (a and b)"]),
         ("android or oracle", "or", ["android", "oracle"]),
         ("(a and b) and c", "and", None),
+        ("defined(list[a and b]) and c", "and", ["defined(list[a and b])", "c"]),
+        ("defined(list[(a or b)][a or b]) or c", "or", ["defined(list[(a or b)][a or b])", "c"]),
     ],
 )
 def test_a_condition_in_its_parts(text: str, joint: str, parts: list[str] | None) -> None:
@@ -123,6 +125,25 @@ def test_a_condition_part_by_part_with_the_key_that_would_make_it_true() -> None
     it.set("task", 4)
     assert it.said()[0] == "waits for event next you: n → b"
     assert it.said()[1] == "if task = 4 task is 4 true"
+
+
+def test_a_part_of_a_value_with_the_keys_that_would_make_it_right() -> None:
+    scenario = scene(way(None, "items[task].id = 2 and marks[0] and length(items) > 9"))
+    keys = {**scenario.keys, "m": KeyBinding("m", "m", "assignValue", "marks[0] = true")}
+    table = Table("items", ("id", "text"), [[number, "x"] for number in range(1, 31)])
+    it = Scene(replace(scenario, keys=keys, tables={"items": table}))
+    it.set("task", 0)
+    it.set("marks", [False])
+    assert it.said() == [
+        "waits for its condition alone → b",
+        "if items[task].id = 2 items[task].id is 1, task is 0 false",
+        "and marks[0] marks[0] is false you: m false",
+        "and length(items) > 9 items is a list of 30 true",
+    ]
+    it.set("task", 99)
+    said = it.said()
+    assert said[1] == "if items[task].id = 2 task is 99 error"
+    assert said[2].startswith("missing-part: `items` has the entries 0 to 29, and no 99")
 
 
 def test_a_condition_that_cannot_be_evaluated_says_so() -> None:

@@ -10,6 +10,7 @@ from msgspec.structs import replace
 from textual.widgets import Input
 
 from rise_engine.kernel.records import MemoryRecord
+from rise_engine.scenario.model import Table
 from rise_tui.panes.memory import MOST_PARTS, MemoryPane
 from rise_tui.screens.detail import DetailScreen
 from rise_tui.screens.dialog import Dialog
@@ -253,6 +254,27 @@ async def test_a_huge_array_shows_its_first_parts() -> None:
         await it.press("right")
         await it.until(lambda: f"and {5000 - MOST_PARTS} more" in it.text("memory"))
         assert it.text("memory").count("\n") < MOST_PARTS + 20
+
+
+async def test_a_table_shows_its_size_and_can_be_opened() -> None:
+    rows: list[list[Any]] = [[number, f"Sentence {number}"] for number in range(1, 13)]
+    scenario = replace(demo(), tables={"items": Table("items", ("id", "text"), rows)})
+    async with console(size=(200, 50), client=FakeClient(scenario)) as it:
+        pane = await at(it, "items")
+        row = it.row("memory", "items")
+        assert "12 rows x 2 columns" in row and "table" in row and "start" in row and "Sentence" not in row
+        await it.press("right")
+        await it.until(lambda: ".11 " in it.text("memory"))
+        pane.row_list.select("items\0" + "2")
+        await it.press("right")
+        await it.until(lambda: "Sentence 3 " in it.text("memory"))
+        for where in ("items", "items\0" + "2", "items\0" + "2\0text"):
+            for key in ("enter", "delete"):
+                it.screen.session.store.notice = None
+                pane.row_list.select(where)
+                await it.press(key)
+                await it.until(lambda: "items is a table, which nothing changes" in it.notice)
+        assert not it.client.sent and not pane.editor.is_open
 
 
 async def test_a_long_value_can_be_read_in_full() -> None:

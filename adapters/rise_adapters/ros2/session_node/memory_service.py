@@ -28,7 +28,8 @@ class MemoryService:
         self._service.close()
 
     def _take_request(self, request: Message, reply: SendReply) -> None:
-        memory = {key: entry.value for key, entry in self._hub.view.memory.items()}
+        memory = self._hub.engine.scenario.table_memory
+        memory.update((key, entry.value) for key, entry in self._hub.view.memory.items())
         found, value = lookup(memory, request["request_by_key"])
         response: Message = {"found": found}
         if found:

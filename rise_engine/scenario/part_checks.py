@@ -1,0 +1,207 @@
+"""Are the parts that a scenario reads there, `items[i].text`? And is every table used, and none changed?
+
+What can be proved is an error: a column that a table does not have, a row or an entry beyond the last. An index that is
+worked out while a session runs stands for any entry, so that only what no entry has is wrong.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Iterable, Iterator
+from functools import cache
+
+from rise_engine.expression.environment import lookup
+from rise_engine.expression.nodes import Key, Literal, Negative, Node, Part, with_all_brackets
+from rise_engine.expression.parts import find_part
+from rise_engine.expression.values import describe
+from rise_engine.nearest_name import did_you_mean, in_backquotes, nearest_name
+from rise_engine.scenario.diagnostics import Diagnostics
+from rise_engine.scenario.draft import Mention, ScenarioDraft
+from rise_engine.scenario.model import SESSION, Json, Table
+
+_MOST = 10_000
+"""Entries that an unknown index may stand for; of more, nothing is proved."""
+_FEW = 12
+"""Names that a message lists."""
+_ANY = object()
+"""An index that is only known when a session runs."""
+
+
+def check_parts(draft: ScenarioDraft, diagnostics: Diagnostics) -> None:
+    """Report parts that are not there, tables that something would change, and tables that nobody uses."""
+    _check_changes(draft, diagnostics)
+    paths = _PartPaths(draft)
+    problem = cache(paths.reading_problem)
+    for part in draft.part_reads:
+        if (found := problem(part.part)) or (part.spoken and (found := paths.speaking_problem(part.part))):
+            diagnostics.error("unknown-path", part.locate(), found)
+    for key in (*draft.key_reads, *draft.bare_words, *draft.bare_keys):
+        if "." in key.name and (found := paths.dotted_problem(key.name)):
+            diagnostics.error("unknown-path", key.locate(), found)
+    for key in draft.spoken_keys:
+        if key.name in draft.tables:
+            diagnostics.error("unknown-path", key.locate(), _whole_table(key.name, draft.tables[key.name]))
+    _check_use(draft, diagnostics)
+
+
+def _check_changes(draft: ScenarioDraft, diagnostics: Diagnostics) -> None:
+    for mention in (*draft.key_writes, *draft.part_writes):
+        name = mention.name.partition(".")[0]
+        what = "a table" if name in draft.tables else "the engine's" if name == SESSION and draft.session_keys else ""
+        if what:
+            message = f"`{name}` is {what}, and nothing can change it; keep what changes under a key of its own"
+            diagnostics.error("read-only", mention.locate(), message)
+    settable = sorted(draft.settable_keys | draft.tables.keys())
+    for mention in draft.part_writes:
+        if not any(prefix in settable for prefix in _prefixes(mention.name)):
+            message = (
+                f"nothing in this scenario sets the memory key `{mention.name}`, and a part can be set only in a list "
+                f"or an object that is there{did_you_mean(mention.name, settable) or '; give it a start value'}"
+            )
+            diagnostics.warning("unset-key", mention.locate(), message)
+
+
+def _check_use(draft: ScenarioDraft, diagnostics: Diagnostics) -> None:
+    mentions: Iterable[Mention] = (
+        *draft.key_reads,
+        *draft.optional_key_reads,
+        *draft.bare_words,
+        *draft.bare_keys,
+        *draft.spoken_keys,
+    )
+    used = {mention.name.partition(".")[0] for mention in mentions}
+    for name, table in draft.tables.items():
+        if name not in used:
+            example = f"{name}[i].{table.columns[0]}"
+            message = f"nothing in this scenario reads the table `{name}`; its rows are read as {example}"
+            diagnostics.warning("unused-table", table.location, message)
+
+
+class _PartPaths:
+    """Follows parts into tables and into start values that nothing changes."""
+
+    def __init__(self, draft: ScenarioDraft) -> None:
+        self._tables = draft.tables
+        self._memory = {**draft.memory, **({SESSION: draft.session_keys} if draft.session_keys else {})}
+        written = {mention.name for mention in (*draft.key_writes, *draft.part_writes)}
+        self._changed = {name.partition(".")[0] for name in written}
+        """First parts of keys that something sets, or sets something in."""
+
+    def reading_problem(self, part: Part) -> str:
+        """Why a part can never be there, or empty."""
+        if not isinstance(part.base, Key):
+            return ""
+        return self._problem(part.base.name, [*map(_constant, part.steps)], part)
+
+    def dotted_problem(self, key: str) -> str:
+        """The same of a key with dots, when it reaches into a table."""
+        name, *steps = key.split(".")
+        return self._problem(name, steps, Part(Key(name), tuple(steps), key)) if name in self._tables else ""
+
+    def speaking_problem(self, part: Part) -> str:
+        """Why a part is nothing to be said, or empty: it is a row of a table."""
+        if isinstance(part.base, Key) and part.base.name in self._tables and len(part.steps) == 1:
+            return _whole_table(part.base.name, self._tables[part.base.name], part.written)
+        return ""
+
+    def _problem(self, name: str, steps: list[Json], part: Part) -> str:
+        table = self._tables.get(name)
+        if table is not None:
+            return self._table_problem(table, steps, part)
+        if name.partition(".")[0] in self._changed:
+            return ""
+        found, value = lookup(self._memory, name)
+        if not found:
+            return ""
+        return _start_value_problem(value, steps, part)
+
+    def _table_problem(self, table: Table, steps: list[Json], part: Part) -> str:
+        row, *rest = steps
+        if isinstance(row, str) and not (row.isdigit() and "." in part.written):
+            first = table.columns[0] if row not in table.columns else row
+            return f"`{table.name}` is a table: first comes the row, and then the column: `{table.name}[i].{first}`"
+        if row is not _ANY:
+            index = int(row) if isinstance(row, str) else row
+            if find_part(table.records, index, by_dot=False) is None:
+                rows = f"the rows 0 to {len(table.rows) - 1}" if len(table.rows) > 1 else "one row, 0"
+                rows = rows if table.rows else "no rows"
+                shown = f"no {index}" if isinstance(index, int) else f"none that {describe(index)} could mean"
+                return f"the table `{table.name}` has {rows}, and {shown}; rows count from 0"
+        if not rest or rest[0] is _ANY:
+            return ""
+        column = rest[0]
+        if column not in table.columns:
+            known = [str(each) for each in table.columns]
+            near = nearest_name(column, known) if isinstance(column, str) else None
+            remedy = f"did you mean `{near}`?" if near else f"it has {in_backquotes(known[:_FEW])}"
+            shown = f"`{column}`" if isinstance(column, str) else describe(column)
+            return f"the table `{table.name}` has no column {shown}; {remedy}"
+        if len(rest) > 1:
+            return f"`{_prefix(part, 2)}` is a value of the table `{table.name}`, which has no parts"
+        return ""
+
+
+def _start_value_problem(start: Json, steps: list[Json], part: Part) -> str:
+    """Why no way leads from a start value along these steps, or empty. A null is a value that is still to come."""
+    if start is None:
+        return ""
+    holders = [start]
+    for count, step in enumerate(steps):
+        found: list[Json] = []
+        for holder in holders:
+            if step is _ANY:
+                found += holder.values() if isinstance(holder, dict) else holder if isinstance(holder, list) else ()
+            elif (place := find_part(holder, step, by_dot=isinstance(part.steps[count], str))) is not None:
+                found.append(holder[place])
+        if not found:
+            return f"{_why_it_ends(holders, step, _prefix(part, count))}, and nothing in this scenario sets it"
+        if any(value is None for value in found) or len(found) > _MOST:
+            return ""
+        holders = found
+    return ""
+
+
+def _why_it_ends(holders: list[Json], step: Json, path: str) -> str:
+    holder = holders[0]
+    start = f"in the start values `{path}` "
+    if len(holders) > 1 and isinstance(step, str) and any(isinstance(each, dict) for each in holders):
+        return f"{start}has no `{step}`, whatever the index is{did_you_mean(step, sorted(_names(holders)))}"
+    if isinstance(holder, list):
+        entries = f"is a list of {len(holder)}, with the entries 0 to {len(holder) - 1}"
+        return start + (entries if len(holder) > 1 else "is a list with one entry, 0" if holder else "is an empty list")
+    if isinstance(holder, dict):
+        shown = f"`{step}`" if isinstance(step, str) else "nothing" if step is _ANY else f"`{step}`"
+        return f"{start}has no {shown}{did_you_mean(str(step), holder)}" if step is not _ANY else f"{start}is empty"
+    return f"{start}is {describe(holder)}, which has no parts"
+
+
+def _names(holders: Iterable[Json]) -> Collection[str]:
+    return {name for holder in holders if isinstance(holder, dict) for name in holder}
+
+
+def _constant(step: str | Node) -> Json:
+    """The value of a step when it is written out."""
+    match step:
+        case str():
+            return step
+        case Literal(value):
+            return value
+        case Negative(Literal(int() as value)):
+            return -value
+        case _:
+            return _ANY
+
+
+def _prefix(part: Part, count: int) -> str:
+    """The way along the first steps of a part, as it is written."""
+    return with_all_brackets(part._replace(steps=part.steps[:count]))
+
+
+def _prefixes(key: str) -> Iterator[str]:
+    """A key, and those that it reaches into."""
+    parts = key.split(".")
+    return (".".join(parts[: count + 1]) for count in range(len(parts)))
+
+
+def _whole_table(name: str, table: Table, row: str = "") -> str:
+    what = f"`{row}` is a row of the table `{name}`" if row else f"`{name}` is a table"
+    return f"{what}, which cannot be said; name a row and a column: {{{row or name + '[i]'}.{table.columns[0]}}}"
