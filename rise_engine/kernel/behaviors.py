@@ -5,14 +5,16 @@ Whoever submits a task may write such a behaviour, so each reader refuses what i
 
 from __future__ import annotations
 
-from typing import TypeVar
+from typing import Literal, TypeAlias, TypeVar
 
 import msgspec
 from msgspec import Struct
 
 from rise_engine.errors import RiseError
 
-Content = TypeVar("Content", bound=Struct)
+Content = TypeVar("Content")
+Resumption: TypeAlias = Literal["enter", "wait", "leave"]
+"""What becomes of a rule that a stop ended: it enters its state again, waits there without onEntry, or stays as it is."""
 
 
 class BehaviorError(RiseError, ValueError):
@@ -29,6 +31,7 @@ class RuleStart(Struct, frozen=True, forbid_unknown_fields=True):
     """False: it waits there without running `onEntry`."""
 
 
+_RESUMPTIONS = '{"Table setting": "enter", "Wizard": "wait"}'
 _RULE_START = '{"rule": "Table setting", "state": "After the welcome", "enter": false}'
 
 
@@ -37,6 +40,12 @@ def read_rule_start(behavior: str) -> RuleStart:
     if not is_object(behavior):
         return RuleStart(behavior)
     return read_object(behavior, RuleStart, f"a rule's name, or JSON such as {_RULE_START}")
+
+
+def read_resumptions(behavior: str) -> dict[str, Resumption]:
+    """The behaviour of releaseStop: for each rule, by its name, what becomes of it; empty: all are left stopped. Raises
+    BehaviorError."""
+    return read_object(behavior, dict[str, Resumption], f"empty, or JSON such as {_RESUMPTIONS}") if behavior else {}
 
 
 def started_rule(behavior: str) -> str:
@@ -56,6 +65,11 @@ def describe_behavior(function: str, behavior: str) -> str:
             return behavior
         place = "" if start.state is None else f", in {start.state}"
         return f"{start.rule}{place}{'' if start.enter else ', without onEntry'}"
+    if function == "releaseStop" and is_object(behavior):
+        try:
+            return ", ".join(f"{rule}: {how}" for rule, how in read_resumptions(behavior).items())
+        except BehaviorError:
+            return behavior
     return behavior
 
 

@@ -22,7 +22,7 @@ TaskFunction: TypeAlias = Literal[
     "cancelTask",  # behavior: the id of a running or waiting task
     "moveTask",  # behavior: "<id> <position>", a waiting task's new position, 0 is next
     "stopAll",  # behavior is empty
-    "releaseStop",  # behavior is empty
+    "releaseStop",  # behavior is empty, or for each rule that goes on {"Table setting": "enter", "Wizard": "wait"}
     "say",  # behavior: the text, as it is to be said
     "markCue",  # behavior is empty, or a word about it: the participant's turn has ended
     "undoCue",  # behavior is empty: the participant has not finished after all

@@ -167,6 +167,7 @@ class Kernel:
             robot_lost=runner.robot_lost,
             stop=self.stop.status,
             stop_timer=self.stop.timer,
+            stood=self.stop.stood,
             wizard_marks=self.wizard_marks.state,
             failures=self.failures.state,
             open_cue_at=core.open_cue_at,
@@ -208,7 +209,7 @@ class Kernel:
         runner.runs = {run.task.id: run for run in snapshot.acts}
         runner.last_pick = snapshot.last_pick
         runner.robot_lost = snapshot.robot_lost
-        self.stop.status, self.stop.timer = snapshot.stop, snapshot.stop_timer
+        self.stop.status, self.stop.timer, self.stop.stood = snapshot.stop, snapshot.stop_timer, snapshot.stood
         self.wizard_marks.state, core.open_cue_at = snapshot.wizard_marks, snapshot.open_cue_at
         self.failures.state = snapshot.failures
         self.participant, self.condition = snapshot.participant, snapshot.condition

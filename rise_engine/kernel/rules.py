@@ -32,6 +32,7 @@ from rise_engine.kernel.records import ConditionRecord, EventRecord, RuleRecord,
 from rise_engine.kernel.rule_stack import RuleRun, RuleStack, append_to_lists, rank, remove_from_lists
 from rise_engine.kernel.runaway import MAX_VAIN_SEARCHES, MULTIPLIED, STEP_LIMIT, find_culprit, find_multiplier
 from rise_engine.kernel.snapshot import RuleSnapshot, RulesSnapshot
+from rise_engine.kernel.stop import StoodRule
 from rise_engine.scenario.model import ActOutcome
 
 Frame: TypeAlias = tuple[RuleRun, Op | None, bool, CompiledTransition | None, Cause]
@@ -78,6 +79,19 @@ class RuleMachine:
         run = RuleRun(name, rule.initial if state is None else rule.states[state], task, rule.priority)
         self.stack.start(run, on_top)
         self._begin(run, "start", enter)
+
+    def resume(self, stood: StoodRule, task: Task, enter: bool) -> None:
+        """Start a rule where it stood when everything was stopped, with the priority that it had, above all others of
+        it; without `enter`, it waits there, and what it had taken of its conditions stays taken."""
+        run = RuleRun(stood.name, self._compiled[stood.name].states[stood.state], task, stood.priority)
+        if not enter:
+            run.latched = set(stood.latched)
+        self.stack.start(run, on_top=False)
+        self._begin(run, "resumed", enter)
+
+    def standing(self) -> list[StoodRule]:
+        """Where the rules stand, the bottom of the stack first."""
+        return [StoodRule(run.name, run.state.id, run.priority, sorted(run.latched)) for run in self.stack.values()]
 
     def _begin(self, run: RuleRun, trigger: str, enter: bool) -> None:
         """Let a rule that has just come onto the stack enter the state in which it begins."""

@@ -12,7 +12,7 @@ from rise_engine.errors import RiseError
 from rise_engine.kernel.act_runner import ActRun
 from rise_engine.kernel.core import Task, TimerTarget
 from rise_engine.kernel.failures import FailuresState
-from rise_engine.kernel.stop import StopStatus
+from rise_engine.kernel.stop import StoodRule, StopStatus
 from rise_engine.kernel.wizard_marks import WizardMarksState
 
 
@@ -69,6 +69,7 @@ class Snapshot(Struct, frozen=True):
     robot_lost: str | None
     stop: StopStatus
     stop_timer: int | None
+    stood: list[StoodRule]
     wizard_marks: WizardMarksState
     failures: FailuresState
     open_cue_at: float | None

@@ -149,12 +149,21 @@ class CueView(Struct):
     """When the first act after it started that was no filler."""
 
 
+class StoodView(Struct):
+    """Where a rule stood that a stop has ended."""
+
+    rule: str
+    state: str
+
+
 class StopView(Struct):
     status: str = "released"
     since: float = 0.0
     confirmed: tuple[str, ...] = ()
     unconfirmed: tuple[str, ...] = ()
     source: str = ""
+    stood: list[StoodView] = field(default_factory=list)
+    """The rules that it has ended, the bottom of the stack first, until it is released."""
 
     @property
     def latched(self) -> bool:
@@ -235,7 +244,12 @@ class SessionView(Struct):
                 self._add_remark(RemarkView("note", record.t, record.source, record.text))
             case StopRecord():
                 self.stop = StopView(
-                    record.status, record.t, record.confirmed, record.unconfirmed, record.source or self.stop.source
+                    record.status,
+                    record.t,
+                    record.confirmed,
+                    record.unconfirmed,
+                    record.source or self.stop.source,
+                    self.stop.stood if record.status != "released" else [],
                 )
             case CueRecord():
                 self._apply_cue(record)
@@ -384,6 +398,8 @@ class SessionView(Struct):
     def _apply_rule(self, record: RuleRecord) -> None:
         if record.status == "faulted":
             self._add_remark(RemarkView("fault", record.t, f"rule:{record.name}", record.reason))
+        if record.status == "stopped" and self.stop.latched:  # the top of the stack is stopped first
+            self.stop.stood.insert(0, StoodView(record.name, record.state or ""))
         rule = self.rules.setdefault(record.name, RuleView())
         rule.status, rule.reason = record.status, record.reason
         rule.state, rule.trigger, rule.previous = record.state, record.trigger, record.previous
