@@ -14,7 +14,7 @@ from rise_engine.errors import RiseError
 
 Content = TypeVar("Content")
 Resumption: TypeAlias = Literal["enter", "wait", "leave"]
-"""What becomes of a rule that a stop ended: it enters its state again, waits there without onEntry, or stays as it is."""
+"""What becomes of a rule that a stop ended: it enters its state again, waits there without onEntry, or is left."""
 
 
 class BehaviorError(RiseError, ValueError):

@@ -170,7 +170,7 @@ def test_a_condition_that_was_taken_is_not_taken_again_by_waiting(tmp_path: Path
     assert s.memory["m"] == "twice"
 
 
-# --- as if there had been no stop ---------------------------------------------------------------------------------------
+# --- as if there had been no stop ---
 
 EVENTS = ("u", "v", "w")
 
@@ -232,6 +232,13 @@ steps = st.lists(
 )
 
 
+def finish(s: Session) -> None:
+    """Let what runs succeed; a rule may begin it again and again."""
+    for _ in range(6):
+        for goal in list(s.goals)[:1]:
+            s.report(goal)
+
+
 def plain(records: list[AnyRecord]) -> list[dict[str, object]]:
     """Without times, numbers and ids."""
     left_out = {"seq", "t", "wall", "id", "task", "ref"} | {
@@ -265,10 +272,10 @@ def test_who_waits_goes_on_as_if_there_had_been_no_stop(rules: str, before: list
         s.rule("R")
         for step in before:
             step.do(s)
-        s.finish_all()
-        s.event("z")  # into `a`, or a state where it counts from now
-        s.finish_all()
-    if runs[0].states["R"] != "a" or runs[0].kernel.rules.stack["R"].own_acts:
+        finish(s)
+        s.event("z")  # into `a`
+        finish(s)
+    if runs[0].states["R"] != "a" or runs[0].goals:
         return
     stopped(runs[1])
     release(runs[1], R="wait")
@@ -287,7 +294,9 @@ def test_who_enters_again_goes_on_as_if_it_had_just_come(
         s.rule("R")
         for step in before:
             step.do(s)
-        s.finish_all()
+        finish(s)
+        if s.goals:
+            return
         s.lines()
         s.event(last)
     entered = [line for line in runs[0].lines("rule") if "entered" in line]
@@ -298,7 +307,7 @@ def test_who_enters_again_goes_on_as_if_it_had_just_come(
     assert later_records(runs[0], then) == later_records(runs[1], then)
 
 
-# --- the study of the issue -----------------------------------------------------------------------------------------------
+# --- the study of the issue ---
 
 
 def sentences(s: Session) -> list[str]:
