@@ -5,6 +5,7 @@ Whoever submits a task may write such a behaviour, so each reader refuses what i
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Literal, TypeAlias, TypeVar
 
 import msgspec
@@ -31,6 +32,19 @@ class RuleStart(Struct, frozen=True, forbid_unknown_fields=True):
     """False: it waits there without running `onEntry`."""
 
 
+class StepBack(Struct, frozen=True, forbid_unknown_fields=True):
+    """The behaviour of stepBack: which rule, and what goes back with it."""
+
+    rule: str
+    take_back: tuple[str, ...] = ()
+    """Memory keys that get what they had when the state before was entered."""
+    enter: bool = True
+    """False: the rule waits there without running `onEntry`."""
+    stop_acts: bool = False
+    """Whether the acts are stopped that the rule has started."""
+
+
+_STEP_BACK = '{"rule": "Table setting", "take_back": ["task"], "enter": true, "stop_acts": false}'
 _RESUMPTIONS = '{"Table setting": "enter", "Wizard": "wait"}'
 _RULE_START = '{"rule": "Table setting", "state": "After the welcome", "enter": false}'
 
@@ -48,6 +62,13 @@ def read_resumptions(behavior: str) -> dict[str, Resumption]:
     return read_object(behavior, dict[str, Resumption], f"empty, or JSON such as {_RESUMPTIONS}") if behavior else {}
 
 
+def read_step_back(behavior: str) -> StepBack:
+    """The rule's name, or JSON that says more. Raises BehaviorError."""
+    if not is_object(behavior):
+        return StepBack(behavior)
+    return read_object(behavior, StepBack, f"a rule's name, or JSON such as {_STEP_BACK}")
+
+
 def started_rule(behavior: str) -> str:
     """The name of the rule that a startInteractionRule is about; what cannot be read counts as a name."""
     try:
@@ -58,19 +79,36 @@ def started_rule(behavior: str) -> str:
 
 def describe_behavior(function: str, behavior: str) -> str:
     """A behaviour for people: what is JSON in words, anything else as it is written."""
-    if function == "startInteractionRule" and is_object(behavior):
-        try:
-            start = read_rule_start(behavior)
-        except BehaviorError:
-            return behavior
-        place = "" if start.state is None else f", in {start.state}"
-        return f"{start.rule}{place}{'' if start.enter else ', without onEntry'}"
-    if function == "releaseStop" and is_object(behavior):
-        try:
-            return ", ".join(f"{rule}: {how}" for rule, how in read_resumptions(behavior).items())
-        except BehaviorError:
-            return behavior
-    return behavior
+    describe = _DESCRIPTIONS.get(function)
+    if describe is None or not is_object(behavior):
+        return behavior
+    try:
+        return describe(behavior)
+    except BehaviorError:
+        return behavior
+
+
+def _describe_start(behavior: str) -> str:
+    start = read_rule_start(behavior)
+    place = "" if start.state is None else f", in {start.state}"
+    return f"{start.rule}{place}{'' if start.enter else ', without onEntry'}"
+
+
+def _describe_resumptions(behavior: str) -> str:
+    return ", ".join(f"{rule}: {how}" for rule, how in read_resumptions(behavior).items())
+
+
+def _describe_step_back(behavior: str) -> str:
+    step = read_step_back(behavior)
+    keys = f", takes back {', '.join(step.take_back)}" if step.take_back else ""
+    return f"{step.rule}{keys}{'' if step.enter else ', without onEntry'}{', stops its acts' if step.stop_acts else ''}"
+
+
+_DESCRIPTIONS: dict[str, Callable[[str], str]] = {
+    "startInteractionRule": _describe_start,
+    "releaseStop": _describe_resumptions,
+    "stepBack": _describe_step_back,
+}
 
 
 def is_object(behavior: str) -> bool:

@@ -11,6 +11,7 @@ from msgspec import Struct
 
 from rise_engine.expression import Environment, lookup
 from rise_engine.kernel.commands import CancelTimer, Command, SetTimer
+from rise_engine.kernel.history import MemoryLog
 from rise_engine.kernel.inputs import Submit
 from rise_engine.kernel.records import AnyRecord, NoteRecord, TaskRecord, TaskStatus
 from rise_engine.kernel.rng import Rng
@@ -122,6 +123,8 @@ class Core:
         self.key_at: float | None = None
         """When the key was pressed that this step came of."""
         self.memory: dict[str, Any] = {}
+        self.memory_log = MemoryLog()
+        """What the memory was at the steps of rules."""
         self.env = Environment(self.memory, self.rng.fraction, set())
         """What expressions see: the memory, and where they report keys that do not exist."""
 

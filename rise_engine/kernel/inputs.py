@@ -15,6 +15,7 @@ TaskFunction: TypeAlias = Literal[
     "stopCommunicationRobotAct",
     "startInteractionRule",  # behavior: its name, or {"rule": NAME, "state": STATE, "enter": false} (ours)
     "stopInteractionRule",
+    "stepBack",  # (ours) behavior: a rule, or {"rule": NAME, "take_back": [KEYS], "enter": true, "stop_acts": false}
     "raiseEventTopic",
     "assignValue",
     # Ours, by the same path, so that one log shows everything (docs/decisions):

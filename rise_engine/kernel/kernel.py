@@ -160,6 +160,7 @@ class Kernel:
             timers=core.timers,
             reported_missing=sorted(core.reported_missing),
             memory=core.memory,
+            memory_log=core.memory_log,
             rules=self.rules.snapshot(),
             waiting=self.scheduler.waiting,
             acts=list(runner.runs.values()),
@@ -204,6 +205,7 @@ class Kernel:
         core.timers = snapshot.timers
         core.reported_missing = set(snapshot.reported_missing)
         core.memory.update(snapshot.memory)
+        core.memory_log = snapshot.memory_log
         self.rules.restore(snapshot.rules)
         self.scheduler.waiting = snapshot.waiting
         runner.runs = {run.task.id: run for run in snapshot.acts}

@@ -55,11 +55,13 @@ class WorkingMemory:
         created = key not in memory
         old = memory.get(key)
         memory[key] = value
+        core.memory_log.note(key, not created, old)
         core.emit(MemoryRecord, key, value, old, source, created=created)
         self._on_change(key)
 
     def delete(self, key: str, source: str) -> None:
         core = self._core
         old = core.memory.pop(key)
+        core.memory_log.note(key, True, old)
         core.emit(MemoryRecord, key, None, old, source, deleted=True)
         self._on_change(key)

@@ -81,8 +81,8 @@ class RuleRecord(Record, tag="rule"):
     state: str | None
     previous: str | None = None
     trigger: str | None = None
-    """What led here: an event topic, `after 2s`, a condition, `start`, or `resumed` after a stop; the last two perhaps
-    with `, without onEntry`."""
+    """What led here: an event topic, `after 2s`, a condition, `start`, `resumed` after a stop, or `stepped back`;
+    the last three perhaps with `, without onEntry`."""
     transition: int | None = None
     """Index of the transition taken, among those of `previous` in document order."""
     priority: float = 0

@@ -22,6 +22,8 @@ class StoodRule(Struct, frozen=True):
     priority: float
     latched: list[int]
     """As `RuleSnapshot.latched`."""
+    steps: list[tuple[str, int]]
+    """As `RuleRun.steps`."""
 
 
 StopStatus = Literal["released", "requested", "latched"]

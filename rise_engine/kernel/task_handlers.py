@@ -9,9 +9,10 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable
 
 from rise_engine.expression import Assignment, EvaluationError, ExpressionError
-from rise_engine.kernel.behaviors import BehaviorError, read_resumptions, read_rule_start
+from rise_engine.kernel.behaviors import BehaviorError, read_resumptions, read_rule_start, read_step_back
 from rise_engine.kernel.core import Core, EventTopic, Task
 from rise_engine.kernel.failures import FailedActs
+from rise_engine.kernel.history import ValueBefore, step_before
 from rise_engine.kernel.inputs import Submit
 from rise_engine.kernel.records import TaskRecord, TaskStatus
 from rise_engine.kernel.rule_stack import RuleRun
@@ -48,6 +49,7 @@ class TaskHandlers:
             "stopCommunicationRobotAct": self._stop_act,
             "startInteractionRule": self._start_rule,
             "stopInteractionRule": self._stop_rule,
+            "stepBack": self._step_back,
             "raiseEventTopic": self._raise_event,
             "assignValue": self._assign,
             "deleteValue": self._delete,
@@ -136,6 +138,39 @@ class TaskHandlers:
         else:
             self._succeed(task)
             self.rules.stop(name, f"stopped by {task.source}")
+
+    def _step_back(self, task: Submit) -> None:
+        try:
+            step = read_step_back(task.behavior)
+        except BehaviorError as problem:
+            self._reject(task, str(problem))
+            return
+        run = self.rules.stack.get(step.rule)
+        if run is None:
+            known = step.rule in self._scenario.rules
+            missing = f"there is no rule {step.rule!r}{_did_you_mean(step.rule, self._scenario.rules)}"
+            self._reject(task, f"rule {step.rule!r} is not running" if known else missing)
+            return
+        changed = self.rules.changed_since_step(run)
+        unknown = next((key for key in step.take_back if key not in changed), None)
+        if step_before(run.steps) is None:
+            self._reject(task, f"no state is known in which rule {step.rule!r} was before")
+        elif unknown is not None:
+            near = _did_you_mean(unknown, changed)
+            self._reject(task, f"the memory key {unknown!r} has not changed since the state before was entered{near}")
+        else:
+            self._succeed(task)
+            for key in dict.fromkeys(step.take_back):
+                self._take_back(key, changed[key], task.source)
+            if step.stop_acts:
+                self._scheduler.stop_started_by(f"rule:{run.name}", f"stopped by {task.source}, a step back")
+            self.rules.step_back(run, step.enter)
+
+    def _take_back(self, key: str, before: ValueBefore, source: str) -> None:
+        if before.existed:
+            self.rules.memory.write(key, before.value, source)
+        else:
+            self.rules.memory.delete(key, source)
 
     # --- events and memory ---
 
