@@ -42,6 +42,7 @@ _FUNCTION_LABELS = {
     "stopCommunicationRobotAct": "stop act",
     "startInteractionRule": "start rule",
     "stopInteractionRule": "stop rule",
+    "stepBack": "step back",
     "raiseEventTopic": "raise",
     "assignValue": "assign",
     "deleteValue": "delete",

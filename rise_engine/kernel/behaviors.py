@@ -5,7 +5,8 @@ Whoever submits a task may write such a behaviour, so each reader refuses what i
 
 from __future__ import annotations
 
-from typing import Any, TypeVar
+from collections.abc import Callable
+from typing import Any, Literal, TypeAlias, TypeVar
 
 import msgspec
 from msgspec import Struct
@@ -14,7 +15,9 @@ from rise_engine.errors import RiseError
 from rise_engine.nearest_name import did_you_mean
 from rise_engine.scenario.durations import MAX_SECONDS, parse_time
 
-Content = TypeVar("Content", bound=Struct)
+Content = TypeVar("Content")
+Resumption: TypeAlias = Literal["enter", "wait", "leave"]
+"""What becomes of a rule that a stop ended: it enters its state again, waits there without onEntry, or is left."""
 
 
 class BehaviorError(RiseError, ValueError):
@@ -31,6 +34,20 @@ class RuleStart(Struct, frozen=True, forbid_unknown_fields=True):
     """False: it waits there without running `onEntry`."""
 
 
+class StepBack(Struct, frozen=True, forbid_unknown_fields=True):
+    """The behaviour of stepBack: which rule, and what goes back with it."""
+
+    rule: str
+    take_back: tuple[str, ...] = ()
+    """Memory keys that get what they had when the state before was entered."""
+    enter: bool = True
+    """False: the rule waits there without running `onEntry`."""
+    stop_acts: bool = False
+    """Whether the acts are stopped that the rule has started."""
+
+
+_STEP_BACK = '{"rule": "Table setting", "take_back": ["task"], "enter": true, "stop_acts": false}'
+_RESUMPTIONS = '{"Table setting": "enter", "Wizard": "wait"}'
 _RULE_START = '{"rule": "Table setting", "state": "After the welcome", "enter": false}'
 
 
@@ -39,6 +56,19 @@ def read_rule_start(behavior: str) -> RuleStart:
     if not is_object(behavior):
         return RuleStart(behavior)
     return read_object(behavior, RuleStart, f"a rule's name, or JSON such as {_RULE_START}")
+
+
+def read_resumptions(behavior: str) -> dict[str, Resumption]:
+    """The behaviour of releaseStop: for each rule, by its name, what becomes of it; empty: all are left stopped. Raises
+    BehaviorError."""
+    return read_object(behavior, dict[str, Resumption], f"empty, or JSON such as {_RESUMPTIONS}") if behavior else {}
+
+
+def read_step_back(behavior: str) -> StepBack:
+    """The rule's name, or JSON that says more. Raises BehaviorError."""
+    if not is_object(behavior):
+        return StepBack(behavior)
+    return read_object(behavior, StepBack, f"a rule's name, or JSON such as {_STEP_BACK}")
 
 
 def started_rule(behavior: str) -> str:
@@ -74,19 +104,41 @@ def read_event_raise(behavior: str) -> EventRaise:
 
 def describe_behavior(function: str, behavior: str) -> str:
     """A behaviour for people: what is JSON in words, anything else as it is written."""
-    if function == "startInteractionRule" and is_object(behavior):
-        try:
-            start = read_rule_start(behavior)
-        except BehaviorError:
-            return behavior
-        place = "" if start.state is None else f", in {start.state}"
-        return f"{start.rule}{place}{'' if start.enter else ', without onEntry'}"
-    if function == "raiseEventTopic" and is_object(behavior):
-        try:
-            return read_event_raise(behavior).event
-        except BehaviorError:
-            return behavior
-    return behavior
+    describe = _DESCRIPTIONS.get(function)
+    if describe is None or not is_object(behavior):
+        return behavior
+    try:
+        return describe(behavior)
+    except BehaviorError:
+        return behavior
+
+
+def _describe_start(behavior: str) -> str:
+    start = read_rule_start(behavior)
+    place = "" if start.state is None else f", in {start.state}"
+    return f"{start.rule}{place}{'' if start.enter else ', without onEntry'}"
+
+
+def _describe_resumptions(behavior: str) -> str:
+    return ", ".join(f"{rule}: {how}" for rule, how in read_resumptions(behavior).items())
+
+
+def _describe_step_back(behavior: str) -> str:
+    step = read_step_back(behavior)
+    keys = f", takes back {', '.join(step.take_back)}" if step.take_back else ""
+    return f"{step.rule}{keys}{'' if step.enter else ', without onEntry'}{', stops its acts' if step.stop_acts else ''}"
+
+
+def _describe_raise(behavior: str) -> str:
+    return read_event_raise(behavior).event
+
+
+_DESCRIPTIONS: dict[str, Callable[[str], str]] = {
+    "raiseEventTopic": _describe_raise,
+    "startInteractionRule": _describe_start,
+    "releaseStop": _describe_resumptions,
+    "stepBack": _describe_step_back,
+}
 
 
 def is_object(behavior: str) -> bool:
@@ -98,9 +150,10 @@ def read_object(behavior: str, kind: type[Content], form: str) -> Content:
     """A behaviour as a value of `kind`. `form` ends the sentence about one that is none. Raises BehaviorError."""
     try:
         fields: dict[str, Any] = msgspec.json.decode(behavior, type=dict[str, Any])
+        known: tuple[str, ...] = getattr(kind, "__struct_fields__", ())  # a dict takes any name
         for name in fields:
-            if name not in kind.__struct_fields__:
-                near = did_you_mean(name, kind.__struct_fields__)
+            if known and name not in known:
+                near = did_you_mean(name, known)
                 raise BehaviorError(f"there is no field `{name}`{near}; the behaviour is {form}")
         return msgspec.convert(fields, kind)
     except (msgspec.DecodeError, RecursionError, UnicodeError) as error:

@@ -11,6 +11,7 @@ from msgspec import Struct
 
 from rise_engine.expression import Environment, lookup
 from rise_engine.kernel.commands import CancelTimer, Command, SetTimer
+from rise_engine.kernel.history import MemoryLog
 from rise_engine.kernel.inputs import Submit
 from rise_engine.kernel.records import AnyRecord, NoteRecord, TaskRecord, TaskStatus
 from rise_engine.kernel.rng import Rng
@@ -125,6 +126,8 @@ class Core:
         self.tables = frozenset(scenario.tables)
         """Keys of the memory that nothing can change. They are there from the beginning, and in no snapshot."""
         self.memory.update(scenario.table_memory)
+        self.memory_log = MemoryLog()
+        """What the memory was at the steps of rules."""
         self.env = Environment(self.memory, self.rng.fraction, set(), self.rng.integer_below)
         """What expressions see: the memory, and where they report keys that do not exist."""
 

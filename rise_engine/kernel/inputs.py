@@ -15,6 +15,7 @@ TaskFunction: TypeAlias = Literal[
     "stopCommunicationRobotAct",
     "startInteractionRule",  # behavior: its name, or {"rule": NAME, "state": STATE, "enter": false} (ours)
     "stopInteractionRule",
+    "stepBack",  # (ours) behavior: a rule, or {"rule": NAME, "take_back": [KEYS], "enter": true, "stop_acts": false}
     "raiseEventTopic",
     "assignValue",
     # Ours, by the same path, so that one log shows everything (docs/decisions):
@@ -22,7 +23,7 @@ TaskFunction: TypeAlias = Literal[
     "cancelTask",  # behavior: the id of a running or waiting task
     "moveTask",  # behavior: "<id> <position>", a waiting task's new position, 0 is next
     "stopAll",  # behavior is empty
-    "releaseStop",  # behavior is empty
+    "releaseStop",  # behavior is empty, or for each rule that goes on {"Table setting": "enter", "Wizard": "wait"}
     "say",  # behavior: the text, as it is to be said
     "markCue",  # behavior is empty, or a word about it: the participant's turn has ended
     "undoCue",  # behavior is empty: the participant has not finished after all

@@ -161,6 +161,7 @@ class Kernel:
             timers=core.timers,
             reported_missing=sorted(core.reported_missing),
             memory={key: value for key, value in core.memory.items() if key not in core.tables},
+            memory_log=core.memory_log,
             rules=self.rules.snapshot(),
             waiting=self.scheduler.waiting,
             acts=list(runner.runs.values()),
@@ -168,6 +169,7 @@ class Kernel:
             robot_lost=runner.robot_lost,
             stop=self.stop.status,
             stop_timer=self.stop.timer,
+            stood=self.stop.stood,
             wizard_marks=self.wizard_marks.state,
             failures=self.failures.state,
             open_cue_at=core.open_cue_at,
@@ -204,12 +206,13 @@ class Kernel:
         core.timers = snapshot.timers
         core.reported_missing = set(snapshot.reported_missing)
         core.memory.update(snapshot.memory)
+        core.memory_log = snapshot.memory_log
         self.rules.restore(snapshot.rules)
         self.scheduler.waiting = snapshot.waiting
         runner.runs = {run.task.id: run for run in snapshot.acts}
         runner.last_pick = snapshot.last_pick
         runner.robot_lost = snapshot.robot_lost
-        self.stop.status, self.stop.timer = snapshot.stop, snapshot.stop_timer
+        self.stop.status, self.stop.timer, self.stop.stood = snapshot.stop, snapshot.stop_timer, snapshot.stood
         self.wizard_marks.state, core.open_cue_at = snapshot.wizard_marks, snapshot.open_cue_at
         self.failures.state = snapshot.failures
         self.participant, self.condition = snapshot.participant, snapshot.condition

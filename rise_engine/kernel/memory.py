@@ -8,7 +8,7 @@ from typing import Any
 
 from rise_engine.expression import Assignment, EvaluationError, lookup
 from rise_engine.kernel.core import Core
-from rise_engine.kernel.records import MemoryRecord
+from rise_engine.kernel.records import ENGINE, MemoryRecord
 from rise_engine.scenario.model import SESSION
 
 
@@ -68,11 +68,14 @@ class WorkingMemory:
         created = key not in memory
         old = memory.get(key)
         memory[key] = value
+        if source != ENGINE:
+            core.memory_log.note(key, not created, old)
         core.emit(MemoryRecord, key, value, old, source, created=created)
         self._on_change(part or key)
 
     def delete(self, key: str, source: str) -> None:
         core = self._core
         old = core.memory.pop(key)
+        core.memory_log.note(key, True, old)
         core.emit(MemoryRecord, key, None, old, source, deleted=True)
         self._on_change(key)

@@ -16,6 +16,8 @@ ActionStatus: TypeAlias = Literal[
 ]
 Mark: TypeAlias = Literal["wrong", "late", "early", "double", "none"]
 """What was wrong about something that a wizard did; `none`: nothing after all."""
+ENGINE = "engine"
+"""The `source` of what the engine does by itself."""
 ENDINGS: frozenset[str] = frozenset({"succeeded", "failed", "canceled", "timed-out", "lost", "skipped"})
 """Every action has exactly one record with one of these."""
 FINAL: frozenset[str] = frozenset({"SUCCEEDED", "ABORTED", "CANCELED", "REJECTED"})
@@ -81,7 +83,8 @@ class RuleRecord(Record, tag="rule"):
     state: str | None
     previous: str | None = None
     trigger: str | None = None
-    """What led here: an event topic, `after 2s`, a condition, or `start`, perhaps `, without onEntry`."""
+    """What led here: an event topic, `after 2s`, a condition, `start`, `resumed` after a stop, or `stepped back`;
+    the last three perhaps with `, without onEntry`."""
     transition: int | None = None
     """Index of the transition taken, among those of `previous` in document order."""
     priority: float = 0

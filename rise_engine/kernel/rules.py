@@ -28,12 +28,14 @@ from rise_engine.kernel.compiled_rules import (
 from rise_engine.kernel.core import Cause, Core, EventTopic, RuleList, Task, TimerTarget
 from rise_engine.kernel.delays import compute_delay
 from rise_engine.kernel.failures import first_task
+from rise_engine.kernel.history import ValueBefore, step_before
 from rise_engine.kernel.kept_events import OFFER, KeptEvents
 from rise_engine.kernel.memory import WorkingMemory
 from rise_engine.kernel.records import ConditionRecord, CountdownRecord, EventRecord, RuleRecord, TaskRecord, TaskStatus
 from rise_engine.kernel.rule_stack import RuleRun, RuleStack, append_to_lists, rank, remove_from_lists
 from rise_engine.kernel.runaway import MAX_VAIN_SEARCHES, MULTIPLIED, STEP_LIMIT, find_culprit, find_multiplier
 from rise_engine.kernel.snapshot import RuleSnapshot, RulesSnapshot
+from rise_engine.kernel.stop import StoodRule
 from rise_engine.scenario.model import ActOutcome
 
 Frame: TypeAlias = tuple[RuleRun, Op | None, bool, CompiledTransition | None, Cause]
@@ -82,10 +84,65 @@ class RuleMachine:
         self.stack.start(run, on_top)
         self._begin(run, "start", enter)
 
+    def resume(self, stood: StoodRule, task: Task, enter: bool) -> None:
+        """Start a rule where it stood when everything was stopped, with the priority that it had, above all others of
+        it; without `enter`, it waits there, and what it had taken of its conditions stays taken."""
+        run = RuleRun(stood.name, self._compiled[stood.name].states[stood.state], task, stood.priority)
+        run.steps.extend(stood.steps[:-1])
+        if not enter:
+            run.latched = set(stood.latched)
+        self.stack.start(run, on_top=False)
+        self._begin(run, "resumed", enter)
+
+    def standing(self) -> list[StoodRule]:
+        """Where the rules stand, the bottom of the stack first."""
+        return [
+            StoodRule(run.name, run.state.id, run.priority, sorted(run.latched), list(run.steps))
+            for run in self.stack.values()
+        ]
+
+    # --- a step back ---
+
+    def changed_since_step(self, run: RuleRun) -> dict[str, ValueBefore]:
+        """The keys that have changed since the state before was entered, with what they had then."""
+        before = step_before(run.steps)
+        log = self._core.memory_log
+        return log.changed_since(before[1], self._core.memory) if before is not None else {}
+
+    def step_back(self, run: RuleRun, enter: bool) -> None:
+        """Let a rule that knows a state before its present one go back to it; without `enter`, it waits there. No
+        onExit runs."""
+        core, previous = self._core, run.state
+        run.steps.pop()
+        id, _ = run.steps.pop()
+        self._on_left(run)
+        self.stack.promote(run)
+        run.state = self._compiled[run.name].states[id]
+        run.macrostep, run.step_count = core.macrostep, 1
+        self._note_step(run)
+        trigger = "stepped back" + ("" if enter else WITHOUT_ENTRY)
+        core.emit(RuleRecord, run.name, "entered", id, previous.id, trigger, priority=run.priority)
+        append_to_lists(run, run.state.watch_lists)
+        self._to_reevaluate.pop(run, None)
+        self._on_entered(run, (run.name, core.cause), enter)
+
+    def _note_step(self, run: RuleRun) -> None:
+        """A rule has come into its state."""
+        log = self._core.memory_log
+        run.steps.append((run.state.id, log.number))
+        log.stepped = True
+
+    def _trim_log(self) -> None:
+        """Keep what the memory was only for steps that a rule can still go back."""
+        log = self._core.memory_log
+        log.join(run.steps for run in self.stack.values())
+        log.limit = max(log.limit, 4 * len(self.stack))
+
     def _begin(self, run: RuleRun, trigger: str, enter: bool) -> None:
         """Let a rule that has just come onto the stack enter the state in which it begins."""
         name = run.name
         trigger += "" if enter else WITHOUT_ENTRY
+        self._note_step(run)
         append_to_lists(run, run.state.watch_lists)
         self._core.emit(RuleRecord, name, "started", run.state.id, trigger=trigger, priority=run.priority)
         self._core.emit(RuleRecord, name, "entered", run.state.id, trigger=trigger, priority=run.priority)
@@ -173,6 +230,7 @@ class RuleMachine:
                 timers={timer: transition.index for timer, transition in run.timers.items()},
                 latched=sorted(run.latched),
                 own_acts=run.own_acts,
+                history=list(run.steps),
                 steps=run.step_count if run.macrostep == step else 0,
             )
             for run in self.stack.values()
@@ -191,6 +249,7 @@ class RuleMachine:
                 raise LookupError(f"`after` in the state {rule.state} of {rule.name}")
             run.latched = set(rule.latched)
             run.own_acts = dict(rule.own_acts)
+            run.steps.extend(rule.history)
             run.macrostep, run.step_count = step, rule.steps
             self.stack.add(run)
             append_to_lists(run, run.state.watch_lists)
@@ -323,6 +382,8 @@ class RuleMachine:
 
     def _reevaluate_watchers(self, key: str) -> None:
         """Let the rules that watch a key look at their eventless transitions."""
+        if self._core.memory_log.is_full and self.stack:  # those that a stop has ended may go on
+            self._trim_log()
         if runs := self._watchers.get(key):
             self._to_reevaluate.update(dict.fromkeys(runs, self._core.cause))
 
@@ -352,6 +413,9 @@ class RuleMachine:
         if self.stack.top is not run:
             self.stack.promote(run)
         run.state = state
+        log = core.memory_log
+        run.steps.append((state.id, log.number))
+        log.stepped = True
         core.records.append(
             RuleRecord(
                 next(core.numbers),

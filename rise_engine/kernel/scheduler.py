@@ -74,8 +74,15 @@ class Scheduler:
 
     def stop(self, reason: str, act: str | None = None) -> None:
         """Stop every task, running or waiting, or every one of an act."""
-        waiting = [task for task in self.waiting if act is None or _starts_act(task, act)]
-        running = [run for run in self.runner.runs.values() if act is None or _starts_act(run.task, act)]
+        self._stop_those(lambda task: act is None or _starts_act(task, act), reason)
+
+    def stop_started_by(self, source: str, reason: str) -> None:
+        """Stop every task, running or waiting, that somebody has asked for."""
+        self._stop_those(lambda task: task.source == source, reason)
+
+    def _stop_those(self, is_meant: Callable[[Task], bool], reason: str) -> None:
+        waiting = [task for task in self.waiting if is_meant(task)]
+        running = [run for run in self.runner.runs.values() if is_meant(run.task)]
         for task in waiting:
             self.waiting.remove(task)
             self._record_end(task, "CANCELED", reason)

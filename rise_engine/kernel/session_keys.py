@@ -7,6 +7,7 @@ from typing import Any
 from rise_engine.kernel.act_runner import ActRunner
 from rise_engine.kernel.core import Core
 from rise_engine.kernel.memory import WorkingMemory
+from rise_engine.kernel.records import ENGINE
 from rise_engine.kernel.stop import StopLatch
 from rise_engine.scenario.model import SESSION
 
@@ -27,7 +28,7 @@ class SessionKeys:
         if self._is_read:
             fixed = {"participant": participant, "condition": condition, "factors": factors}
             language = self._core.scenario.language
-            self._memory.write(SESSION, {**self._changing(), **fixed, "language": language}, "engine")
+            self._memory.write(SESSION, {**self._changing(), **fixed, "language": language}, ENGINE)
 
     def update(self) -> None:
         """Write down what has changed."""
@@ -36,7 +37,7 @@ class SessionKeys:
         for name, value in self._changing().items():
             if session[name] != value:
                 session = {**session, name: value}
-                self._memory.write(SESSION, session, "engine", part=f"{SESSION}.{name}")
+                self._memory.write(SESSION, session, ENGINE, part=f"{SESSION}.{name}")
 
     def _changing(self) -> dict[str, bool]:
         return {

@@ -12,8 +12,9 @@ from rise_engine.errors import RiseError
 from rise_engine.kernel.act_runner import ActRun
 from rise_engine.kernel.core import Task, TimerTarget
 from rise_engine.kernel.failures import FailuresState
+from rise_engine.kernel.history import MemoryLog
 from rise_engine.kernel.kept_events import KeptEvent
-from rise_engine.kernel.stop import StopStatus
+from rise_engine.kernel.stop import StoodRule, StopStatus
 from rise_engine.kernel.wizard_marks import WizardMarksState
 
 
@@ -34,6 +35,8 @@ class RuleSnapshot(Struct, frozen=True):
     scenario that the snapshot was taken of, as everything else in it does; so `Snapshot.scenario` is compared first."""
     latched: list[int]
     own_acts: dict[str, int]
+    history: list[tuple[str, int]]
+    """As `RuleRun.steps`."""
     steps: int
     """Transitions that it has taken in the macrostep that timers of the same moment would still belong to."""
 
@@ -65,6 +68,7 @@ class Snapshot(Struct, frozen=True):
     timers: dict[int, TimerTarget]
     reported_missing: list[str]
     memory: dict[str, Any]
+    memory_log: MemoryLog
     rules: RulesSnapshot
     waiting: list[Task]
     acts: list[ActRun]
@@ -72,6 +76,7 @@ class Snapshot(Struct, frozen=True):
     robot_lost: str | None
     stop: StopStatus
     stop_timer: int | None
+    stood: list[StoodRule]
     wizard_marks: WizardMarksState
     failures: FailuresState
     open_cue_at: float | None

@@ -4,12 +4,27 @@ from __future__ import annotations
 
 from typing import Literal
 
+from msgspec import Struct
+
 from rise_engine.kernel.commands import StopRobot
 from rise_engine.kernel.core import Core, TimerTarget
 from rise_engine.kernel.records import StopRecord
 
 STOP_LIMIT = 3.0
 """Seconds that the robot has to answer a stop-all; then it is listed as unconfirmed."""
+
+
+class StoodRule(Struct, frozen=True):
+    """Where a rule stood when everything was stopped."""
+
+    name: str
+    state: str
+    priority: float
+    latched: list[int]
+    """As `RuleSnapshot.latched`."""
+    steps: list[tuple[str, int]]
+    """As `RuleRun.steps`."""
+
 
 StopStatus = Literal["released", "requested", "latched"]
 
@@ -22,6 +37,8 @@ class StopLatch:
         self.status: StopStatus = "released"
         """requested: the robot has not answered yet."""
         self.timer: int | None = None
+        self.stood: list[StoodRule] = []
+        """The rules that the stop has ended, the bottom of the stack first; until it is released."""
 
     @property
     def latched(self) -> bool:
@@ -59,6 +76,7 @@ class StopLatch:
 
     def release(self, source: str) -> None:
         self.status = "released"
+        self.stood = []
         self._core.emit(StopRecord, "released", source=source)
 
     def _cancel_timer(self) -> None:

@@ -9,9 +9,16 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable
 
 from rise_engine.expression import Assignment, EvaluationError, ExpressionError
-from rise_engine.kernel.behaviors import BehaviorError, read_event_raise, read_rule_start
+from rise_engine.kernel.behaviors import (
+    BehaviorError,
+    read_event_raise,
+    read_resumptions,
+    read_rule_start,
+    read_step_back,
+)
 from rise_engine.kernel.core import Core, EventTopic, Task, parse_task_id
 from rise_engine.kernel.failures import FailedActs
+from rise_engine.kernel.history import ValueBefore, step_before
 from rise_engine.kernel.inputs import Submit
 from rise_engine.kernel.records import TaskRecord, TaskStatus
 from rise_engine.kernel.rule_stack import RuleRun
@@ -19,10 +26,10 @@ from rise_engine.kernel.rules import RuleMachine
 from rise_engine.kernel.scheduler import Scheduler
 from rise_engine.kernel.session_keys import SessionKeys
 from rise_engine.kernel.speech import why_not_speak
-from rise_engine.kernel.stop import StopLatch
+from rise_engine.kernel.stop import StoodRule, StopLatch
 from rise_engine.kernel.wizard_marks import LONGEST_SPEECH, WizardMarks
 from rise_engine.nearest_name import nearest_name
-from rise_engine.scenario.model import normal_topic
+from rise_engine.scenario.model import normal_topic, rule_start_behavior
 
 ACT_CALLING_TYPES = ("", "None", "Blocking", "Interrupt")
 STOPPED = "everything is stopped; release the stop first"
@@ -50,6 +57,7 @@ class TaskHandlers:
             "stopCommunicationRobotAct": self._stop_act,
             "startInteractionRule": self._start_rule,
             "stopInteractionRule": self._stop_rule,
+            "stepBack": self._step_back,
             "raiseEventTopic": self._raise_event,
             "assignValue": self._assign,
             "deleteValue": self._delete,
@@ -139,6 +147,39 @@ class TaskHandlers:
         else:
             self._succeed(task)
             self.rules.stop(name, f"stopped by {task.source}")
+
+    def _step_back(self, task: Submit) -> None:
+        try:
+            step = read_step_back(task.behavior)
+        except BehaviorError as problem:
+            self._reject(task, str(problem))
+            return
+        run = self.rules.stack.get(step.rule)
+        if run is None:
+            known = step.rule in self._scenario.rules
+            missing = f"there is no rule {step.rule!r}{_did_you_mean(step.rule, self._scenario.rules)}"
+            self._reject(task, f"rule {step.rule!r} is not running" if known else missing)
+            return
+        changed = self.rules.changed_since_step(run)
+        unknown = next((key for key in step.take_back if key not in changed), None)
+        if step_before(run.steps) is None:
+            self._reject(task, f"no state is known in which rule {step.rule!r} was before")
+        elif unknown is not None:
+            near = _did_you_mean(unknown, changed)
+            self._reject(task, f"the memory key {unknown!r} has not changed since the state before was entered{near}")
+        else:
+            self._succeed(task)
+            for key in dict.fromkeys(step.take_back):
+                self._take_back(key, changed[key], task.source)
+            if step.stop_acts:
+                self._scheduler.stop_started_by(f"rule:{run.name}", f"stopped by {task.source}, a step back")
+            self.rules.step_back(run, step.enter)
+
+    def _take_back(self, key: str, before: ValueBefore, source: str) -> None:
+        if before.existed:
+            self.rules.memory.write(key, before.value, source)
+        else:
+            self.rules.memory.delete(key, source)
 
     # --- events and memory ---
 
@@ -334,6 +375,8 @@ class TaskHandlers:
         """At once, without asking, also when it is pressed again (console.md 1.1)."""
         reason = f"stop-all by {task.source}"
         self._succeed(task)
+        if not self._stop.latched:  # a second stop ends no rules, and forgets none
+            self._stop.stood = self.rules.standing()
         self._stop.request(task.source)
         self._wizard.cancel_filler()
         self._failures.drop("", reason)
@@ -342,8 +385,26 @@ class TaskHandlers:
         self._stop.ask_robot()
 
     def _release_stop(self, task: Submit) -> None:
-        if self._succeed_unless(task, self._stop.why_not_release):
-            self._stop.release(task.source)
+        stood = self._stop.stood
+        try:
+            chosen = read_resumptions(task.behavior)
+            problem = self._stop.why_not_release or _why_not_resume(chosen, stood)
+        except BehaviorError as unreadable:
+            chosen, problem = {}, str(unreadable)
+        if not self._succeed_unless(task, problem):
+            return
+        self._stop.release(task.source)
+        for rule in stood:
+            if (how := chosen.get(rule.name, "leave")) != "leave":
+                self._resume_rule(rule, how == "enter", task.source)
+
+    def _resume_rule(self, rule: StoodRule, enter: bool, source: str) -> None:
+        behavior = rule_start_behavior(rule.name, rule.state, enter)
+        started = self._core.new_task(Submit(function="startInteractionRule", behavior=behavior, source=source), "None")
+        self._core.record_task(started)
+        started.status = "ACTIVE"
+        self._core.record_task(started)
+        self.rules.resume(rule, started, enter)
 
     # --- answers ---
 
@@ -362,6 +423,15 @@ class TaskHandlers:
         self._core.record_finished_task(
             task.function, task.behavior, task.source, status, reason, self._calling_type(task), task.ref
         )
+
+
+def _why_not_resume(chosen: Iterable[str], stood: list[StoodRule]) -> str:
+    """Why not all of these rules can be resumed, or empty."""
+    names = [rule.name for rule in stood]
+    unknown = next((name for name in chosen if name not in names), None)
+    if unknown is None:
+        return ""
+    return f"the stop has ended no rule {unknown!r}" + _did_you_mean(unknown, names)
 
 
 def _did_you_mean(name: str, known: Iterable[str]) -> str:

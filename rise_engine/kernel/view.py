@@ -15,8 +15,10 @@ from typing import Any
 from msgspec import Struct, field
 
 from rise_engine.kernel.behaviors import started_rule
+from rise_engine.kernel.history import MAX_STEPS, MemoryLog, ValueBefore
 from rise_engine.kernel.records import (
     ENDINGS,
+    ENGINE,
     FINAL,
     ActionRecord,
     AnyRecord,
@@ -114,6 +116,8 @@ class RuleView(Struct):
     entered: int = 0
     """`seq` of its last move, which orders rules of one priority on the stack."""
     task: int | None = None
+    steps: list[tuple[str, int]] = field(default_factory=list)
+    """The states that it came through, the present one last, as `rise_engine.kernel.history.Steps`."""
     countdowns: dict[int, CountdownView] = field(default_factory=dict)
     """What is counted in its state, by the index of the transition."""
 
@@ -171,12 +175,21 @@ class CueView(Struct):
     """When the first act after it started that was no filler."""
 
 
+class StoodView(Struct):
+    """Where a rule stood that a stop has ended."""
+
+    rule: str
+    state: str
+
+
 class StopView(Struct):
     status: str = "released"
     since: float = 0.0
     confirmed: tuple[str, ...] = ()
     unconfirmed: tuple[str, ...] = ()
     source: str = ""
+    stood: list[StoodView] = field(default_factory=list)
+    """The rules that it has ended, the bottom of the stack first, until it is released."""
 
     @property
     def latched(self) -> bool:
@@ -205,6 +218,8 @@ class SessionView(Struct):
     acts: dict[str, ActView] = field(default_factory=dict)
     rules: dict[str, RuleView] = field(default_factory=dict)
     memory: dict[str, MemoryView] = field(default_factory=dict)
+    memory_log: MemoryLog = field(default_factory=MemoryLog)
+    """What the memory was at the steps of the rules."""
     running: list[int] = field(default_factory=list)
     """ACTIVE tasks of acts, oldest first."""
     waiting: list[int] = field(default_factory=list)
@@ -246,8 +261,10 @@ class SessionView(Struct):
             case RuleRecord():
                 self._apply_rule(record)
             case MemoryRecord(deleted=True):
+                self._note_change(record)
                 self.memory.pop(record.key, None)
             case MemoryRecord():
+                self._note_change(record)
                 self.memory[record.key] = MemoryView(record.value, record.old, record.source, record.t)
             case EventRecord(taken_by=None):
                 self.unhandled.append(record)
@@ -265,7 +282,12 @@ class SessionView(Struct):
                 self.kept.pop(record.task, None)
             case StopRecord():
                 self.stop = StopView(
-                    record.status, record.t, record.confirmed, record.unconfirmed, record.source or self.stop.source
+                    record.status,
+                    record.t,
+                    record.confirmed,
+                    record.unconfirmed,
+                    record.source or self.stop.source,
+                    self.stop.stood if record.status != "released" else [],
                 )
             case CueRecord():
                 self._apply_cue(record)
@@ -414,7 +436,10 @@ class SessionView(Struct):
     def _apply_rule(self, record: RuleRecord) -> None:
         if record.status == "faulted":
             self._add_remark(RemarkView("fault", record.t, f"rule:{record.name}", record.reason))
+        if record.status == "stopped" and self.stop.latched:  # the top of the stack is stopped first
+            self.stop.stood.insert(0, StoodView(record.name, record.state or ""))
         rule = self.rules.setdefault(record.name, RuleView())
+        self._apply_step(record, rule)
         rule.status, rule.reason = record.status, record.reason
         rule.state, rule.trigger, rule.previous = record.state, record.trigger, record.previous
         rule.transition = record.transition
@@ -440,6 +465,32 @@ class SessionView(Struct):
         task = self.tasks.get(record.task)
         source = task.source if task is not None else ""
         self.kept[record.task] = KeptView(record.topic, source, record.t + (record.seconds or 0.0))
+
+    def _apply_step(self, record: RuleRecord, rule: RuleView) -> None:
+        """Where the rule has been: what a step back would lead to."""
+        trigger, steps = record.trigger or "", rule.steps
+        if record.status == "started":
+            rule.steps = steps[:-1] if trigger.startswith("resumed") else []
+        elif record.status == "entered":
+            if trigger.startswith("stepped back"):
+                del steps[-2:]
+            steps.append((record.state or "", self.memory_log.number))
+            if len(steps) > MAX_STEPS:
+                del steps[0]
+            self.memory_log.stepped = True
+
+    def changed_since_step(self, rule: RuleView) -> dict[str, ValueBefore]:
+        """The keys that have changed since the state before was entered, with what they had then."""
+        values = {key: entry.value for key, entry in self.memory.items()}
+        return self.memory_log.changed_since(rule.steps[-2][1], values) if len(rule.steps) > 1 else {}
+
+    def _note_change(self, record: MemoryRecord) -> None:
+        if record.source == ENGINE:  # nobody can take back how the session stands
+            return
+        self.memory_log.note(record.key, not record.created, record.old)
+        if self.memory_log.is_full:
+            self.memory_log.join(rule.steps for rule in self.rules.values())
+            self.memory_log.limit = max(self.memory_log.limit, 4 * len(self.rules))
 
     def _forget_oldest(self) -> None:
         ended = (id for id, task in self.tasks.items() if task.status in FINAL)

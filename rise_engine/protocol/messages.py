@@ -15,6 +15,7 @@ import msgspec
 from msgspec import Meta, Struct, field
 
 from rise_engine.json_codec import encode
+from rise_engine.kernel.history import MemoryLog
 from rise_engine.kernel.inputs import Note, Submit
 from rise_engine.kernel.records import AnyRecord, EventRecord, RobotRecord, SessionRecord
 from rise_engine.kernel.view import (
@@ -104,6 +105,7 @@ class ViewWithoutTasks(Struct, frozen=True):
     failed: list[int] = field(default_factory=list)
     questions: list[int] = field(default_factory=list)
     kept: dict[int, KeptView] = field(default_factory=dict)
+    memory_log: MemoryLog = field(default_factory=MemoryLog)
     wizard: str = ""
     remarks: list[RemarkView] = []
     forgotten: int = 0

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 from rise_engine.protocol.client import ControlVerb
 from rise_engine.scenario.model import rule_start_behavior
 from rise_tui.actions import BY_ID
@@ -10,7 +12,9 @@ from rise_tui.key_labels import key_name, keys_of
 from rise_tui.model.control import control_question
 from rise_tui.model.entry_text import entry_lines
 from rise_tui.model.key_action import KeyAction
+from rise_tui.model.resumption import InterruptedRule, interrupted_rules
 from rise_tui.screens.dialog import Dialog, DialogChoice
+from rise_tui.screens.release import ReleaseDialog
 
 DIALOG_WIDTH = 58
 """Characters of a line that a question has room for."""
@@ -37,9 +41,19 @@ class Confirmations:
         lines.append("After this, keys start acts and rules again.")
         keys = keys_of(BY_ID["release"])
         lines += [f"{key_name('release')} once more releases it."] * bool(keys)
+        if rules := interrupted_rules(console.store):
+            self._ask_about_rules(lines, rules, keys)
+            return
         dialog = Dialog("Release the stop?", lines, DialogChoice("r", "Release"), no="Stay stopped", repeat_keys=keys)
         dialog.add_class("-release")
         console.app.push_screen(dialog, lambda yes: console.send("releaseStop") if yes else None)
+
+    def _ask_about_rules(self, lines: list[str], rules: list[InterruptedRule], keys: Sequence[str]) -> None:
+        """The same question, and what becomes of the rules that the stop has ended."""
+        console = self._console
+        dialog = ReleaseDialog(lines, rules, keys)
+        dialog.add_class("-release")
+        console.app.push_screen(dialog, lambda yes: console.send("releaseStop", dialog.behavior) if yes else None)
 
     def ask_to_start(self, name: str, state: str) -> None:
         """Whether a rule is to start in a state, and with the functions of its `onEntry` or without."""

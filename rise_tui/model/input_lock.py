@@ -19,6 +19,7 @@ STARTING_FUNCTIONS = frozenset(
         "say",
         "nextFiller",
         "repeatAct",
+        "stepBack",
     }
 )
 """What a key may ask for that makes something happen; stopping, and marks for the record, are not among it."""

@@ -16,6 +16,7 @@ FUNCTION_LABELS = {
     "stopCommunicationRobotAct": "stop act",
     "startInteractionRule": "rule",
     "stopInteractionRule": "stop rule",
+    "stepBack": "step back",
     "raiseEventTopic": "event",
     "assignValue": "set",
     "deleteValue": "delete",

@@ -111,10 +111,12 @@ async def console(
 ) -> AsyncIterator[Console]:
     client = client or FakeClient(demo())
     launcher = options.pop("launcher", None) or FakeLauncher(client)
+    ready = options.pop("ready", "Greet")
+    """The name of an act of the scenario: the console shows it when it is there."""
     session = launcher.start(client.scenario, SessionOptions(DEMO))
     app = ConsoleApp(session, settings=SessionOptions(DEMO), wizard="anna", launcher=launcher, **options)
     async with app.run_test(size=size) as pilot:
         await pilot.pause()
         found = Console(pilot, client, launcher)
-        await found.until(lambda: "Greet" in found.text("acts"))
+        await found.until(lambda: ready in found.text("acts"))
         yield found

@@ -91,10 +91,10 @@ class SessionClient:
         """Start an act, and wait until it has ended."""
         return await self.submit("startCommunicationRobotAct", act, calling_type)
 
-    async def release_stop(self) -> TaskResult:
+    async def release_stop(self, rules: dict[str, str] | None = None) -> TaskResult:
         """Release a stop: for a node that the scenario names, [control] may_release = ["/supervisor"]; others are
-        refused."""
-        return await self.submit("releaseStop", self._transport.node)
+        refused. `rules`: which of the rules that it has ended go on, each `enter` or `wait`."""
+        return await self.submit("releaseStop", f"{self._transport.node} {json.dumps(rules) if rules else ''}".strip())
 
     async def read_memory(self, key: str, otherwise: Any = None) -> Any:
         """The value of a key of the working memory; `otherwise` when there is none. Raises SessionGoneError."""

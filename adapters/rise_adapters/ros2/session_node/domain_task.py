@@ -234,7 +234,7 @@ class DomainTaskServer:
         self._releasing.discard(goal.id)
         if goal.is_decided:
             return
-        node = str(goal.message["domain_task_behavior"]).strip()
+        node, _, resumptions = str(goal.message["domain_task_behavior"]).strip().partition(" ")
         allowed = self._hub.engine.scenario.may_release
         if not node.startswith("/") or node not in allowed:
             self._refuse_release(goal, _why_not_released(node, allowed))
@@ -242,7 +242,7 @@ class DomainTaskServer:
         action = self._transport.resolve(DOMAIN_TASK)
         if node in self._transport.client_nodes(action_topic(action, SEND_GOAL)):
             client = self._hub.attach("node", "node", f"ros:{node}")
-            self._submit(goal, Submit(function="releaseStop", ref=goal.id.hex()), client)
+            self._submit(goal, Submit(function="releaseStop", behavior=resumptions.strip(), ref=goal.id.hex()), client)
             self._loop.call_soon(self._hub.detach, client)
         elif self._loop.time() < until and not self._gone and len(self._releasing) < MAX_RELEASING:
             self._releasing.add(goal.id)
