@@ -62,7 +62,7 @@ def find_ssml_problems(template: Template) -> Iterator[SsmlProblem]:
     if root is None:
         yield _explain(text)
     else:
-        yield from _slot_problems(template)
+        yield from _slot_problems(template, root)
         yield from _element_problems(root, text)
 
 
@@ -107,19 +107,32 @@ def _explain(text: str) -> SsmlProblem:
     return _problem_at(text, max(index, 0), sentence.replace(" of line 1", ""))
 
 
-def _slot_problems(template: Template) -> Iterator[SsmlProblem]:
-    for slot in template.slots:
-        for piece in (slot.fallback, slot.before, slot.after):
-            if piece and not _is_plain(piece):
+def _slot_problems(template: Template, root: SsmlElement) -> Iterator[SsmlProblem]:
+    """Of what stands beside a value or for it: by itself it must leave the tags as they are, then all together do."""
+    seen = sum(
+        piece.count(_SLOT) for each in root.walk() for piece in (each.text, each.tail, *each.attributes.values())
+    )
+    if template.slots and (seen != _without_slots(template).count(_SLOT) or "<![CDATA[" in template.text):
+        message = "a memory value stands between the tags or in an attribute, not in a comment or in CDATA"
+        yield SsmlProblem(True, message, "<!" if "<!" in template.text else BEGINNING)
+    shape = _shape(root)
+    for number, part in enumerate(template.parts):
+        if isinstance(part, str):
+            continue
+        for piece in filter(None, (part.fallback, part.before, part.after)):
+            parts = (*template.parts[:number], piece, *template.parts[number + 1 :])
+            filled = parse_ssml(_without_slots(Template("", parts)))
+            if filled is None or _shape(filled) != shape:
                 message = (
-                    f"`{piece}` stands beside a memory value or for it: words, with `&lt;` and `&amp;`, and no tags"
+                    f"`{piece}` stands beside a memory value or for it: these are words without tags, in which SSML "
+                    "writes `&lt;` and `&amp;`, and within a tag `&quot;`"
                 )
                 yield SsmlProblem(True, message, piece)
 
 
-def _is_plain(piece: str) -> bool:
-    root = parse_ssml(f"<speak>{piece}</speak>")
-    return root is not None and len(root) == 0
+def _shape(root: SsmlElement) -> list[tuple[str, tuple[str, ...]]]:
+    """The tags in their order, with the names of their attributes."""
+    return [(element.tag, tuple(element.attributes)) for element in root.walk()]
 
 
 def _element_problems(root: SsmlElement, text: str) -> Iterator[SsmlProblem]:

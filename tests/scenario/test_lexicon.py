@@ -162,3 +162,8 @@ def test_no_language_is_a_language_too(tmp_path: Path) -> None:
 )
 def test_what_is_said_of_a_tag(tag: str, problem: str) -> None:
     assert language_problem(tag) == problem
+
+
+def test_a_finding_that_is_meant_can_be_silenced(tmp_path: Path) -> None:
+    lexicon = '# check: allow no-effect: our other lab has it\n[en.reachy]\nRise = "rize"\n'
+    assert findings(tmp_path, lexicon) == []
