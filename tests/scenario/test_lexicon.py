@@ -79,6 +79,7 @@ def test_a_copy_is_the_same_study_and_another_lexicon_another_one(tmp_path: Path
         "too many": ("[en]\n" + "".join(f'w{n} = "a"\n' for n in range(MAX_WORDS + 1)), ["1:1 too-large"]),
         "as many as may be": ("[en]\n" + "".join(f'w{n} = "a"\n' for n in range(MAX_WORDS)), []),
         "not TOML": ("[en]\nRise = rize\nRISE = 5\n", ["2:8 toml-syntax", "3:8 wrong-type"]),
+        "another language besides": ('[de]\nRise = "Reis"\n[en]\nRise = "rize"\n[fr]\nRise = "raïse"\n', []),
         "another language": ('[fr]\nRise = "raïse"\n', ["1:2 no-effect"]),
         "a region of another country": ('[en-US]\nRise = "rize"\n', ["1:2 no-effect"]),
     }.values(),
