@@ -9,12 +9,14 @@ import logging
 from collections.abc import Callable
 from functools import partial
 
+from msgspec.structs import replace
+
 from rise_engine.engine.clock import SessionClock
-from rise_engine.engine.robot_wording import RobotWording
 from rise_engine.kernel.commands import CancelAction, CancelTimer, Command, SetTimer, StartAction, StopRobot
 from rise_engine.kernel.inputs import ActionReport, AnyInput, Note, RobotChanged, StopReport, TimerElapsed
 from rise_engine.ports.robot import Robot, Timer
 from rise_engine.scenario.model import Scenario
+from rise_engine.scenario.robot_wording import RobotWording
 
 _LOG = logging.getLogger(__name__)
 
@@ -72,7 +74,8 @@ class CommandRunner:
                 if handle is not None:
                     handle.cancel()
             case StartAction():
-                goal = self._wording.goal_for_robot(command)
+                parameters = self._wording.parameters_for_robot(command.type, command.parameters)
+                goal = command if parameters is command.parameters else replace(command, parameters=parameters)
                 if failure := self._call_robot(f"start {command.action}", lambda: self._robot.start(goal)):
                     self._post(ActionReport(action=command.action, status="failed", reason=failure))
             case CancelAction(action=action):

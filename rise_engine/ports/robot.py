@@ -124,7 +124,8 @@ class Robot(Protocol):
 
         :param goal: `goal.action` is the name to report it under, `<task>/<actionID>`, unique in the session;
             `goal.type` one of the profile's actions; `goal.parameters` what the author gave, by name, typed, without
-            what was left out; `goal.expected` how many seconds it will probably take.
+            what was left out, a `message` in the words in which this robot is to say it (semantics.md 2.5, 2.6);
+            `goal.expected` how many seconds it will probably take.
         """
         ...
 

@@ -246,7 +246,8 @@ class _ActReader(ElementReader):
         """Findings for a message that is meant as SSML."""
         for problem in find_ssml_problems(template):
             if len(element):
-                location = self.file.inner_location(element[0], problem.index_in)
+                index = problem.index_in(self.file.written(element[0]))
+                location = self.file.written_location(element[0], index)
             else:
                 location = self.file.text_location(element, problem.index_in(element.text))
             if problem.is_error:
@@ -299,8 +300,9 @@ class _ActReader(ElementReader):
         except TemplateError as error:
             location = self.file.text_location(element, _raw_index(element.text, error.column - 1))
             if len(element):
-                piece = text[error.column - 1 :].split()[0][:_LONGEST_PIECE]
-                location = self.file.inner_location(element[0], lambda inner: max(inner.find(piece), 0))
+                piece = text[error.column - 1 : error.column + _LONGEST_PIECE].split()[0]
+                index = max(self.file.written(element[0]).find(piece), 0)
+                location = self.file.written_location(element[0], index)
             self.diagnostics.error("template", location, str(error))
             return None
         constant = template.constant
@@ -326,17 +328,18 @@ class _ActReader(ElementReader):
 
     def note_slots(self, element: Element, template: Template) -> None:
         """Note the memory keys that a parameter reads."""
-        index = {found.group(1): found.start() for found in reversed(list(_SLOT.finditer(element.text)))}
+        written, place = element.text, partial(self.file.text_location, element)
+        if len(element):
+            written, place = self.file.written(element[0]), partial(self.file.written_location, element[0])
+        index = {found.group(1): found.start() for found in reversed(list(_SLOT.finditer(written)))}
         draft = self.draft
         behind = 0
         for slot in template.slots:
             start = index.get(slot.key, 0)
             if slot.part is not None:
-                start = max(element.text.rfind("{", behind, element.text.find(slot.key, behind)), 0)
+                start = max(written.rfind("{", behind, written.find(slot.key, behind)), 0)
                 behind = start + 1
-            locate = partial(self.file.text_location, element, start)
-            if len(element):
-                locate = partial(self.file.inner_location, element[0], partial(_find_slot, slot.key))
+            locate = partial(place, start)
             draft.spoken_keys.append(Mention(slot.key, locate))
             if slot.part is not None:
                 root = slot.part.root
@@ -371,12 +374,6 @@ def _id_offsets(text: str) -> dict[str, int]:
 
 def _explain(parameter: Parameter) -> str:
     return f" ({parameter.help.rstrip('.')})" if parameter.help else ""
-
-
-def _find_slot(key: str, text: str) -> int:
-    """Where a memory key is first read in an element as it is written."""
-    part = max(text.rfind("{", 0, max(text.find(key), 0)), 0)
-    return next((found.start() for found in _SLOT.finditer(text) if found.group(1) == key), part)
 
 
 def _raw_index(raw: str, index: int) -> int:

@@ -109,15 +109,15 @@ class _LexiconReader:
         return words
 
     def report_unused_languages(self, language: str, draft: ScenarioDraft) -> None:
-        """Warn of a language in which nothing is said, as far as that can be known."""
+        """Warn when nothing is said in any of the languages, as far as that can be known. A file that several studies
+        share may have others besides."""
         if draft.has_languages_from_memory or "acts" in draft.unreadable_parts:
             return
         spoken = {language, *draft.spoken_languages} - {""}
+        if any(language_fits(written, each) for written in self.languages.values() for each in spoken):
+            return
         for written in self.languages.values():
-            if not any(language_fits(written, each) for each in spoken):
-                known = f"; it is in {', '.join(sorted(spoken))}" if spoken else ""
-                message = (
-                    f"nothing in this study is said in `{written}`{known}. Which language the acts are in says "
-                    f'scenario.toml: language = "{written}"'
-                )
-                self.diagnostics.warning("no-effect", self.top.key_location(written), message)
+            known = f"; it is in {', '.join(sorted(spoken))}" if spoken else ""
+            hint = "" if language else f'. Which language the acts are in says scenario.toml: language = "{written}"'
+            message = f"nothing in this study is said in `{written}`{known}{hint}"
+            self.diagnostics.warning("no-effect", self.top.key_location(written), message)

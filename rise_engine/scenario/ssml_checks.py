@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterator
+from itertools import islice
 from typing import NamedTuple
 
 from lxml import etree
@@ -29,6 +30,8 @@ _SLOT = "\ue000"
 """Stands for a memory value while the rest is read as XML: a letter of nobody's, which no name can have in it."""
 _PROLOG = ("<?xml", "<!DOCTYPE")
 _LONGEST_PIECE = 12
+_MOST_PROBLEMS = 20
+"""Of one kind that are told of a message."""
 
 
 class SsmlProblem(NamedTuple):
@@ -62,8 +65,8 @@ def find_ssml_problems(template: Template) -> Iterator[SsmlProblem]:
     if root is None:
         yield _explain(text)
     else:
-        yield from _slot_problems(template)
-        yield from _element_problems(root, text)
+        yield from islice(_slot_problems(template, root), _MOST_PROBLEMS)
+        yield from islice(_element_problems(root, text), _MOST_PROBLEMS)
 
 
 def languages_in(template: Template) -> Iterator[str | None]:
@@ -107,19 +110,37 @@ def _explain(text: str) -> SsmlProblem:
     return _problem_at(text, max(index, 0), sentence.replace(" of line 1", ""))
 
 
-def _slot_problems(template: Template) -> Iterator[SsmlProblem]:
-    for slot in template.slots:
-        for piece in (slot.fallback, slot.before, slot.after):
-            if piece and not _is_plain(piece):
+def _slot_problems(template: Template, root: SsmlElement) -> Iterator[SsmlProblem]:
+    """Of what stands beside a value or for it, which must leave the tags as they are."""
+    slots, within_tags = template.slots, list(_slots_within_tags(root))
+    if slots and (len(within_tags) != _without_slots(template).count(_SLOT) or "<![CDATA[" in template.text):
+        message = "a memory value stands between the tags or in an attribute, not in a comment or in CDATA"
+        yield SsmlProblem(True, message, "<!" if "<!" in template.text else BEGINNING)
+        return
+    if len(within_tags) != len(slots):  # the text has letters like the one that stands for a slot
+        within_tags = [True] * len(slots)
+    for slot, within_tag in zip(slots, within_tags, strict=True):
+        for piece in filter(None, (slot.fallback, slot.before, slot.after)):
+            if not _is_words(piece) or (within_tag and ('"' in piece or "'" in piece)):
                 message = (
-                    f"`{piece}` stands beside a memory value or for it: words, with `&lt;` and `&amp;`, and no tags"
+                    f"`{piece}` stands beside a memory value or for it: these are words without tags, in which SSML "
+                    "writes `&lt;` and `&amp;`, and within a tag `&quot;`"
                 )
                 yield SsmlProblem(True, message, piece)
 
 
-def _is_plain(piece: str) -> bool:
-    root = parse_ssml(f"<speak>{piece}</speak>")
-    return root is not None and len(root) == 0
+def _slots_within_tags(root: SsmlElement) -> Iterator[bool]:
+    """For each slot, in the order of the text, whether it stands in an attribute."""
+    yield from (True for value in root.attributes.values() for _ in range(value.count(_SLOT)))
+    yield from (False for _ in range(root.text.count(_SLOT)))
+    for child in root:
+        yield from _slots_within_tags(child)
+        yield from (False for _ in range(child.tail.count(_SLOT)))
+
+
+def _is_words(piece: str) -> bool:
+    """Whether a text is SSML's words and nothing else."""
+    return "<" not in piece and ("&" not in piece or parse_ssml(f"<speak>{piece}</speak>") is not None)
 
 
 def _element_problems(root: SsmlElement, text: str) -> Iterator[SsmlProblem]:

@@ -13,7 +13,6 @@ from __future__ import annotations
 
 import re
 from bisect import bisect_right
-from collections.abc import Callable
 from functools import lru_cache
 from xml.parsers import expat
 
@@ -125,11 +124,13 @@ class XmlFile:
         """Where the character number `index` of an element's text (up to its first child) stands in the file."""
         return self._location(_text_offset_map(self._text, element.start_offset).offset(index))
 
-    def inner_location(self, element: Element, find: Callable[[str], int]) -> SourceLocation:
-        """Where something stands in an element: `find` is given it as it is written, tags and all, and says at which
-        character."""
-        start = element.start_offset
-        return self._location(start + find(self._text[start : match_end(_TAG, self._text, element.end_offset)]))
+    def written(self, element: Element) -> str:
+        """An element as it is written, with its tags."""
+        return self._text[element.start_offset : match_end(_TAG, self._text, element.end_offset)]
+
+    def written_location(self, element: Element, index: int) -> SourceLocation:
+        """Where the character number `index` of an element as it is written stands in the file."""
+        return self._location(element.start_offset + index)
 
     def tail_location(self, element: Element, index: int) -> SourceLocation:
         """Where the character number `index` of what stands behind an element stands in the file."""

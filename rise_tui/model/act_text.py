@@ -8,6 +8,7 @@ from rich.cells import cell_len
 
 from rise_engine.kernel.view import ActionView, TaskView
 from rise_engine.scenario.model import Act, Action, ActionCall
+from rise_engine.scenario.spoken import MESSAGE
 from rise_engine.scenario.ssml import plain_words
 from rise_engine.scenario.template import MissingValueError, Template, spoken_text
 from rise_tui.model.act_graph import ActRow, act_rows
@@ -192,17 +193,26 @@ class ActText:
             for name, value in begun.parameters.items():
                 text = spoken_text(value)
                 lines += field_lines(name, plain_words(text), width)
-                if plain_words(text) != text:
-                    lines += field_lines("", f"as SSML: {text}", width, "muted")
+                if name == MESSAGE:
+                    lines += self._given_lines(begun.sent_as or begun.type, begun.parameters, width)
             return lines
         for number, call in enumerate(action.calls, 1):
             prefix = f"{number}. " if len(action.calls) > 1 else ""
             if substitute := self._substitute(call):
                 lines += field_lines("", f"the robot has no {call.type}: it does {substitute} instead", width, "wait")
+            texts = {name: self._fill(template) for name, template in call.parameters.items()}
             for name, template in call.parameters.items():
-                text = self._fill(template)
+                text = texts[name]
                 role: TextRole = "wait" if text.endswith("is not set)") else "plain"
                 lines += field_lines(prefix + name, plain_words(text), width, role)
                 if template.constant is None or plain_words(text) != text:
                     lines += field_lines("", f"written: {template.text}", width, "muted")
+                if name == MESSAGE:
+                    lines += self._given_lines(substitute or call.type, texts, width)
         return lines
+
+    def _given_lines(self, action: str, parameters: dict[str, Any], width: int) -> list[StyledLine]:
+        """What the robot is given to say, where that is not what is shown above."""
+        given = self._store.wording.parameters_for_robot(action, parameters)[MESSAGE]
+        same = given == plain_words(spoken_text(parameters[MESSAGE]))
+        return [] if same else field_lines("", f"the robot is given: {given}", width, "muted")

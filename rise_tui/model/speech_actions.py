@@ -4,19 +4,16 @@ from __future__ import annotations
 
 from rise_engine.kernel.view import ActionView
 from rise_engine.scenario.model import ActionCall, Scenario
+from rise_engine.scenario.spoken import MESSAGE, SPEECH_CHANNEL
 from rise_engine.scenario.ssml import plain_words
 from rise_engine.scenario.template import Template, spoken_text
 
-CHANNEL = "speech"
-"""An action that occupies this channel says something."""
-MESSAGE = "message"
-"""The parameter with the words; without one of this name, the first that is a text."""
-
 
 def message_name(scenario: Scenario, action: str) -> str:
-    """The parameter of an action of the robot that holds what is said; empty for one that says nothing."""
+    """The parameter of an action of the robot that holds what is said: its `message`, or else the first that is a text;
+    empty for one that says nothing."""
     spec = scenario.robot.actions.get(action)
-    if spec is None or CHANNEL not in spec.channels:
+    if spec is None or SPEECH_CHANNEL not in spec.channels:
         return ""
     texts = [name for name, parameter in spec.parameters.items() if parameter.type == "text"]
     return MESSAGE if MESSAGE in texts else next(iter(texts), "")

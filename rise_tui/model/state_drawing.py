@@ -13,6 +13,8 @@ HERE, STATE = "here", "state"
 """With the state's name behind a colon, the ids of the rows of states: of the present one, and of the others."""
 FAR = 8
 """A rail longer than this many rows has its target's name at the label too: its arrow may be out of view."""
+LEAST_NAME = 4
+"""Cells of a state's name that are shown whatever else there is."""
 INDENT = 2
 """Cells by which ways stand behind names where a state and its way down share a row."""
 
@@ -42,7 +44,7 @@ def draw_state_graph(layout: GraphLayout, now: GraphPosition) -> list[ListRow]:
         line: list[StyledSpan] = _rail_spans(row.rails, index, roles)
         if row.is_state:
             marks = ["here"] if is_present else ["may follow"] if row.state in follows else []
-            line += _state_spans(layout, row, [*marks, *row.notes])
+            line += _state_spans(layout, row, marks)
         if row.edge is not None:
             line += _way_spans(layout, row, row.edge, now, taken=row.edge is last, room=layout.width - line_width(line))
         id = f"{HERE if is_present else STATE}:{row.state}" if row.is_state else ""
@@ -63,13 +65,15 @@ def _rail_spans(rails: str, row: int, roles: dict[tuple[int, int], TextRole]) ->
 
 
 def _state_spans(layout: GraphLayout, row: GraphRow, marks: list[str]) -> list[StyledSpan]:
-    """The state's glyph, name and marks; the name gives way."""
+    """The state's glyph, name and marks; the name gives way, and before a way what holds at any time does."""
     glyph: StyledSpan = (
         ("● ", "accent") if "here" in marks else ("◎ ", "plain") if "may follow" in marks else ("○ ", "muted")
     )
-    words = "".join(f"  {mark}" for mark in marks)
     room = layout.names if layout.names and row.edge is not None else layout.width - layout.gutter - 2
-    name = shorten(row.state, max(4, room - cell_len(words)))
+    words = "".join(f"  {mark}" for mark in (*marks, *row.notes))
+    if marks and row.edge is not None and cell_len(words) + LEAST_NAME > room:
+        words = "".join(f"  {mark}" for mark in marks)
+    name = shorten(row.state, max(LEAST_NAME, room - cell_len(words)))
     role: TextRole = "accent" if "here" in marks else "plain"
     padding = " " * max(0, room - cell_len(name) - cell_len(words)) if row.edge is not None else ""
     return [glyph, (name, role), (words, "accent" if "here" in marks else "muted"), (padding, "plain")]

@@ -32,6 +32,7 @@ from rise_engine.kernel.records import (
 from rise_engine.kernel.view import ActView, RuleView, SessionView, TaskView
 from rise_engine.protocol.client import AttachReply, Heartbeat, JournalStatus, Resync, UpdateOrResync
 from rise_engine.scenario.model import KeyBinding, Scenario
+from rise_engine.scenario.robot_wording import RobotWording
 from rise_tui.model import control
 from rise_tui.model.act_levels import estimate_act_seconds
 from rise_tui.model.blocked import BlockedReason, Deed
@@ -141,6 +142,7 @@ class Store:
     """Tasks that raised an event for which nobody was waiting, in the order in which that came out."""
 
     study_keys: StudyKeys = field(init=False)
+    wording: RobotWording = field(init=False)
     sentences: SentenceTracker = field(init=False)
     _unhandled_events: UnhandledEvents = field(init=False)
     _estimates: dict[str, float] = field(default_factory=dict)
@@ -149,6 +151,7 @@ class Store:
 
     def __post_init__(self) -> None:
         self._unhandled_events = UnhandledEvents(self.unhandled_tasks)
+        self.wording = RobotWording(self.scenario)
         self.study_keys, self.sentences = StudyKeys(self.scenario), SentenceTracker(self.scenario)
         self._rebuild(self.attach_reply)
         self.shown_act = self.view.tasks[self.view.running[-1]].behavior if self.view.running else ""

@@ -13,12 +13,12 @@ from msgspec.structs import replace
 from rise_engine.engine.clock import VirtualClock
 from rise_engine.engine.drivers import make_robot
 from rise_engine.engine.engine import Engine
-from rise_engine.engine.robot_wording import Pronunciation, RobotWording, words_for
 from rise_engine.kernel.commands import StartAction
 from rise_engine.kernel.inputs import Submit
 from rise_engine.kernel.records import ActionRecord, AnyRecord
 from rise_engine.scenario.durations import expected_seconds
 from rise_engine.scenario.model import Action, ActionSpec, LexiconTable, Parameter, Scenario
+from rise_engine.scenario.robot_wording import Pronunciation, RobotWording, words_for
 from rise_engine.scenario.ssml import literal_ssml, plain_words
 
 from .samples import act, call, profile, scenario, speech, start
@@ -178,10 +178,8 @@ def test_what_is_not_said_is_left_alone(type: str, channels: tuple[str, ...], pa
     spec = ActionSpec(type, {parameter: Parameter(parameter, "text")}, channels)
     which = study(speech("1"))
     which = replace(which, robot=replace(which.robot, actions={**which.robot.actions, type: spec}))
-    goal = StartAction("1/1", type, {parameter: "Rise"}, 1.0)
-    assert RobotWording(which).goal_for_robot(goal) is goal
-    other = StartAction("1/1", "Speech", {"message": "nothing of that"}, 1.0)
-    assert RobotWording(which).goal_for_robot(other) is other
+    for action, parameters in ((type, {parameter: "Rise"}), ("Speech", {"message": "nothing of that"}), ("No", {})):
+        assert RobotWording(which).parameters_for_robot(action, parameters) is parameters
 
 
 # --- SSML -----------------------------------------------------------------------------------------------------------
@@ -247,5 +245,5 @@ def test_what_is_shown_on_a_tablet_has_no_tags_and_no_other_words() -> None:
     spec = ActionSpec("Show", {"message": Parameter("message", "text")}, ("tablet",))
     which = study(speech("1"))
     which = replace(which, robot=replace(which.robot, actions={**which.robot.actions, "Show": spec}))
-    goal = RobotWording(which).goal_for_robot(StartAction("1/1", "Show", {"message": "<speak>Rise <s/></speak>"}, 1.0))
-    assert goal.parameters == {"message": "Rise"}
+    parameters = RobotWording(which).parameters_for_robot("Show", {"message": "<speak>Rise <s/></speak>"})
+    assert parameters == {"message": "Rise"}

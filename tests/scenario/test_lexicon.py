@@ -79,6 +79,7 @@ def test_a_copy_is_the_same_study_and_another_lexicon_another_one(tmp_path: Path
         "too many": ("[en]\n" + "".join(f'w{n} = "a"\n' for n in range(MAX_WORDS + 1)), ["1:1 too-large"]),
         "as many as may be": ("[en]\n" + "".join(f'w{n} = "a"\n' for n in range(MAX_WORDS)), []),
         "not TOML": ("[en]\nRise = rize\nRISE = 5\n", ["2:8 toml-syntax", "3:8 wrong-type"]),
+        "another language besides": ('[de]\nRise = "Reis"\n[en]\nRise = "rize"\n[fr]\nRise = "raïse"\n', []),
         "another language": ('[fr]\nRise = "raïse"\n', ["1:2 no-effect"]),
         "a region of another country": ('[en-US]\nRise = "rize"\n', ["1:2 no-effect"]),
     }.values(),
@@ -162,3 +163,8 @@ def test_no_language_is_a_language_too(tmp_path: Path) -> None:
 )
 def test_what_is_said_of_a_tag(tag: str, problem: str) -> None:
     assert language_problem(tag) == problem
+
+
+def test_a_finding_that_is_meant_can_be_silenced(tmp_path: Path) -> None:
+    lexicon = '# check: allow no-effect: our other lab has it\n[en.reachy]\nRise = "rize"\n'
+    assert findings(tmp_path, lexicon) == []

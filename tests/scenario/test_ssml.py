@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from html import escape
 from pathlib import Path
 from typing import Any
 
@@ -25,7 +26,8 @@ from rise_engine.scenario.ssml import (
     pause_seconds,
     plain_words,
 )
-from rise_engine.scenario.template import parse_template
+from rise_engine.scenario.ssml_checks import find_ssml_problems
+from rise_engine.scenario.template import TemplateError, parse_template
 
 from .folders import found, loaded
 
@@ -97,6 +99,12 @@ def test_what_is_read(tmp_path: Path, written: str, expected: str) -> None:
         "a value as a tag": ("<![CDATA[<speak><{n|s}/></speak>]]>", ["2:17 ssml"]),
         "a tag for a value": ("<speak>{n|<break/>}</speak>", ["2:11 ssml"]),
         "a tag beside a value": ('<![CDATA[<speak>{"<break/>" n}</speak>]]>', ["2:17 unset-key", "2:19 ssml"]),
+        "a quotation mark within a tag": ('<![CDATA[<speak><s x="{n|a"b}"/></speak>]]>', ["2:26 ssml"]),
+        "a quotation mark for a word": ('<speak>{n|"a"}</speak>', []),
+        "a value in a comment": ("&lt;speak>{n|a}&lt;!-- {n|a} -->&lt;/speak>", ["2:16 ssml"]),
+        "a value in CDATA": ("&lt;speak>&lt;![CDATA[{n|a}]]&gt;&lt;/speak>", ["2:11 ssml"]),
+        "a value in an instruction": ("<![CDATA[<speak><?x {n|a}?></speak>]]>", ["2:10 ssml"]),
+        "a comment": ("<![CDATA[<speak>{n|a}<!-- b --></speak>]]>", []),
         "an ampersand for a value": ("<![CDATA[<speak>{n|a & b}</speak>]]>", ["2:20 ssml"]),
         "an unknown element": ("<speak>\n <s>a</s> <brake/></speak>", ["3:11 ssml"]),
         "an unknown element in a text": ("<![CDATA[<speak> <brake/> <brake/></speak>]]>", ["2:18 ssml"]),
@@ -222,6 +230,40 @@ def test_a_text_can_be_said_as_it_stands(text: str) -> None:
 def escape_free(text: str) -> str:
     """What is left of a text in XML: characters that it cannot hold are marks, line ends are line feeds."""
     return "".join(character if escape_value(character) != "\ufffd" else "\ufffd" for character in text)
+
+
+PIECES = (
+    *("<speak>", "</speak>", "<s>", "</s>", "<break/>", '<break time="1s"/>', '<s x="', "'", '"', ">", "<", "/>", "&"),
+    *("{one}", "{two|a}", "{two|", "}", '{"<" one}', '{one "&amp;"}', "{{", "a", " ", "\n", "<!--", "-->", "<?", "?>"),
+    *("<![CDATA[", "]]>", "</", "x:", "&#10;", "&nbsp;", "&amp;", "\u00e9", "\U0001f600", "\x01", "\ue000"),
+)
+MESSAGES = st.lists(st.sampled_from(PIECES), max_size=8).map(lambda pieces: "".join(("<speak>", *pieces, "</speak>")))
+
+
+@pytest.mark.slow
+@given(MESSAGES, VALUES, VALUES)
+def test_what_is_accepted_stays_well_formed(message: str, one: Any, two: Any) -> None:
+    """Whatever the memory holds, also nothing."""
+    try:
+        template = parse_template(message)
+    except TemplateError:
+        return
+    if any(problem.is_error for problem in find_ssml_problems(template)):
+        return
+    for memory in ({"one": one, "two": two}, {"one": one}):
+        text = template.fill(memory)
+        assert parse_ssml(text) is not None, text
+
+
+@pytest.mark.slow
+@given(MESSAGES)
+def test_every_message_is_read_or_refused_with_a_sentence(
+    tmp_path_factory: pytest.TempPathFactory, message: str
+) -> None:
+    path = tmp_path_factory.getbasetemp() / "messages"
+    for written in (message, escape(message), f"<![CDATA[{message}]]>"):
+        for diagnostic in loaded(path, files(written)).diagnostics:
+            assert diagnostic.message and "mistake of this program" not in diagnostic.message
 
 
 # --- what is heard --------------------------------------------------------------------------------------------------

@@ -39,7 +39,32 @@ def many(piece: str, size: int = SIZE) -> str:
     return "".join(piece.replace("{}", str(number)) for number in range(size // (len(piece) + 4)))
 
 
+def speech(message: str, id: str = "1") -> str:
+    return f"<Speech><actionID>{id}</actionID><message>{message}</message></Speech>"
+
+
+def cdata(text: str) -> str:
+    return f"<![CDATA[{text}]]>"
+
+
 CASES: dict[str, tuple[str, Callable[[], str]]] = {
+    # SSML
+    "slots in SSML": ("acts/a.xml", lambda: act(speech("<speak>" + many("{a{}} ") + "</speak>"))),
+    "slots in SSML as a text": ("acts/a.xml", lambda: act(speech(cdata("<speak>" + many("{a{}} ") + "</speak>")))),
+    "fallbacks in SSML": ("acts/a.xml", lambda: act(speech(cdata("<speak>" + many("{a|&amp;} {a|<} ") + "</speak>")))),
+    "unknown elements in SSML": ("acts/a.xml", lambda: act(speech("<speak>" + many("<a{}/>") + "</speak>"))),
+    "breaks in SSML": ("acts/a.xml", lambda: act(speech("<speak>" + many('<break time="{}"/>') + "</speak>"))),
+    "open tags in SSML": ("acts/a.xml", lambda: act(speech(cdata("<speak>" + many("<s>"))))),
+    "open tags and ends in SSML": (
+        "acts/a.xml",
+        lambda: act(speech(cdata("<speak>" + "<s>" * 250 + many("a<s></s>") + "</s>" * 250 + "</speak>"))),
+    ),
+    "ampersands in SSML": ("acts/a.xml", lambda: act(speech(cdata("<speak>" + many("& ") + "</speak>")))),
+    "many messages in SSML": ("acts/a.xml", lambda: act(many(speech("<speak>a<b/></speak>", "{}")))),
+    # how words are said
+    "words": ("lexicon.toml", lambda: "[en]\n" + many('w{} = "a"\n')),
+    "languages": ("lexicon.toml", lambda: many('[x{}]\na = "b"\n')),
+    "robots": ("lexicon.toml", lambda: many('[en.robot{}]\na = "b"\n')),
     # the XML itself
     "comments at the head": ("rules/r.xml", lambda: many("<!-- a -->\n") + rule("")),
     "instructions at the head": ("rules/r.xml", lambda: many("<?a b?> ") + rule("")),

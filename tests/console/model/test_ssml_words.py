@@ -5,9 +5,10 @@ from __future__ import annotations
 from pathlib import Path
 
 import pytest
+from msgspec.structs import replace
 
 from rise_engine.cli.transcript import parameters_text
-from rise_engine.scenario.model import Scenario
+from rise_engine.scenario.model import LexiconTable, Scenario
 from rise_tui.key_labels import key_name
 from rise_tui.model.act_levels import estimate_call_seconds
 from rise_tui.model.act_text import ActText, shown_act
@@ -68,9 +69,28 @@ def test_the_act_pane_has_the_words_and_tells_of_the_markup_where_there_is_room_
     rows = [plain_text(row.line) for row in text.rows(shown, 100)]
     assert sum(HEARD in row for row in rows) == 2 and not any("<" in row for row in rows)
     begun = " ".join(" ".join(plain_text(line).split()) for line in text.details(shown, "1", 200))
-    assert f"message {HEARD}" in begun and f"as SSML: {SENT}" in begun
+    assert f"message {HEARD}" in begun and f"the robot is given: {SENT}" in begun
     coming = " ".join(" ".join(plain_text(line).split()) for line in text.details(shown, "2", 200))
     assert f"message {HEARD}" in coming and f"written: {SSML}" in coming
+
+
+def test_the_act_pane_tells_in_which_words_the_robot_is_given_it(study: Scenario) -> None:
+    takes_none = {name: replace(spec, ssml=False) for name, spec in study.robot.actions.items()}
+    plain = replace(study, robot=replace(study.robot, actions=takes_none))
+    lexicon = (LexiconTable("en", "", {"Hello": "Helloh"}),)
+    for scenario, given in (
+        (plain, ""),
+        (replace(plain, lexicon=lexicon), ""),  # nobody says that it is English
+        (replace(plain, lexicon=lexicon, language="en"), "the robot is given: Helloh A & B!"),
+        (replace(study, lexicon=lexicon, language="en"), f"the robot is given: {SENT.replace('Hello', 'Helloh')}"),
+    ):
+        client, _ = greeting(scenario)
+        store = store_of(client)
+        shown = shown_act(store)
+        assert shown is not None
+        for id in ("1", "2"):
+            lines = (" ".join(plain_text(line).split()) for line in ActText(store).details(shown, id, 200))
+            assert [line for line in lines if line.startswith("the robot is given")] == ([given] if given else [])
 
 
 def test_the_details_of_a_task(study: Scenario) -> None:

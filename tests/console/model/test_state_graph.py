@@ -280,6 +280,24 @@ def test_only_marks_change(some: Rule, width: int, data: st.DataObject) -> None:
         assert now.rstrip().endswith("taken last") == taken
 
 
+def test_what_was_taken_is_seen_beside_all_that_can_be_said_of_a_state() -> None:
+    """In a long rule a state and its way share a row: `may follow`, `never reached` and `taken last` at once."""
+    chain = {f"s{number}": way_to(f"s{number}", f"s{number + 1}") for number in range(14)} | {"s14": State("s14")}
+    apart = {"lost": way_to("lost", "off"), "off": way_to("off", "on"), "on": way_to("on", "s0")}
+    shared = 0
+    for width in range(40, 80):
+        layout = lay_out_graph(Rule("R", "s0", {**chain, **apart}), width)
+        shared += layout.names > 0
+        rows = draw_state_graph(layout, GraphPosition("lost", ("off", 0)))
+        (taken,) = (row for row in map(plain_text, (row.line for row in rows)) if "taken" in row)
+        assert taken.rstrip().endswith("taken last"), (width, taken)
+    assert shared, "it is not long enough"
+
+
+def way_to(state: str, target: str) -> State:
+    return State(state, transitions=(Transition("next", target=target),))
+
+
 def test_forty_states_at_every_width() -> None:
     words = []
     for width in range(30, 140):

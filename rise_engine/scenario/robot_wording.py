@@ -1,19 +1,18 @@
 """What a robot is given to say: the text of the record, with its words as the lexicon says them (semantics.md 2.5), and
 without markup when the robot takes none (2.6).
 
-It stands before every driver, so that each is given the same, the simulated one too.
+The engine asks for it before it gives a goal to a driver, whichever it is, so that each is given the same, the
+simulated one too; a console asks for it to show it.
 """
 
 from __future__ import annotations
 
 import re
-from typing import NamedTuple
+from typing import Any, NamedTuple
 from unicodedata import normalize
 
 import regex
-from msgspec.structs import replace
 
-from rise_engine.kernel.commands import StartAction
 from rise_engine.scenario.languages import language_fits
 from rise_engine.scenario.model import ActionSpec, LexiconTable, Scenario
 from rise_engine.scenario.spoken import LANGUAGE, MESSAGE, says_message
@@ -89,7 +88,7 @@ def words_for(lexicon: tuple[LexiconTable, ...], language: str, robot: str) -> d
 
 
 class RobotWording:
-    """Turns goals as the kernel has them into goals as the scenario's robot gets them."""
+    """Knows in which words the scenario's robot is given what it says."""
 
     def __init__(self, scenario: Scenario) -> None:
         self._robot = scenario.robot
@@ -98,15 +97,20 @@ class RobotWording:
         self._pronunciations: dict[str, Pronunciation] = {}
         """By language; made when something is said in it."""
 
-    def goal_for_robot(self, goal: StartAction) -> StartAction:
-        """The goal with its message as this robot is to get it; the same goal where nothing changes."""
-        spec = self._robot.actions.get(goal.type)
-        message = goal.parameters.get(MESSAGE)
+    def parameters_for_robot(self, action: str, parameters: dict[str, Any]) -> dict[str, Any]:
+        """An action's parameters with the message as this robot is to get it.
+
+        :param action: which action the robot does, the substitute where it does one.
+        :param parameters: as they are recorded, with the memory filled in.
+        :return: the same object where nothing changes.
+        """
+        spec = self._robot.actions.get(action)
+        message = parameters.get(MESSAGE)
         if spec is None or not isinstance(message, str):
-            return goal
-        language = goal.parameters.get(LANGUAGE)
+            return parameters
+        language = parameters.get(LANGUAGE)
         said = self._word(spec, message, language if isinstance(language, str) and language else self._language)
-        return goal if said == message else replace(goal, parameters={**goal.parameters, MESSAGE: said})
+        return parameters if said == message else {**parameters, MESSAGE: said}
 
     def _word(self, spec: ActionSpec, message: str, language: str) -> str:
         def pronounce(text: str, own_language: str = "") -> str:
