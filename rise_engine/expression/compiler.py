@@ -83,7 +83,7 @@ class ExpressionCompiler:
                 fixed = is_true(value)
                 return lambda env: fixed
             case Defined(_, Part() as part):
-                return self.compile_part(part).is_there
+                return self.compile_part(part, asked=True).is_there
             case Defined(name):
                 return lambda env: lookup(env.memory, name)[0]
             case Chain() | Power() | Negative():
@@ -169,10 +169,19 @@ class ExpressionCompiler:
             return computed
         return operand
 
-    def compile_part(self, part: Part) -> PartReader:
-        """Reads a part, and can set it."""
+    def compile_part(self, part: Part, *, asked: bool = False) -> PartReader:
+        """Reads a part, and can set it. `asked`: it is only asked whether it is there, so its key is not reported."""
+        base = self.compile_operand(part.base)
+        if asked and isinstance(part.base, Key):
+            name = part.base.name
+
+            def look_up(env: Environment) -> Json:
+                found, value = lookup(env.memory, name)
+                return value if found else MISSING
+
+            base = look_up
         steps = [step if isinstance(step, str) else self.compile_operand(step) for step in part.steps]
-        return PartReader(part, self.compile_operand(part.base), steps, self.text)
+        return PartReader(part, base, steps, self.text)
 
     def compile_list_call(self, function: str, arguments: tuple[Node, ...]) -> ListCall:
         """A function that gives a list."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Callable, Mapping, MutableSet
 from functools import cached_property
 
@@ -87,13 +88,11 @@ class Expression:
         every = [node for node, _ in nodes.walk(self.root)]
         bases = [node.base for node in every if isinstance(node, nodes.Part)]
         asked = [node.name for node in every if isinstance(node, nodes.Defined) and node.part is not None]
-        whole = [node.name for node in every if isinstance(node, nodes.Key)]
-        whole += [node.name for node in every if isinstance(node, nodes.Defined) and node.part is None]
-        for base in bases:
-            if isinstance(base, nodes.Key):
-                asked.append(base.name)
-                whole.remove(base.name)
-        return frozenset(asked) - frozenset(whole)
+        whole = Counter(node.name for node in every if isinstance(node, nodes.Key))
+        whole.update(node.name for node in every if isinstance(node, nodes.Defined) and node.part is None)
+        before_index = [base.name for base in bases if isinstance(base, nodes.Key)]
+        whole.subtract(before_index)
+        return frozenset((*asked, *before_index)) - frozenset(+whole)
 
     @cached_property
     def parts(self) -> tuple[nodes.Part, ...]:

@@ -10,7 +10,7 @@ is taken to work as the paper prints it: `=` with blanks as `==`, the rest as co
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator
+from collections.abc import Collection, Iterator
 from itertools import count
 
 from rise_engine.expression.errors import ExpressionError
@@ -41,6 +41,8 @@ _SAFE = re.compile(
     re.VERBOSE | re.ASCII,
 )
 _NUMBERS = (Chain, Power, Negative, FunctionCall)
+_MANY = 100
+"""Parts of values beyond which nothing is compared: nobody would read the warning."""
 _DEEP = 10
 """Brackets from which RISE's limit on nesting may matter."""
 
@@ -53,18 +55,24 @@ def rise1_reading(text: str) -> str | None:
         return None
 
 
-def rise1_difference(expression: Expression) -> str | None:
+def rise1_difference(expression: Expression, tables: Collection[str] = ()) -> str | None:
     """A sentence for the author when RISE would read this condition differently or refuse it; null otherwise.
 
     RISE has neither index nor lists, and whoever writes `items[i].done` or `shuffle(items)` knows that this is not
-    RISE's: nothing is said about it. What stands around an index is compared as if that were a plain key.
+    RISE's: nothing is said about it, nor about the length of one of these `tables`. What stands around is compared as
+    if that were a plain key.
     """
     if isinstance(expression.root, FunctionCall) and expression.root.function in LIST_FUNCTIONS:
         return None
-    if not expression.parts:
-        return _difference(expression)
     text = expression.text
-    written = dict.fromkeys(_texts_of_parts(expression.root, text))
+    written: dict[str, None] = dict.fromkeys(_texts_of_parts(expression.root, text)) if expression.parts else {}
+    written.update(
+        (f"length({name})", None) for name in expression.keys.intersection(tables) if f"length({name})" in text
+    )
+    if not written:
+        return _difference(expression)
+    if len(written) > _MANY:
+        return None
     names: dict[str, str] = {}
     for part in sorted(written, key=len, reverse=True):
         name = next(each for number in count() if (each := f"part{number}") not in text)

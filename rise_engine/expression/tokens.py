@@ -69,7 +69,7 @@ _HINTS = {
     "?": "choose with `if` and `else` in the rule",
     ":": "write `=` to compare",
 }
-_PATH_PIECE = re.compile(r""""(?:[^"\\]|\\.)*"|'(?:[^'\\]|\\.)*'|[\[\]]""", re.DOTALL)
+_PATH_PIECE = re.compile(r""""(?:[^"\\]|\\.)*"|'(?:[^'\\]|\\.)*'|[\[\]"']""", re.DOTALL)
 _NAMES_BEHIND = re.compile(r"(?:\.\w+)*")
 _NEXT_INDEX = re.compile(r"\s*\[")
 TYPOGRAPHIC_QUOTES = "“”„‟‘’‚«»‹›`´"
@@ -121,7 +121,7 @@ def path_end(text: str, start: int) -> int:
     at, level = start, 0
     while True:
         piece = _PATH_PIECE.search(text, at)
-        if piece is None:
+        if piece is None or piece[0] in ('"', "'"):  # a text without its end
             return -1
         at = piece.end()
         level += {"[": 1, "]": -1}.get(piece[0], 0)

@@ -6,7 +6,7 @@ from collections import ChainMap
 from collections.abc import Callable
 from typing import Any
 
-from rise_engine.expression import Assignment, EvaluationError, lookup
+from rise_engine.expression import Assignment, EvaluationError, MissingPartError, lookup
 from rise_engine.kernel.core import Core
 from rise_engine.kernel.records import ENGINE, MemoryRecord
 from rise_engine.scenario.model import SESSION
@@ -50,12 +50,19 @@ class WorkingMemory:
         written = []
         for assignment in assignments:
             limited = bool(core.tables) and any(key.partition(".")[0] in core.tables for key in assignment.keys)
-            key, value = assignment.entry(core.env, self._known_keys, so_far, limited=limited)
+            try:
+                key, value = assignment.entry(core.env, self._known_keys, so_far, limited=limited)
+            except MissingPartError:
+                self._note_missing_keys(assignments)
+                raise
             so_far[key] = value
             written.append((key, value))
-        for key in core.newly_missing():
-            core.record_note(f"the memory has no value for {key!r}, which `{assignments[0].text}` reads")
+        self._note_missing_keys(assignments)
         return written
+
+    def _note_missing_keys(self, assignments: tuple[Assignment, ...]) -> None:
+        for key in self._core.newly_missing():
+            self._core.record_note(f"the memory has no value for {key!r}, which `{assignments[0].text}` reads")
 
     def assign(self, written: list[tuple[str, Any]], source: str) -> None:
         for key, value in written:

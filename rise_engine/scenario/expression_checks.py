@@ -37,7 +37,7 @@ def note_expression(
         sentence = typography_problem(expression.text, blank)
         diagnostics.warning("reads-differently", locate(blank), f"{sentence} (RISE does not take it for one)")
         return
-    difference = rise1_difference(expression)
+    difference = rise1_difference(expression, draft.tables)
     if difference is not None:
         diagnostics.warning("reads-differently", locate(), difference)
 

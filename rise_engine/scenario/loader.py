@@ -129,12 +129,12 @@ class _Loader:
         self.named = {**settings.paths, **paths}
         paths = {key: self.named.get(key) or usual_path for key, usual_path in DEFAULT_PATHS.items()}
 
+        read_tables(self.files, draft, diagnostics)
         expanded = self.expand_files({kind: list(self.read_xml_files(kind, paths[kind])) for kind in ("acts", "rules")})
         for file in expanded["acts"]:
             read_acts(file, profile, draft, diagnostics)
         for file in expanded["rules"]:
             read_rules(file, draft, diagnostics)
-        read_tables(self.files, draft, diagnostics)
         self.read_memory(paths["memory"])
         report_unsent_ssml(profile, draft, diagnostics)
         lexicon = self.read_lexicon(settings.language, profile.name)

@@ -18,7 +18,7 @@ from rise_engine.scenario.diagnostics import Diagnostics
 from rise_engine.scenario.draft import Mention, ScenarioDraft
 from rise_engine.scenario.model import SESSION, Json, Table
 
-_MOST = 10_000
+_MOST = 1_000
 """Entries that an unknown index may stand for; of more, nothing is proved."""
 _FEW = 12
 """Names that a message lists."""
@@ -147,6 +147,8 @@ def _start_value_problem(start: Json, steps: list[Json], part: Part) -> str:
     holders = [start]
     for count, step in enumerate(steps):
         found: list[Json] = []
+        if step is _ANY and sum(len(holder) for holder in holders if isinstance(holder, list | dict)) > _MOST:
+            return ""
         for holder in holders:
             if step is _ANY:
                 found += holder.values() if isinstance(holder, dict) else holder if isinstance(holder, list) else ()
@@ -154,7 +156,7 @@ def _start_value_problem(start: Json, steps: list[Json], part: Part) -> str:
                 found.append(holder[place])
         if not found:
             return f"{_why_it_ends(holders, step, _prefix(part, count))}, and nothing in this scenario sets it"
-        if any(value is None for value in found) or len(found) > _MOST:
+        if any(value is None for value in found):
             return ""
         holders = found
     return ""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections import Counter
 from collections.abc import Iterable, Iterator
 from xml.sax.saxutils import escape
@@ -22,6 +23,11 @@ _ELEMENTS = {
     "onExit": "`<onExit>`",
 }
 """Elements that RISE does not have."""
+_EXPRESSIONS = ("cond", "while", "after", "assignValue")
+"""Attributes in which expressions stand."""
+_SLOTS = re.compile(r"\{[^}]*\}")
+_QUOTED = re.compile(r"""\"[^\"]*\"|'[^']*'""")
+_INDEX = re.compile(r"[\w)]\s*\[")
 _OF_TRANSITIONS = ("cond", "ended", "after", "while")
 """Attributes of transitions that RISE does not have."""
 
@@ -92,6 +98,9 @@ def additions(files: Iterable[XmlFile]) -> Counter[str]:
         rest += element
         if element.tag in _ELEMENTS:
             found[_ELEMENTS[element.tag]] += 1
+        written = [value for name, value in element.attributes.items() if name in _EXPRESSIONS]
+        written += _SLOTS.findall(element.text) if not len(element) else []
+        found["parts of values by index"] += sum(_INDEX.search(_QUOTED.sub("''", text)) is not None for text in written)
         if element.tag == "transition":
             found.update(f"`{name}`" for name in _OF_TRANSITIONS if name in element.attributes)
             if "target" not in element.attributes:
@@ -102,4 +111,4 @@ def additions(files: Iterable[XmlFile]) -> Counter[str]:
             found["several ids in `<waitForActions>`"] += 1
         elif not len(element) and "{" in element.text:
             found["memory values in braces"] += 1
-    return found
+    return +found

@@ -204,10 +204,12 @@ class _TableReader:
 
     def read_header(self, header: TableRecord, rows: Sequence[TableRecord]) -> list[str]:
         names = header.values
-        used = max((at + 1 for at, name in enumerate(names) if name), default=0)
+        used = _count_used(names)
         for row in rows:  # a column without name and values is what Excel leaves of a deleted one
-            while used < len(names) and any(row.values[used : len(names)]):
-                used += 1
+            used = max(used, _count_used(row.values[: len(names)]))
+        if used > MAX_COLUMNS:
+            self.report(header.start, f"a table has at most {MAX_COLUMNS} columns; this one has {used}")
+            return names[:used]
         first: dict[str, int] = {}
         for at, name in enumerate(names[:used]):
             if not name:
@@ -215,8 +217,6 @@ class _TableReader:
             elif name in first:
                 self.report(self.value_at(header, at), f"column {first[name] + 1} is called `{name}` already")
             first.setdefault(name, at)
-        if used > MAX_COLUMNS:
-            self.report(header.start, f"a table has at most {MAX_COLUMNS} columns; this one has {used}")
         if used == 1 and (other := next((each for each in (*SEPARATORS, "|") if each in names[0]), None)):
             message = (
                 f"there is one column only; if a {_SHOWN[other]} stands between the values, write "
@@ -271,10 +271,15 @@ class _TableReader:
         self.diagnostics.warning("decimal-comma", location, message)
 
 
+def _count_used(values: Sequence[str]) -> int:
+    """How many there are up to the last one that is not empty."""
+    return next((at + 1 for at in range(len(values) - 1, -1, -1) if values[at]), 0)
+
+
 def find_values(text: str, separator: str) -> tuple[list[int], int | None]:
     """Where the values of one row begin in its text, and where something stands that cannot be there."""
     starts: list[int] = []
-    at = 0
+    at = line_end = 0
     while True:
         at = match_end(_BLANKS, text, at)
         starts.append(at)
@@ -285,8 +290,11 @@ def find_values(text: str, separator: str) -> tuple[list[int], int | None]:
             if text[at : at + 1] not in ("", "\r", "\n", separator):
                 return starts, at
         else:
-            ends = (text.find(separator, at), text.find("\n", at))
-            at = min((end for end in ends if end >= 0), default=len(text))
+            if line_end <= at:
+                line_end = text.find("\n", at)
+                line_end = line_end if line_end >= 0 else len(text)
+            found = text.find(separator, at, line_end)
+            at = found if found >= 0 else line_end
         if text[at : at + 1] != separator:
             return starts, None
         at += 1

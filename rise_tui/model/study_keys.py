@@ -45,7 +45,7 @@ def _assignment_title(text: str) -> str:
         value = assignment.evaluate(Environment({}), frozenset())
     except EvaluationError:
         return text
-    name = assignment.key.replace("_", " ")
+    name = (assignment.target.text if assignment.target is not None else assignment.key).replace("_", " ")
     if assignment.keys and assignment.bare_word is None:
         return text
     if not isinstance(value, bool):

@@ -252,6 +252,14 @@ COMPARED_WITH_RISE = {
 }
 
 
+def test_the_length_of_a_table_is_not_compared() -> None:
+    expression = Expression.parse("i < length(items) - 1 and not n > 3")
+    found = rise1_difference(expression, {"items"})
+    assert found is not None and "(not n) > 3" in found and "length(items)" in found
+    assert rise1_difference(Expression.parse("i < length(items) - 1"), {"items"}) is None
+    assert rise1_difference(Expression.parse("i < length(items) - 1")) == "RISE reads this as `i < (items - 1)`"
+
+
 @pytest.mark.parametrize(("text", "expected"), COMPARED_WITH_RISE.items())
 def test_rise_is_compared_around_an_index(text: str, expected: str | None) -> None:
     found = rise1_difference(Expression.parse(text))

@@ -130,6 +130,17 @@ def test_a_part_that_is_not_there_ends_an_assignment(tmp_path: Path) -> None:
     assert s.assign("nobody[0] = 1").reason == "missing-part: the memory has no `nobody` (in `nobody[0]`)"
 
 
+def test_a_key_that_is_not_there_is_told_once_and_with_its_own_assignment(tmp_path: Path) -> None:
+    s = session(tmp_path, waiting("defined(nothing[0]) or items[nobody].id = 1 or i = 5"))
+    s.assign("n = items[noone].id")
+    assert s.lines("note") == ["note the memory has no value for 'noone', which `n = items[noone].id` reads"]
+    s.rule("R")
+    first = next(each for each in s.records if isinstance(each, ConditionRecord))
+    assert first.missing == ("nobody",) and first.values == {
+        "i": 0, "items[nobody].id": None, "nobody": None, "nothing[0]": None,
+    }  # fmt: skip
+
+
 def test_a_text_says_the_part_of_the_moment(tmp_path: Path) -> None:
     acts = dialog("Say", speech(1, "{items[i].id}: {items[i].text}")) + dialog(
         "Or", speech(1, "{items[i].text|nothing}")

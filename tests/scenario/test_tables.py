@@ -8,9 +8,11 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from click.testing import CliRunner
 from hypothesis import given
 from hypothesis import strategies as st
 
+from rise_engine.cli import main
 from rise_engine.scenario import LoadResult
 from rise_engine.scenario.diagnostics import Diagnostics
 from rise_engine.scenario.draft import ScenarioDraft
@@ -322,6 +324,20 @@ def test_warnings_about_tables_can_be_silenced(tmp_path: Path) -> None:
     }
     result = loaded(tmp_path, files)
     assert result.diagnostics == [] and len(result.suppressed) == 2
+
+
+def test_templates_stand_in_an_index(tmp_path: Path) -> None:
+    speech = "<Speech><actionID>1</actionID><message>{{items[${{row}}].{}}}</message></Speech>"
+    template = '<Template name="Say"><parameter name="row"/>' + speech + "</Template>"
+    use = '<Dialog name="A"><use template="Say" row="order[i]"/></Dialog>'
+    files: dict[str, str | bytes] = {"tables/items.csv": TABLE, "memory.json": '{"order": [1], "i": 0}'}
+    right = loaded(tmp_path / "a", {**files, "acts/a.xml": f"<Dialogs>{template.format('text')}{use}</Dialogs>"})
+    assert right.scenario is not None and right.diagnostics == []
+    wrong = loaded(tmp_path / "b", {**files, "acts/a.xml": f"<Dialogs>{template.format('txt')}{use}</Dialogs>"})
+    assert [each.code for each in wrong.diagnostics] == ["unknown-path"]
+    expanded = CliRunner().invoke(main, ["expand", str(tmp_path / "a"), "-o", str(tmp_path / "c")])
+    assert "parts of values by index (1)" in expanded.output
+    assert (tmp_path / "c" / "tables" / "items.csv").read_text("utf-8") == TABLE
 
 
 def test_tables_belong_to_the_scenario(tmp_path: Path) -> None:

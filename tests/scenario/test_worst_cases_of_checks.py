@@ -52,6 +52,29 @@ CASES: dict[str, Callable[[], dict[str, str | bytes]]] = {
     "typographic marks in TOML": lambda: {"scenario.toml": 'a = "' + "”" * SIZE},
     "typographic marks in JSON": lambda: {"memory.json": '{"a' + "”" * SIZE},
     "short loops": lambda: {"rules/r.xml": rule(many('<transition after="1ms" cond="a{}" target="S"/>'))},
+    "parts that are not there": lambda: {
+        "memory.json": MEMORY,
+        "rules/r.xml": rule(many('<transition cond="l[i].x{} = t[i][{}]"/>')),
+    },
+    "parts in one condition": lambda: {"rules/r.xml": rule(f'<transition cond="{many("a[{}] or ")[:99_000]} b"/>')},
+    "parts in a text": lambda: {"acts/a.xml": speech(many("{a[{}].b}"))},
+    "open parts in a text": lambda: {"acts/a.xml": speech('{a["' + '\\"' * SIZE)},
+    "open indexes in a text": lambda: {"acts/a.xml": speech("{a" + "[" * SIZE)},
+    "open indexes that are set": lambda: {
+        "rules/r.xml": rule(many('<transition><function assignValue="a[[{} = 1"/></transition>'))
+    },
+    "rows that are too short": lambda: {"tables/t.csv": "a,b\n" + many("{}\n")},
+    "rows that are too long": lambda: {"tables/t.csv": "a\n" + many("{},2\n")},
+    "values that are no numbers": lambda: {
+        "tables/t.csv": "a\n" + "x\n" * 9_000,
+        "tables/t.toml": 'types.a = "number"',
+    },
+    "a quotation mark without its end": lambda: {"tables/t.csv": 'a,b\n"' + many("{},1\n")},
+    "columns without names": lambda: {"tables/t.csv": "," * SIZE + "\n" + many("1,") + "\n"},
+    "columns of tables that are not there": lambda: {
+        "tables/t.csv": ",".join(f"c{n}" for n in range(200)) + "\n" + ("1," * 199 + "1\n") * 2_000,
+        "rules/r.xml": rule(many('<transition cond="t[i].d{} = 1"/>')),
+    },
     "conditions of a study": lambda: {"scenario.toml": "[study]\nconditions = [" + many('"c{}",') + "]"},
     "a condition twice": lambda: {"scenario.toml": "[study]\nconditions = [" + many('"c{}",') + '"c1"]'},
 }

@@ -49,6 +49,8 @@ def shown(store: Store, width: int = 80, rows: int = 2) -> list[str]:
         ("assignValue", "understood = true", "", "understood"),
         ("assignValue", "understood = false", "", "not understood"),
         ("assignValue", "mood = 'good'", "", "mood good"),
+        ("assignValue", "marks[0] = true", "", "marks[0]"),
+        ("assignValue", "marks[i] = 'late'", "", "marks[i] = 'late'"),
         ("assignValue", "person_y = 0.5", "", "person y 0.5"),
         ("assignValue", "n = n + 1", "", "n = n + 1"),
         ("startInteractionRule", "Next", "", "Next"),
