@@ -25,6 +25,11 @@ def speech(text: str) -> str:
     return act(f"<Speech><actionID>1</actionID><message>{text}</message></Speech>")
 
 
+def templates(content: str, uses: str) -> dict[str, str | bytes]:
+    """A file with a template `T`, and what follows it."""
+    return {"acts/a.xml": f'<Dialogs><Template name="T">{content}</Template>{uses}</Dialogs>'}
+
+
 CASES: dict[str, Callable[[], dict[str, str | bytes]]] = {
     "paths that end early": lambda: {
         "memory.json": MEMORY,
@@ -52,6 +57,14 @@ CASES: dict[str, Callable[[], dict[str, str | bytes]]] = {
     "typographic marks in TOML": lambda: {"scenario.toml": 'a = "' + "”" * SIZE},
     "typographic marks in JSON": lambda: {"memory.json": '{"a' + "”" * SIZE},
     "short loops": lambda: {"rules/r.xml": rule(many('<transition after="1ms" cond="a{}" target="S"/>'))},
+    "uses of a template": lambda: templates('<parameter name="a"/><x/>', many('<use template="T" a="{}"/>')),
+    "unknown templates": lambda: templates("<x/>", many('<use template="U{}"/>')),
+    "arguments of a use": lambda: templates("<x/>", '<use template="T" ' + many('a{}="" ') + "/>"),
+    "templates": lambda: templates("<x/>", many('<Template name="T{}"><use template="T{}"/></Template>')),
+    "parameters": lambda: templates(many('<parameter name="p{}"/>') + "<x/>", '<use template="T"/>'),
+    "parameters in a text": lambda: templates(
+        '<parameter name="a"/>' + speech(many("{k{}${a}} ")), '<use template="T" a="x"/>'
+    ),
     "conditions of a study": lambda: {"scenario.toml": "[study]\nconditions = [" + many('"c{}",') + "]"},
     "a condition twice": lambda: {"scenario.toml": "[study]\nconditions = [" + many('"c{}",') + '"c1"]'},
 }

@@ -72,7 +72,7 @@ def test_a_key_that_is_pressed_early_counts_when_the_robot_has_finished() -> Non
     session.do(Submit(function="raiseEventTopic", behavior='{"event": "/done", "keep": "3s"}', source="wizard:w"))
     while session.memory["i"] < 2:
         session.report(next(iter(session.goals)))
-    assert session.states == {"Instructions": "Instruct"}, "the key counted for the second instruction, as soon as that was said"
+    assert session.states == {"Instructions": "Instruct"}, "it counted for the second one, once that was said"
 
 
 def test_silence_is_not_counted_while_it_is_the_robots_turn() -> None:
