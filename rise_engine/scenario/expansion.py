@@ -6,7 +6,9 @@ An element that comes from a template knows which, and by which `<use>`. So a fi
 
 from __future__ import annotations
 
+from bisect import bisect_right
 from collections.abc import Callable
+from itertools import accumulate
 from typing import NamedTuple
 
 from msgspec.structs import replace
@@ -82,6 +84,7 @@ class ExpandedFile(XmlFile):
         """By the id of a `<use>` of the file: what came of it."""
         self.incomplete: set[int] = set()
         """The ids of elements in which a `<use>` has come to nothing."""
+        self._asked_last: tuple[str, TemplateCall, list[TextPiece], list[int]] | None = None
 
     def is_complete(self, element: Element) -> bool:
         return id(element) not in self.incomplete
@@ -124,23 +127,26 @@ class ExpandedFile(XmlFile):
         self, written: str, index: int, call: TemplateCall, locate: Callable[[int], SourceLocation]
     ) -> SourceLocation:
         """Where a character of a filled text stands: in the value that the `<use>` gives, if it came from there."""
-        passed, piece, text = 0, None, ""
-        for piece in text_pieces(written):
-            text = _piece_text(piece, call)
-            if index < passed + len(text):
-                break
-            passed += len(text)
-        else:
-            passed -= len(text)
-        if piece is None:
+        pieces, starts = self._pieces_of(written, call)
+        if not pieces:
             return self._in_use(call, locate(index))
+        which = max(bisect_right(starts, index) - 1, 0)
+        piece, rest = pieces[which], index - starts[which]
         if piece.parameter is None:
-            return self._in_use(call, locate(piece.start + index - passed))
+            return self._in_use(call, locate(piece.start + rest))
         if piece.parameter in call.use.attributes:
-            outer = self.value_location(call.use, piece.parameter, index - passed)
+            outer = self.value_location(call.use, piece.parameter, rest)
         else:
             outer = self.element_location(call.use)
         return _with_template(outer, call, locate(piece.start))
+
+    def _pieces_of(self, written: str, call: TemplateCall) -> tuple[list[TextPiece], list[int]]:
+        """The pieces of a text, and where each begins once it is filled in. About one text many places are asked."""
+        if self._asked_last is None or self._asked_last[0] != written or self._asked_last[1].use is not call.use:
+            pieces = list(text_pieces(written))
+            lengths = (len(_piece_text(piece, call)) for piece in pieces)
+            self._asked_last = written, call, pieces, [0, *accumulate(lengths)][: len(pieces)]
+        return self._asked_last[2:]
 
 
 def _with_template(outer: SourceLocation, call: TemplateCall, inner: SourceLocation) -> SourceLocation:

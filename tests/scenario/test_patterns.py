@@ -163,6 +163,19 @@ def test_an_act_by_hand_does_not_move_it_on(pattern: str) -> None:
         assert state(session) == before, f"after {way}"
 
 
+def test_what_the_wizard_has_the_robot_say_begins_the_wait_anew() -> None:
+    scenario = example("Reprompt")
+    session = play(scenario, ())
+    session.wait(7)
+    session.act("R_last_prompt")
+    session.wait(0.5)
+    session.finish_all()
+    session.wait(7.5)
+    assert state(session) == "Listen"
+    session.wait(0.5)
+    assert state(session) == "Prompt"
+
+
 @pytest.mark.parametrize("pattern", OUTCOMES)
 def test_every_start_of_an_act_deals_with_its_failure(pattern: str) -> None:
     for each in example(pattern).rules["P"].states.values():

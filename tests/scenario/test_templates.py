@@ -15,6 +15,7 @@ from rise_engine.cli import main
 from rise_engine.scenario import LoadResult, expansion, load
 from rise_engine.scenario.element_templates import TextPiece, text_pieces
 from rise_engine.scenario.serialization import decode_scenario, encode_scenario
+from rise_engine.scenario.shipped_studies import shipped_studies
 from tests.scenario.folders import SPEECH, act, found, in_state, loaded, rule
 
 SAY = """<Template name="Say"><parameter name="id"/><parameter name="text"/><parameter name="after" default=""/>
@@ -372,6 +373,15 @@ def test_what_expand_writes_is_the_same_scenario(texts: list[tuple[str, bool]], 
         text = (new / "acts" / "a.xml").read_text("utf-8")
         assert "Template" not in text and "<use" not in text and "<!-- act 0 -->" in text
         assert "it says" not in text and not (new / "acts" / "say.xml").exists()
+
+
+@pytest.mark.parametrize("study", shipped_studies())
+def test_the_shipped_studies_are_the_same_without_templates(tmp_path: Path, study: str) -> None:
+    new = tmp_path / study
+    assert CliRunner().invoke(main, ["expand", study, "-o", str(new)]).exit_code == 0
+    assert model(load(new)) == model(load(shipped_studies()[study]))
+    written = "".join(path.read_text("utf-8") for path in new.rglob("*.xml"))
+    assert "<use" not in written and "<Template" not in written and "${" not in written
 
 
 def test_expand_prints_and_says_what_is_beyond_rise(tmp_path: Path) -> None:

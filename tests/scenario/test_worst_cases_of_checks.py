@@ -25,6 +25,11 @@ def speech(text: str) -> str:
     return act(f"<Speech><actionID>1</actionID><message>{text}</message></Speech>")
 
 
+def templates(content: str, uses: str) -> dict[str, str | bytes]:
+    """A file with a template `T`, and what follows it."""
+    return {"acts/a.xml": f'<Dialogs><Template name="T">{content}</Template>{uses}</Dialogs>'}
+
+
 CASES: dict[str, Callable[[], dict[str, str | bytes]]] = {
     "paths that end early": lambda: {
         "memory.json": MEMORY,
@@ -75,6 +80,14 @@ CASES: dict[str, Callable[[], dict[str, str | bytes]]] = {
         "tables/t.csv": ",".join(f"c{n}" for n in range(200)) + "\n" + ("1," * 199 + "1\n") * 2_000,
         "rules/r.xml": rule(many('<transition cond="t[i].d{} = 1"/>')),
     },
+    "uses of a template": lambda: templates('<parameter name="a"/><x/>', many('<use template="T" a="{}"/>')),
+    "unknown templates": lambda: templates("<x/>", many('<use template="U{}"/>')),
+    "arguments of a use": lambda: templates("<x/>", '<use template="T" ' + many('a{}="" ') + "/>"),
+    "templates": lambda: templates("<x/>", many('<Template name="T{}"><use template="T{}"/></Template>')),
+    "parameters": lambda: templates(many('<parameter name="p{}"/>') + "<x/>", '<use template="T"/>'),
+    "parameters in a text": lambda: templates(
+        '<parameter name="a"/>' + speech(many("{k{}${a}} ")), '<use template="T" a="x"/>'
+    ),
     "conditions of a study": lambda: {"scenario.toml": "[study]\nconditions = [" + many('"c{}",') + "]"},
     "a condition twice": lambda: {"scenario.toml": "[study]\nconditions = [" + many('"c{}",') + '"c1"]'},
 }
