@@ -47,14 +47,14 @@ class ExpandedElement(Element):
         attributes = {name: _fill(value, call) for name, value in origin.attributes.items()}
         super().__init__(origin.tag, attributes, origin.start_offset)
         self.text = _fill(origin.text, call)
-        self.tail = origin.tail
+        self.tail = _fill(origin.tail, call)
         self.origin = origin
         self.call = call
 
     @property
     def length(self) -> int:
-        """The characters of its attributes and its text."""
-        return len(self.text) + sum(map(len, self.attributes.values()))
+        """The characters of its attributes, of its text, and of what stands behind it."""
+        return len(self.text) + len(self.tail) + sum(map(len, self.attributes.values()))
 
 
 def _fill(written: str, call: TemplateCall) -> str:
@@ -117,7 +117,22 @@ class ExpandedFile(XmlFile):
     def tail_location(self, element: Element, index: int) -> SourceLocation:
         if not isinstance(element, ExpandedElement):
             return super().tail_location(element, index)
-        return self._in_use(element.call, element.call.template.file.tail_location(element.origin, index))
+        origin, file = element.origin, element.call.template.file
+        return self._piece_location(origin.tail, index, element.call, lambda at: file.tail_location(origin, at))
+
+    def written(self, element: Element) -> str:
+        """For an element that comes from a template: as it is written there, with the values of the `<use>`."""
+        if not isinstance(element, ExpandedElement):
+            return super().written(element)
+        return _fill(element.call.template.file.written(element.origin), element.call)
+
+    def written_location(self, element: Element, index: int) -> SourceLocation:
+        if not isinstance(element, ExpandedElement):
+            return super().written_location(element, index)
+        origin, file = element.origin, element.call.template.file
+        return self._piece_location(
+            file.written(origin), index, element.call, lambda at: file.written_location(origin, at)
+        )
 
     def _in_use(self, call: TemplateCall, inner: SourceLocation) -> SourceLocation:
         """The place of a `<use>`, for something that stands there in its template."""

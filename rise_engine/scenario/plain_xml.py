@@ -81,12 +81,23 @@ def _with_surroundings(text: str, start: int, end: int) -> tuple[int, int]:
 def element_text(element: Element, indent: str = "") -> str:
     """An element as XML; what it holds stands in lines of its own, two blanks deeper."""
     attributes = "".join(f' {name}="{escape(value, _IN_VALUES)}"' for name, value in element.attributes.items())
+    if any(child.tag == "speak" for child in element):  # blanks in SSML are blanks of the text
+        return f"<{element.tag}{attributes}>{''.join(_markup(child) for child in element)}</{element.tag}>"
     if len(element):
         inner = "".join(f"{indent}  {element_text(child, indent + '  ')}\n" for child in element)
         return f"<{element.tag}{attributes}>\n{inner}{indent}</{element.tag}>"
     if element.text:
         return f"<{element.tag}{attributes}>{escape(element.text, _IN_TEXTS)}</{element.tag}>"
     return f"<{element.tag}{attributes}/>"
+
+
+def _markup(element: Element) -> str:
+    """An element in a text, with all that it holds, just as it stands."""
+    attributes = "".join(f' {name}="{escape(value, _IN_VALUES)}"' for name, value in element.attributes.items())
+    inner = escape(element.text, _IN_TEXTS) + "".join(
+        _markup(child) + escape(child.tail, _IN_TEXTS) for child in element
+    )
+    return f"<{element.tag}{attributes}>{inner}</{element.tag}>" if inner else f"<{element.tag}{attributes}/>"
 
 
 def additions(files: Iterable[XmlFile]) -> Counter[str]:
@@ -109,6 +120,8 @@ def additions(files: Iterable[XmlFile]) -> Counter[str]:
             found.update(f"`{name}` of `<function>`" for name in element.attributes if name not in FUNCTIONS)
         elif element.tag == "waitForActions" and ("," in element.text or ";" in element.text):
             found["several ids in `<waitForActions>`"] += 1
+        elif element.tag == "speak":
+            found["SSML"] += 1
         elif not len(element) and "{" in element.text:
             found["memory values in braces"] += 1
     return +found

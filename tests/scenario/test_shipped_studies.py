@@ -14,6 +14,7 @@ from click.testing import CliRunner
 from rise_engine.cli import main
 from rise_engine.protocol.session_options import SessionOptions
 from rise_engine.scenario import load, shipped_studies
+from rise_engine.scenario.element_templates import LIBRARY
 from rise_tui.config.initial_memory import MemoryNotWritable, memory_file_path
 from rise_tui.config.launch import ScenarioProblems, load_scenario
 from rise_tui.config.settings import scenario_path
@@ -146,6 +147,7 @@ def test_the_wheel_holds_the_studies_the_ros_types_and_the_notices(tmp_path: Pat
     for path in STUDIES.rglob("*"):
         if path.is_file():
             assert f"rise_engine/studies/{path.relative_to(STUDIES).as_posix()}" in held
+    assert {f"rise_engine/scenario/patterns/{path.name}" for path in LIBRARY.glob("*.xml")} <= held
     types = STUDIES.parent / "adapters" / "rise_interfaces"
     assert {
         f"rise_adapters/ros2/share/{path.relative_to(types.parent)}" for path in types.rglob("*") if path.is_file()

@@ -324,6 +324,35 @@ def test_text_without_parameters_stays_as_it_is(written: str) -> None:
     assert "".join("$${" if piece == TextPiece(piece.start, "${") else piece.text for piece in pieces) == written
 
 
+SSML = """<Template name="T"><parameter name="who"/>
+<Dialog name="R_${who}"><Speech><actionID>1</actionID><message><speak>Hello <break time="500ms"/> ${who}, and
+ <emphasis>you</emphasis> {nobody|} <s/></speak></message></Speech></Dialog>
+</Template>
+<use template="T" who="Anna"/>"""
+
+
+def test_parameters_between_the_tags_of_ssml(tmp_path: Path) -> None:
+    files: dict[str, str | bytes] = {
+        "acts/a.xml": acts(SSML),
+        "scenario.toml": "title = 't'\nactions.Speech.ssml = true",
+    }
+    result = loaded(tmp_path / "short", files)
+    message = result.scenario.acts["R_Anna"].actions[0].calls[0].parameters["message"]
+    assert message.text == (
+        '<speak>Hello <break time="500ms"/> Anna, and <emphasis>you</emphasis> {nobody|} <s/></speak>'
+    )
+    assert found(result) == []
+    done = CliRunner().invoke(main, ["expand", str(tmp_path / "short"), "-o", str(tmp_path / "plain")])
+    assert done.exit_code == 0 and model(load(tmp_path / "plain")) == model(result)
+
+
+def test_a_fault_in_ssml_stands_in_the_use(tmp_path: Path) -> None:
+    text = acts(SSML.replace('time="500ms"', 'time="${who}"').replace("{nobody|}", "{no.body}"))
+    result = loaded(tmp_path, {"acts/a.xml": text, "scenario.toml": "actions.Speech.ssml = true"})
+    assert found(result) == ["acts/a.xml:6:1 unset-key", "acts/a.xml:6:24 ssml"]
+    assert "line 4)" in result.diagnostics[0].message and "line 3)" in result.diagnostics[1].message
+
+
 # --- limits ----------------------------------------------------------------------------------------------------------
 
 
