@@ -219,6 +219,8 @@ class _TemplateReader(ElementReader):
                     self.check_piece(piece, template, at, read)
             for piece in _parameters(element.text):
                 self.check_piece(piece, template, self.file.text_location(element, piece.start), read)
+            for piece in _parameters(element.tail):
+                self.check_piece(piece, template, self.file.tail_location(element, piece.start), read)
         for name, element in template.parameters.items():
             if name not in read:
                 message = f"the template `{template.name}` makes no use of its parameter `{name}`"

@@ -47,14 +47,14 @@ class ExpandedElement(Element):
         attributes = {name: _fill(value, call) for name, value in origin.attributes.items()}
         super().__init__(origin.tag, attributes, origin.start_offset)
         self.text = _fill(origin.text, call)
-        self.tail = origin.tail
+        self.tail = _fill(origin.tail, call)
         self.origin = origin
         self.call = call
 
     @property
     def length(self) -> int:
-        """The characters of its attributes and its text."""
-        return len(self.text) + sum(map(len, self.attributes.values()))
+        """The characters of its attributes, its text and what stands behind it."""
+        return len(self.text) + len(self.tail) + sum(map(len, self.attributes.values()))
 
 
 def _fill(written: str, call: TemplateCall) -> str:
@@ -118,6 +118,16 @@ class ExpandedFile(XmlFile):
         if not isinstance(element, ExpandedElement):
             return super().tail_location(element, index)
         return self._in_use(element.call, element.call.template.file.tail_location(element.origin, index))
+
+    def written(self, element: Element) -> str:
+        if not isinstance(element, ExpandedElement):
+            return super().written(element)
+        return element.call.template.file.written(element.origin)
+
+    def written_location(self, element: Element, index: int) -> SourceLocation:
+        if not isinstance(element, ExpandedElement):
+            return super().written_location(element, index)
+        return self._in_use(element.call, element.call.template.file.written_location(element.origin, index))
 
     def _in_use(self, call: TemplateCall, inner: SourceLocation) -> SourceLocation:
         """The place of a `<use>`, for something that stands there in its template."""

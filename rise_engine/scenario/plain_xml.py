@@ -9,6 +9,7 @@ from xml.sax.saxutils import escape
 
 from rise_engine.scenario.blocks import FUNCTIONS
 from rise_engine.scenario.expansion import ExpandedFile
+from rise_engine.scenario.ssml import write_element
 from rise_engine.scenario.xml import Element, XmlFile
 from rise_engine.text import BLANKS
 
@@ -17,6 +18,7 @@ _IN_TEXTS = {"\r": "&#13;"}
 _ELEMENTS = {
     "onFailure": "`<onFailure>`",
     "Variants": "`<Variants>`",
+    "speak": "SSML",
     "transitions": "`<transitions in>`",
     "oneOf": "`<oneOf>`",
     "elseif": "`<elseif>`",
@@ -81,6 +83,8 @@ def _with_surroundings(text: str, start: int, end: int) -> tuple[int, int]:
 def element_text(element: Element, indent: str = "") -> str:
     """An element as XML; what it holds stands in lines of its own, two blanks deeper."""
     attributes = "".join(f' {name}="{escape(value, _IN_VALUES)}"' for name, value in element.attributes.items())
+    if element.tag == "speak":  # text stands between what it holds
+        return write_element(element)
     if len(element):
         inner = "".join(f"{indent}  {element_text(child, indent + '  ')}\n" for child in element)
         return f"<{element.tag}{attributes}>\n{inner}{indent}</{element.tag}>"
