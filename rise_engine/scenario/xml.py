@@ -126,7 +126,7 @@ class XmlFile:
 
     def written(self, element: Element) -> str:
         """An element as it is written, with its tags."""
-        return self._text[element.start_offset : match_end(_TAG, self._text, element.end_offset)]
+        return self._text[element.start_offset : self.end_of(element)]
 
     def written_location(self, element: Element, index: int) -> SourceLocation:
         """Where the character number `index` of an element as it is written stands in the file."""

@@ -7,10 +7,12 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from click.testing import CliRunner
 from hypothesis import given
 from hypothesis import strategies as st
 from lxml import etree
 
+from rise_engine.cli import main
 from rise_engine.scenario.action_declarations import core_actions
 from rise_engine.scenario.durations import expected_seconds
 from rise_engine.scenario.editor_schemas import act_schema_text
@@ -332,3 +334,42 @@ def test_words_are_changed_between_the_tags_only() -> None:
     assert change_words(untouched, change) == untouched
     assert change_words("<speak>Rise", change) is None and change_words("Rise", change) is None
     assert change_words("<speak>Rise</speak>", lambda text, _: "a<b&c") == "<speak>a&lt;b&amp;c</speak>"
+
+
+# --- templates ------------------------------------------------------------------------------------------------------
+
+TEMPLATES = """<Dialogs>
+<Template name="Ask"><parameter name="what"/><parameter name="pause" default="1s"/>
+<Speech><actionID>1</actionID><message>
+<speak>Is it <break time="${pause}"/> ${what}?<brake/> {name|you}</speak>
+</message></Speech></Template>
+<Dialog name="A">
+<use template="Ask" what="a &lt;fork> &amp; $me"/>
+</Dialog>
+</Dialogs>"""
+
+
+def test_a_template_may_have_it(tmp_path: Path) -> None:
+    result = loaded(tmp_path, {"acts/a.xml": TEMPLATES})
+    assert result.scenario is not None and found(result) == ["acts/a.xml:7:1 ssml"]
+    place = result.diagnostics[0].location.template
+    assert place is not None and (place.line, place.column) == (4, 47)
+    message = sent(result.scenario, {})
+    assert message == '<speak>Is it <break time="1s"/> a &lt;fork&gt; &amp; $me?<brake/> you</speak>'
+    assert plain_words(message) == "Is it a <fork> & $me? you"
+
+
+def test_what_expand_prints_is_the_same_act(tmp_path: Path) -> None:
+    folder = tmp_path / "templates"
+    before = loaded(folder, {"acts/a.xml": TEMPLATES}).scenario
+    printed = CliRunner().invoke(main, ["expand", str(folder)])
+    assert printed.exit_code == 0, printed.output
+    text = printed.stdout[printed.stdout.index("<Dialogs>") : printed.stdout.index("</Dialogs>") + len("</Dialogs>")]
+    after = loaded(tmp_path / "plain", {"acts/a.xml": text}).scenario
+    assert before is not None and after is not None and sent(before, {}) == sent(after, {})
+
+
+def test_a_parameter_behind_a_tag_is_checked_too(tmp_path: Path) -> None:
+    wrong = TEMPLATES.replace("${what}?", "${waht}?")
+    codes = [diagnostic.code for diagnostic in loaded(tmp_path, {"acts/a.xml": wrong}).diagnostics]
+    assert "unknown-parameter" in codes and "unused-parameter" in codes

@@ -8,10 +8,11 @@ import pytest
 from msgspec.structs import replace
 
 from rise_engine.cli.transcript import parameters_text
-from rise_engine.scenario.model import LexiconTable, Scenario
+from rise_engine.scenario.model import Function, LexiconTable, Scenario, State, Transition
 from rise_tui.key_labels import key_name
 from rise_tui.model.act_levels import estimate_call_seconds
 from rise_tui.model.act_text import ActText, shown_act
+from rise_tui.model.entry_text import entry_lines
 from rise_tui.model.failures import unsaid_texts
 from rise_tui.model.free_speech import scenario_sentences
 from rise_tui.model.robot_speech import longest_sentence, remaining_sentences
@@ -108,6 +109,12 @@ def test_what_a_failed_act_did_not_say(study: Scenario) -> None:
     store = store_of(client)
     assert [each.text for each in unsaid_texts(study, store.view.tasks[task], store.memory)] == [HEARD, HEARD]
     assert [each.text for each in unsaid_texts(study, store.view.tasks[task], {})] == [HEARD, "Hello {name}!"]
+
+
+def test_what_a_state_would_say_at_once(study: Scenario) -> None:
+    greet = Function("startCommunicationRobotAct", "Greet")
+    state = State("S", (greet,), transitions=(Transition("next"),))
+    assert entry_lines(study, state, study.memory, 80) == [f"says “{HEARD}” “{HEARD}”"]
 
 
 def test_the_say_line_offers_words(study: Scenario) -> None:
