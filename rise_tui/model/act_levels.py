@@ -32,20 +32,18 @@ def actions_in_order(act: Act) -> list[Action]:
     return [act.actions[index] for level in action_levels(act) for index in level]
 
 
-def estimate_act_seconds(scenario: Scenario, act: Act) -> float:
-    """Seconds, with the memory's start values; what needs a value that is not there counts by its declaration."""
+def estimate_act_seconds(scenario: Scenario, act: Act, memory: Mapping[str, Any]) -> float:
+    """Seconds, with this memory; what needs a value that is not there counts by its declaration."""
     ends: dict[str, float] = {}
     for action in actions_in_order(act):
         begin = max((ends.get(before, 0.0) for before in action.wait_for), default=0.0)
-        ends[action.id] = begin + _mean_seconds(scenario, action)
+        ends[action.id] = begin + _mean_seconds(scenario, action, memory)
     return max(ends.values(), default=0.0)
 
 
-def _mean_seconds(scenario: Scenario, action: Action) -> float:
+def _mean_seconds(scenario: Scenario, action: Action, memory: Mapping[str, Any]) -> float:
     """The mean of an action's variants."""
-    estimates = (
-        estimate_call_seconds(scenario, call, {**scenario.table_memory, **scenario.memory}) for call in action.calls
-    )
+    estimates = (estimate_call_seconds(scenario, call, memory) for call in action.calls)
     return sum(seconds or 0.0 for seconds in estimates) / max(1, len(action.calls))
 
 

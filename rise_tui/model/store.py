@@ -146,6 +146,7 @@ class Store:
     sentences: SentenceTracker = field(init=False)
     _unhandled_events: UnhandledEvents = field(init=False)
     _estimates: dict[str, float] = field(default_factory=dict)
+    """Seconds that acts take with the present memory, of those that have not run yet."""
     _left_out_at: float = -LEFT_OUT_SECONDS
     """Session time at which it was said that records are left out."""
 
@@ -179,6 +180,7 @@ class Store:
         """What follows the session record by record begins anew with the view."""
         self.newest_speech = next((id for id in reversed(self.view.tasks) if self.view.tasks[id].function == "say"), 0)
         self.undo_stack.clear()
+        self._estimates.clear()
         self._unhandled_events.clear()
         self.sentences.rebuild(self.view)
 
@@ -287,7 +289,7 @@ class Store:
         measured = self.act(name).typical
         if measured is None and name in self.scenario.acts:
             if name not in self._estimates:
-                self._estimates[name] = estimate_act_seconds(self.scenario, self.scenario.acts[name])
+                self._estimates[name] = estimate_act_seconds(self.scenario, self.scenario.acts[name], self.memory)
             return self._estimates[name]
         return measured
 
@@ -347,8 +349,10 @@ class Store:
             elif isinstance(record, KeptRecord) and record.status == "expired":
                 if (task := self.view.tasks.get(record.task)) is not None:
                     self._unhandled_events.expect(task)
-            elif isinstance(record, MemoryRecord) and record.source == self.own_name:
-                self.undo_stack.record_change(record)
+            elif isinstance(record, MemoryRecord):
+                self._estimates.clear()
+                if record.source == self.own_name:
+                    self.undo_stack.record_change(record)
             elif isinstance(record, ActionRecord):
                 self.sentences.record_action(record, self.view)
             elif isinstance(record, MistakeRecord):

@@ -3,10 +3,16 @@ from __future__ import annotations
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from msgspec.structs import replace
 
+from rise_engine.kernel.records import MemoryRecord
+from rise_engine.scenario.model import Act, Action, ActionCall
+from rise_engine.scenario.template import parse_template
 from rise_tui.model.queue_estimate import QueuedTask, estimate_starts
 from rise_tui.model.session_times import InvalidTime, parse_moment
+from rise_tui.model.store import Store
 from rise_tui.rendering.text import format_clock
+from tests.console.fake import FakeClient, demo
 
 
 @pytest.mark.parametrize(
@@ -77,3 +83,17 @@ turns = st.builds(QueuedTask, st.floats(0, 100), st.floats(0, 100), st.booleans(
 def test_nothing_starts_before_what_comes_before_it(running: list[QueuedTask], waiting: list[QueuedTask]) -> None:
     found = estimate_starts(running, waiting)
     assert found == sorted(found, key=lambda at: at or 0.0) and all(at is not None and at >= 0 for at in found)
+
+
+def test_an_estimate_follows_the_memory() -> None:
+    speech = ActionCall("Speech", {"message": parse_template("{sentence}")})
+    scenario = replace(
+        demo(), acts={**demo().acts, "Say": Act("Say", (Action("1", (speech,)),))}, memory={"sentence": "short"}
+    )
+    client = FakeClient(scenario)
+    client.emit(MemoryRecord(0, 0.0, "", "sentence", "short", None, "file", created=True))
+    store = Store(client.attach_reply(), "anna", client.now)
+    before = store.typical_seconds("Say")
+    store.apply([MemoryRecord(99, 1.0, "", "sentence", "a much longer sentence " * 9, "short", "rule:R")])
+    after = store.typical_seconds("Say")
+    assert before is not None and after is not None and after > 10 * before
