@@ -401,6 +401,7 @@ class RuleMachine:
             if not self._stop_runaway(run):
                 return
             steps = run.step_count
+            run.step_count = 0  # the step at hand is the first that counts again, whenever its move comes
         state = transition.entered_at_once
         if state is None:
             self._push_functions(run, transition, steps)
