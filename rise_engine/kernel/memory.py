@@ -6,7 +6,7 @@ from collections import ChainMap
 from collections.abc import Callable
 from typing import Any
 
-from rise_engine.expression import Assignment, EvaluationError, MissingPartError, lookup
+from rise_engine.expression import Assignment, EvaluationError, lookup
 from rise_engine.kernel.core import Core
 from rise_engine.kernel.records import ENGINE, MemoryRecord
 from rise_engine.scenario.model import SESSION

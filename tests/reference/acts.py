@@ -236,7 +236,8 @@ class Acts:
             ended_at=session.now,
         )
         session.marks.act_ends(task, status)
-        session.rules.act_ended(task, act.name, OUTCOMES[status])
+        if session.failures.ended(task, act.name, status, why):
+            session.rules.act_ended(task, act.name, OUTCOMES[status])
 
 
 def as_written(call: ActionCall) -> dict[str, Any]:

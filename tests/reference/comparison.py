@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from random import Random
 from typing import Any
 from unittest.mock import patch
@@ -32,6 +33,25 @@ from .studies import ACTS, ASSIGNMENTS, OWN, RULES, Author
 
 MOVES = 30
 """How many a study has."""
+
+
+STARTS = (
+    '{"rule": "R", "state": "s1"}',
+    '{"rule": "R", "state": "s2", "enter": false}',
+    '{"rule": "R", "state": "s3", "enter": false}',
+    '{"rule": "R", "enter": false}',
+    '{"rule": "R", "state": "nowhere"}',
+    '{"rule": "R"',
+    '{"rule": "R", "more": 1}',
+)
+KEPT = (
+    '{"event": "/e0", "keep": "2s"}',
+    '{"event": "e0", "keep": "500ms"}',
+    '{"event": "/e0", "keep": "1min"}',
+    '{"event": "/nothing", "keep": "1s"}',
+    '{"event": "/e0"}',
+    '{"event": "/e0", "keep": "soon"}',
+)
 
 
 class Disagreement(AssertionError):
@@ -101,19 +121,21 @@ class Play:
     def run(self, moves: int = MOVES) -> None:
         """Play so many random moves; raises Disagreement.
 
-        In nine of ten studies who goes round in circles is stopped after 60 steps instead of 1,000: both sides count in
+        In nearly all studies who goes round in circles is stopped after 60 steps instead of 1,000: both sides count in
         the same way, and what follows is seen more often and sooner.
         """
-        steps, in_vain = (1000, 100) if self.seed % 10 == 0 else (60, 5)
+        steps, in_vain = (1000, 100) if self.seed % 50 == 0 else (60, 5)
         with patch.multiple(kernel_rules, STEP_LIMIT=steps, MAX_VAIN_SEARCHES=in_vain):
             circles = self.interpreter.session.rules.circles
             circles.most_steps, circles.most_in_vain = steps, in_vain
             self._run(moves)
 
     def _run(self, moves: int) -> None:
-        self.do(SessionStarted(participant="P1", condition="A"))
+        self.do(SessionStarted(participant="P1", condition="A", factors={"voice": "low"}))
         if self.random.random() < 0.8:
             self.do(RobotChanged(status="connected"))
+        for name in RULES[: self.random.randrange(4)]:
+            self.submit("startInteractionRule", name)
         for number in range(moves):
             self.random = Random(f"{self.seed} {number}")  # each move is drawn by itself, so that any can be left out
             if number not in self.skipped:
@@ -134,7 +156,7 @@ class Play:
         self.compare("times that run", sorted(self.timers.values()), self.interpreter.due)
         for row in rows:
             self.seen.add(f"{row['kind']} {row['status']}" if row.get("status") else row["kind"])
-            self.seen.add(row["kind"])
+            self.seen |= {row["kind"], str(row.get("trigger"))}
         for record in records:
             if record.__class__.__name__ == "ActionRecord" and record.status in ENDINGS:
                 self.goals.pop(f"{record.task}/{record.action}", None)
@@ -190,12 +212,17 @@ class Play:
     def move(self) -> None:
         random, pick = self.random, self.random.choice
         task = str(random.randint(max(0, self.tasks - 12), self.tasks + 1))
-        match random.choices(range(20), weights=[10, 6, 10, 4, 14, 3, 2, 2, 1, 2, 3, 3, 2, 2, 3, 2, 2, 14, 2, 1])[0]:
+        match random.choices(range(20), weights=[10, 6, 10, 7, 14, 3, 2, 2, 1, 2, 3, 3, 2, 2, 3, 2, 2, 14, 5, 1])[0]:
             case 0:
                 kind = pick(["", "", "None", "Blocking", "Interrupt", "nonsense"])
                 self.submit("startCommunicationRobotAct", pick([*ACTS, *ACTS, "Nobody"]), kind)
             case 1:
-                self.submit("startInteractionRule", pick([*RULES, *RULES, "Nobody"]))
+                if random.random() < 0.3:
+                    self.submit("startInteractionRule", pick(STARTS).replace("R", pick(RULES)))
+                else:
+                    self.submit("startInteractionRule", pick([*RULES, *RULES, "Nobody"]))
+            case 2 if random.random() < 0.3:
+                self.submit("raiseEventTopic", pick(KEPT).replace("e0", pick(OWN)))
             case 2:
                 self.submit("raiseEventTopic", pick(["/", ""]) + pick([*OWN, *OWN, "A0_end", "nothing"]))
             case 3:
@@ -226,26 +253,57 @@ class Play:
             case 14:
                 self.submit("say", pick(["Hello", "Please {wait}", "", " yes "]), pick(["", "Interrupt", "None"]))
             case 15:
-                self.submit("goOn", pick([task, task, "x"]))
+                answer = pick(["goOn", "goOn", "repeatAct", "stopRuleOfAct"])
+                self.submit(answer, pick([task, task, pick(ACTS), "x"]))
             case 16:
                 self.submit("stopCommunicationRobotAct", pick(ACTS))
             case 17:
                 self.wait()
+            case 18 if random.random() < 0.6:
+                self.submit("stepBack", self.step_back())
             case 18:
                 self.submit("stopInteractionRule", pick(RULES))
             case _:
                 self.rarely()
         if self.kernel.stop.latched and random.random() < 0.5:
-            self.submit("releaseStop")
+            self.submit("releaseStop", self.release())
+
+    def release(self) -> str:
+        """What is to become of the rules that a stop has ended; mostly of those that it has."""
+        pick = self.random.choice
+        if pick([True, False]):
+            return ""
+        names = [each.rule.name for each in self.interpreter.session.going_on.stopped] or ["R0"]
+        words = {name: pick(["enter", "wait", "wait", "leave"]) for name in names if pick([True, True, False])}
+        return pick([json.dumps(words)] * 8 + ['{"Nobody": "enter"}', '{"R0": "go"}', "x"])
+
+    def step_back(self) -> str:
+        """A rule, and perhaps what is taken back with the step."""
+        pick = self.random.choice
+        session = self.interpreter.session
+        running = [run for run in session.rules.stack if len(session.going_on.pasts[run]) > 1]
+        rule, keys = pick(RULES), ["k0"]
+        if running and pick([True, True, True, False]):
+            run = pick(running)
+            before, now = session.going_on.pasts[run][-2][1], session.memory.values
+            changed = [key for key in (*before, *now) if before.get(key) != now.get(key) and key != "session"]
+            rule, keys = run.name, [key for key in dict.fromkeys(changed) if pick([True, False])]
+        asked = {"rule": rule, "take_back": keys, "enter": pick([True, False]), "stop_acts": pick([True, False])}
+        return pick([rule, json.dumps({"rule": rule}), json.dumps(asked), json.dumps(asked), "{"])
 
     def rarely(self) -> None:
-        match self.random.randrange(4):
+        match self.random.randrange(5):
             case 0:
                 self.do(Note(text="a remark", source="wizard:w"))
             case 1:
                 self.do(ControlChanged(status="asked", by="wizard:v", holder="wizard:w"))
             case 2:
-                self.submit("deleteValue", self.random.choice(["k0", "k1", "name", "person", "nothing"]))
+                self.submit("deleteValue", self.random.choice(["k0", "k1", "name", "person", "nothing", "session"]))
+            case 3:
+                self.submit(
+                    "assignValue",
+                    self.random.choice(["session.cue = true", "session = 1", "pause = '1s'", "pause = 0.2"]),
+                )
             case _:
                 self.submit("nonsense", "x")
 

@@ -18,13 +18,18 @@ from rise_engine.kernel.inputs import (
 from rise_engine.scenario.model import Scenario
 
 from .acts import Acts
+from .failures import Failures
+from .going_on import GoingOn
+from .kept import KeptEvents
 from .marks import Marks
 from .memory import Memory
 from .rules import Rules
 from .scheduler import Scheduler
 from .session import Row, Session
+from .standing import Standing
 from .stop import Stop
 from .tasks import Tasks
+from .times import Times
 
 
 class Interpreter:
@@ -39,6 +44,11 @@ class Interpreter:
         session.memory = Memory(session)
         session.marks = Marks(session)
         session.stop = Stop(session)
+        session.times = Times(session)
+        session.kept = KeptEvents(session)
+        session.standing = Standing(session)
+        session.failures = Failures(session)
+        session.going_on = GoingOn(session)
 
     @property
     def due(self) -> list[float]:
@@ -86,6 +96,7 @@ class Interpreter:
         session.pressed = None
 
     def _finish(self) -> tuple[list[Row], list[tuple[Any, ...]]]:
+        self.session.standing.update()
         self.session.rules.go()
         return self.session.records, self.session.orders
 
@@ -93,6 +104,7 @@ class Interpreter:
         self.people = {"participant": input.participant, "condition": input.condition}
         self._session_record("started")
         self.session.memory.begin()
+        self.session.standing.begin(input)
 
     def _session_record(self, status: str, reason: str = "") -> None:
         scenario = self.session.scenario

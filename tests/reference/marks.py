@@ -6,7 +6,7 @@ from .session import Clock, Session
 from .tasks import STARTS_ACT, Refused, Task, two_words
 
 MISTAKES = ("wrong", "late", "early", "double", "none")
-NO_DEEDS = ("markMistake", "goOn")
+NO_DEEDS = ("markMistake", "goOn", "repeatAct", "stopRuleOfAct")
 
 
 class Marks:
@@ -104,7 +104,7 @@ class Marks:
         other = self.session.tasks.all.get(words[0])
         if other is None or other.refused or other is task:
             raise Refused("there is no such task")
-        if not other.act and (not other.source.startswith("wizard:") or other.function in NO_DEEDS):
+        if not other.act and (other.follows or not other.source.startswith("wizard:") or other.function in NO_DEEDS):
             raise Refused("no wizard did that")
         self.session.tasks.record(task, "SUCCEEDED")
         self.session.put("mistake", task=other.id, act=other.act, mark=words[1], source=task.source)
@@ -121,6 +121,11 @@ class Marks:
 
     def go_on(self, task: Task) -> None:
         """Somebody has seen a failure."""
+        question = self.session.failures.asked(task.behavior)
+        if question is not None:
+            self.failed.pop(question.task.id, None)
+            self.session.failures.go_on(task, question)
+            return
         text = task.behavior.strip()
         number = int(text) if text.isascii() and text.isdigit() and len(text) < 10 else 0
         if number not in self.failed:

@@ -24,12 +24,12 @@ class Memory:
         for key, value in self.session.scenario.memory.items():
             self.set(key, copy.deepcopy(value), "file")
 
-    def set(self, key: str, value: Any, source: str) -> None:
-        """Change one key."""
+    def set(self, key: str, value: Any, source: str, part: str = "") -> None:
+        """Change one key, or one part of the object that is its value."""
         created, old = key not in self.values, self.values.get(key)
         self.values[key] = value
         self.session.put("memory", key=key, value=value, old=old, source=source, deleted=False, created=created)
-        self.session.rules.key_changed(key)
+        self.session.rules.key_changed(part or key)
 
     def delete(self, key: str, source: str) -> None:
         """Take one away."""
@@ -56,8 +56,12 @@ class Memory:
         try:
             return change.evaluate(self.environment(missing), known)
         finally:
-            for key in self.first_time(missing):
-                self.session.put("note", text=f"there is no key {key}", source="engine")
+            self.note_missing(missing)
+
+    def note_missing(self, missing: set[str]) -> None:
+        """Say of keys that do not exist that they were read."""
+        for key in self.first_time(missing):
+            self.session.put("note", text=f"there is no key {key}", source="engine")
 
     def holds(self, condition: Expression, rule: str, state: str) -> bool:
         """Look at a condition; what was seen is recorded."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from dataclasses import dataclass, field
 
 from rise_engine.scenario.model import (
@@ -19,6 +20,7 @@ from rise_engine.scenario.model import (
 )
 
 from .circles import Circles, Step
+from .kept import Kept
 from .session import Clock, Session
 from .tasks import Failed, Refused, Task
 
@@ -39,7 +41,8 @@ class Run:
     """The step that is the cause."""
     held: set[int] = field(default_factory=set)
     """Those of them without target that held when they were looked at last."""
-    clocks: list[Clock] = field(default_factory=list)
+    clocks: dict[int, Clock] = field(default_factory=dict)
+    """By transition, the times that run."""
 
     @property
     def name(self) -> str:
@@ -57,6 +60,8 @@ class Event:
     """With `ended`: the name of the one rule that may take it."""
     act: str = ""
     outcome: str = ""
+    kept: Kept | None = None
+    """With `keep`."""
 
     def fits(self, way: Transition) -> bool:
         """Whether a transition waits for it."""
@@ -81,16 +86,20 @@ class Rules:
 
     def start_rule(self, task: Task) -> None:
         """Start a rule: its first state's functions run at once."""
-        rule = self.session.scenario.rules.get(task.behavior.strip())
         self.session.stop.refuse_if_stopped()
+        name, state, enter = read_start(task.behavior)
+        rule = self.session.scenario.rules.get(name)
         if rule is None:
             raise Refused("there is no such rule")
+        state = rule.initial if state is None else state
+        if state not in rule.states:
+            raise Refused("it has no such state")
         if any(run.name == rule.name for run in self.stack):
             raise Refused("it is running already")
         tasks = self.session.tasks
         tasks.record(task, "PENDING")
         tasks.record(task, "ACTIVE")
-        run = Run(rule, task, rule.priority, rule.states[rule.initial])
+        run = Run(rule, task, rule.priority, rule.states[state])
         place = 0
         if task.source.startswith("rule:"):
             run.priority = max([rule.priority, *(other.priority for other in self.stack)])
@@ -98,12 +107,38 @@ class Rules:
             while place < len(self.stack) and self.stack[place].priority > rule.priority:
                 place += 1
         self.stack.insert(place, run)
-        self._record(run, "started", run.state.id, trigger="start")
-        self._arrive(run, rule.initial, None, "start", None)
+        trigger = "start" if enter else "start, without onEntry"
+        self._record(run, "started", state, trigger=trigger)
+        self._arrive(run, state, None, trigger, None, self.step)
         step = self.circles.about_to_step(run, self.step)
         if step is not None:
             self.circles.count(run)
-            self._run_state(run, step)
+            self._run_state(run, step, enter)
+
+    def resume(self, run: Run, enter: bool, held: set[int]) -> None:
+        """A rule that a stop has ended begins where it stood; its functions run later."""
+        trigger = "resumed" if enter else "resumed, without onEntry"
+        tasks = self.session.tasks
+        tasks.record(run.task, "PENDING")
+        tasks.record(run.task, "ACTIVE")
+        self.stack.insert(0, run)
+        self._record(run, "started", run.state.id, trigger=trigger)
+        self._arrive(run, run.state.id, None, trigger, None, None)
+        self.circles.count(run)
+        run.held |= held
+        self.session.times.state_entered(run)
+
+    def run_functions(self, run: Run, enter: bool) -> None:
+        """What a state does after it was entered, but for its times."""
+        self._run_functions(run, Step(run.name, None), enter)
+
+    def go_back(self, run: Run, state: str, enter: bool) -> None:
+        """A rule enters the state before."""
+        self.session.times.state_left(run)
+        step, previous = Step(run.name, None), run.state.id
+        self._move_to_top(run)
+        self._arrive(run, state, previous, "stepped back" if enter else "stepped back, without onEntry", None, step)
+        self._run_state(run, step, enter)
 
     def stop_rule(self, task: Task) -> None:
         """Stop a rule by its name."""
@@ -117,6 +152,7 @@ class Rules:
         """A running rule is stopped."""
         self._take_away(run)
         self._record(run, "stopped", run.state.id, reason=why)
+        self.session.failures.rule_stopped(run)
         self.session.tasks.record(run.task, "CANCELED", why)
         self.raise_engine_event(f"{run.name}_end")
 
@@ -130,6 +166,7 @@ class Rules:
         """A rule goes round in circles."""
         self._take_away(run)
         self._record(run, "faulted", run.state.id, reason=why)
+        self.session.failures.rule_stopped(run)
         self.session.tasks.record(run.task, "ABORTED", why)
         self.raise_engine_event(f"{run.name}_end")
 
@@ -149,13 +186,13 @@ class Rules:
 
     def _take_away(self, run: Run) -> None:
         self.stack.remove(run)
-        self._forget_clocks(run)
+        self.session.times.state_left(run)
 
     # --- events ---
 
-    def raise_event(self, topic: str, source: str) -> None:
+    def raise_event(self, topic: str, source: str, kept: Kept | None = None) -> None:
         """It waits for its turn."""
-        self.events.append(Event(topic, source, self.step))
+        self.events.append(Event(topic, source, self.step, kept=kept))
 
     def raise_engine_event(self, topic: str) -> None:
         """What the engine raises is raised only if any transition of the scenario waits for it."""
@@ -176,9 +213,9 @@ class Rules:
     def key_changed(self, key: str) -> None:
         """Conditions that read it are to be looked at."""
         for run in self.stack:
-            ways = [way for way in run.state.transitions if way.is_eventless and way.condition is not None]
-            keys = {each for way in ways if way.condition is not None for each in way.condition.keys}
-            if any(key in (each, each.split(".")[0]) for each in keys):
+            looked_at = [way.condition if way.is_eventless else way.held for way in run.state.transitions]
+            keys = {each for condition in looked_at if condition is not None for each in condition.keys}
+            if any(is_part(key, each) for each in keys):
                 run.to_look, run.why_look = True, self.step
 
     # --- one thing after the other ---
@@ -194,6 +231,10 @@ class Rules:
                 continue
             run.to_look, cause = False, run.why_look
             for index, way in enumerate(run.state.transitions):
+                if way.held is not None:
+                    self.step = cause
+                    self.session.times.look(run, index, way)
+                    self.step = None
                 if not way.is_eventless or way.condition is None:
                     continue
                 if not self.session.memory.holds(way.condition, run.name, run.state.id):
@@ -208,23 +249,32 @@ class Rules:
         if not self.events:
             return False
         event = self.events.pop(0)
+        if event.kept is not None and event.kept not in self.session.kept.all:
+            return True
         topic = event.topic if event.only is not None else f"/{event.topic}"
         for run in list(self.stack):
             if event.only is not None and run.name != event.only:
                 continue
             for index, way in enumerate(run.state.transitions):
                 if event.fits(way) and self._guard_holds(run, way):
+                    if event.kept is not None:
+                        self.session.kept.taken(event.kept, run.name)
                     self.session.put("event", topic=topic, source=event.source, taken_by=run.name)
                     self._take(run, index, way_text(way) if event.act else topic, event.cause)
                     return True
-        self.session.put("event", topic=topic, source=event.source, taken_by=None)
+        if event.kept is not None:
+            self.session.kept.not_taken(event.kept)
+        else:
+            self.session.put("event", topic=topic, source=event.source, taken_by=None)
         return True
 
-    def _time_has_passed(self, run: Run, index: int) -> None:
+    def time_has_passed(self, run: Run, index: int) -> None:
+        """The time of a transition is up."""
         way = run.state.transitions[index]
         if self._guard_holds(run, way):
             assert way.after is not None
-            self._take(run, index, after_text(way.after), None)
+            held = f"while {way.held.text} " if way.held is not None else ""
+            self._take(run, index, held + after_text(way.after), None)
 
     def _guard_holds(self, run: Run, way: Transition) -> bool:
         return way.condition is None or self.session.memory.holds(way.condition, run.name, run.state.id)
@@ -243,14 +293,14 @@ class Rules:
             self._run_block(run, way.block, step)
             run.to_look, run.why_look = True, step
             return
-        self._forget_clocks(run)
+        self.session.times.state_left(run)
         run.to_look = False
         self._run_block(run, previous.on_exit, step)
         if run in self.stack:
             self._run_block(run, way.block, step)
         if run in self.stack:
             self._move_to_top(run)
-            self._arrive(run, way.target, previous.id, trigger, index)
+            self._arrive(run, way.target, previous.id, trigger, index, step)
             self._run_state(run, step)
 
     def _move_to_top(self, run: Run) -> None:
@@ -260,29 +310,29 @@ class Rules:
         self.stack.remove(run)
         self.stack.insert(0, run)
 
-    def _arrive(self, run: Run, state: str, previous: str | None, trigger: str, index: int | None) -> None:
+    def _arrive(
+        self, run: Run, state: str, previous: str | None, trigger: str, index: int | None, step: Step | None
+    ) -> None:
         run.state = run.rule.states[state]
-        run.held, run.clocks, run.to_look = set(), [], False
+        run.held, run.clocks, run.to_look = set(), {}, False
         self._record(run, "entered", state, previous, trigger, index)
+        self.session.going_on.entered(run)
+        before, self.step = self.step, step
+        self.session.kept.state_entered(run)
+        self.step = before
 
-    def _run_state(self, run: Run, step: Step | None) -> None:
+    def _run_state(self, run: Run, step: Step | None, enter: bool = True) -> None:
         """Its times begin, its functions run, and a state without transitions ends the rule."""
-        for number, way in enumerate(run.state.transitions):
-            if way.after is not None:
-                assert way.after.seconds is not None
-                clock = self.session.after(way.after.seconds, lambda number=number: self._time_has_passed(run, number))
-                run.clocks.append(clock)
-        self._run_block(run, run.state.on_entry, step)
+        self.session.times.state_entered(run)
+        self._run_functions(run, step, enter)
+
+    def _run_functions(self, run: Run, step: Step | None, enter: bool) -> None:
+        self._run_block(run, run.state.on_entry if enter else (), step)
         run.to_look, run.why_look = True, step
         if run in self.stack and not run.state.transitions:
             before, self.step = self.step, step
             self._end(run)
             self.step = before
-
-    def _forget_clocks(self, run: Run) -> None:
-        for clock in run.clocks:
-            self.session.forget(clock)
-        run.clocks = []
 
     # --- functions ---
 
@@ -314,7 +364,10 @@ class Rules:
             self._call(run, statement)
 
     def _call(self, run: Run, function: Function) -> None:
-        self.session.tasks.new(function.name, function.argument, source=f"rule:{run.name}")
+        try:
+            self.session.tasks.new(function.name, function.behavior, source=f"rule:{run.name}")
+        finally:
+            self.session.standing.update()
 
     def remember_act(self, task: Task, act: str) -> None:
         """A rule remembers the acts that it starts, if it waits for their ends."""
@@ -358,3 +411,23 @@ def way_text(way: Transition) -> str:
 def after_text(after: Delay) -> str:
     """A time as the record has it: `after 0.5s`, or `after {pause}`."""
     return f"after {after.seconds:g}s" if after.seconds is not None else f"after {after.text}"
+
+
+def is_part(changed: str, read: str) -> bool:
+    """Whether a condition that reads one key is looked at when another was written: `a.b.c` for `a`, `a.b`, `a.b.c`.
+    Of the engine's own key also a part is written."""
+    return f"{read}.".startswith(f"{changed}.") or (changed.startswith("session.") and read == "session")
+
+
+def read_start(behavior: str) -> tuple[str, str | None, bool]:
+    """The rule that a task starts, in which state, and whether its `onEntry` runs."""
+    if not behavior.strip().startswith("{"):
+        return behavior.strip(), None, True
+    try:
+        written = json.loads(behavior)
+    except ValueError:
+        raise Refused("this is no JSON") from None
+    rule, state, enter = written.get("rule"), written.get("state"), written.get("enter", True)
+    if set(written) - {"rule", "state", "enter"} or not isinstance(rule, str) or not isinstance(enter, bool):
+        raise Refused("write rule, state and enter")
+    return rule, state, enter

@@ -6,6 +6,7 @@ from rise_engine.scenario.model import Act, Action, ActionCall
 from rise_engine.scenario.template import Template
 
 from .acts import Run
+from .rules import Run as RuleRun
 from .session import Session
 from .tasks import STARTS_ACT, Refused, Task, two_words
 
@@ -60,12 +61,21 @@ class Scheduler:
                 place += 1
         self.line.insert(place, (task, act))
         self.session.rules.remember_act(task, act.name)
+        self.session.failures.started(task)
         self.session.marks.act_asked(task)
         self.session.tasks.record(task, "PENDING", position=place)
         if task.calling_type == "Interrupt":
             for run in self._blocking():
                 self.session.acts.stop(run, f"interrupted by {act.name}")
         self.arrange()
+
+    def add_repetition(self, task: Task, failed: Task) -> None:
+        """An act is started again: it goes before all that wait."""
+        act = self.session.scenario.acts[failed.act]
+        task.act = act.name
+        self.line.insert(0, (task, act))
+        self.session.marks.act_asked(task)
+        self.session.tasks.record(task, "PENDING", f"repeats task {failed.id}", position=0)
 
     def stop_act(self, task: Task) -> None:
         """Stop all that runs or waits under a name."""
@@ -91,6 +101,15 @@ class Scheduler:
         self.line.remove(found[0])
         self.line.insert(int(words[1]), found[0])
         self.session.tasks.record(found[0][0], "PENDING", "moved", self.line.index(found[0]))
+        self.arrange()
+
+    def stop_acts_of(self, run: RuleRun, why: str) -> None:
+        """Stop all acts that a rule has started."""
+        starters = self.session.failures.starters
+        tasks = [task for task, _ in self.line] + [each.task for each in self.running]
+        for task in tasks:
+            if starters.get(task.id) is run:
+                self._take_out(task, why)
         self.arrange()
 
     def is_there(self, task: Task) -> bool:

@@ -12,12 +12,17 @@ from .chance import Chance
 
 if TYPE_CHECKING:
     from .acts import Acts
+    from .failures import Failures
+    from .going_on import GoingOn
+    from .kept import KeptEvents
     from .marks import Marks
     from .memory import Memory
     from .rules import Rules
     from .scheduler import Scheduler
+    from .standing import Standing
     from .stop import Stop
     from .tasks import Tasks
+    from .times import Times
 
 Row = dict[str, Any]
 
@@ -52,6 +57,11 @@ class Session:
         self.memory: Memory
         self.marks: Marks
         self.stop: Stop
+        self.times: Times
+        self.kept: KeptEvents
+        self.standing: Standing
+        self.failures: Failures
+        self.going_on: GoingOn
 
     def put(self, kind: str, **fields: Any) -> Row:
         """A record."""

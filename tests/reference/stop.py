@@ -39,7 +39,11 @@ class Stop:
         self.clock = session.after(ANSWER, self._no_answer)
         why = f"stop-all by {task.source}"
         session.marks.nothing_by_itself()
+        session.failures.drop_all()
+        session.going_on.stop_all()
         session.rules.stop_all(why)
+        for kept in list(session.kept.all):
+            session.kept.take_back(kept, why)
         session.scheduler.stop_all(why)
         session.order("stop robot")
 
@@ -62,9 +66,11 @@ class Stop:
             raise Refused("nothing is stopped")
         if self.status == "requested":
             raise Refused("the robot has not answered yet")
+        words = self.session.going_on.read_release(task.behavior)
         self.session.tasks.record(task, "SUCCEEDED")
         self.status = ""
         self.session.put("stop", status="released", confirmed=[], unconfirmed=[], source=task.source)
+        self.session.going_on.released(words, task.source)
 
     def _record(
         self, source: str = "", confirmed: list[str] | None = None, unconfirmed: list[str] | None = None

@@ -58,6 +58,7 @@ CONDITIONS = (
     "rand(1) > 0.5",
     "person.near",
     "person.far and k0",
+    "person.near.by > 1",
     "defined(person)",
     "length(name) > k1",
     "k1 = 1",
@@ -80,6 +81,8 @@ ASSIGNMENTS = (
     "name = Bert",
     "name = 'Cleo'",
     '{"person": {"near": true}}',
+    '{"person": {"near": {"by": 2}}}',
+    '{"person.near": 1}',
     "person.near = k0",
     "person.far = true",
     "name.first = 3",
@@ -94,6 +97,34 @@ WORDS = (
     "{person.near|unsure}",
     "a longer sentence that takes a while to be said",
 )
+COMPUTED = (
+    ("{k1}", None),
+    ("{k2 + 1}", None),
+    ("{0 - 1}", None),
+    ("{name}", None),
+    ("{pause}", None),
+    ("{k0}", None),
+    ("{missing5}", None),
+    ("{missing6 + 1}", None),
+    ("{k1}ms", 0.001),
+    ("{pause}s", 1.0),
+    ("{100000}", None),
+    ("{name + 1}", None),
+    ("{rand(2)}", None),
+)
+SESSION = (
+    "session.speaking",
+    "not session.speaking and not session.cue",
+    "session.cue",
+    "session.stopped",
+    "session.participant = 'P1'",
+    "session.factors.voice = 'low'",
+    "defined(session)",
+    "session.speaking or k0",
+)
+HELD = ("k0", "not k0", "session.speaking", "not session.speaking and not session.cue", "session.cue", "k1 < 3")
+"""What turns false again now and then."""
+POLICIES = ("go_on", "ask", "repeat:1", "repeat:2")
 TIMES = ("0", "0", "100", "2000", "1000", "{k1}", "{k2}", "{name}", "{missing}", "0.0001", "0.3")
 
 DELAYS = tuple(Delay(words, seconds) for words, seconds in (("100ms", 0.1), ("1s", 1.0), ("2 s", 2.0), ("1.5s", 1.5)))
@@ -134,6 +165,10 @@ class Author:
         self.random = random
         self.robot = robot(random)
         self.topics = random.sample(TOPICS, random.randint(3, 10)) + list(OWN)
+        self.going_on = random.random() < 0.5
+        """Whether it has what is in section 12."""
+        self.turns = random.random() < 0.5
+        """Whether rules look at how the session stands, wait for what has held, and keep events."""
         self.busy = random.choice([0.5, 1.0, 2.0])
         """How much stands in its blocks."""
 
@@ -154,7 +189,11 @@ class Author:
             if way.event is not None
         }
         settings = {
-            name: ActSettings(filler=self.chance(0.4), calling_type="None" if self.chance(0.4) else "Blocking")
+            name: ActSettings(
+                filler=self.chance(0.4),
+                calling_type="None" if self.chance(0.4) else "Blocking",
+                on_failure=self.random.choice(["", *POLICIES]) if self.going_on else "",
+            )
             for name in ACTS
             if self.chance(0.5)
         }
@@ -165,10 +204,19 @@ class Author:
             self.robot,
             acts,
             rules,
-            {"k0": False, "k1": 0, "k2": 1, "name": "Ada"},
+            {
+                "k0": False,
+                "k1": 0,
+                "k2": 1,
+                "name": "Ada",
+                "pause": self.random.choice(["2s", "500 ms", "0.1ms", "2", None]),
+            },
             act_settings=settings,
             fillers=FillerSettings(auto_after=self.random.choice([None, 1.0, 3.0])),
-            known_keys=frozenset({"k0", "k1", "k2", "name", "person", "missing4"}),
+            known_keys=frozenset({"k0", "k1", "k2", "name", "pause", "person", "missing4"}),
+            on_failure=self.random.choice(POLICIES) if self.going_on else "go_on",
+            reads_session=self.turns,
+            language=self.random.choice(["", "de-DE"]),
             topics=frozenset(awaited),
         )
 
@@ -229,17 +277,22 @@ class Author:
             case 1:
                 return Function("stopCommunicationRobotAct", pick(ACTS))
             case 2:
+                if self.going_on and self.chance(0.4):
+                    return Function(
+                        "startInteractionRule", pick(RULES), state=pick([*STATES, None]), enter=self.chance(0.5)
+                    )
                 return Function("startInteractionRule", pick(RULES))
             case 3:
                 return Function("stopInteractionRule", pick(RULES))
             case 4:
-                return Function("raiseEventTopic", pick(["/", ""]) + pick([*self.topics, *OWN]))
+                keep = pick([1.0, 0.5, 30.0]) if self.turns and self.chance(0.4) else None
+                return Function("raiseEventTopic", pick(["/", ""]) + pick([*self.topics, *OWN]), keep=keep)
             case _:
                 words = pick(ASSIGNMENTS)
                 return Function("assignValue", words, Assignment.parse(words))
 
     def condition(self) -> Expression:
-        return Expression.parse(self.random.choice(CONDITIONS))
+        return Expression.parse(self.random.choice([*CONDITIONS, *SESSION] if self.turns else CONDITIONS))
 
     def statement(self, deep: int = 0) -> Statement:
         again = lambda: self.statement(deep + 1)  # noqa: E731
@@ -260,22 +313,31 @@ class Author:
     def transition(self) -> Transition:
         pick = self.random.choice
         guard = self.condition() if self.chance(0.35) else None
-        target = pick([*STATES, *STATES, None, None])
+        target = pick([*STATES, "s0", "s1", "s2", None, None])
         block = self.block(1)
         match self.random.randrange(6):
             case 0:
                 return Transition(None, self.condition(), None, target, block)
             case 1:
-                return Transition(None, guard, pick(DELAYS), target, block)
+                delay = pick(DELAYS)
+                if self.turns and self.chance(0.5):
+                    words, unit = pick(COMPUTED)
+                    written = words[: words.index("}") + 1]
+                    delay = Delay(words, None, Expression.parse(written[1:-1]), unit)
+                held = None
+                if self.turns and self.chance(0.5):
+                    held = Expression.parse(pick(HELD)) if self.chance(0.7) else self.condition()
+                return Transition(None, guard, delay, target, block, held=held)
             case 2:
                 outcomes: tuple[ActOutcome, ...] = pick([(), ("succeeded",), ("failed", "stopped")])
                 return Transition(None, guard, None, target, block, ended=pick(ACTS), outcomes=outcomes)
             case _:
-                return Transition(pick(self.topics), guard, None, target, block)
+                return Transition(pick([pick(OWN), pick(self.topics)]), guard, None, target, block)
 
     def rule(self, name: str) -> Rule:
         states = {}
         for state in STATES:
-            ways = () if state == "s3" or self.chance(0.1) else self.some(self.transition, 4)
+            ends = state == "s3" or self.chance(0.1)
+            ways = () if ends else (self.transition(), *self.some(self.transition, 3))
             states[state] = State(state, self.block(2), self.block(1) if self.chance(0.4) else (), ways)
         return Rule(name, self.random.choice(["s0", "s0", "s1"]), states, self.random.choice([0, 1, 2, 0.5]))

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
+import json
 from contextlib import suppress
 from dataclasses import dataclass
 from typing import Any
 
 from rise_engine.expression import Assignment, EvaluationError, ExpressionError
 from rise_engine.kernel.inputs import Submit
-from rise_engine.scenario.model import normal_topic
 
 from .session import Session
 
@@ -34,6 +34,8 @@ class Task:
     robot_at: float | None = None
     cue_at: float | None = None
     refused: bool = False
+    follows: bool = False
+    """Whether it is part of what another task of somebody does."""
 
 
 class Refused(Exception):
@@ -78,10 +80,7 @@ class Tasks:
         self, function: str, behavior: str = "", calling_type: str = "", source: str = "engine", ref: str | None = None
     ) -> Task:
         """A task of anybody. Gives it with its number, also when it was refused or has failed."""
-        session = self.session
-        task = Task(len(self.all) + 1, function, behavior, calling_type, source, ref, session.pressed, session.now)
-        self.all[task.id] = task
-        task.cue_at = session.marks.cue_at
+        task = self.numbered(function, behavior, calling_type, source, ref)
         if function != STARTS_ACT:
             task.calling_type = calling_type or "None"
         try:
@@ -89,6 +88,14 @@ class Tasks:
         except Refused as why:
             task.refused = True
             self.record(task, "REJECTED", str(why))
+        return task
+
+    def numbered(self, function: str, behavior: str, calling_type: str, source: str, ref: str | None = None) -> Task:
+        """A task with the next number."""
+        session = self.session
+        task = Task(len(self.all) + 1, function, behavior, calling_type, source, ref, session.pressed, session.now)
+        self.all[task.id] = task
+        task.cue_at = session.marks.cue_at
         return task
 
     def _do(self, task: Task, calling_type: str) -> None:
@@ -103,15 +110,20 @@ class Tasks:
             case "stopInteractionRule":
                 session.rules.stop_rule(task)
             case "raiseEventTopic":
-                topic = normal_topic(task.behavior)
+                topic, seconds = session.kept.read(task.behavior)
                 if not topic:
                     raise Refused("the event has no name")
-                self.record(task, "SUCCEEDED")
-                session.rules.raise_event(topic, task.source)
+                if seconds is not None and task.behavior.strip().startswith("{"):
+                    task.behavior = json.loads(task.behavior)["event"]
+                if seconds is not None:
+                    session.kept.raise_event(task, topic, seconds)
+                else:
+                    self.record(task, "SUCCEEDED")
+                    session.rules.raise_event(topic, task.source)
             case "assignValue":
                 self._assign(task)
             case "deleteValue":
-                if task.behavior not in session.memory.values:
+                if task.behavior not in session.memory.values or session.standing.owns(task.behavior):
                     raise Refused("there is no such key")
                 self.record(task, "SUCCEEDED")
                 session.memory.delete(task.behavior, task.source)
@@ -135,6 +147,12 @@ class Tasks:
                 session.marks.mark_mistake(task)
             case "goOn":
                 session.marks.go_on(task)
+            case "stepBack":
+                session.going_on.step_back(task)
+            case "repeatAct":
+                session.failures.repeat(task)
+            case "stopRuleOfAct":
+                session.failures.stop_rule(task)
             case _:
                 raise Refused("there is no such function")
 
@@ -143,6 +161,8 @@ class Tasks:
             changes = Assignment.parse_all(task.behavior)
         except ExpressionError as error:
             raise Refused(str(error)) from None
+        if any(self.session.standing.owns(change.key) for change in changes):
+            raise Refused("that is the engine's")
         self.assign(task, changes)
 
     def assign(self, task: Task, changes: tuple[Assignment, ...]) -> None:
@@ -173,6 +193,9 @@ class Tasks:
         elif other is not None and (run := self.session.rules.run_of(other)) is not None:
             self.record(task, "SUCCEEDED")
             self.session.rules.stop(run, why)
+        elif other is not None and (kept := self.session.kept.of(other)) is not None:
+            self.record(task, "SUCCEEDED")
+            self.session.kept.take_back(kept, why)
         else:
             raise Refused("no such task is running or waiting")
 

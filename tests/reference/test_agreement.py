@@ -63,6 +63,10 @@ def test_the_studies_use_everything() -> None:
         *(f"rule {how}" for how in ("started", "entered", "stayed", "ended", "stopped", "faulted")),
         *(f"cue {how}" for how in ("marked", "filled", "answered", "undone")),
         *(f"stop {how}" for how in ("requested", "latched", "released")),
+        *(f"countdown {how}" for how in ("began", "broken", "failed")),
+        *(f"kept {how}" for how in ("kept", "taken", "expired", "taken-back")),
+        *(f"failure {how}" for how in ("asked", "repeated", "gone-on", "dropped")),
+        *(f"{how}{more}" for how in ("start", "resumed", "stepped back") for more in ("", ", without onEntry")),
         *("mistake", "timing ABORTED", "timing CANCELED", "note", "memory", "event", "condition", "robot lost"),
     }
 
