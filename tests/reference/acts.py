@@ -119,7 +119,7 @@ class Acts:
         doing = Doing(action, call.type, as_written(call), None, spec.engine)
         run.doing[action.id] = doing
         try:
-            doing.parameters = filled(call, spec, session.memory.values)
+            doing.parameters = filled(call, spec, session.memory.readable)
             if not spec.engine and not self.connected:
                 raise Unfit("the robot is not connected")
         except Unfit as why:

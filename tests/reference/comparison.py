@@ -29,7 +29,7 @@ from rise_engine.scenario.model import Scenario
 
 from .interpreter import Interpreter
 from .session import Row
-from .studies import ACTS, ASSIGNMENTS, OWN, RULES, Author
+from .studies import ACTS, ASSIGNMENTS, OWN, RULES, SETTING, Author
 
 MOVES = 30
 """How many a study has."""
@@ -226,7 +226,10 @@ class Play:
             case 2:
                 self.submit("raiseEventTopic", pick(["/", ""]) + pick([*OWN, *OWN, "A0_end", "nothing"]))
             case 3:
-                self.submit("assignValue", pick([*ASSIGNMENTS, "x =", '{"k0": true, "k1": 3}']))
+                self.submit(
+                    "assignValue",
+                    pick([*ASSIGNMENTS, *SETTING, "x =", '{"k0": true, "k1": 3}', '{"person.a": 1, "person.b": 2}']),
+                )
             case 4:
                 self.report()
             case 5:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import copy
 from typing import Any
 
-from rise_engine.expression import Assignment, Environment, EvaluationError, Expression, assigned_entry, lookup
+from rise_engine.expression import Assignment, Environment, EvaluationError, Expression, lookup
 
 from .session import Session
 
@@ -37,26 +37,40 @@ class Memory:
         self.session.put("memory", key=key, value=None, old=old, source=source, deleted=True, created=False)
         self.session.rules.key_changed(key)
 
-    def environment(self, missing: set[str]) -> Environment:
-        """What an expression is evaluated in."""
-        return Environment(self.values, self.session.chance.fraction, missing)
+    @property
+    def readable(self) -> dict[str, Any]:
+        """All that can be read: also the tables of the scenario (semantics.md 7.1)."""
+        return {**self.values, **{name: table.records for name, table in self.session.scenario.tables.items()}}
 
-    def entry(self, key: str, value: Any) -> tuple[str, Any]:
-        """The key that gets another value when `key` is set: the object that it reaches into."""
-        return assigned_entry(self.values, key, value)
+    def environment(self, missing: set[str], parts: dict[str, Any] | None = None) -> Environment:
+        """What an expression is evaluated in."""
+        return Environment(self.readable, self.session.chance.fraction, missing, self.session.chance.one_of, parts)
+
+    def why_not_set(self, key: str) -> str:
+        """Why nobody may set a key, or empty."""
+        head = key.split(".")[0]
+        if self.session.standing.owns(key):
+            return "that is the engine's"
+        return "that is a table" if head in self.session.scenario.tables else ""
 
     def taken_as_text(self, change: Assignment, value: Any) -> bool:
         """Whether the right side is a word that is no key."""
         return change.bare_word is not None and value == change.bare_word
 
-    def computed(self, change: Assignment) -> Any:
-        """The value that an assignment gives now."""
+    def computed(self, changes: tuple[Assignment, ...]) -> list[tuple[str, Any]]:
+        """Which keys assignments give which values now; each sees what those before it set."""
         missing: set[str] = set()
-        known = self.session.scenario.known_keys
+        known, tables = self.session.scenario.known_keys, self.session.scenario.tables
+        so_far, entries = self.readable, []
         try:
-            return change.evaluate(self.environment(missing), known)
+            for change in changes:
+                limited = any(key.split(".")[0] in tables for key in change.keys)
+                key, value = change.entry(self.environment(missing), known, so_far, limited=limited)
+                so_far[key] = value
+                entries.append((key, value))
         finally:
             self.note_missing(missing)
+        return entries
 
     def note_missing(self, missing: set[str]) -> None:
         """Say of keys that do not exist that they were read."""
@@ -67,11 +81,16 @@ class Memory:
         """Look at a condition; what was seen is recorded."""
         missing: set[str] = set()
         result, error = False, ""
-        values = {key: lookup(self.values, key)[1] for key in condition.keys}
+        parts: dict[str, Any] = {}
         try:
-            result = condition.as_condition(self.values, self.session.chance.fraction, missing)
+            result = condition.compiled_condition(self.environment(missing, parts))
         except EvaluationError as why:
             error = str(why)
+        values = {key: lookup(self.readable, key)[1] for key in condition.keys - condition.keys_of_parts_only}
+        for name, table in self.session.scenario.tables.items():
+            if name in values:
+                values[name] = table.size_text
+        values.update(parts)
         self.session.put(
             "condition",
             rule=rule,

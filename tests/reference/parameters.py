@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from rise_engine.expression import lookup
+from rise_engine.expression import Environment, EvaluationError, MissingPartError, lookup
 from rise_engine.scenario import convert_parameter
 from rise_engine.scenario.model import ActionCall, ActionSpec
 from rise_engine.scenario.parameters import ParameterError
@@ -15,6 +15,18 @@ class Unfit(Exception):
     """A parameter that has no value now."""
 
 
+def read(slot: MemorySlot, memory: dict[str, Any]) -> tuple[bool, Any]:
+    """Whether what stands in braces is there, and its value."""
+    if slot.part is None:
+        return lookup(memory, slot.key)
+    try:
+        return True, slot.part.compiled_value(Environment(memory))
+    except MissingPartError:
+        return False, None
+    except EvaluationError as error:
+        raise Unfit(str(error)) from None
+
+
 def text_of(template: Template, memory: dict[str, Any]) -> str:
     """The words, with the memory's values in them."""
     words = ""
@@ -22,7 +34,7 @@ def text_of(template: Template, memory: dict[str, Any]) -> str:
         if isinstance(part, str):
             words += part
             continue
-        found, value = lookup(memory, part.key)
+        found, value = read(part, memory)
         separated = bool(part.before or part.after)
         if found and value is not None and not (separated and not spoken_text(value).strip()):
             words += part.before + spoken_text(value) + part.after
@@ -40,7 +52,7 @@ def filled(call: ActionCall, spec: ActionSpec, memory: dict[str, Any]) -> dict[s
         declared = spec.parameters[name]
         value: Any = None
         if declared.type != "text" and len(template.parts) == 1 and isinstance(template.parts[0], MemorySlot):
-            value = lookup(memory, template.parts[0].key)[1]
+            value = read(template.parts[0], memory)[1]
         if value is None:
             value = text_of(template, memory)
         try:

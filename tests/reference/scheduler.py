@@ -105,10 +105,9 @@ class Scheduler:
 
     def stop_acts_of(self, run: RuleRun, why: str) -> None:
         """Stop all acts that a rule has started."""
-        starters = self.session.failures.starters
         tasks = [task for task, _ in self.line] + [each.task for each in self.running]
         for task in tasks:
-            if starters.get(task.id) is run:
+            if task.source == f"rule:{run.name}":
                 self._take_out(task, why)
         self.arrange()
 

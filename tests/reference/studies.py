@@ -26,6 +26,7 @@ from rise_engine.scenario.model import (
     Scenario,
     State,
     Statement,
+    Table,
     Transition,
 )
 from rise_engine.scenario.template import parse_template
@@ -122,12 +123,48 @@ SESSION = (
     "defined(session)",
     "session.speaking or k0",
 )
+PARTS = (
+    "items[k1].done",
+    "items[k1].text = 'b'",
+    "k1 < length(items) and items[k1].done",
+    "defined(items[k1].text)",
+    "list[order[0]] > 1",
+    "length(list) > k1",
+    "defined(words)",
+    "length(words) > k1",
+    "words[k1].text = 'one'",
+    "list[k2] = list[0]",
+)
+SETTING = (
+    "items[k1].done = true",
+    "items[k1].done = k0",
+    "items[k2].text = 'c'",
+    "list[k2] = k1",
+    "list = shuffle(range(k2 + 2))",
+    "order = sample(list, 1)",
+    "list = latin(list, k1)",
+    "order = shuffle(order)",
+    "k1 = words[k2].number",
+    "words[0].text = 'x'",
+    "words = 1",
+    "k1 = list[missing7]",
+)
+PARTS_IN_WORDS = (
+    "{items[k1].text}",
+    "{items[k2].text|none}",
+    "{words[k1].text}",
+    "{list[k1 + 'a']|x}",
+    '{list[0]", "}so',
+)
+PARTS_AT_FIRST = {"items": [{"text": "a", "done": False}, {"text": "b"}], "list": [3, 1, 2], "order": [2, 0, 5]}
 HELD = ("k0", "not k0", "session.speaking", "not session.speaking and not session.cue", "session.cue", "k1 < 3")
 """What turns false again now and then."""
 POLICIES = ("go_on", "ask", "repeat:1", "repeat:2")
 TIMES = ("0", "0", "100", "2000", "1000", "{k1}", "{k2}", "{name}", "{missing}", "0.0001", "0.3")
 
 DELAYS = tuple(Delay(words, seconds) for words, seconds in (("100ms", 0.1), ("1s", 1.0), ("2 s", 2.0), ("1.5s", 1.5)))
+
+WORD_TABLE = Table("words", ("text", "number"), [["one", 1], ["two", None], ["three", 3]])
 
 text = Parameter("message", "text", required=True)
 milliseconds = Parameter("duration", "number", unit="ms", minimum=0)
@@ -167,6 +204,8 @@ class Author:
         self.topics = random.sample(TOPICS, random.randint(3, 10)) + list(OWN)
         self.going_on = random.random() < 0.5
         """Whether it has what is in section 12."""
+        self.parts = random.random() < 0.5
+        """Whether it has tables, and sets and reads parts of values."""
         self.turns = random.random() < 0.5
         """Whether rules look at how the session stands, wait for what has held, and keep events."""
         self.busy = random.choice([0.5, 1.0, 2.0])
@@ -205,6 +244,7 @@ class Author:
             acts,
             rules,
             {
+                **(PARTS_AT_FIRST if self.parts else {}),
                 "k0": False,
                 "k1": 0,
                 "k2": 1,
@@ -213,9 +253,10 @@ class Author:
             },
             act_settings=settings,
             fillers=FillerSettings(auto_after=self.random.choice([None, 1.0, 3.0])),
-            known_keys=frozenset({"k0", "k1", "k2", "name", "pause", "person", "missing4"}),
+            known_keys=frozenset({"k0", "k1", "k2", "name", "pause", "person", "missing4", *PARTS_AT_FIRST}),
             on_failure=self.random.choice(POLICIES) if self.going_on else "go_on",
             reads_session=self.turns,
+            tables={"words": WORD_TABLE} if self.parts else {},
             language=self.random.choice(["", "de-DE"]),
             topics=frozenset(awaited),
         )
@@ -251,7 +292,7 @@ class Author:
             case "Wait":
                 written["duration"] = pick(TIMES)
             case "Speech":
-                written["message"] = pick(WORDS)
+                written["message"] = pick([*WORDS, *(PARTS_IN_WORDS if self.parts else ())])
                 if self.chance(0.2):
                     written["rate"] = pick(["2", "0.5", "{k1}"])
             case "Emotion":
@@ -288,11 +329,12 @@ class Author:
                 keep = pick([1.0, 0.5, 30.0]) if self.turns and self.chance(0.4) else None
                 return Function("raiseEventTopic", pick(["/", ""]) + pick([*self.topics, *OWN]), keep=keep)
             case _:
-                words = pick(ASSIGNMENTS)
+                words = pick([*ASSIGNMENTS, *(SETTING if self.parts else ())])
                 return Function("assignValue", words, Assignment.parse(words))
 
     def condition(self) -> Expression:
-        return Expression.parse(self.random.choice([*CONDITIONS, *SESSION] if self.turns else CONDITIONS))
+        conditions = [*CONDITIONS, *(SESSION if self.turns else ()), *(PARTS if self.parts else ())]
+        return Expression.parse(self.random.choice(conditions))
 
     def statement(self, deep: int = 0) -> Statement:
         again = lambda: self.statement(deep + 1)  # noqa: E731

@@ -123,7 +123,7 @@ class Tasks:
             case "assignValue":
                 self._assign(task)
             case "deleteValue":
-                if task.behavior not in session.memory.values or session.standing.owns(task.behavior):
+                if task.behavior not in session.memory.values or session.memory.why_not_set(task.behavior):
                     raise Refused("there is no such key")
                 self.record(task, "SUCCEEDED")
                 session.memory.delete(task.behavior, task.source)
@@ -161,20 +161,23 @@ class Tasks:
             changes = Assignment.parse_all(task.behavior)
         except ExpressionError as error:
             raise Refused(str(error)) from None
-        if any(self.session.standing.owns(change.key) for change in changes):
-            raise Refused("that is the engine's")
+        if any(self.session.memory.why_not_set(change.key) for change in changes):
+            if not task.source.startswith("rule:"):
+                raise Refused("nobody may set that")
+            self.record(task, "ABORTED", "nobody may set that")
+            raise Failed
         self.assign(task, changes)
 
     def assign(self, task: Task, changes: tuple[Assignment, ...]) -> None:
         """Change the memory; a value that cannot be computed makes the task fail."""
         memory = self.session.memory
         try:
-            values = [(change, memory.computed(change)) for change in changes]
-            entries = [memory.entry(change.key, value) for change, value in values]
+            entries = memory.computed(changes)
         except EvaluationError as error:
             self.record(task, "ABORTED", str(error))
             raise Failed(str(error)) from None
-        words = [change for change, value in values if memory.taken_as_text(change, value)]
+        values = zip(changes, entries, strict=True)
+        words = [change for change, (_, value) in values if memory.taken_as_text(change, value)]
         if task.source.startswith("rule:"):
             words = []  # the check has told the author
         self.record(task, "SUCCEEDED")

@@ -74,7 +74,7 @@ class Times:
         missing: set[str] = set()
         memory = self.session.memory
         try:
-            value = after.expression.value(memory.values, self.session.chance.fraction, missing)
+            value = after.expression.compiled_value(memory.environment(missing))
         except EvaluationError as error:
             raise NoTime(str(error)) from None
         finally:
