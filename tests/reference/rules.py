@@ -138,7 +138,9 @@ class Rules:
         step, previous = Step(run.name, None), run.state.id
         self._move_to_top(run)
         self._arrive(run, state, previous, "stepped back" if enter else "stepped back, without onEntry", None, step)
-        self._run_state(run, step, enter)
+        self.session.times.state_entered(run)
+        self.session.standing.update()
+        self._run_functions(run, step, enter)
 
     def stop_rule(self, task: Task) -> None:
         """Stop a rule by its name."""

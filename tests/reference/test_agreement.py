@@ -19,12 +19,14 @@ PLAYERS = {"comparison.py", "test_agreement.py"}
 """They play studies to the kernel as well."""
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("first", range(0, 240, 20))
 def test_the_same_studies_every_time(first: int) -> None:
     for study in range(first, first + 20):
         assert not difference(study)
 
 
+@pytest.mark.slow
 def test_other_studies_each_time() -> None:
     first = random.SystemRandom().randrange(10**9)
     for study in range(first, first + 60):
@@ -32,6 +34,7 @@ def test_other_studies_each_time() -> None:
         assert not found, f"{found}\nagain: python -m tests.reference --study {study}"
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("owner", "name", "wrong"),
     [
@@ -50,6 +53,7 @@ def test_a_kernel_that_does_something_else_is_found(
     assert f" of {MOVES} moves; again: python -m tests.reference --study {study})" in told
 
 
+@pytest.mark.slow
 def test_the_studies_use_everything() -> None:
     kinds: set[str] = set()
     for study in range(200):
