@@ -171,6 +171,8 @@ class ActRunner:
         state = run.actions.get(id) if run is not None else None
         if run is None or state is None or state.state not in ("running", "canceling"):
             return
+        if self._core.scenario.robot.actions[state.type].engine:
+            return  # a wait was never given to the robot
         if status in ("accepted", "succeeded") and run.task.robot_at is None:
             run.task.robot_at = self._core.t
         if status == "accepted":

@@ -39,9 +39,9 @@ class KeptEvents(dict[int, KeptEvent]):
     def keep(self, task: Task, topic: str, seconds: float) -> None:
         """Raise an event (without slash) that is kept when no rule waits for it. An older one of its name gives way."""
         core = self._core
+        core.record_task(task)  # first: whoever has asked for it finds the answer in the first record
         for other in [kept for kept in self.values() if kept.topic == topic]:
             self.take_back(other, "raised again")
-        core.record_task(task)
         timer = core.set_timer(seconds, TimerTarget("keep", str(task.id)))
         self[task.id] = KeptEvent(task, topic, timer, round(core.t + seconds, 6))
         core.events.append((OFFER, str(task.id), core.cause))

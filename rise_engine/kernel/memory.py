@@ -6,7 +6,7 @@ from collections import ChainMap
 from collections.abc import Callable
 from typing import Any
 
-from rise_engine.expression import Assignment, EvaluationError, MissingPartError, lookup
+from rise_engine.expression import Assignment, EvaluationError, lookup
 from rise_engine.kernel.core import Core
 from rise_engine.kernel.records import ENGINE, MemoryRecord
 from rise_engine.scenario.model import SESSION
@@ -48,16 +48,14 @@ class WorkingMemory:
         so_far = ChainMap[str, Any]({}, core.memory)
         """The memory with what the assignments before would write."""
         written = []
-        for assignment in assignments:
-            limited = bool(core.tables) and any(key.partition(".")[0] in core.tables for key in assignment.keys)
-            try:
+        try:
+            for assignment in assignments:
+                limited = bool(core.tables) and any(key.partition(".")[0] in core.tables for key in assignment.keys)
                 key, value = assignment.entry(core.env, self._known_keys, so_far, limited=limited)
-            except MissingPartError:
-                self._note_missing_keys(assignments)
-                raise
-            so_far[key] = value
-            written.append((key, value))
-        self._note_missing_keys(assignments)
+                so_far[key] = value
+                written.append((key, value))
+        finally:  # also of one that fails: else whatever is looked at next would be said to read those keys
+            self._note_missing_keys(assignments)
         return written
 
     def _note_missing_keys(self, assignments: tuple[Assignment, ...]) -> None:

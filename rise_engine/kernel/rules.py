@@ -97,7 +97,7 @@ class RuleMachine:
     def standing(self) -> list[StoodRule]:
         """Where the rules stand, the bottom of the stack first."""
         return [
-            StoodRule(run.name, run.state.id, run.priority, sorted(run.latched), list(run.steps))
+            StoodRule(run.name, run.state.id, run.priority, _taken_conditions(run), list(run.steps))
             for run in self.stack.values()
         ]
 
@@ -122,6 +122,8 @@ class RuleMachine:
         self._note_step(run)
         trigger = "stepped back" + ("" if enter else WITHOUT_ENTRY)
         core.emit(RuleRecord, run.name, "entered", id, previous.id, trigger, priority=run.priority)
+        if self.kept:
+            self.kept.offer(run.state.by_topic, (run.name, core.cause))
         append_to_lists(run, run.state.watch_lists)
         self._to_reevaluate.pop(run, None)
         self._on_entered(run, (run.name, core.cause), enter)
@@ -315,7 +317,7 @@ class RuleMachine:
         if kept is None:
             return
         topic = self._core.topics.get(kept.topic)
-        if topic is None:
+        if topic is None or kept.topic not in self._core.scenario.topics:
             self.kept.expire(kept, "no rule of this scenario waits for it")
             return
         run, transition = self._find_taker(topic)
@@ -401,6 +403,7 @@ class RuleMachine:
             if not self._stop_runaway(run):
                 return
             steps = run.step_count
+            run.step_count = 0  # the step at hand is the first that counts again, whenever its move comes
         state = transition.entered_at_once
         if state is None:
             self._push_functions(run, transition, steps)
@@ -599,3 +602,9 @@ class RuleMachine:
             self._core.cancel_timer(timer)
         run.timers.clear()
         run.latched.clear()
+
+
+def _taken_conditions(run: RuleRun) -> list[int]:
+    """The transitions whose condition has been taken and has held since; not those for which a time still counts: that
+    is over when the rule ends, and begins anew."""
+    return sorted(run.latched - {timed.index for timed in run.timers.values()})

@@ -104,6 +104,17 @@ def test_a_wait_runs_in_the_engine(tmp_path: Path) -> None:
     assert list(s.goals) == ["1/2"]
 
 
+@pytest.mark.parametrize("status", ["accepted", "succeeded", "failed", "canceled", "lost"])
+def test_a_wait_is_no_goal_of_the_robot(tmp_path: Path, status: str) -> None:
+    s = session(tmp_path, dialog("A", pause(1, 1500)))
+    s.act("A")
+    s.lines()
+    s.report("1/1", status)
+    assert s.lines() == []
+    s.wait(1.5)
+    assert s.lines("action") == ["action A/1 succeeded"]
+
+
 def test_a_wait_of_no_time_ends_at_once(tmp_path: Path) -> None:
     s = session(tmp_path, dialog("A", pause(1, 0)))
     s.act("A")

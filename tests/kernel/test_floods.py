@@ -141,6 +141,21 @@ def test_many_events_at_once_are_no_flood(tmp_path: Path) -> None:
     assert s.memory["n"] == 3 * STEP_LIMIT
 
 
+@pytest.mark.parametrize(
+    "way",
+    [stays("beat", COUNT), on("beat", "a"), f'<transition eventTopic="beat" target="a">{COUNT}</transition>'],
+    ids=["stays", "enters", "enters after functions"],
+)
+def test_who_goes_on_is_counted_from_one_again(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, way: str) -> None:
+    looks = []
+    find = kernel_rules.find_culprit
+    monkeypatch.setattr(kernel_rules, "find_culprit", lambda *given: looks.append(given) or find(*given))
+    flood = stays("go", *[raises("beat") for _ in range(2 * STEP_LIMIT)])
+    s = play(tmp_path, {"flood": flood, "counter": way})
+    assert faulted(s) == []
+    assert len(looks) == 1, "the step after the first thousand is the first of the next"
+
+
 def test_who_starts_a_flood_again_does_not_go_on_for_ever(tmp_path: Path) -> None:
     rules = {
         "flood": stays("go", raises("go")),

@@ -170,6 +170,23 @@ def test_a_condition_that_was_taken_is_not_taken_again_by_waiting(tmp_path: Path
     assert s.memory["m"] == "twice"
 
 
+@pytest.mark.parametrize(("waited", "again"), [(3, True), (9, False)])
+def test_a_time_that_was_still_counting_counts_anew(tmp_path: Path, waited: float, again: bool) -> None:
+    """Else a rule that waits for silence would wait for ever."""
+    once = rule(
+        "R",
+        state("a", "", f'<transition while="n = 1" after="8s">{do("assignValue", "m = m + 1")}</transition>'),
+    )
+    s = session(tmp_path, once, ACTS, {"n": 1, "m": 0})
+    s.rule("R")
+    s.wait(waited)
+    taken = s.memory["m"]
+    stopped(s)
+    release(s, R="wait")
+    s.wait(8)
+    assert s.memory["m"] == taken + again
+
+
 # --- as if there had been no stop ---
 
 EVENTS = ("u", "v", "w")

@@ -317,3 +317,11 @@ def test_every_change_has_source_old_and_new_value(s: Session) -> None:
         ("n", None, 5, "wizard:w", True),
     ]
     assert "n" not in s.memory
+
+
+@pytest.mark.parametrize("text", ["n = nobody + 1", "n = nobody / nobody", "n = nobody + name"])
+def test_a_key_that_does_not_exist_is_noted_with_the_assignment_that_reads_it(s: Session, text: str) -> None:
+    s.assign(text)
+    assert [line for line in s.lines("note") if "'nobody'" in line and text in line]
+    s.assign("n = nobody + 2")
+    assert s.lines("note") == [], "once"

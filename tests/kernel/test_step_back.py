@@ -12,6 +12,7 @@ from hypothesis import strategies as st
 
 from rise_engine.kernel import Kernel
 from rise_engine.kernel.history import LEAST_STRETCHES, MAX_STEPS, MemoryLog, ValueBefore
+from rise_engine.kernel.inputs import Submit
 from rise_engine.kernel.records import RuleRecord, TaskRecord
 from rise_engine.kernel.view import SessionView
 
@@ -219,3 +220,15 @@ def test_the_log_knows_what_the_memory_was(happenings: list[tuple[str, str, int]
                     if (key in memory) != (key in copy) or memory.get(key) != copy.get(key)
                 }
                 assert log.changed_since(number, memory) == expected
+
+
+def test_a_kept_event_is_taken_by_a_rule_that_steps_back_to_where_it_is_waited_for(tmp_path: Path) -> None:
+    waits = state("a", "", on("/go", "b") + on("/answer", "c"))
+    s = session(tmp_path, rule("R", waits, state("b", "", on("/x", "a")), state("c", "", on("/x", "a"))))
+    s.rule("R")
+    s.event("go")
+    s.submit("raiseEventTopic", '{"event": "/answer"}')
+    assert s.states == {"R": "b"}, "this one is gone"
+    s.do(Submit(function="raiseEventTopic", behavior='{"event": "/answer", "keep": "1min"}', source="wizard:w"))
+    back(s)
+    assert s.states == {"R": "c"}

@@ -330,6 +330,23 @@ def test_it_expires(tmp_path: Path) -> None:
     assert s.states == {"R": "b"}
 
 
+def test_one_that_is_raised_again_is_the_wizard_s_and_can_have_been_a_mistake(tmp_path: Path) -> None:
+    s = session(tmp_path, EARLY)
+    s.rule("R")
+    first = keep(s)
+    again = keep(s)
+    assert (first, again) == (2, 3) and fate(s, first)[-1] == "CANCELED"
+    for task in (first, again):
+        assert s.submit("markMistake", f"{task} double").status == "SUCCEEDED"
+
+
+@pytest.mark.parametrize("raised", ["nobody_names", "only_raised"])
+def test_one_that_no_rule_waits_for_anywhere_is_not_kept(tmp_path: Path, raised: str) -> None:
+    s = session(tmp_path, EARLY + rule("S", state("a", do("raiseEventTopic", "only_raised"))))
+    behavior = f'{{"event": "/{raised}", "keep": "2s"}}'
+    assert fate(s, keep(s, behavior)) == ["PENDING", "CANCELED"] and s.timers == {}
+
+
 @pytest.mark.parametrize("how", ["cancel", "again", "stop"])
 def test_it_is_taken_back(tmp_path: Path, how: str) -> None:
     s = session(tmp_path, EARLY)

@@ -1,0 +1,125 @@
+"""What becomes of an act that has failed (semantics.md 12.2)."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from .rules import Run
+from .session import Session
+from .tasks import STARTS_ACT, Refused, Task
+
+
+@dataclass(eq=False)
+class Question:
+    """The events of a failed act are held until somebody answers."""
+
+    task: Task
+    act: str
+    starter: Run | None
+
+
+class Failures:
+    """Decides, or asks."""
+
+    def __init__(self, session: Session) -> None:
+        self.session = session
+        self.questions: list[Question] = []
+        self.times: dict[int, int] = {}
+        """By task: which repetition it is."""
+        self.starters: dict[int, Run | None] = {}
+        """By task: the rule that has started the act."""
+
+    def started(self, task: Task) -> None:
+        """An act was asked for: perhaps by a rule."""
+        kind, _, name = task.source.partition(":")
+        runs = [run for run in self.session.rules.stack if kind == "rule" and run.name == name]
+        self.starters[task.id] = runs[0] if runs else None
+
+    def ended(self, task: Task, act: str, status: str, why: str) -> bool:
+        """Whether the events of an act's end are raised now."""
+        if status != "ABORTED" or task.function != STARTS_ACT:
+            return True
+        policy = self.session.scenario.failure_policy(act)
+        done = self.times.get(task.id, 0)
+        if policy.kind == "go_on":
+            return True
+        if policy.kind == "repeat" and done >= policy.times:
+            self._record(task, "gone-on", "engine", reason=f"failed {done + 1} times")
+            return True
+        self.session.marks.failed.pop(task.id, None)
+        if policy.kind == "repeat" and self.session.acts.connected:
+            self._repeat(task, "engine")
+            return False
+        self._record(task, "asked", "engine", reason=why)
+        self.questions.append(Question(task, act, self.starters.get(task.id)))
+        return False
+
+    def _repeat(self, task: Task, source: str) -> None:
+        again = self.session.tasks.numbered(task.function, task.behavior, task.calling_type, task.source)
+        self._record(task, "repeated", source, by=again.id)
+        self.times[again.id] = self.times.get(task.id, 0) + 1
+        for run in self.session.rules.stack:
+            for name, own in run.own_acts.items():
+                if own is task:
+                    run.own_acts[name] = again
+        self.session.scheduler.add_repetition(again, task)
+        self.starters[again.id] = self.starters.get(task.id)
+
+    # --- answers ---
+
+    def asked(self, behavior: str) -> Question | None:
+        """The question that an answer names, by its task or its act."""
+        text = behavior.strip()
+        for question in self.questions:
+            if text in (str(question.task.id), question.act):
+                return question
+        return None
+
+    def go_on(self, task: Task, question: Question) -> None:
+        """It is gone on without it."""
+        self.session.tasks.record(task, "SUCCEEDED")
+        self.questions.remove(question)
+        self._record(question.task, "gone-on", task.source)
+        self.session.rules.act_ended(question.task, question.act, "failed")
+
+    def repeat(self, task: Task) -> None:
+        """It is started again."""
+        question = self._question(task)
+        self.session.stop.refuse_if_stopped()
+        self.session.tasks.record(task, "SUCCEEDED")
+        self.questions.remove(question)
+        self._repeat(question.task, task.source)
+        self.session.scheduler.arrange()
+
+    def stop_rule(self, task: Task) -> None:
+        """The rule that has started it is stopped."""
+        question = self._question(task)
+        if question.starter is None or question.starter not in self.session.rules.stack:
+            raise Refused("no rule has started it, or it has ended")
+        self.session.tasks.record(task, "SUCCEEDED")
+        self.session.rules.stop(question.starter, f"stopped by {task.source}")
+
+    def _question(self, task: Task) -> Question:
+        question = self.asked(task.behavior)
+        if question is None:
+            raise Refused("nobody is asked about this")
+        return question
+
+    # --- questions that are void ---
+
+    def rule_stopped(self, run: Run) -> None:
+        """Its acts' questions are void."""
+        for question in [each for each in self.questions if each.starter is run]:
+            self._drop(question)
+
+    def drop_all(self) -> None:
+        """A stop-all."""
+        for question in list(self.questions):
+            self._drop(question)
+
+    def _drop(self, question: Question) -> None:
+        self.questions.remove(question)
+        self._record(question.task, "dropped", "engine", reason="stopped")
+
+    def _record(self, task: Task, status: str, source: str, by: int | None = None, reason: str = "") -> None:
+        self.session.put("failure", task=task.id, act=task.act, status=status, source=source, by=by, reason=reason)

@@ -1,0 +1,86 @@
+"""The text says what the kernel does: an interpreter that was written from docs/explanation/semantics.md alone puts out
+the same records, commands and times on random studies. More of them: `./dev soak`."""
+
+from __future__ import annotations
+
+import ast
+import random
+from pathlib import Path
+
+import pytest
+
+from rise_engine.kernel import act_runner, scheduler
+
+from .comparison import MOVES, Play, difference, shortest_difference
+
+ALLOWED = {"rise_engine.expression", "rise_engine.scenario", "rise_engine.kernel.inputs"}
+"""The scenario, how its conditions are computed, and what goes in."""
+PLAYERS = {"comparison.py", "test_agreement.py"}
+"""They play studies to the kernel as well."""
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("first", range(0, 240, 20))
+def test_the_same_studies_every_time(first: int) -> None:
+    for study in range(first, first + 20):
+        assert not difference(study)
+
+
+@pytest.mark.slow
+def test_other_studies_each_time() -> None:
+    first = random.SystemRandom().randrange(10**9)
+    for study in range(first, first + 60):
+        found = difference(study)
+        assert not found, f"{found}\nagain: python -m tests.reference --study {study}"
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("owner", "name", "wrong"),
+    [
+        (act_runner, "CANCEL_LIMIT", 4.0),
+        (scheduler, "_OUTCOMES", {"SUCCEEDED": "succeeded", "ABORTED": "stopped", "CANCELED": "failed"}),
+        (act_runner.ActRunner, "_pick_variant", lambda self, run, action: action.calls[0]),
+    ],
+)
+def test_a_kernel_that_does_something_else_is_found(
+    owner: object, name: str, wrong: object, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(owner, name, wrong)
+    study = next(study for study in range(200) if difference(study))
+    told = shortest_difference(study)
+    assert f"study {study}, input" in told and ("  kernel " in told or "  interpreter " in told)
+    assert f" of {MOVES} moves; again: python -m tests.reference --study {study})" in told
+
+
+@pytest.mark.slow
+def test_the_studies_use_everything() -> None:
+    kinds: set[str] = set()
+    for study in range(200):
+        play = Play(study)
+        play.run()
+        kinds |= play.seen
+    assert kinds >= {
+        *(f"action {how}" for how in ("started", "accepted", "succeeded", "failed", "canceled", "lost", "skipped")),
+        "action timed-out",
+        *(f"task {how}" for how in ("PENDING", "ACTIVE", "SUCCEEDED", "ABORTED", "CANCELED", "REJECTED")),
+        *(f"rule {how}" for how in ("started", "entered", "stayed", "ended", "stopped", "faulted")),
+        *(f"cue {how}" for how in ("marked", "filled", "answered", "undone")),
+        *(f"stop {how}" for how in ("requested", "latched", "released")),
+        *(f"countdown {how}" for how in ("began", "broken", "failed")),
+        *(f"kept {how}" for how in ("kept", "taken", "expired", "taken-back")),
+        *(f"failure {how}" for how in ("asked", "repeated", "gone-on", "dropped")),
+        *(f"{how}{more}" for how in ("start", "resumed", "stepped back") for more in ("", ", without onEntry")),
+        *("mistake", "timing ABORTED", "timing CANCELED", "note", "memory", "event", "condition", "robot lost"),
+    }
+
+
+def test_the_interpreter_uses_nothing_of_the_kernel() -> None:
+    for file in Path(__file__).parent.glob("*.py"):
+        if file.name in PLAYERS:
+            continue
+        for node in ast.walk(ast.parse(file.read_text(encoding="utf-8"))):
+            if isinstance(node, ast.ImportFrom) and (node.module or "").startswith("rise_engine"):
+                assert any((node.module or "").startswith(allowed) for allowed in ALLOWED), (file.name, node.module)
+            elif isinstance(node, ast.Import):
+                assert not any(name.name.startswith("rise_engine") for name in node.names), file.name
