@@ -27,7 +27,7 @@ class BackStep(NamedTuple):
     keys: dict[str, str]
     """The memory keys that have changed since, each with its value now and the one before."""
     acts: tuple[str, ...]
-    """Acts of the rule that run or wait."""
+    """Acts of the rule that run or wait, or have failed and wait for an answer."""
 
 
 def find_back_step(store: Store, name: str) -> BackStep | None:
@@ -39,7 +39,8 @@ def find_back_step(store: Store, name: str) -> BackStep | None:
     for key, before in store.view.changed_since_step(view).items():
         now = _value_text(store.memory[key]) if key in store.memory else "not there"
         keys[key] = f"{now} → {_value_text(before.value) if before.existed else 'not there'}"
-    tasks = (*store.running_tasks, *store.waiting_tasks)
+    failed = (store.view.tasks[id] for id in store.view.questions if id in store.view.tasks)
+    tasks = (*failed, *store.running_tasks, *store.waiting_tasks)
     acts = dict.fromkeys(task.behavior for task in tasks if task.source == f"rule:{name}")
     return BackStep(name, view.steps[-2][0], keys, tuple(acts))
 
