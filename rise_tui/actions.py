@@ -112,6 +112,10 @@ def _repeatable(store: Store) -> Obstacle:
     return _failed(store) or _start(store)
 
 
+def _steppable(store: Store) -> Obstacle:
+    return _rules(store) or _start(store)
+
+
 def _passable(store: Store) -> Obstacle:
     """Going on makes something happen where rules wait for it."""
     return _failed(store) or (_start(store) if store.view.questions else None)
@@ -212,6 +216,9 @@ ACTIONS: tuple[ConsoleAction, ...] = (
     ConsoleAction("rule.raise", "Raise the event", ("enter",), "rule",
            "Raises the event that the selected transition waits for. On a state below: asks whether the rule is to "
            "start in it.", "raise event", _start),
+    ConsoleAction("rule.back", "One step back", ("left",), "rule",
+           "Asks whether the rule shown is to go back to the state before, and which memory keys that have changed "
+           "since are taken back.", "step back", _steppable),
     ConsoleAction("scheduler.cancel", "Cancel the task", ("delete", "backspace"), "scheduler",
            "Cancels the selected task, running or waiting.", "cancel", _queue),
     ConsoleAction("scheduler.earlier", "Move the task earlier", ("shift+up",), "scheduler",

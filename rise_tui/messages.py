@@ -59,3 +59,10 @@ class AskToStart(Message):
 
     rule: str
     state: str
+
+
+@dataclass
+class AskToStepBack(Message):
+    """Ask whether a rule is to go a step back."""
+
+    rule: str

@@ -8,6 +8,7 @@ left out, and `source` may say who asks (default `file`). Empty lines and lines 
 
 from __future__ import annotations
 
+import json
 from collections.abc import Sequence
 from typing import Any, get_args
 
@@ -71,9 +72,10 @@ class TaskFileReader:
         if problems:
             raise self._make_error(problems)
         self._at = float(value.get("at", self._at))
+        behavior = value.get("domain_task_behavior", "")
         task = Submit(
             function=value["function_type"],
-            behavior=value.get("domain_task_behavior", ""),
+            behavior=behavior if isinstance(behavior, str) else json.dumps(behavior, ensure_ascii=False),
             calling_type=value.get("calling_type", ""),
             source=value.get("source", "file"),
         )
@@ -148,9 +150,14 @@ def _find_problems(value: dict[str, Any]) -> list[str]:
     elif function not in FUNCTIONS:
         problems.append(f"unknown function_type `{function}`{did_you_mean(function, FUNCTIONS)}")
     behavior = value.get("domain_task_behavior", "")
-    if not isinstance(behavior, str):
-        problems.append("`domain_task_behavior` must be a text")
-    elif not behavior.strip() and function in FUNCTIONS and function not in _WITHOUT_BEHAVIOR:
+    if not isinstance(behavior, str | dict):
+        problems.append("`domain_task_behavior` must be a text, or an object for what JSON says")
+    elif (
+        isinstance(behavior, str)
+        and not behavior.strip()
+        and function in FUNCTIONS
+        and function not in _WITHOUT_BEHAVIOR
+    ):
         problems.append(f"`domain_task_behavior` is missing: {function} needs to know what")
     calling_type = value.get("calling_type", "")
     if calling_type not in ("", "None", "Blocking", "Interrupt"):

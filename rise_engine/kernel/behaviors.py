@@ -15,7 +15,7 @@ from rise_engine.errors import RiseError
 from rise_engine.nearest_name import did_you_mean
 from rise_engine.scenario.durations import MAX_SECONDS, parse_time
 
-Content = TypeVar("Content")
+Content = TypeVar("Content", bound=Struct)
 Resumption: TypeAlias = Literal["enter", "wait", "leave"]
 """What becomes of a rule that a stop ended: it enters its state again, waits there without onEntry, or is left."""
 
@@ -61,7 +61,10 @@ def read_rule_start(behavior: str) -> RuleStart:
 def read_resumptions(behavior: str) -> dict[str, Resumption]:
     """The behaviour of releaseStop: for each rule, by its name, what becomes of it; empty: all are left stopped. Raises
     BehaviorError."""
-    return read_object(behavior, dict[str, Resumption], f"empty, or JSON such as {_RESUMPTIONS}") if behavior else {}
+    try:
+        return msgspec.json.decode(behavior, type=dict[str, Resumption]) if behavior else {}
+    except (msgspec.DecodeError, RecursionError, UnicodeError) as error:
+        raise BehaviorError(f"the behaviour is empty, or JSON such as {_RESUMPTIONS} ({error})") from None
 
 
 def read_step_back(behavior: str) -> StepBack:
@@ -129,13 +132,9 @@ def _describe_step_back(behavior: str) -> str:
     return f"{step.rule}{keys}{'' if step.enter else ', without onEntry'}{', stops its acts' if step.stop_acts else ''}"
 
 
-def _describe_raise(behavior: str) -> str:
-    return read_event_raise(behavior).event
-
-
 _DESCRIPTIONS: dict[str, Callable[[str], str]] = {
-    "raiseEventTopic": _describe_raise,
     "startInteractionRule": _describe_start,
+    "raiseEventTopic": lambda behavior: read_event_raise(behavior).event,
     "releaseStop": _describe_resumptions,
     "stepBack": _describe_step_back,
 }
@@ -150,10 +149,9 @@ def read_object(behavior: str, kind: type[Content], form: str) -> Content:
     """A behaviour as a value of `kind`. `form` ends the sentence about one that is none. Raises BehaviorError."""
     try:
         fields: dict[str, Any] = msgspec.json.decode(behavior, type=dict[str, Any])
-        known: tuple[str, ...] = getattr(kind, "__struct_fields__", ())  # a dict takes any name
         for name in fields:
-            if known and name not in known:
-                near = did_you_mean(name, known)
+            if name not in kind.__struct_fields__:
+                near = did_you_mean(name, kind.__struct_fields__)
                 raise BehaviorError(f"there is no field `{name}`{near}; the behaviour is {form}")
         return msgspec.convert(fields, kind)
     except (msgspec.DecodeError, RecursionError, UnicodeError) as error:

@@ -4,7 +4,6 @@
 from __future__ import annotations
 
 from bisect import bisect_left
-from collections import deque
 from collections.abc import Iterable
 from typing import Any, TypeAlias
 
@@ -12,11 +11,14 @@ from msgspec import Struct, field
 
 MAX_STEPS = 50
 """States that are remembered of a rule, the present one included."""
-LEAST_STRETCHES = 256
-"""So many stretches are kept before any are joined."""
+MAX_UNTRIMMED = 2 * MAX_STEPS
+"""A list of steps may grow to this before it is cut to MAX_STEPS: that is quicker, and a rule that has taken few steps
+takes little room, as it would not with a deque."""
+LEAST_CHANGES = 256
+"""So many changes of the memory are kept before any are left out."""
 
-Steps: TypeAlias = "deque[tuple[str, int]]"
-"""The states of a rule, the present one last, each with the stretch of the memory's changes in which it was entered."""
+Steps: TypeAlias = list[tuple[str, int]]
+"""The states of a rule, the present one last, each with the number of the record that says that it was entered."""
 
 
 class ValueBefore(Struct, frozen=True):
@@ -27,52 +29,42 @@ class ValueBefore(Struct, frozen=True):
 
 
 class MemoryLog(Struct):
-    """What keys had before they were changed, in stretches between the steps of rules.
+    """What keys had before they were changed.
 
-    Of each stretch only the first change of a key counts, so that its size follows the keys and not the changes. A step
-    costs a flag; a change, a look into a dict.
+    Of several changes of a key that no step lies between, the first is enough; so its size follows keys and steps, and
+    not how often something is changed. It costs something when the memory is changed, and nothing otherwise.
     """
 
-    number: int = 0
-    """Of the last stretch."""
-    stepped: bool = False
-    """A rule has entered a state since the last change: the next one begins a stretch."""
-    stretches: dict[int, dict[str, ValueBefore]] = field(default_factory=dict)
-    limit: int = LEAST_STRETCHES
-    """How many stretches there may be before those are joined that no step lies between."""
+    changes: list[tuple[int, str, ValueBefore]] = field(default_factory=list)
+    """The number of the record of each, the key, and what it had."""
+    limit: int = LEAST_CHANGES
+    """How many there may be before those are left out that no step needs."""
 
-    def note(self, key: str, existed: bool, value: Any) -> None:
-        """A key is about to be changed from this value."""
-        if self.stepped:
-            self.stepped = False
-            self.number += 1
-            self.stretches[self.number] = {key: ValueBefore(existed, value)}
-        elif self.number:  # before the first step there is nothing to go back to
-            self.stretches[self.number].setdefault(key, ValueBefore(existed, value))
+    def note(self, number: int, key: str, existed: bool, value: Any) -> None:
+        """A key was changed, as the record with this number says, from this value."""
+        self.changes.append((number, key, ValueBefore(existed, value)))
 
     @property
     def is_full(self) -> bool:
-        """Whether it is time to `join`."""
-        return len(self.stretches) > self.limit
+        """Whether it is time to `trim`."""
+        return len(self.changes) > self.limit
 
-    def join(self, steps: Iterable[Iterable[tuple[str, int]]]) -> None:
-        """Join the stretches that no step of any rule lies between, and forget those before all of them."""
+    def trim(self, steps: Iterable[Iterable[tuple[str, int]]], least: int = LEAST_CHANGES) -> None:
+        """Leave out what no step of any rule needs; from now on there may be `least` changes at any rate."""
         marks = sorted({number for each in steps for _, number in each})
-        joined: dict[int, tuple[int, dict[str, ValueBefore]]] = {}
-        for number, stretch in self.stretches.items():
-            if (place := bisect_left(marks, number)) or number == self.number:
-                before = joined[place][1] if place in joined else {}
-                joined[place] = number, stretch | before
-        self.stretches = dict(joined.values())
-        self.limit = max(LEAST_STRETCHES, 2 * len(self.stretches))
+        needed: dict[tuple[int, str], tuple[int, str, ValueBefore]] = {}
+        for change in self.changes:
+            if place := bisect_left(marks, change[0]):
+                needed.setdefault((place, change[1]), change)
+        self.changes = list(needed.values())
+        self.limit = max(least, LEAST_CHANGES, 2 * len(self.changes))
 
     def changed_since(self, number: int, memory: dict[str, Any]) -> dict[str, ValueBefore]:
-        """What keys had when a state was entered that have something else now, the key that was changed first first."""
+        """What keys had at a record that have something else now, the key that was changed first first."""
         before: dict[str, ValueBefore] = {}
-        for stretch, values in self.stretches.items():
-            if stretch > number:
-                for key, value in values.items():
-                    before.setdefault(key, value)
+        for at, key, value in self.changes:
+            if at > number:
+                before.setdefault(key, value)
         return {
             key: value
             for key, value in before.items()
@@ -81,5 +73,5 @@ class MemoryLog(Struct):
 
 
 def step_before(steps: Steps) -> tuple[str, int] | None:
-    """The state before the present one, and its stretch; null when none is known."""
+    """The state before the present one, and the record of its entering; null when none is known."""
     return steps[-2] if len(steps) > 1 else None

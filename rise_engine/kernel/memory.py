@@ -73,14 +73,14 @@ class WorkingMemory:
         created = key not in memory
         old = memory.get(key)
         memory[key] = value
-        if source != ENGINE:
-            core.memory_log.note(key, not created, old)
         core.emit(MemoryRecord, key, value, old, source, created=created)
+        if source != ENGINE:  # what it keeps under `session` is not taken back
+            core.memory_log.note(core.records[-1].seq, key, not created, old)
         self._on_change(part or key)
 
     def delete(self, key: str, source: str) -> None:
         core = self._core
         old = core.memory.pop(key)
-        core.memory_log.note(key, True, old)
         core.emit(MemoryRecord, key, None, old, source, deleted=True)
+        core.memory_log.note(core.records[-1].seq, key, True, old)
         self._on_change(key)

@@ -8,13 +8,12 @@ to sort.
 
 from __future__ import annotations
 
-from collections import deque
 from collections.abc import Iterable
 from dataclasses import dataclass, field
 
 from rise_engine.kernel.compiled_rules import CompiledState, CompiledTransition
 from rise_engine.kernel.core import RuleList, Task
-from rise_engine.kernel.history import MAX_STEPS, Steps
+from rise_engine.kernel.history import Steps
 
 
 @dataclass(slots=True, eq=False)
@@ -33,8 +32,8 @@ class RuleRun:
     """Of the acts whose end it may wait for with `ended`: the task that it has started last under each name."""
     latched: set[int] = field(default_factory=set)
     """Indexes of the state's transitions without event that were taken and whose condition has been true since."""
-    steps: Steps = field(default_factory=lambda: deque(maxlen=MAX_STEPS))
-    """The states that it came through."""
+    steps: Steps = field(default_factory=list)
+    """The states that it came through; only the last MAX_STEPS count."""
     macrostep: int = -1
     """The macrostep (`Core.macrostep`) during which it last took a step."""
     step_count: int = 0

@@ -28,7 +28,7 @@ from rise_engine.kernel.compiled_rules import (
 from rise_engine.kernel.core import Cause, Core, EventTopic, RuleList, Task, TimerTarget
 from rise_engine.kernel.delays import compute_delay
 from rise_engine.kernel.failures import first_task
-from rise_engine.kernel.history import ValueBefore, step_before
+from rise_engine.kernel.history import MAX_STEPS, MAX_UNTRIMMED, ValueBefore, step_before
 from rise_engine.kernel.kept_events import OFFER, KeptEvents
 from rise_engine.kernel.memory import WorkingMemory
 from rise_engine.kernel.records import ConditionRecord, CountdownRecord, EventRecord, RuleRecord, TaskRecord, TaskStatus
@@ -97,7 +97,7 @@ class RuleMachine:
     def standing(self) -> list[StoodRule]:
         """Where the rules stand, the bottom of the stack first."""
         return [
-            StoodRule(run.name, run.state.id, run.priority, _taken_conditions(run), list(run.steps))
+            StoodRule(run.name, run.state.id, run.priority, _taken_conditions(run), run.steps[-MAX_STEPS:])
             for run in self.stack.values()
         ]
 
@@ -113,15 +113,15 @@ class RuleMachine:
         """Let a rule that knows a state before its present one go back to it; without `enter`, it waits there. No
         onExit runs."""
         core, previous = self._core, run.state
-        run.steps.pop()
+        del run.steps[:-MAX_STEPS], run.steps[-1]
         id, _ = run.steps.pop()
         self._on_left(run)
         self.stack.promote(run)
         run.state = self._compiled[run.name].states[id]
         run.macrostep, run.step_count = core.macrostep, 1
-        self._note_step(run)
         trigger = "stepped back" + ("" if enter else WITHOUT_ENTRY)
         core.emit(RuleRecord, run.name, "entered", id, previous.id, trigger, priority=run.priority)
+        self._note_step(run)
         if self.kept:
             self.kept.offer(run.state.by_topic, (run.name, core.cause))
         append_to_lists(run, run.state.watch_lists)
@@ -129,25 +129,21 @@ class RuleMachine:
         self._on_entered(run, (run.name, core.cause), enter)
 
     def _note_step(self, run: RuleRun) -> None:
-        """A rule has come into its state."""
-        log = self._core.memory_log
-        run.steps.append((run.state.id, log.number))
-        log.stepped = True
+        """The last record says that a rule has entered its state."""
+        run.steps.append((run.state.id, self._core.records[-1].seq))
 
     def _trim_log(self) -> None:
         """Keep what the memory was only for steps that a rule can still go back."""
-        log = self._core.memory_log
-        log.join(run.steps for run in self.stack.values())
-        log.limit = max(log.limit, 4 * len(self.stack))
+        self._core.memory_log.trim((run.steps for run in self.stack.values()), 4 * len(self.stack))
 
     def _begin(self, run: RuleRun, trigger: str, enter: bool) -> None:
         """Let a rule that has just come onto the stack enter the state in which it begins."""
         name = run.name
         trigger += "" if enter else WITHOUT_ENTRY
-        self._note_step(run)
         append_to_lists(run, run.state.watch_lists)
         self._core.emit(RuleRecord, name, "started", run.state.id, trigger=trigger, priority=run.priority)
         self._core.emit(RuleRecord, name, "entered", run.state.id, trigger=trigger, priority=run.priority)
+        self._note_step(run)
         if self.kept:
             self.kept.offer(run.state.by_topic, (name, self._core.cause))
         step = self._core.macrostep
@@ -232,7 +228,7 @@ class RuleMachine:
                 timers={timer: transition.index for timer, transition in run.timers.items()},
                 latched=sorted(run.latched),
                 own_acts=run.own_acts,
-                history=list(run.steps),
+                history=run.steps[-MAX_STEPS:],
                 steps=run.step_count if run.macrostep == step else 0,
             )
             for run in self.stack.values()
@@ -416,12 +412,14 @@ class RuleMachine:
         if self.stack.top is not run:
             self.stack.promote(run)
         run.state = state
-        log = core.memory_log
-        run.steps.append((state.id, log.number))
-        log.stepped = True
+        number = next(core.numbers)
+        steps_known = run.steps
+        steps_known.append((state.id, number))
+        if len(steps_known) > MAX_UNTRIMMED:
+            del steps_known[:-MAX_STEPS]
         core.records.append(
             RuleRecord(
-                next(core.numbers),
+                number,
                 core.t,
                 "",
                 run.name,

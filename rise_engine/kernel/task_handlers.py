@@ -172,6 +172,7 @@ class TaskHandlers:
             for key in dict.fromkeys(step.take_back):
                 self._take_back(key, changed[key], task.source)
             if step.stop_acts:
+                self._failures.drop(f"rule:{run.name}", f"rule {run.name} went a step back", run.task.id)
                 self._scheduler.stop_started_by(f"rule:{run.name}", f"stopped by {task.source}, a step back")
             self.rules.step_back(run, step.enter)
 

@@ -116,10 +116,10 @@ class RuleView(Struct):
     entered: int = 0
     """`seq` of its last move, which orders rules of one priority on the stack."""
     task: int | None = None
-    steps: list[tuple[str, int]] = field(default_factory=list)
-    """The states that it came through, the present one last, as `rise_engine.kernel.history.Steps`."""
     countdowns: dict[int, CountdownView] = field(default_factory=dict)
     """What is counted in its state, by the index of the transition."""
+    steps: list[tuple[str, int]] = field(default_factory=list)
+    """The states that it came through, the present one last, as `rise_engine.kernel.history.Steps`."""
 
 
 class CountdownView(Struct):
@@ -474,10 +474,9 @@ class SessionView(Struct):
         elif record.status == "entered":
             if trigger.startswith("stepped back"):
                 del steps[-2:]
-            steps.append((record.state or "", self.memory_log.number))
+            steps.append((record.state or "", record.seq))
             if len(steps) > MAX_STEPS:
                 del steps[0]
-            self.memory_log.stepped = True
 
     def changed_since_step(self, rule: RuleView) -> dict[str, ValueBefore]:
         """The keys that have changed since the state before was entered, with what they had then."""
@@ -485,12 +484,10 @@ class SessionView(Struct):
         return self.memory_log.changed_since(rule.steps[-2][1], values) if len(rule.steps) > 1 else {}
 
     def _note_change(self, record: MemoryRecord) -> None:
-        if record.source == ENGINE:  # nobody can take back how the session stands
-            return
-        self.memory_log.note(record.key, not record.created, record.old)
+        if record.source != ENGINE:
+            self.memory_log.note(record.seq, record.key, not record.created, record.old)
         if self.memory_log.is_full:
-            self.memory_log.join(rule.steps for rule in self.rules.values())
-            self.memory_log.limit = max(self.memory_log.limit, 4 * len(self.rules))
+            self.memory_log.trim((rule.steps for rule in self.rules.values()), 4 * len(self.rules))
 
     def _forget_oldest(self) -> None:
         ended = (id for id, task in self.tasks.items() if task.status in FINAL)

@@ -13,8 +13,10 @@ from rise_tui.model.control import control_question
 from rise_tui.model.entry_text import entry_lines
 from rise_tui.model.key_action import KeyAction
 from rise_tui.model.resumption import InterruptedRule, interrupted_rules
+from rise_tui.model.step_back import find_back_step, question_lines
 from rise_tui.screens.dialog import Dialog, DialogChoice
 from rise_tui.screens.release import ReleaseDialog
+from rise_tui.screens.step_back import StepBackDialog
 
 DIALOG_WIDTH = 58
 """Characters of a line that a question has room for."""
@@ -75,6 +77,21 @@ class Confirmations:
             console.start(KeyAction("startInteractionRule", rule_start_behavior(name, state, key == "s")))
 
         console.app.push_screen(Dialog("Start here?", lines, start, wait), begin)
+
+    def ask_to_step_back(self, name: str) -> None:
+        """Whether a rule is to go a step back, and what goes back with it."""
+        console = self._console
+        step = find_back_step(console.store, name)
+        if step is None:
+            console.show_notice("no rule that is shown here runs and has been in a state before")
+            return
+        dialog = StepBackDialog(question_lines(console.store, step, DIALOG_WIDTH), step)
+
+        def go_back(answer: str | None) -> None:
+            if answer:
+                console.start(KeyAction("stepBack", dialog.behavior(answer)))
+
+        console.app.push_screen(dialog, go_back)
 
     def ask_about_control(self) -> None:
         """What is to become of control, by who has it and who asks for it."""

@@ -23,7 +23,16 @@ from rise_tui.console.layout import Layout
 from rise_tui.console.refresh import RefreshScheduler
 from rise_tui.console.session import ConsoleSession
 from rise_tui.key_labels import why_unavailable
-from rise_tui.messages import AskToStart, FocusPane, RequestStart, RunAction, ShowNotice, ShowSelection, SubmitTask
+from rise_tui.messages import (
+    AskToStart,
+    AskToStepBack,
+    FocusPane,
+    RequestStart,
+    RunAction,
+    ShowNotice,
+    ShowSelection,
+    SubmitTask,
+)
 from rise_tui.model.key_action import MARK_CUE, NEXT_FILLER, UNDO_CUE, KeyAction
 from rise_tui.model.notice import Level, Notice
 from rise_tui.model.store import Store, StorePart
@@ -221,6 +230,10 @@ class ConsoleScreen(Screen[None]):
     @on(AskToStart)
     def _ask_to_start(self, event: AskToStart) -> None:
         self.confirmations.ask_to_start(event.rule, event.state)
+
+    @on(AskToStepBack)
+    def _ask_to_step_back(self, event: AskToStepBack) -> None:
+        self.confirmations.ask_to_step_back(event.rule)
 
     @on(RunAction)
     def _run_action(self, event: RunAction) -> None:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Mapping, Sequence
-from typing import NamedTuple, get_args
+from typing import NamedTuple
 
 from rise_engine.kernel.behaviors import Resumption
 from rise_tui.model.entry_text import entry_summary
@@ -12,8 +12,9 @@ from rise_tui.model.rule_text import wait_text
 from rise_tui.model.store import Store
 from rise_tui.rendering.text import cell_width, clean, shorten
 
-RESUMPTIONS: tuple[Resumption, ...] = get_args(Resumption)
-WORDS: dict[Resumption, str] = {"enter": "enter again", "wait": "wait there", "leave": "leave stopped"}
+OPTIONS: tuple[Resumption, ...] = ("leave", "enter", "wait")
+"""The first is what holds if nobody chooses."""
+WORDS: dict[str, str] = {"enter": "enter again", "wait": "wait there", "leave": "leave stopped"}
 WORD_WIDTH = max(map(len, WORDS.values()))
 MARGIN = 4
 """Cells before what would come of it."""
@@ -29,7 +30,7 @@ class InterruptedRule(NamedTuple):
     waits: str
     """What it would wait for."""
 
-    def effect(self, how: Resumption) -> str:
+    def effect(self, how: str) -> str:
         """What would come of it at once, in a line."""
         if how == "enter":
             return self.entry
@@ -51,13 +52,13 @@ def interrupted_rules(store: Store) -> list[InterruptedRule]:
 
 
 def resumption_lines(
-    rules: Sequence[InterruptedRule], chosen: Mapping[str, Resumption], selected: int, width: int, rows: int
+    rules: Sequence[InterruptedRule], chosen: Mapping[str, str], selected: int, width: int, rows: int
 ) -> list[str]:
     """For each rule where it stood and what becomes of it, and below what the robot would do at once.
 
     Of more rules than there are rows for, those around the selected one."""
     most = max(1, rows // 2)
-    first = max(0, min(selected - most // 2, len(rules) - most))
+    first = max(0, min(selected - most // 2, len(rules) - most))  # the selected one in the middle
     lines = []
     for index, rule in enumerate(rules[first : first + most], first):
         mark = "▸" if index == selected else " "
@@ -68,7 +69,7 @@ def resumption_lines(
     return lines
 
 
-def release_behavior(chosen: Mapping[str, Resumption]) -> str:
+def release_behavior(chosen: Mapping[str, str]) -> str:
     """The behaviour of the task that releases the stop: empty when every rule is left stopped."""
     resumed = {name: how for name, how in chosen.items() if how != "leave"}
     return json.dumps(resumed, ensure_ascii=False) if resumed else ""

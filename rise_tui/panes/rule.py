@@ -9,7 +9,7 @@ from textual.widget import Widget
 from rise_engine.kernel.view import RuleView
 from rise_engine.scenario.model import Rule
 from rise_tui.actions import bindings_in
-from rise_tui.messages import AskToStart, RequestStart, ShowNotice
+from rise_tui.messages import AskToStart, AskToStepBack, RequestStart, ShowNotice
 from rise_tui.model.key_action import KeyAction
 from rise_tui.model.rule_text import engine_raises_text
 from rise_tui.model.state_drawing import HERE, GraphPosition, draw_state_graph
@@ -208,6 +208,10 @@ class RulePane(ListPane):
         return self._usual_count[2]
 
     def carry_out(self, action: str) -> None:
+        if action == "rule.back":
+            shown = self._shown_rule
+            self.post_message(AskToStepBack(shown.name if shown is not None else ""))
+            return
         if self.graph.has_focus:
             self._ask_to_start()
             return

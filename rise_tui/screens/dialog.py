@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from typing import ClassVar, NamedTuple
 
 from textual import events, on
@@ -67,9 +67,13 @@ class Dialog(SingleDismissModal[str]):
         with TitledBox(self._title):
             yield Static("\n".join(self._lines), id="lines", markup=False)
             with Horizontal(id="buttons"):
-                yield Button(f"{self._no} (esc)", id="no", compact=True)
-                for answer in self._answers:
-                    yield Button(f"{answer.title} ({answer.key})", id=_id(answer.key), name=answer.key, compact=True)
+                yield from self.buttons()
+
+    def buttons(self) -> Iterator[Button]:
+        """One for no answer, and one for each."""
+        yield Button(f"{self._no} (esc)", id="no", compact=True)
+        for answer in self._answers:
+            yield Button(f"{answer.title} ({answer.key})", id=_id(answer.key), name=answer.key, compact=True)
 
     def on_mount(self) -> None:
         if self._default:

@@ -71,7 +71,7 @@ def engine(*arguments: object, stdin: str | None = None) -> subprocess.Completed
     )
 
 
-def task(function: str, behavior: str = "", **more: object) -> str:
+def task(function: str, behavior: object = "", **more: object) -> str:
     """A line of a task file."""
     return json.dumps({"function_type": function, "domain_task_behavior": behavior, **more})
 

@@ -316,3 +316,44 @@ def test_mode_real(tmp_path: Path) -> None:
     found = records(warned.stdout)
     assert found[0]["mode"] == "real"
     assert any(r["kind"] == "note" and "nothing leaves this machine" in r["text"] for r in found)
+
+
+# --- going on ---
+
+
+def test_a_task_file_answers_what_is_asked_about_a_failed_act(tmp_path: Path) -> None:
+    study = folder(tmp_path / "study", 'on_failure = "ask"')
+    script = tmp_path / "tasks.jsonl"
+    lines = [task("startInteractionRule", "Wait for it", at=0), task("raiseEventTopic", "/go", at=1)]
+    script.write_text("\n".join([*lines, task("repeatAct", "Greet", at=60)]), "utf-8")
+    arguments = ("run", study, "--tasks", script, "--speed", "max", "--fault", "Speech=fail@1")
+    told = engine(*arguments).stdout
+    assert "WAITS FOR AN ANSWER: repeatAct 3, goOn 3 or stopRuleOfAct 3" in told
+    found = records(engine(*arguments, "--json").stdout)
+    assert [r["status"] for r in found if r["kind"] == "failure"] == ["asked", "repeated"]
+    assert [r["state"] for r in found if r["kind"] == "rule" and r["status"] == "ended"] == ["Done"]
+
+
+def test_a_task_file_releases_a_stop_and_goes_on_and_a_step_back(tmp_path: Path) -> None:
+    study = folder(tmp_path / "study")
+    script = tmp_path / "tasks.jsonl"
+    lines = [
+        task("startInteractionRule", "Wait for it", at=0),
+        task("raiseEventTopic", "/go", at=1),
+        task("stopAll", at=2),
+        task("releaseStop", {"Wait for it": "enter"}, at=10),
+        task("stepBack", {"rule": "Wait for it", "enter": False, "stop_acts": True}, at=10.5),
+        task("startInteractionRule", {"rule": "Clock", "state": "Tock"}, at=11),
+    ]
+    script.write_text("\n".join(lines), "utf-8")
+    done = engine("run", study, "--tasks", script, *FAST)
+    assert "there is no state `Tock`; did you mean `Tick`? (rule `Clock`)" in done.stderr
+    entered = [
+        (r["state"], r["trigger"]) for r in records(done.stdout) if r["kind"] == "rule" and r["status"] == "entered"
+    ]
+    assert entered == [
+        ("Waiting", "start"),
+        ("Going", "/go"),
+        ("Going", "resumed"),
+        ("Waiting", "stepped back, without onEntry"),
+    ]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from pathlib import Path
 
 import pytest
@@ -111,6 +112,18 @@ def test_what_stops_the_rule_makes_the_question_void(tmp_path: Path, function: s
     assert [status for status, _, _ in failures(s)] == ["asked", "dropped"]
     assert view_of(s).questions == [] and topics(s) == []
     assert s.submit("repeatAct", str(id)).reason == f"no failed act {id} waits for an answer"
+
+
+@pytest.mark.parametrize("stop_acts", [True, False])
+def test_a_step_back_that_stops_the_acts_makes_the_question_void(tmp_path: Path, stop_acts: bool) -> None:
+    first = state("first", "", on("/x", "a"))
+    s = session(tmp_path, rules=R.replace("<State", first + "<State", 1).replace('initial="a"', 'initial="first"'))
+    s.rule("R")
+    s.event("x")
+    id = fail(s)
+    s.submit("stepBack", json.dumps({"rule": "R", "stop_acts": stop_acts}))
+    assert s.states == {"R": "first"}
+    assert view_of(s).questions == list(s.kernel.failures.state.asked) == ([] if stop_acts else [id])
 
 
 def test_an_act_that_no_rule_has_started(tmp_path: Path) -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import itertools
+import json
 from collections import Counter
 from collections.abc import Callable
 from random import Random
@@ -16,6 +17,7 @@ from hypothesis import strategies as st
 from rise_engine.expression import Assignment, Expression
 from rise_engine.kernel import Kernel
 from rise_engine.kernel.commands import CancelTimer, SetTimer, StartAction, StopRobot
+from rise_engine.kernel.history import MAX_STEPS
 from rise_engine.kernel.inputs import (
     ActionReport,
     AnyInput,
@@ -126,6 +128,7 @@ class Author:
             known_keys=frozenset({"k0", "k1", "name", "person", "order"}),
             topics=frozenset(TOPICS),
             reads_session=self.random.random() < 0.7,
+            on_failure=self.random.choice(["go_on", "ask", "ask", "repeat:1"]),
         )
 
     def act(self, name: str) -> Act:
@@ -238,7 +241,15 @@ MOVES: st.SearchStrategy[Move] = st.one_of(
     st.tuples(st.just("cancel"), st.integers(1, 20), st.just("")),
     st.tuples(st.just("move"), st.integers(1, 20), st.integers(0, 3)),
     st.tuples(st.just("stop"), st.booleans(), st.just("")),
-    st.tuples(st.just("release"), st.just(""), st.just("")),
+    st.tuples(
+        st.just("release"),
+        st.dictionaries(st.sampled_from(RULES), st.sampled_from(["enter", "wait", "leave"])),
+        st.just(""),
+    ),
+    st.tuples(st.just("back"), st.sampled_from(RULES), st.booleans()),
+    st.tuples(
+        st.just("answer"), st.sampled_from(["goOn", "repeatAct", "stopRuleOfAct"]), st.sampled_from([*ACTS, "1", "3"])
+    ),
     st.tuples(st.just("robot"), st.sampled_from(["lost", "connected"]), st.just("")),
     st.tuples(st.just("recover"), st.just(""), st.just("")),
     st.tuples(st.just("control"), st.sampled_from(["taken", "asked", "released"]), st.sampled_from(["wizard:a", None])),
@@ -321,7 +332,16 @@ class Run:
                 if a:
                     self.do(StopReport(confirmed=("x",)))
             case "release":
-                self.do(Submit(function="releaseStop", source="wizard:w"))
+                stood = {rule.name for rule in self.kernel.stop.stood}
+                chosen = {name: how for name, how in a.items() if name in stood}
+                self.do(Submit(function="releaseStop", behavior=json.dumps(chosen), source="wizard:w"))
+            case "back":
+                run = self.kernel.rules.stack.get(a)
+                changed = list(self.kernel.rules.changed_since_step(run)) if run is not None else []
+                parts = {"rule": a, "take_back": changed[::2], "enter": b, "stop_acts": not b}
+                self.do(Submit(function="stepBack", behavior=json.dumps(parts), source="wizard:w"))
+            case "answer":
+                self.do(Submit(function=a, behavior=b, source="wizard:w"))
             case "robot":
                 self.do(RobotChanged(status=a))
             case "recover":
@@ -463,6 +483,12 @@ def test_the_records_alone_rebuild_the_state(scenario: Scenario, moves: list[Mov
     assert view.waiting == [task.id for task in kernel.scheduler.waiting]
     assert sorted(view.running) == sorted(kernel.scheduler.runner.runs)
     assert view.stop.status == kernel.stop.status
+    stood = [(rule.name, rule.state) for rule in kernel.stop.stood]
+    assert [(rule.rule, rule.state) for rule in view.stop.stood] == stood
+    assert view.questions == list(kernel.failures.state.asked)
+    for name, each in kernel.rules.stack.items():
+        assert view.rules[name].steps == each.steps[-MAX_STEPS:]
+        assert view.changed_since_step(view.rules[name]) == kernel.rules.changed_since_step(each)
 
 
 @quick
@@ -496,7 +522,7 @@ def test_a_runaway_rule_is_faulted_alone(scenario: Scenario, moves: list[Move]) 
     )
     run = Run(scenario, moves)
     run.play("stop", True, "")
-    run.play("release", "", "")
+    run.play("release", {}, "")
     run.play("rule", "calm", "")
     run.play("rule", "runaway", "")
     faulted = [

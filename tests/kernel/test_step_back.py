@@ -11,7 +11,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from rise_engine.kernel import Kernel
-from rise_engine.kernel.history import LEAST_STRETCHES, MAX_STEPS, MemoryLog, ValueBefore
+from rise_engine.kernel.history import LEAST_CHANGES, MAX_STEPS, MemoryLog, ValueBefore
 from rise_engine.kernel.inputs import Submit
 from rise_engine.kernel.records import RuleRecord, TaskRecord
 from rise_engine.kernel.view import SessionView
@@ -171,16 +171,16 @@ def test_a_kernel_that_goes_on_from_a_snapshot_steps_back_as_well(s: Session) ->
 def test_so_many_steps_are_kept_and_not_more(tmp_path: Path) -> None:
     s = session(tmp_path, rule("R", state("a", "", on("/x", "b")), state("b", "", on("/x", "a"))), ACTS, {"n": 0})
     s.rule("R")
-    for number in range(LEAST_STRETCHES + 100):
+    for number in range(LEAST_CHANGES + 100):
         s.assign(f"n = {number}")
         s.event("x")
-    assert len(s.kernel.core.memory_log.stretches) <= LEAST_STRETCHES + 1
+    assert len(s.kernel.core.memory_log.changes) <= LEAST_CHANGES + 1
     offered(s)
     done = 0
     while back(s, enter=False, take_back=["n"]).status == "SUCCEEDED":
         done += 1
     assert done == MAX_STEPS - 1
-    assert s.memory["n"] == LEAST_STRETCHES + 100 - MAX_STEPS
+    assert s.memory["n"] == LEAST_CHANGES + 100 - MAX_STEPS
 
 
 # --- the log of the memory ---
@@ -192,26 +192,25 @@ def test_so_many_steps_are_kept_and_not_more(tmp_path: Path) -> None:
         st.one_of(
             st.tuples(st.just("write"), st.sampled_from("abc"), st.integers(0, 2)),
             st.tuples(st.just("step"), st.sampled_from("PQ"), st.just(0)),
-            st.tuples(st.just("join"), st.just(""), st.just(0)),
+            st.tuples(st.just("trim"), st.just(""), st.just(0)),
         ),
         max_size=60,
     )
 )
 def test_the_log_knows_what_the_memory_was(happenings: list[tuple[str, str, int]]) -> None:
-    """Against whole copies of the memory, with few steps, so that they fall out, and with stretches joined any time."""
+    """Against whole copies of the memory; steps fall out, and changes are left out at any time."""
     log, memory = MemoryLog(), {"a": 0}
     steps: dict[str, list[tuple[str, int]]] = {"P": [], "Q": []}
     copies: dict[str, list[dict[str, int]]] = {"P": [], "Q": []}
-    for kind, name, value in happenings:
+    for at, (kind, name, value) in enumerate(happenings):
         if kind == "write":
-            log.note(name, name in memory, memory.get(name))
+            log.note(at, name, name in memory, memory.get(name))
             memory[name] = value
         elif kind == "step":
-            steps[name] = [*steps[name], (name, log.number)][-3:]
+            steps[name] = [*steps[name], (name, at)][-3:]
             copies[name] = [*copies[name], dict(memory)][-3:]
-            log.stepped = True
         else:
-            log.join(steps.values())
+            log.trim(steps.values())
         for owner, known in steps.items():
             for (_, number), copy in zip(known, copies[owner], strict=True):
                 expected = {

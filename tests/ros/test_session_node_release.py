@@ -76,6 +76,18 @@ async def test_any_other_node_does_not(tmp_path: Path, named: tuple[str, ...], s
         )
 
 
+async def test_behind_the_node_s_name_it_says_which_rules_go_on(tmp_path: Path) -> None:
+    async with session_and_node(tmp_path, scenario=who_may_release(tmp_path, "/node")) as (session, node, _):
+        name, rule = next(iter(session.hub.engine.scenario.rules.items()))
+        node.ask("startInteractionRule", json.dumps({"rule": name, "enter": False}))
+        await until(lambda: name in session.hub.view.rules and session.hub.view.rules[name].running)
+        await stopped(session, node)
+        assert not await node.ask("releaseStop", '/node {"nothing": "enter"}').decided()
+        assert session.hub.view.stop.latched
+        assert (await node.ask("releaseStop", "/node " + json.dumps({name: "wait"})).ended())[0] == "SUCCEEDED"
+        assert (session.hub.view.rules[name].state, session.hub.view.rules[name].running) == (rule.initial, True)
+
+
 async def test_a_node_whose_name_is_not_known_yet_is_waited_for(tmp_path: Path) -> None:
     async with session_and_node(tmp_path, scenario=who_may_release(tmp_path, "/late")) as (session, node, wire):
         await stopped(session, node)

@@ -32,7 +32,7 @@ async def asked(it: Console) -> ReleaseDialog:
 
 
 def text_of(dialog: ReleaseDialog) -> str:
-    return str(dialog.query_one("#rules").render())
+    return str(dialog.query_one("#choices").render())
 
 
 async def release_sent(it: Console) -> dict[str, str]:
