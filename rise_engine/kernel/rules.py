@@ -26,17 +26,16 @@ from rise_engine.kernel.compiled_rules import (
     Op,
 )
 from rise_engine.kernel.core import Cause, Core, EventTopic, RuleList, Task, TimerTarget
-from rise_engine.kernel.delays import compute_delay
-from rise_engine.kernel.failures import first_task
+from rise_engine.kernel.countdowns import begin_countdown, break_countdown
 from rise_engine.kernel.history import MAX_STEPS, MAX_UNTRIMMED, ValueBefore, step_before
 from rise_engine.kernel.kept_events import OFFER, KeptEvents
 from rise_engine.kernel.memory import WorkingMemory
-from rise_engine.kernel.records import ConditionRecord, CountdownRecord, EventRecord, RuleRecord, TaskRecord, TaskStatus
+from rise_engine.kernel.own_acts import OwnActs
+from rise_engine.kernel.records import ConditionRecord, EventRecord, RuleRecord, TaskRecord, TaskStatus
 from rise_engine.kernel.rule_stack import RuleRun, RuleStack, append_to_lists, rank, remove_from_lists
 from rise_engine.kernel.runaway import MAX_VAIN_SEARCHES, MULTIPLIED, STEP_LIMIT, find_culprit, find_multiplier
 from rise_engine.kernel.snapshot import RuleSnapshot, RulesSnapshot
 from rise_engine.kernel.stop import StoodRule
-from rise_engine.scenario.model import ActOutcome
 
 Frame: TypeAlias = tuple[RuleRun, Op | None, bool, CompiledTransition | None, Cause]
 """What is left of a block: the rule, the next step, whether a state has been entered when the block has ended, the
@@ -68,6 +67,7 @@ class RuleMachine:
         """Of rules that have ended: the macrostep in which they last took a step, and how many they took in it. A rule
         that is stopped and started again within one macrostep goes on counting."""
         self.kept = KeptEvents(core)
+        self.own_acts = OwnActs(core, self.stack, self._compiled)
         self._vain_searches = (-1, 0)
         """The macrostep in which a rule took more than STEP_LIMIT steps and no culprit was found, and how often."""
 
@@ -182,36 +182,6 @@ class RuleMachine:
         if status == "ended" and (result := self._compiled[run.name].results.get(run.state.id)) is not None:
             core.raise_event_if_named(result)
         core.raise_event_if_named(run.name + "_end")
-
-    # --- acts of rules ---
-
-    def note_act_started(self, task: Task) -> None:
-        """An act is about to be scheduled: if a rule asked for it, its end may be waited for with `ended`."""
-        run = self._starter_of(task)
-        if run is not None and task.behavior in self._compiled[run.name].acts_of_own_ends:
-            run.own_acts[task.behavior] = task.id
-
-    def note_act_ended(self, task: Task, outcome: ActOutcome) -> None:
-        """Let the rule that started an act last under this name take its end, before anybody else."""
-        run = self._starter_of(task)
-        if run is not None and run.own_acts.get(task.behavior) == task.id:
-            del run.own_acts[task.behavior]
-            if (topic := self._compiled[run.name].own_ends.get((task.behavior, outcome))) is not None:
-                self._core.events.append((topic, "engine", self._core.cause))
-
-    def note_act_repeated(self, before: Task, now: Task) -> None:
-        """A failed act is repeated: for the rule that waits for its end it still is the one that was started last."""
-        run = self._starter_of(before)
-        if run is not None and run.own_acts.get(before.behavior) == before.id:
-            run.own_acts[now.behavior] = now.id
-
-    def find_rule_of_act(self, task: Task) -> RuleRun | None:
-        """The running rule that has started an act, or what the act repeats; null when that rule has ended."""
-        run = self._starter_of(task)
-        return run if run is not None and run.task.id < first_task(task) else None
-
-    def _starter_of(self, task: Task) -> RuleRun | None:
-        return self.stack.get(task.source.removeprefix("rule:")) if task.source.startswith("rule:") else None
 
     # --- snapshot ---
 
@@ -333,7 +303,7 @@ class RuleMachine:
             if condition is None or self._evaluate(run, condition):
                 if held and transition.index not in run.latched:
                     run.latched.add(transition.index)
-                    self._begin_countdown(run, transition)
+                    begin_countdown(self._core, run, transition)
                     continue
                 # It is taken when it *becomes* true: if the rule stays in the state, it must turn false in between.
                 if not held and transition.index not in run.latched:
@@ -343,33 +313,7 @@ class RuleMachine:
             elif transition.index in run.latched:
                 run.latched.discard(transition.index)
                 if held:
-                    self._break_countdown(run, transition)
-
-    # --- times ---
-
-    def _begin_countdown(self, run: RuleRun, transition: CompiledTransition) -> None:
-        """Count from now on; a plain `after` leaves no record of its own."""
-        core = self._core
-        assert transition.after is not None
-        seconds, problem = transition.after.seconds, ""
-        if seconds is None:
-            seconds, problem = compute_delay(transition.after, core.env)
-            for key in core.newly_missing():
-                core.record_note(f'the memory has no value for {key!r}, which `after="{transition.after.text}"` reads')
-        if transition.after.seconds is None or transition.held is not None:
-            status: Literal["began", "failed"] = "failed" if seconds is None else "began"
-            core.emit(CountdownRecord, run.name, run.state.id, transition.index, status, seconds, problem)
-        if seconds is not None:
-            timer = core.set_timer(seconds, TimerTarget("after", run.name, str(transition.index)))
-            run.timers[timer] = transition
-
-    def _break_countdown(self, run: RuleRun, transition: CompiledTransition) -> None:
-        """What had to hold does not hold any more."""
-        core = self._core
-        for timer in [timer for timer, timed in run.timers.items() if timed is transition]:
-            del run.timers[timer]
-            core.cancel_timer(timer)
-        core.emit(CountdownRecord, run.name, run.state.id, transition.index, "broken")
+                    break_countdown(self._core, run, transition)
 
     def timer_elapsed(self, timer: int, target: TimerTarget) -> None:
         """`after` has passed in a rule's state."""
@@ -463,7 +407,7 @@ class RuleMachine:
         onEntry."""
         state = run.state
         for timed in state.delayed:
-            self._begin_countdown(run, timed)
+            begin_countdown(self._core, run, timed)
         if state.entry is not None and enter:
             self._frames.append((run, state.entry, True, None, cause))
         else:

@@ -49,8 +49,8 @@ class TaskHandlers:
         self._failures = failures
         self.rules = RuleMachine(core, self._submit_from_rule)
         self.session_keys = SessionKeys(core, self.rules.memory, scheduler.runner, stop)
-        scheduler.on_ended = self.rules.note_act_ended
-        failures.note_repeated = self.rules.note_act_repeated
+        scheduler.on_ended = self.rules.own_acts.note_ended
+        failures.note_repeated = self.rules.own_acts.note_repeated
         self.rules.on_stopped = self._forget_questions
         self.by_name: dict[str, Callable[[Submit], None]] = {
             "startCommunicationRobotAct": self._start_act,
@@ -94,7 +94,7 @@ class TaskHandlers:
             self._reject(task, STOPPED)
         else:
             started = self._core.new_task(task, self._calling_type(task))
-            self.rules.note_act_started(started)
+            self.rules.own_acts.note_started(started)
             self._scheduler.add(started)
 
     def _stop_act(self, task: Submit) -> None:
@@ -358,7 +358,7 @@ class TaskHandlers:
 
     def _stop_rule_of_act(self, task: Submit) -> None:
         failed = self._failures.find(task.behavior)
-        rule = self.rules.find_rule_of_act(failed) if failed is not None else None
+        rule = self.rules.own_acts.find_rule(failed) if failed is not None else None
         if failed is None:
             self._reject(task, self._failures.why_not_answer(task.behavior))
         elif rule is None:

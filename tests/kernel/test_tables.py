@@ -1,4 +1,4 @@
-"""Tables and parts of values while a session runs: records, watchers, endings, snapshots (semantics.md 7.1, 8.4)."""
+"""Tables and parts of values while a session runs: records, watchers, endings, snapshots (semantics.md 7.3, 8.4)."""
 
 from __future__ import annotations
 

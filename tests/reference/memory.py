@@ -39,7 +39,7 @@ class Memory:
 
     @property
     def readable(self) -> dict[str, Any]:
-        """All that can be read: also the tables of the scenario (semantics.md 7.1)."""
+        """All that can be read: also the tables of the scenario (semantics.md 7.3)."""
         return {**self.values, **{name: table.records for name, table in self.session.scenario.tables.items()}}
 
     def environment(self, missing: set[str], parts: dict[str, Any] | None = None) -> Environment:
