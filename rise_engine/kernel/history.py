@@ -11,9 +11,6 @@ from msgspec import Struct, field
 
 MAX_STEPS = 50
 """States that are remembered of a rule, the present one included."""
-MAX_UNTRIMMED = 2 * MAX_STEPS
-"""A list of steps may grow to this before it is cut to MAX_STEPS: that is quicker, and a rule that has taken few steps
-takes little room, as it would not with a deque."""
 LEAST_CHANGES = 256
 """So many changes of the memory are kept before any are left out."""
 

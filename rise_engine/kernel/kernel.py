@@ -75,6 +75,7 @@ class Kernel:
         self.scheduler = Scheduler(self.core, self.wizard_marks, self.failures)
         self._handlers = TaskHandlers(self.core, self.scheduler, self.stop, self.wizard_marks, self.failures)
         self.rules = self._handlers.rules
+        self._session_keys = self._handlers.session_keys if scenario.reads_session else None
 
     @property
     def is_busy(self) -> bool:
@@ -125,7 +126,8 @@ class Kernel:
         else:
             core.key_at = None
             self._handle_other_input(input)
-        self._handlers.session_keys.update()
+        if self._session_keys is not None:
+            self._session_keys.update()
         self.rules.run_to_completion()
         if records:
             self.seq = records[-1].seq

@@ -8,12 +8,15 @@ to sort.
 
 from __future__ import annotations
 
+from collections import deque
 from collections.abc import Iterable
 from dataclasses import dataclass, field
+from functools import partial
 
 from rise_engine.kernel.compiled_rules import CompiledState, CompiledTransition
 from rise_engine.kernel.core import RuleList, Task
-from rise_engine.kernel.history import Steps
+from rise_engine.kernel.history import MAX_STEPS, Steps
+from rise_engine.kernel.records import RuleRecord
 
 
 @dataclass(slots=True, eq=False)
@@ -32,12 +35,21 @@ class RuleRun:
     """Of the acts whose end it may wait for with `ended`: the task that it has started last under each name."""
     latched: set[int] = field(default_factory=set)
     """Indexes of the state's transitions without event that were taken and whose condition has been true since."""
-    steps: Steps = field(default_factory=list)
-    """The states that it came through; only the last MAX_STEPS count."""
+    entries: deque[RuleRecord] = field(default_factory=partial(deque, maxlen=MAX_STEPS))
+    """The records of the states that it came through, the present one last: nothing new has to be made for each."""
     macrostep: int = -1
     """The macrostep (`Core.macrostep`) during which it last took a step."""
     step_count: int = 0
     """How many it has taken during that macrostep."""
+
+    @property
+    def steps(self) -> Steps:
+        """The states that it came through, the present one last."""
+        return [(record.state or "", record.seq) for record in self.entries]
+
+    def remember(self, steps: Steps) -> None:
+        """It came through these states, before those that it will enter."""
+        self.entries.extend(RuleRecord(seq, 0.0, "", self.name, "entered", state) for state, seq in steps)
 
 
 def rank(run: RuleRun) -> tuple[float, int]:

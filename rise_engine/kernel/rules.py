@@ -27,7 +27,7 @@ from rise_engine.kernel.compiled_rules import (
 )
 from rise_engine.kernel.core import Cause, Core, EventTopic, RuleList, Task, TimerTarget
 from rise_engine.kernel.countdowns import begin_countdown, break_countdown
-from rise_engine.kernel.history import MAX_STEPS, MAX_UNTRIMMED, ValueBefore, step_before
+from rise_engine.kernel.history import ValueBefore, step_before
 from rise_engine.kernel.kept_events import OFFER, KeptEvents
 from rise_engine.kernel.memory import WorkingMemory
 from rise_engine.kernel.own_acts import OwnActs
@@ -59,6 +59,7 @@ class RuleMachine:
         }
         self.on_stopped: Callable[[RuleRun], None] = lambda run: None
         """Called with each rule that is stopped, by somebody or by a fault."""
+        self._has_tables = bool(core.tables)
         self._frames: list[Frame] = []
         self._to_reevaluate: dict[RuleRun, Cause] = {}
         """Rules whose conditions without event have to be looked at, and what that comes of."""
@@ -88,7 +89,7 @@ class RuleMachine:
         """Start a rule where it stood when everything was stopped, with the priority that it had, above all others of
         it; without `enter`, it waits there, and what it had taken of its conditions stays taken."""
         run = RuleRun(stood.name, self._compiled[stood.name].states[stood.state], task, stood.priority)
-        run.steps.extend(stood.steps[:-1])
+        run.remember(stood.steps[:-1])
         if not enter:
             run.latched = set(stood.latched)
         self.stack.start(run, on_top=False)
@@ -97,7 +98,7 @@ class RuleMachine:
     def standing(self) -> list[StoodRule]:
         """Where the rules stand, the bottom of the stack first."""
         return [
-            StoodRule(run.name, run.state.id, run.priority, _taken_conditions(run), run.steps[-MAX_STEPS:])
+            StoodRule(run.name, run.state.id, run.priority, _taken_conditions(run), run.steps)
             for run in self.stack.values()
         ]
 
@@ -113,8 +114,8 @@ class RuleMachine:
         """Let a rule that knows a state before its present one go back to it; without `enter`, it waits there. No
         onExit runs."""
         core, previous = self._core, run.state
-        del run.steps[:-MAX_STEPS], run.steps[-1]
-        id, _ = run.steps.pop()
+        run.entries.pop()
+        id = run.entries.pop().state or ""
         self._on_left(run)
         self.stack.promote(run)
         run.state = self._compiled[run.name].states[id]
@@ -130,7 +131,9 @@ class RuleMachine:
 
     def _note_step(self, run: RuleRun) -> None:
         """The last record says that a rule has entered its state."""
-        run.steps.append((run.state.id, self._core.records[-1].seq))
+        record = self._core.records[-1]
+        assert isinstance(record, RuleRecord)
+        run.entries.append(record)
 
     def _trim_log(self) -> None:
         """Keep what the memory was only for steps that a rule can still go back."""
@@ -198,7 +201,7 @@ class RuleMachine:
                 timers={timer: transition.index for timer, transition in run.timers.items()},
                 latched=sorted(run.latched),
                 own_acts=run.own_acts,
-                history=run.steps[-MAX_STEPS:],
+                history=run.steps,
                 steps=run.step_count if run.macrostep == step else 0,
             )
             for run in self.stack.values()
@@ -217,7 +220,7 @@ class RuleMachine:
                 raise LookupError(f"`after` in the state {rule.state} of {rule.name}")
             run.latched = set(rule.latched)
             run.own_acts = dict(rule.own_acts)
-            run.steps.extend(rule.history)
+            run.remember(rule.history)
             run.macrostep, run.step_count = step, rule.steps
             self.stack.add(run)
             append_to_lists(run, run.state.watch_lists)
@@ -248,13 +251,13 @@ class RuleMachine:
                 # Mostly the top rule takes it, and mostly without a condition: then there is nothing to search.
                 if transition is None or transition.condition is not None:
                     run, transition = self._find_taker(topic)
-                if topic is OFFER:
-                    self._route_kept(int(source))
-                elif run is None or transition is None:
-                    core.records.append(EventRecord(next(core.numbers), core.t, "", topic.with_slash, source, None))
-                else:
+                if run is not None and transition is not None:
                     core.records.append(EventRecord(next(core.numbers), core.t, "", topic.with_slash, source, run.name))
                     self._take_transition(run, transition)
+                elif topic is OFFER:
+                    self._route_kept(int(source))
+                else:
+                    core.records.append(EventRecord(next(core.numbers), core.t, "", topic.with_slash, source, None))
             elif not frames:
                 return
 
@@ -356,25 +359,20 @@ class RuleMachine:
         if self.stack.top is not run:
             self.stack.promote(run)
         run.state = state
-        number = next(core.numbers)
-        steps_known = run.steps
-        steps_known.append((state.id, number))
-        if len(steps_known) > MAX_UNTRIMMED:
-            del steps_known[:-MAX_STEPS]
-        core.records.append(
-            RuleRecord(
-                number,
-                core.t,
-                "",
-                run.name,
-                "entered",
-                state.id,
-                previous.id,
-                transition.trigger,
-                transition.index,
-                run.priority,
-            )
+        record = RuleRecord(
+            next(core.numbers),
+            core.t,
+            "",
+            run.name,
+            "entered",
+            state.id,
+            previous.id,
+            transition.trigger,
+            transition.index,
+            run.priority,
         )
+        core.records.append(record)
+        run.entries.append(record)
         if self.kept:
             self.kept.offer(state.by_topic, (run.name, core.cause))
         if not state.trivial:
@@ -521,7 +519,7 @@ class RuleMachine:
         memory = core.memory
         key = condition.only_key
         values = {key: memory[key]} if key in memory else core.read_values(condition.keys)
-        if core.tables:
+        if self._has_tables:
             self._abridge_tables(values)
         missing = core.newly_missing() if env.missing else ()
         core.records.append(
