@@ -239,10 +239,12 @@ class RuleMachine:
         events = core.events
         frames = self._frames
         stack = self.stack
+        to_reevaluate = self._to_reevaluate
+        records, numbers, t = core.records, core.numbers, core.t
         while True:
             if frames:
                 self._run_actions()
-            if self._to_reevaluate:
+            if to_reevaluate:
                 self._take_eventless()
             elif events:
                 topic, source, core.cause = events.popleft()
@@ -252,12 +254,12 @@ class RuleMachine:
                 if transition is None or transition.condition is not None:
                     run, transition = self._find_taker(topic)
                 if run is not None and transition is not None:
-                    core.records.append(EventRecord(next(core.numbers), core.t, "", topic.with_slash, source, run.name))
+                    records.append(EventRecord(next(numbers), t, "", topic.with_slash, source, run.name))
                     self._take_transition(run, transition)
                 elif topic is OFFER:
                     self._route_kept(int(source))
                 else:
-                    core.records.append(EventRecord(next(core.numbers), core.t, "", topic.with_slash, source, None))
+                    records.append(EventRecord(next(numbers), t, "", topic.with_slash, source, None))
             elif not frames:
                 return
 
