@@ -19,6 +19,7 @@ from typing import Any
 import pytest
 
 from rise_engine.client.socket import SocketClient
+from rise_engine.kernel.inputs import Submit
 from rise_engine.protocol.registry import is_locked, lock_path, session_name, socket_path
 from rise_engine.protocol.session_options import SessionOptions
 from rise_engine.server.spawn import EngineRefused, EngineStarted, start_engine
@@ -196,6 +197,42 @@ def test_what_counts_and_what_is_kept_outlives_a_crash_with_its_remaining_time(r
     assert prompted <= at["kept", "expired"] >= at["kept", "kept"] + 4
     assert [name for name in ("began", "broken", "failed") if ("countdown", name) in at] == ["began"]
     assert engine("replay", more.record).returncode == 0
+
+
+ASKED = """<InteractionRule name="Asked" initial="Say"><State id="Say">
+  <onEntry><function startCommunicationRobotAct="Chat"/></onEntry>
+  <transition ended="Chat" outcome="failed" target="Failed"/></State>
+<State id="Failed"><transition eventTopic="/go" target="Say"/></State></InteractionRule>"""
+
+
+async def submit(session: Path, function: str, behavior: str) -> None:
+    """Ask for a task, as a console does."""
+    client = SocketClient(session_name(session), "anna")
+    await client.attach()
+    reply = await client.send(Submit(function=function, behavior=behavior))
+    assert reply.accepted, reply.reason
+    await client.close()
+
+
+async def test_what_is_asked_and_where_rules_stood_outlives_crashes(root: Path) -> None:
+    """Killed while a failed act waits for an answer, and again between a stop and its release."""
+    study = folder(root / "study", toml='on_failure = "ask"')
+    (study / "rules" / "asked.xml").write_text(ASKED, "utf-8")
+    it = Serving(study, "--rule", "Asked", "--fault", "Speech=fail@1")
+    wait_for_record(it.record, b'"status":"asked"')
+    it.end(signal.SIGKILL)
+    it = Serving(study, "--recover")
+    await submit(study, "goOn", "Chat")
+    wait_for_record(it.record, b'"state":"Failed"')
+    await submit(study, "stopAll", "")
+    wait_for_record(it.record, b'"status":"latched"')
+    it.end(signal.SIGKILL)
+    it = Serving(study, "--recover")
+    await submit(study, "releaseStop", '{"Asked": "wait"}')
+    wait_for_record(it.record, b'"trigger":"resumed, without onEntry"')
+    assert it.end() == 0
+    assert [name for name in statuses(it.record, "failure") if name != "asked"] == ["gone-on"]
+    assert engine("replay", it.record).returncode == 0
 
 
 def killed(study: Path, *arguments: object) -> Path:
