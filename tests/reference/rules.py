@@ -109,7 +109,7 @@ class Rules:
         self.stack.insert(place, run)
         trigger = "start" if enter else "start, without onEntry"
         self._record(run, "started", state, trigger=trigger)
-        self._arrive(run, state, None, trigger, None, self.step)
+        self._arrive(run, state, None, trigger, None, Step(run.name, self.step))
         step = self.circles.about_to_step(run, self.step)
         if step is not None:
             self.circles.count(run)
@@ -123,7 +123,7 @@ class Rules:
         tasks.record(run.task, "ACTIVE")
         self.stack.insert(0, run)
         self._record(run, "started", run.state.id, trigger=trigger)
-        self._arrive(run, run.state.id, None, trigger, None, None)
+        self._arrive(run, run.state.id, None, trigger, None, Step(run.name, None))
         self.circles.count(run)
         run.held |= held
         self.session.times.state_entered(run)
