@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any, Literal
+from typing import Literal
 
 from rise_engine.expression import Environment, EvaluationError
 from rise_engine.expression.values import describe
@@ -10,7 +10,7 @@ from rise_engine.kernel.compiled_rules import CompiledTransition
 from rise_engine.kernel.core import Core, TimerTarget
 from rise_engine.kernel.records import CountdownRecord
 from rise_engine.kernel.rule_stack import RuleRun
-from rise_engine.scenario.durations import MAX_SECONDS, parse_time
+from rise_engine.scenario.durations import MAX_SECONDS, seconds_from
 from rise_engine.scenario.model import Delay
 
 MIN_SECONDS = 0.001
@@ -28,20 +28,12 @@ def compute_delay(delay: Delay, env: Environment) -> tuple[float | None, str]:
         value = delay.expression.compiled_value(env)
     except EvaluationError as error:
         return None, str(error)
-    seconds = _seconds_of(value, delay.unit)
+    seconds = seconds_from(value, delay.unit)
     if seconds is None:
         return None, f"`{delay.text}` is {describe(value)}, which is no time"
     if seconds > MAX_SECONDS:
         return None, f"`{delay.text}` is {describe(value)}, which is longer than 24 hours"
     return round(max(seconds, MIN_SECONDS), 6), ""
-
-
-def _seconds_of(value: Any, unit: float | None) -> float | None:
-    if isinstance(value, bool):
-        return None
-    if isinstance(value, int | float):
-        return value * (unit or 1.0) if abs(value) < 1e15 else float("inf") if value > 0 else 0.0
-    return parse_time(value) if isinstance(value, str) and unit is None else None
 
 
 def begin_countdown(core: Core, run: RuleRun, transition: CompiledTransition) -> None:

@@ -5,8 +5,8 @@ from __future__ import annotations
 import re
 from functools import partial
 
-from rise_engine.expression import Expression, ExpressionError
-from rise_engine.scenario.durations import MAX_SECONDS, UNITS, parse_time
+from rise_engine.expression import EvaluationError, Expression, ExpressionError
+from rise_engine.scenario.durations import MAX_SECONDS, UNITS, parse_time, seconds_from
 from rise_engine.scenario.element_reader import ElementReader
 from rise_engine.scenario.expression_checks import expression_message, note_expression
 from rise_engine.scenario.model import Delay, SourceLocation
@@ -32,8 +32,24 @@ def read_delay(reader: ElementReader, element: Element, attribute: str) -> Delay
         return Delay(text.strip())
     locate = partial(_locate, reader, element, attribute, len(computed.group(1)))
     note_expression(expression, locate, reader.draft, reader.diagnostics)
-    unit = computed.group(3)
-    return Delay(text.strip(), None, expression, UNITS[unit] if unit else None)
+    unit = UNITS[computed.group(3)] if computed.group(3) else None
+    if not expression.keys:
+        _check_constant(reader, element, attribute, expression, unit)
+    return Delay(text.strip(), None, expression, unit)
+
+
+def _check_constant(
+    reader: ElementReader, element: Element, attribute: str, expression: Expression, unit: float | None
+) -> None:
+    """What needs no memory can be worked out now, unless chance is in it."""
+    try:
+        seconds = seconds_from(expression.value({}), unit)
+    except EvaluationError:
+        return
+    if seconds is None or seconds > MAX_SECONDS:
+        text = element.attributes[attribute].strip()
+        message = f"`{text}` is never a time of at most 24 hours; write {{2}}, {{'2s'}} or {{1500}}ms"
+        reader.report_value("time", element, attribute, message)
 
 
 def read_seconds(reader: ElementReader, element: Element, attribute: str) -> float | None:

@@ -35,6 +35,20 @@ def parse_time(text: str) -> float | None:
     return float(found.group(1)) * UNITS[found.group(2)] if found is not None else None
 
 
+def seconds_from(value: Any, unit: float | None) -> float | None:
+    """Seconds that a computed value means: a number of `unit` (of seconds without one, where a text such as `2s` is a
+    time as well); None when it is no time. Negative and very large ones are given as they are, at most as infinity.
+
+    >>> seconds_from(250, 0.001), seconds_from("2s", None), seconds_from(True, None)
+    (0.25, 2.0, None)
+    """
+    if isinstance(value, bool):
+        return None
+    if isinstance(value, int | float):
+        return value * (unit or 1.0) if abs(value) < 1e15 else float("inf") if value > 0 else 0.0
+    return parse_time(value) if isinstance(value, str) and unit is None else None
+
+
 def expected_seconds(spec: ActionSpec, parameters: Mapping[str, Any]) -> float:
     """Seconds that an action with these parameters will probably take.
 

@@ -206,6 +206,13 @@ RULES: dict[str, tuple[str, str, list[str]]] = {
         '\n<transition after="{}" target="S"/>\n<transition after="{pause}h" target="S"/>',
         ["4:20 time", "5:30 time", "6:21 time", "7:20 time"],
     ),
+    "computed times that never are any": (
+        "",
+        '\n<transition after="{\'soon\'}" target="S"/>\n<transition after="{\'2s\'}ms" target="S"/>'
+        '\n<transition after="{99999999}" target="S"/>\n<transition after="{rand(1, 3)}" target="S"/>'
+        '\n<transition after="{\'3s\'}" target="S"/>',
+        ["4:20 time", "5:20 time", "6:20 time", "7:21 reads-differently"],
+    ),
     "what has held": (
         "",
         '\n<transition while="pause" after="2s" cond="pause" target="S"/>'
