@@ -49,7 +49,7 @@ def _check_constant(
     if seconds is None or seconds > MAX_SECONDS:
         text = element.attributes[attribute].strip()
         message = f"`{text}` is never a time of at most 24 hours; write {{2}}, {{'2s'}} or {{1500}}ms"
-        reader.report_value("time", element, attribute, message)
+        reader.report_value("wrong-type", element, attribute, message)
 
 
 def read_seconds(reader: ElementReader, element: Element, attribute: str) -> float | None:

@@ -211,7 +211,7 @@ RULES: dict[str, tuple[str, str, list[str]]] = {
         '\n<transition after="{\'soon\'}" target="S"/>\n<transition after="{\'2s\'}ms" target="S"/>'
         '\n<transition after="{99999999}" target="S"/>\n<transition after="{rand(1, 3)}" target="S"/>'
         '\n<transition after="{\'3s\'}" target="S"/>',
-        ["4:20 time", "5:20 time", "6:20 time", "7:21 reads-differently"],
+        ["4:20 wrong-type", "5:20 wrong-type", "6:20 wrong-type", "7:21 reads-differently"],
     ),
     "what has held": (
         "",
