@@ -13,6 +13,7 @@ from typing import Any
 from rise_engine.kernel.behaviors import describe_behavior
 from rise_engine.kernel.records import (
     ENDINGS,
+    ENGINE,
     FINAL,
     ActionRecord,
     AnyRecord,
@@ -259,6 +260,9 @@ def _memory_text(record: MemoryRecord) -> str:
     by = f" by {record.source}" if record.source else ""
     if record.deleted:
         return f"deleted, was {_json(record.old)}{by}"
+    if record.source == ENGINE and isinstance(record.value, dict) and isinstance(record.old, dict):
+        changed = {name: value for name, value in record.value.items() if record.old.get(name) != value}
+        return ", ".join(f"{name} = {_json(value)}" for name, value in changed.items())  # how the session stands
     was = "" if record.created else f", was {_json(record.old)}"
     return f"= {_json(record.value)}{was}{by}"
 

@@ -12,7 +12,7 @@ from rise_engine.scenario.graph import reachable_from
 from rise_engine.scenario.memory_paths import MemoryPaths
 from rise_engine.scenario.model import CUE_TOPICS, SESSION, result_topics
 from rise_engine.scenario.part_checks import check_parts
-from rise_engine.scenario.session_keys import add_session_keys
+from rise_engine.scenario.session_keys import add_session_keys, session_problem
 
 ACT_END_SUFFIXES = ("_succeeded", "_failed", "_stopped", "_end")
 """Events that the engine raises when an act ends (semantics.md 6.1)."""
@@ -143,7 +143,7 @@ def _check_memory(draft: ScenarioDraft, diagnostics: Diagnostics) -> None:
             diagnostics.error("unknown-path", mention.locate(), problem)
     for mention in (*draft.key_reads, *draft.bare_words, *draft.bare_keys):
         if mention.name.partition(".")[0] not in tables and (problem := reading_problem(mention.name)):
-            diagnostics.error("unknown-path", mention.locate(), problem)
+            diagnostics.error("unknown-path", mention.locate(), session_problem(draft, mention.name) or problem)
     for mention in (
         *(mention for mention in draft.key_reads if not is_known(mention.name)),
         *(key for key in draft.optional_key_reads if not is_known(key.name) or reading_problem(key.name)),

@@ -5,6 +5,7 @@ A scenario that sets `session` itself has a key of its own of that name, as it a
 
 from __future__ import annotations
 
+from rise_engine.nearest_name import did_you_mean
 from rise_engine.scenario.diagnostics import Diagnostics
 from rise_engine.scenario.draft import ScenarioDraft
 from rise_engine.scenario.model import SESSION, Json
@@ -40,3 +41,12 @@ def add_session_keys(draft: ScenarioDraft, diagnostics: Diagnostics) -> None:
             "the session is not there under that name: call your own key something else"
         )
         diagnostics.warning("own-session", known.locate(), message)
+
+
+def session_problem(draft: ScenarioDraft, key: str) -> str:
+    """What to say of a part of the session that there is not; empty for other keys."""
+    head, _, part = key.partition(".")
+    if head != SESSION or not draft.session_keys:
+        return ""
+    near = did_you_mean(key, [f"{SESSION}.{name}" for name in EXAMPLE])
+    return f"the engine keeps no `{part}` under `{SESSION}`{near}"

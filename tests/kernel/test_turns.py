@@ -114,8 +114,7 @@ def test_who_sets_it_has_a_key_of_their_own(tmp_path: Path, memory: dict[str, An
 def test_a_misspelt_part_is_found(tmp_path: Path) -> None:
     loaded = load(write(tmp_path, rules=reader("session.speeking")))
     assert [finding.message for finding in loaded.errors] == [
-        "the memory never has `session.speeking`: in the start values `session` has no `speeking`, and nothing in this "
-        "scenario sets it; did you mean `session.speaking`?"
+        "the engine keeps no `speeking` under `session`; did you mean `session.speaking`?"
     ]
 
 
