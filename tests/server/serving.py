@@ -186,7 +186,7 @@ class RawConnection:
         self.writer.write(json.dumps(message).encode() + b"\n")
 
     def attach(self, name: str = "raw", role: str = "node") -> None:
-        self.send(type="attach", version=1, name=name, role=role)
+        self.send(type="attach", version=2, name=name, role=role)
 
     async def read(self) -> dict[str, Any]:
         """The next line; an empty object at the end."""

@@ -112,7 +112,7 @@ async def test_a_client_that_takes_nothing_at_all_is_dropped_in_the_end(
     monkeypatch.setattr(attachment, "BEHIND_SECONDS", 0.2)
     async with served(scratch, GREETING) as session:
         raw = await RawConnection.open(session.path)
-        raw.send(type="attach", version=1, name="ben", role="observer", resync=True)
+        raw.send(type="attach", version=2, name="ben", role="observer", resync=True)
         await raw.until("ready")
         raw.writer.transport.pause_reading()  # type: ignore[attr-defined]
         async with asyncio.timeout(30):
