@@ -1,23 +1,8 @@
-"""What `[[check]]` in study.toml can say: the automatic kinds, and the space that a disk must have."""
+"""Sizes of files and disks, as people write them (`min = "20 GB"` of a check) and read them."""
 
 from __future__ import annotations
 
 import re
-
-AUTOMATIC_CHECKS: dict[str, str] = {
-    "robot": "the robot answers, and offers every action of the scenario",
-    "disk": "there is room for the session",
-    "clock": "the computer's clock is right",
-    "sound": "the robot's voice is heard",
-    "consent": "the participant has consented",
-    "participant": "the participant may take part",
-    "scenario": "the scenario is as it was planned",
-    "wizard": "the wizard has a name",
-    "replay": "the last session replays identically",
-}
-"""What `auto` can name, each with what is looked at, in words."""
-OF_THE_PARTICIPANT = ("consent", "participant")
-"""Kinds that are about one participant: that they passed for another one says nothing, so `every` is not for them."""
 
 _SIZE = re.compile(r"\s*(\d{1,9}(?:\.\d{1,6})?)\s*([kKMGT]?i?B)\s*\Z", re.ASCII)
 _PREFIXES = {"": 0, "k": 1, "m": 2, "g": 3, "t": 4}
