@@ -23,9 +23,9 @@ from rise_engine.study.study_log import LogEntry
 TIMEDATECTL_SECONDS = 5.0
 NOBODYS_NAMES = frozenset(
     {
-        *("admin", "administrator", "debian", "docker", "guest", "lab", "laptop", "nao", "nobody", "operator", "pc"),
-        *("pepper", "pi", "raspberry", "robot", "ros", "root", "test", "tester", "ubuntu", "unknown", "user", "vagrant"),
-        *("wizard", "experimenter", "student"),
+        *("admin", "administrator", "debian", "docker", "experimenter", "guest", "lab", "laptop", "nao", "nobody"),
+        *("operator", "pc", "pepper", "pi", "raspberry", "robot", "ros", "root", "student", "test", "tester", "ubuntu"),
+        *("unknown", "user", "vagrant", "wizard"),
     }
 )
 """Logins of machines, roles and shared accounts: they do not say who sat there."""
@@ -52,7 +52,7 @@ def look_at_disk(sessions: Path, minimum: str) -> Finding:
     if not os.access(folder, os.W_OK | os.X_OK):
         return Finding(False, value, f"{folder} may not be written")
     if free < wanted:
-        return Finding(False, value, f"{size_text(free)} are free where the sessions are, and {size_text(wanted)} wanted")
+        return Finding(False, value, f"only {size_text(free)} are free in {folder}, and it must be {size_text(wanted)}")
     return Finding(True, value)
 
 
@@ -79,7 +79,9 @@ def look_at_clock(
         )
     if synchronised is False:
         return Finding(
-            False, shown, f"the clock says {shown}, and no time server has set it: connect to one, or compare it by hand"
+            False,
+            shown,
+            f"the clock says {shown}, and no time server has set it: connect to one, or set it by hand",
         )
     known = "set by a time server" if synchronised else "whether a time server sets it, this computer does not say"
     return Finding(True, f"{shown}, {known}")
@@ -156,7 +158,7 @@ def look_at_participant(
         case "running" | "unfinished":
             return Finding(False, reason=f"a session of {name} is {standing.state}{why}")
         case "to-judge":
-            return Finding(False, reason=f"the last session of {name} has no outcome yet: complete, aborted or excluded")
+            return Finding(False, reason=f"the last session of {name} has no outcome yet: complete, aborted, excluded")
     done = [each.run for each in standing.sessions if each.outcome == "complete"]
     if run in done:
         return Finding(False, reason=f"{name} has done run {run} before")
@@ -186,13 +188,16 @@ def look_at_scenario(folder: Path, study: Study, log: Sequence[LogEntry], robot:
     made = planned.at[:10]
     if not isinstance(known, str):
         return Finding(
-            False, reason=f"the plan of {made} does not know {name}: make it again (rise-engine study plan --again REASON)"
+            False,
+            reason=f"the plan of {made} does not know the scenario {name}: make it again "
+            "(rise-engine study plan --again REASON)",
         )
     if loaded.scenario.hash != known:
         return Finding(
             False,
             f"{loaded.scenario.hash[:12]}, planned {known[:12]}",
-            f"{name} was changed since the plan was made on {made}: put it back as it was, or skip this with the reason",
+            f"the scenario {name} was changed since the plan was made on {made}: put it back as it was, or say why it is "
+            "right so",
         )
     return Finding(True, f"{name} as of the plan of {made}")
 

@@ -57,7 +57,8 @@ def look_in_child(request: ChildRequest, limit: float, cancelled: Event | None =
         return msgspec.json.decode(end.output, type=Finding)
     except msgspec.DecodeError:
         said = last_line(end.errors)
-        return Finding(False, reason=f"the check itself failed (exit status {end.status})" + (f": {said}" if said else ""))
+        how = f"the check itself failed (exit status {end.status})"
+        return Finding(False, reason=": ".join(filter(None, (how, said))))
 
 
 def last_line(output: bytes) -> str:

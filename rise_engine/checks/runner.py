@@ -1,4 +1,4 @@
-"""Making one check: whatever kind it is, one call, with a limit, that never blocks and never raises for what it finds."""
+"""Making one check, of whatever kind: one call, with a limit, which never blocks and never raises for what it finds."""
 
 from __future__ import annotations
 

@@ -176,7 +176,7 @@ def _read_options(context: CheckContext, options: CheckOptions, when: str) -> _C
     for id in options.confirmed:
         check = _find_check(study, id, when, "--confirm", problems)
         if check is not None and not is_answered_by_person(check):
-            problems.append(f"--confirm {id}: nobody is asked about it; the program looks by itself ({check_text(check)})")
+            problems.append(f"--confirm {id}: nobody is asked, the program looks by itself ({check_text(check)})")
         if id in reasons:
             problems.append(f"{id} is both confirmed and skipped: say one of them")
     if problems:
@@ -203,9 +203,7 @@ def _find_check(study: Study, id: str, when: str, option: str, problems: list[st
 class _Gathering:
     """One way through the checks."""
 
-    def __init__(
-        self, context: CheckContext, chosen: _ChosenChecks, terminal: CheckTerminal, binding: bool
-    ) -> None:
+    def __init__(self, context: CheckContext, chosen: _ChosenChecks, terminal: CheckTerminal, binding: bool) -> None:
         self._context = context
         self._chosen = chosen
         self._terminal = terminal
@@ -245,7 +243,7 @@ class _Gathering:
             if outcome.result == "passed" or not (check.blocks and self._binding):
                 return outcome, by
             if not self._terminal.answers:
-                skip = "" if skip_problem(check, self._context.purpose, "a reason") else f", or --skip-check {check.id}=REASON"
+                skip = f", or --skip-check {check.id}=REASON" if self._may_skip(check) else ""
                 self._miss(check, f"{check.id}: {outcome.reason or check_text(check)}; mend it{skip}")
                 return outcome, by
             report = report_check(outcome, by)
@@ -273,7 +271,9 @@ class _Gathering:
         """What somebody says; a no when nobody does any more."""
         while True:
             try:
-                answer = self._terminal.ask(f"?        {outcome.id}: {clean(outcome.question)}  [y/n, and what there is to say]")
+                answer = self._terminal.ask(
+                    f"?        {outcome.id}: {clean(outcome.question)}  [y/n, and a word about it]"
+                )
             except EOFError:
                 return answer_check(outcome, False, "nobody answered")
             word, _, comment = answer.partition(" ")
@@ -284,7 +284,7 @@ class _Gathering:
 
     def _ask_on(self, check: StudyCheck) -> str | None:
         """What is to become of a check that failed: empty to look again, a reason to skip it, None to leave it."""
-        may_skip = not skip_problem(check, self._context.purpose, "a reason")
+        may_skip = self._may_skip(check)
         question = "         a: look again" + (", s REASON: skip it" if may_skip else "") + ", q: leave it for now"
         while True:
             try:
@@ -299,6 +299,9 @@ class _Gathering:
                     return None
                 case "s" if may_skip and reason.strip():
                     return reason.strip()
+
+    def _may_skip(self, check: StudyCheck) -> bool:
+        return not skip_problem(check, self._context.purpose, "a reason")
 
     def _miss(self, check: StudyCheck, line: str) -> None:
         if check.blocks and self._binding:
