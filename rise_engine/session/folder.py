@@ -1,11 +1,12 @@
 """A session's folder: what it ran, kept beside what happened.
 
-    2026-11-21_141503_lablinking_debug/
-        session.toml     what ran: scenario and its hash, mode, robot, seed, speed, versions, machine
+    2026-11-21_141503_P07_lablinking_real/
+        session.toml     what ran: who, scenario and its hash, mode, robot, seed, speed, versions, machine
         scenario/        a copy of every file that was read, the robot's profile included
         journal.jsonl    what happened (rise_engine.session.journal_format)
 
-Folders lie in `$RISE_SESSIONS`, or else in `~/rise-sessions`. None is ever written over.
+Folders lie in `$RISE_SESSIONS`, or else in `~/rise-sessions`; those of a study lie in its `sessions`. None is ever
+written over.
 """
 
 from __future__ import annotations
@@ -26,6 +27,8 @@ import msgspec
 from msgspec import Struct, field
 from msgspec.structs import asdict, replace
 
+from rise_engine.kernel.inputs import SessionStarted
+from rise_engine.kernel.records import Purpose
 from rise_engine.nearest_name import did_you_mean
 from rise_engine.ports.bridge import RosConnection, RosTransport
 from rise_engine.scenario import load
@@ -38,6 +41,7 @@ from rise_engine.text import escape_all_surrogates, restore_all_surrogates
 
 _ANY_CONNECTION = RosConnection()
 INFO, JOURNAL, SCENARIO_COPY = "session.toml", "journal.jsonl", "scenario"
+_ABANDONED = "abandoned"
 
 
 class SessionInfo(Struct, frozen=True):
@@ -64,6 +68,16 @@ class SessionInfo(Struct, frozen=True):
     condition: str = ""
     wizard: str = ""
     """Who began it, as consoles name themselves (`anna`); empty: a program, or an older version."""
+    study: str = ""
+    """The study's id; empty: the session is of no study."""
+    study_hash: str = ""
+    slot: int = 0
+    """The row of the study's plan; 0: the session takes none."""
+    run: int = 0
+    attempt: int = 0
+    purpose: Purpose | Literal[""] = ""
+    """These are as in `rise_engine.kernel.records.SessionRecord`."""
+    factors: dict[str, Any] = field(default_factory=dict)
     versions: dict[str, str] = field(default_factory=dict)
     machine: dict[str, str] = field(default_factory=dict)
 
@@ -114,10 +128,15 @@ def create_session(
     participant: str = "",
     condition: str = "",
     wizard: str = "",
+    begun: SessionStarted | None = None,
     versions: Mapping[str, str],
 ) -> Path:
-    """Make the folder of a new session, without its journal. `files` as `LoadResult.files`. Raises SessionError."""
+    """Make the folder of a new session, without its journal. `files` as `LoadResult.files`. Raises SessionError.
+
+    `begun`: the first input of a session of a study; participant and condition are taken from it, too.
+    """
     started = datetime.now().astimezone()
+    begun = begun or SessionStarted(participant=participant, condition=condition)
     info = SessionInfo(
         title=scenario.title,
         mode=scenario.mode,
@@ -130,13 +149,20 @@ def create_session(
         faults=faults,
         ros=connection.transport,
         ros_args=connection.arguments,
-        participant=participant,
-        condition=condition,
+        participant=begun.participant,
+        condition=begun.condition,
         wizard=wizard,
+        study=begun.study,
+        study_hash=begun.study_hash,
+        slot=begun.slot or 0,
+        run=begun.run,
+        attempt=begun.attempt,
+        purpose=begun.purpose,
+        factors=dict(begun.factors),
         versions=dict(versions),
         machine={"host": platform.node(), "system": platform.platform(), "user": user_name()},
     )
-    name = f"{started:%Y-%m-%d_%H%M%S}_{_slug(scenario.title)}_{scenario.mode}"
+    name = _folder_name(started, begun, scenario)
     try:
         root.mkdir(0o700, parents=True, exist_ok=True)
         folder = _make_folder(root, name)
@@ -145,7 +171,7 @@ def create_session(
             path.parent.mkdir(0o700, parents=True, exist_ok=True)
             path.write_bytes(data)
         (folder / SCENARIO_COPY).mkdir(0o700, exist_ok=True)
-        (folder / INFO).write_text(_info_toml(info), encoding="utf-8")
+        _write_info(folder / INFO, info)
     except OSError as error:
         raise SessionError(f"the session's folder cannot be made in {root}: {error.strerror or error}") from None
     return folder
@@ -204,7 +230,7 @@ def find_unfinished(scenario_folder: str | None = None) -> list[Path]:
     return [
         folder
         for folder, runs in _not_ended(scenario_folder)
-        if not runs and _has_begun(folder) and not (folder / "abandoned").exists()
+        if not runs and has_begun(folder) and not is_abandoned(folder)
     ]
 
 
@@ -269,7 +295,7 @@ def _duration_text(seconds: float) -> str:
     return f"{minutes} min" if minutes < 60 else f"{minutes // 60} h {minutes % 60} min"
 
 
-def _has_begun(folder: Path) -> bool:
+def has_begun(folder: Path) -> bool:
     """Whether anything happened in it."""
     try:
         with (folder / JOURNAL).open("rb") as file:
@@ -280,7 +306,12 @@ def _has_begun(folder: Path) -> bool:
 
 def mark_abandoned(folder: Path) -> None:
     """Nobody is asked again whether an unfinished session is to be recovered. It can still be, by name."""
-    (folder / "abandoned").touch()
+    (folder / _ABANDONED).touch()
+
+
+def is_abandoned(folder: Path) -> bool:
+    """Whether somebody has chosen not to go on with it."""
+    return (folder / _ABANDONED).exists()
 
 
 def _is_session(path: Path) -> bool:
@@ -298,9 +329,26 @@ def _make_folder(root: Path, name: str) -> Path:
     raise SessionError(f"{root} has too many sessions of one second")
 
 
-def _slug(title: str) -> str:
-    plain = unicodedata.normalize("NFKD", title).encode("ascii", "ignore").decode()
-    return re.sub(r"[^A-Za-z0-9]+", "-", plain).strip("-").lower()[:40] or "session"
+def _folder_name(started: datetime, begun: SessionStarted, scenario: Scenario) -> str:
+    """Date, participant, scenario, mode; and for what does not count although it ran in real mode, why it was run."""
+    rehearsal = begun.purpose if begun.purpose in ("pilot", "training") else ""
+    parts = (_ascii_name(begun.participant), _ascii_name(scenario.title).lower() or "session", scenario.mode, rehearsal)
+    return "_".join((f"{started:%Y-%m-%d_%H%M%S}", *filter(None, parts)))
+
+
+def _ascii_name(text: str) -> str:
+    plain = unicodedata.normalize("NFKD", text).encode("ascii", "ignore").decode()
+    return re.sub(r"[^A-Za-z0-9]+", "-", plain).strip("-")[:40]
+
+
+def _write_info(path: Path, info: SessionInfo) -> None:
+    """Whole or not at all: whoever looks at a study believes it."""
+    new = path.with_name(f"{path.name}.new")
+    with new.open("w", encoding="utf-8") as file:
+        file.write(_info_toml(info))
+        file.flush()
+        os.fsync(file.fileno())
+    new.replace(path)
 
 
 def _info_toml(info: SessionInfo) -> str:
