@@ -73,6 +73,8 @@ class StudyCheck(Struct, frozen=True):
     """Seconds that a passed check stays good (`every = "30 d"`); None: it is made for each session."""
     blocks: bool = True
     """Whether the session cannot begin when it failed, unless somebody skips it with a reason."""
+    limit: float | None = None
+    """Seconds that it may take (`limit = "2min"`); None: as usual for its kind (`rise_engine.checks.limit_seconds`)."""
 
 
 class Study(Struct, frozen=True):
