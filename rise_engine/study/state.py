@@ -172,3 +172,26 @@ def _state(files: StudyFiles, log: Sequence[LogEntry]) -> StudyState:
 
 def _entry_of(missing: MissingEntry) -> LogEntry:
     return LogEntry(missing.kind, datetime.now().astimezone().isoformat(timespec="milliseconds"), missing.fields, 0)
+
+
+def _read_files(folder: Path) -> StudyFiles:
+    loaded = load_study(folder, check_scenarios=False)
+    if loaded.study is None:
+        raise StudyUnusable([str(each) for each in loaded.errors])
+    participants, plan = load_participants(loaded.study), load_plan(loaded.study)
+    if errors := [*participants.errors, *plan.errors]:
+        raise StudyUnusable([str(each) for each in errors])
+    return StudyFiles(loaded.study, participants.participants, plan.plan)
+
+
+def _plan_problems(files: StudyFiles, log: Sequence[LogEntry]) -> list[str]:
+    """Why no session that counts can begin."""
+    planned = [each for each in log if each.kind == "planned"]
+    if not files.plan or not planned:
+        return ["there is no plan yet: make it with `rise-engine study plan`"]
+    if planned[-1].get("design_hash") != files.study.design_hash:
+        return [
+            "study.toml was changed since the plan was made, in what the plan is made of: take the change back, or make "
+            "a new plan (`rise-engine study plan --again REASON`)"
+        ]
+    return []
