@@ -23,7 +23,7 @@ from rise_engine.cli.options import FOLDER_OR_NONE, JSON, SESSION, begin_options
 from rise_engine.cli.replay import export_report, play_report, replay_report
 from rise_engine.cli.run import RunOptions
 from rise_engine.cli.run import run as run_session
-from rise_engine.cli.sessions import print_sessions, stop_session
+from rise_engine.cli.sessions import print_recorded, print_sessions, stop_session
 from rise_engine.cli.startup_messages import print_startup
 from rise_engine.cli.study_session import rehearsed_session, study_session
 from rise_engine.engine.drivers import DriverError, RobotOptionsError
@@ -226,9 +226,19 @@ def _load_or_exit(options: SessionOptions) -> Scenario:
 
 
 @click.command()
+@click.argument("where", metavar="[STUDY|DIR]", type=click.Path(), required=False)
+@click.option("--all", "everything", is_flag=True, help="Also those that have ended.")
 @JSON
-def sessions(as_json: bool) -> None:
-    """List the sessions that run on this machine."""
+def sessions(where: str | None, everything: bool, as_json: bool) -> None:
+    """List the sessions that run on this machine, and those that did not end.
+
+    With STUDY, a scenario's DIR or a folder with sessions: every session that was recorded there, also those that have
+    ended, with participant, condition, outcome, length and mode. So with --all, for the folder where sessions lie.
+
+    Exit status: 0; 1 when they cannot be listed; 2 when there is no such folder.
+    """
+    if where is not None or everything:
+        sys.exit(print_recorded(where, as_json=as_json))
     sys.exit(print_sessions(as_json=as_json))
 
 

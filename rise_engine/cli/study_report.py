@@ -27,9 +27,9 @@ def status_lines(state: StudyState) -> list[str]:
     lines = [f"{study.title} ({study.id}): {standing.complete} of {standing.wanted} participants are complete", ""]
     rows = [["", "state", "slot", "runs", "last session", ""]]
     rows += [_participant_row(each) for each in standing.participants]
-    lines += _table(rows) if standing.participants else ["  participants.csv has no participants yet"]
+    lines += table_lines(rows) if standing.participants else ["  participants.csv has no participants yet"]
     if standing.cells:
-        lines += ["", "cells of the plan", *_table(_cell_rows(state))]
+        lines += ["", "cells of the plan", *table_lines(_cell_rows(state))]
     if standing.rehearsals:
         counts: dict[str, int] = {}
         for each in standing.rehearsals:
@@ -114,7 +114,7 @@ def _cell_rows(state: StudyState) -> list[list[str]]:
     return rows
 
 
-def _table(rows: Sequence[Sequence[str]]) -> list[str]:
-    """Rows with their columns below one another."""
+def table_lines(rows: Sequence[Sequence[str]]) -> list[str]:
+    """Rows of text with their columns below one another."""
     widths = [max(len(row[at]) for row in rows) for at in range(len(rows[0]))]
     return ["  " + "  ".join(map(str.ljust, row, widths)).rstrip() for row in rows]
