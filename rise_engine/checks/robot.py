@@ -38,10 +38,10 @@ SETTLE_SECONDS = 1.0
 WORD_SECONDS = 40.0
 """For which the end of the word is waited for."""
 WORDS = {
-    **{"ar": "مرحبا", "cs": "Dobrý den", "da": "Hej", "de": "Hallo", "el": "Γεια σας", "en": "Hello", "es": "Hola"},
-    **{"fi": "Hei", "fr": "Bonjour", "he": "שלום", "hi": "नमस्ते", "it": "Buongiorno", "ja": "こんにちは"},
-    **{"ko": "안녕하세요", "nb": "Hei", "nl": "Hallo", "pl": "Dzień dobry", "pt": "Olá", "ru": "Здравствуйте"},
-    **{"sv": "Hej", "tr": "Merhaba", "zh": "你好"},
+    "ar": "مرحبا", "cs": "Dobrý den", "da": "Hej", "de": "Hallo", "el": "Γεια σας", "en": "Hello", "es": "Hola",
+    "fi": "Hei", "fr": "Bonjour", "he": "שלום", "hi": "नमस्ते", "it": "Buongiorno", "ja": "こんにちは",
+    "ko": "안녕하세요", "nb": "Hei", "nl": "Hallo", "pl": "Dzień dobry", "pt": "Olá", "ru": "Здравствуйте",
+    "sv": "Hej", "tr": "Merhaba", "zh": "你好",
 }
 """What the robot says to be heard, by the scenario's language."""
 
