@@ -196,11 +196,12 @@ class RawConnection:
         return value
 
     async def until(self, type: str) -> dict[str, Any]:
-        while True:
-            message = await self.read()
-            assert message, f"the connection ended before {type}"
-            if message["type"] == type:
-                return message
+        async with asyncio.timeout(20):  # over all of it: a session that never says it says other things for ever
+            while True:
+                message = await self.read()
+                assert message, f"the connection ended before {type}"
+                if message["type"] == type:
+                    return message
 
     async def refused(self) -> str:
         """The sentence with which the connection ends."""
