@@ -221,7 +221,7 @@ async def test_a_summary_without_attaching(scratch: Path) -> None:
         about = (await asyncio.to_thread(registry.ask_all_summaries))[session.name]
         assert about is not None
         assert (about.mode, about.control, about.clients) == ("debug", "wizard:anna", ["wizard:anna"])
-        assert (about.folder, about.pid, about.version) == (str(session.folder), os.getpid(), 1)
+        assert (about.folder, about.pid, about.version) == (str(session.folder), os.getpid(), VERSION)
         assert (
             about.title == "LabLinking: setting the table" and not about.busy and about.program.startswith("rise-tui")
         )
