@@ -49,6 +49,8 @@ class RecoveredSession(Struct):
     """Records of the last input that are not in the journal: what to append first."""
     report: list[str]
     """What was found and done, in sentences for a person."""
+    last_wall: str = ""
+    """The wall-clock label of the last record that is known; empty: none is."""
 
 
 def recover(
@@ -123,6 +125,7 @@ def _recover(folder: Path, disk: Disk, lock: JournalLock, on_progress: ProgressC
         inputs=contents.inputs,
         size=size,
         unwritten_lines=b"".join(with_checksum(encode_record(record)) for record in replay.unwritten),
+        last_wall=contents.last_record.wall if contents.last_record is not None else "",
         report=[text if text.endswith(".") else f"{text[:1].upper()}{text[1:]}." for text in report],
     )
 
