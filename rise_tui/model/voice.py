@@ -1,7 +1,7 @@
 """When the robot began to speak: what a participant waits for. Pure; knows no screen.
 
-An act may begin with a look or a pause, and be heard seconds later. Its `timing` record says when (`voice_at`), but only
-at its end; before that the records of its actions do, with the robot's profile, which knows what takes the voice.
+An act may begin with a look or a pause, and be heard seconds later. Its `timing` record says when (`voice_at`), but
+only at its end; before that the records of its actions do, with the robot's profile, which knows what takes the voice.
 """
 
 from __future__ import annotations
