@@ -161,7 +161,7 @@ def _time_cell(store: Store) -> StatusCell:
 
 def _cue_line(store: Store, room: int) -> StyledLine:
     """The time since the cue, while it is counted: the whole where there is room for it."""
-    full, brief = (cue_line(store.view.cue, store.now(), short=short) for short in (False, True))
+    full, brief = (cue_line(store.cue_clock, store.now(), short=short) for short in (False, True))
     if not full:
         return ()
     return (GAP, *full) if line_width(full) + line_width((GAP,)) <= room else ((" ", "plain"), *brief)
