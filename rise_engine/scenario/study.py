@@ -29,7 +29,7 @@ def condition_problem(scenario: Scenario, condition: str) -> str:
     known = study_conditions(scenario)
     if not condition:
         if scenario.conditions and scenario.mode == "real":
-            return f"a real session is run in a condition; this study has {in_backquotes(known)}"
+            return f"a real session is run in a condition of the study: name one of {in_backquotes(known)}"
         return ""
     if condition in scenario.conditions:
         return ""

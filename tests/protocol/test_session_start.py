@@ -49,7 +49,7 @@ def test_a_name_that_is_none_cannot(scenario: Scenario) -> None:
 
 def test_a_real_session_without_a_condition_cannot(scenario: Scenario) -> None:
     real = replace(scenario, mode="real")
-    assert "this study has `calm`, `loud`, `light`" in start_problems(real, SessionOptions("x"))[0]
+    assert "name one of `calm`, `loud`, `light`" in start_problems(real, SessionOptions("x"))[0]
     assert start_problems(real, SessionOptions("x", condition="light")) == []
 
 

@@ -68,7 +68,7 @@ CONDITIONS = {
         ("debug", "A", ""),
         ("real", "light", ""),
         ("debug", "", ""),
-        ("real", "", "a real session is run in a condition; this study has `A`, `B`, `light`"),
+        ("real", "", "a real session is run in a condition of the study: name one of `A`, `B`, `light`"),
         ("real", "a", "this study has no condition 'a'; did you mean `A`?"),
         ("debug", "zzzz", "it has `A`, `B`, `light`"),
     ],

@@ -54,7 +54,10 @@ def test_the_conditions_differ_in_what_the_robot_does(play: Play, study: str) ->
     ("arguments", "sentence"),
     [
         (["lablinking", "--condition", "hesitaton"], "did you mean `hesitation`?"),
-        (["lablinking", "--mode", "real"], "a real session is run in a condition; this study has `hesitation`, `no"),
+        (
+            ["lablinking", "--mode", "real"],
+            "a real session is run in a condition of the study: name one of `hesitation`, `no",
+        ),
         (
             ["lablinking", "--condition", "no hesitation", "--set", "hesitation=true"],
             "`hesitation` cannot be set beside",
