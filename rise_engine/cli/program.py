@@ -22,6 +22,7 @@ _SCENARIO = "rise_engine.cli.scenario_commands"
 _SESSION = "rise_engine.cli.session_commands"
 _COMMANDS = {
     **dict.fromkeys(("check", "doctor", "eval", "expand", "new", "robots", "schema"), _SCENARIO),
+    "redact": "rise_engine.cli.redact",
     **dict.fromkeys(("export", "replay", "run", "serve", "sessions", "stop"), _SESSION),
 }
 """Each command's name, and the module where it is the value of `COMMANDS`."""
