@@ -102,6 +102,7 @@ class Engine:
         *,
         participant: str = "",
         condition: str = "",
+        started: SessionStarted | None = None,
         sinks: Iterable[Sink] = (),
         journal: Journal | None = None,
         recovered: RecoveredSession | None = None,
@@ -114,6 +115,8 @@ class Engine:
         :param seed: for everything that is picked at random: the same seed and inputs give the same records.
         :param participant: who takes part, for the record.
         :param condition: the session's condition, for the record.
+        :param started: the session's first input, instead of `participant` and `condition`, for a session of a study;
+            `versions` are put in here.
         :param sinks: get every record from the first one on.
         :param journal: makes steps durable before anything of them goes out; without it nothing is kept.
         :param recovered: the unfinished session that is gone on with, by `resume` instead of `start`.
@@ -121,7 +124,8 @@ class Engine:
         self.scenario = scenario
         self.clock = clock
         self.seed = seed
-        self._session_started = SessionStarted(versions=versions(), participant=participant, condition=condition)
+        first = started or SessionStarted(participant=participant, condition=condition)
+        self._session_started = replace(first, versions=versions())
         self.ended = False
         """True when the session is over; nothing is accepted any more."""
         self.failure: Exception | None = None

@@ -22,6 +22,7 @@ from rise_engine.kernel.records import (
     FINAL,
     ActionRecord,
     AnyRecord,
+    CheckRecord,
     ControlRecord,
     CountdownRecord,
     CueRecord,
@@ -31,10 +32,13 @@ from rise_engine.kernel.records import (
     MemoryRecord,
     MistakeRecord,
     NoteRecord,
+    OutcomeRecord,
+    RecordingRecord,
     RobotRecord,
     RuleRecord,
     SessionRecord,
     StopRecord,
+    SyncRecord,
     TaskRecord,
     TimingRecord,
 )
@@ -203,6 +207,15 @@ class SessionView(Struct):
     seq: int = 0
     t: float = 0.0
     session: SessionRecord | None = None
+    """The record that it was begun or recovered with: participant, condition, factors, slot, run, attempt."""
+    checks: dict[str, CheckRecord] = field(default_factory=dict)
+    """The last result of each check, by its id, in the order in which they were first made."""
+    outcome: OutcomeRecord | None = None
+    """How the session is to count, as was said last; None: nobody has said it."""
+    recordings: dict[str, RecordingRecord] = field(default_factory=dict)
+    """How everything that records the session stands, by its name."""
+    sync: SyncRecord | None = None
+    """The last mark for recordings."""
     ended: bool = False
     end_reason: str = ""
     """Why it ended, once it has."""
@@ -305,6 +318,14 @@ class SessionView(Struct):
                 self.control, self.asked = record.holder, None
                 if record.holder is not None and record.holder.startswith("wizard:"):
                     self.wizard = record.holder.removeprefix("wizard:").partition("#")[0]
+            case CheckRecord():
+                self.checks[record.id] = record
+            case OutcomeRecord():
+                self.outcome = record
+            case RecordingRecord():
+                self.recordings[record.name] = record
+            case SyncRecord():
+                self.sync = record
             case SessionRecord():
                 if record.status == "ended":
                     self.ended, self.end_reason = True, record.reason

@@ -15,6 +15,7 @@ from msgspec import Struct
 from rise_engine.kernel.behaviors import started_rule
 from rise_engine.kernel.records import (
     ActionRecord,
+    CheckRecord,
     ControlRecord,
     CountdownRecord,
     CueRecord,
@@ -23,6 +24,8 @@ from rise_engine.kernel.records import (
     KeptRecord,
     MemoryRecord,
     MistakeRecord,
+    OutcomeRecord,
+    RecordingRecord,
     RobotRecord,
     RuleRecord,
     SessionRecord,
@@ -59,6 +62,9 @@ _PARTS_OF_RECORD: dict[type, frozenset[StorePart]] = {
     StopRecord: frozenset({"stop", "status"}),
     RobotRecord: frozenset({"status"}),
     SessionRecord: frozenset({"status"}),
+    CheckRecord: frozenset({"status"}),
+    OutcomeRecord: frozenset({"status"}),
+    RecordingRecord: frozenset({"status"}),
     ActionRecord: frozenset({"acts"}),
     ControlRecord: frozenset({"status"}),
     CueRecord: frozenset({"cue"}),
