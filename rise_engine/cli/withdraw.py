@@ -11,7 +11,8 @@ import click
 from rise_engine.errors import RiseError
 from rise_engine.exit_status import OK, PARTIAL, REFUSED, USAGE
 from rise_engine.study.study_log import LOG_FILE, StudyLogError
-from rise_engine.study.withdrawal import STUDY_FILE, WithdrawalError, WithdrawalPlan, plan_withdrawal
+from rise_engine.study.traces import STUDY_FILE
+from rise_engine.study.withdrawal import WithdrawalError, WithdrawalPlan, plan_withdrawal
 from rise_engine.study.withdrawal import withdraw as withdraw_participant
 from rise_engine.text import clean, pluralize
 

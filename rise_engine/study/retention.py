@@ -9,7 +9,7 @@ from pathlib import Path
 
 from rise_engine.study.model import Study
 from rise_engine.study.sessions import StudySession
-from rise_engine.study.withdrawal import registered_recordings
+from rise_engine.study.traces import registered_recordings
 from rise_engine.text import pluralize
 
 NAMED = 3

@@ -9,8 +9,7 @@ last the list. Whatever is left of an earlier run is finished by the next one.
 from __future__ import annotations
 
 import os
-import re
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from contextlib import suppress
 from pathlib import Path
 from typing import Any
@@ -20,25 +19,29 @@ from msgspec import Struct, field
 from msgspec.structs import replace
 
 from rise_engine.errors import RiseError
-from rise_engine.kernel.records import SessionRecord
 from rise_engine.session.disk import Disk, error_message
 from rise_engine.session.erasure import erase_file, erase_folder, overwrite
-from rise_engine.session.errors import SessionError
-from rise_engine.session.folder import JOURNAL, read_info, sessions_folder
-from rise_engine.session.journal_format import JournalHeader, JournalLine, LineError, read_line
+from rise_engine.session.folder import JOURNAL, sessions_folder
 from rise_engine.session.lock import is_journal_locked, read_holder, running_message
 from rise_engine.study.sessions import SESSIONS
-from rise_engine.study.study_log import LOG_FILE, SET_ASIDE_FILE, LockedLog, LogEntry, read_log
+from rise_engine.study.study_log import SET_ASIDE_FILE, LockedLog, LogEntry, read_log
+from rise_engine.study.traces import (
+    PARTICIPANTS_FILE,
+    find_names,
+    folders_in,
+    has_name,
+    lines_naming,
+    name_pattern,
+    owner_of,
+    registered_recordings,
+)
 from rise_engine.study.withdrawn import PREFIX, hash_pseudonym, is_withdrawn, new_salt
 
-PARTICIPANTS_FILE, STUDY_FILE = "participants.csv", "study.toml"
 WORK_FOLDER = ".withdrawing"
 """In the study's folder, while somebody's data are being erased."""
 _LIST = "list.json"
 _WRITTEN = ("reason", "text", "value")
 """Fields of the log that hold what somebody wrote."""
-_SMALL = 5_000_000
-"""Bytes: of larger files that nobody registered, only the name is looked at."""
 
 
 class WithdrawalError(RiseError):
@@ -71,15 +74,6 @@ class WithdrawalReport(Struct):
     """What nobody can reach from here, in sentences."""
 
 
-def study_of_session(session: Path) -> Path | None:
-    """The folder of the study in whose `sessions` a session's folder lies; None: it is of no study."""
-    folder = session.resolve().parent
-    study = folder.parent
-    if folder.name == SESSIONS and ((study / STUDY_FILE).exists() or (study / LOG_FILE).exists()):
-        return study
-    return None
-
-
 def plan_withdrawal(study: Path, participant: str) -> WithdrawalPlan:
     """What withdrawing a participant would erase. Nothing is changed.
 
@@ -92,9 +86,7 @@ def plan_withdrawal(study: Path, participant: str) -> WithdrawalPlan:
     plan = _make_plan(study, participant, log)
     if plan.sessions or _left_work(study, participant) or is_withdrawn(participant, log):
         return plan
-    if any(_concerns(each, participant, set()) for each in log) or _lines_naming(
-        study / PARTICIPANTS_FILE, participant
-    ):
+    if any(_concerns(each, participant, set()) for each in log) or lines_naming(study / PARTICIPANTS_FILE, participant):
         return plan
     raise WithdrawalError(f"the study in {study} knows no participant {participant!r}; nothing was done")
 
@@ -205,7 +197,7 @@ def _concerns(entry: LogEntry, participant: str, own: set[str]) -> bool:
 def _without_name(entry: LogEntry, participant: str, name: str) -> dict[str, Any]:
     """An entry's fields with another name in the place of theirs. A pseudonym of digits is no word that can be found
     in what somebody wrote."""
-    pattern = _name_pattern(participant)
+    pattern = name_pattern(participant)
     fields = dict(entry.fields)
     for key, value in fields.items():
         if key == "participant" and value == participant:
@@ -217,7 +209,7 @@ def _without_name(entry: LogEntry, participant: str, name: str) -> dict[str, Any
 
 def _clear_set_aside(path: Path, participant: str, own: set[str], disk: Disk) -> None:
     """Half lines of the log that name them. What they said is in the folders, or nowhere."""
-    if path.exists() and any(_names(path.read_text("utf-8", "replace"), each) for each in (participant, *own)):
+    if path.exists() and any(has_name(path.read_text("utf-8", "replace"), each) for each in (participant, *own)):
         erase_file(path, disk)
 
 
@@ -227,8 +219,8 @@ def _clear_set_aside(path: Path, participant: str, own: set[str], disk: Disk) ->
 def _make_plan(study: Path, participant: str, log: Sequence[LogEntry]) -> WithdrawalPlan:
     plan = WithdrawalPlan(participant)
     others: dict[str, list[str]] = {}
-    for folder in _folders(study / SESSIONS):
-        owner = _owner(folder)
+    for folder in folders_in(study / SESSIONS):
+        owner = owner_of(folder)
         if owner == participant:
             _refuse_running(folder)
             plan.sessions.append(folder.name)
@@ -251,56 +243,9 @@ def _make_plan(study: Path, participant: str, log: Sequence[LogEntry]) -> Withdr
     return plan
 
 
-def _folders(sessions: Path) -> list[Path]:
-    try:
-        return sorted(Path(each.path) for each in os.scandir(sessions) if each.is_dir(follow_symlinks=False))
-    except OSError:
-        return []
-
-
-def _owner(folder: Path) -> str:
-    """Whose session it is: by its session.toml, or its record, or else its name; empty when nobody can know."""
-    try:
-        return read_info(folder).participant
-    except SessionError:
-        pass
-    for line in _readable_lines(folder):
-        if isinstance(line, SessionRecord):
-            return line.participant
-    parts = folder.name.split("_")
-    return parts[2] if len(parts) >= 5 else ""
-
-
 def _refuse_running(folder: Path) -> None:
     if is_journal_locked(folder / JOURNAL):
         raise WithdrawalError(f"{running_message(folder, read_holder(folder))}. Nothing was erased: end it first")
-
-
-def registered_recordings(folder: Path) -> list[str]:
-    """The files of recordings that a session has registered, absolute."""
-    found: dict[str, None] = {}
-    for line in _readable_lines(folder):
-        if not isinstance(line, JournalHeader) and _kind(line) == "recording" and (path := getattr(line, "path", "")):
-            found[str((folder / Path(path).expanduser()).absolute())] = None
-    return [path for path in found if not Path(path).is_relative_to(folder.absolute())]
-
-
-def _readable_lines(folder: Path) -> Iterator[JournalLine]:
-    """What can be read of a journal, also of a damaged one."""
-    try:
-        with (folder / JOURNAL).open("rb") as file:
-            for line in file:
-                if b'"recording"' in line or b'"kind":"session"' in line:
-                    try:
-                        yield read_line(line.rstrip(b"\n"))
-                    except LineError:
-                        continue
-    except OSError:
-        return
-
-
-def _kind(line: Any) -> str:
-    return str(line.__struct_config__.tag)
 
 
 def _why_not_erasable(path: Path) -> str:
@@ -317,7 +262,7 @@ def _why_not_erasable(path: Path) -> str:
 
 def _left_work(study: Path, participant: str) -> Path | None:
     """What an earlier run has left."""
-    for folder in _folders(study / WORK_FOLDER):
+    for folder in folders_in(study / WORK_FOLDER):
         try:
             if _read_list(folder).participant == participant:
                 return folder
@@ -328,7 +273,7 @@ def _left_work(study: Path, participant: str) -> Path | None:
 
 def _erase_unlisted(study: Path, disk: Disk) -> None:
     """What was left by a run that was ended before its list was written, or after it was erased."""
-    for folder in _folders(study / WORK_FOLDER):
+    for folder in folders_in(study / WORK_FOLDER):
         if not (folder / _LIST).exists():
             erase_folder(folder, disk)
 
@@ -408,59 +353,13 @@ def _erase(study: Path, work: Path, participant: str, disk: Disk) -> WithdrawalR
 # --- what is left ---------------------------------------------------------------------------------------------------
 
 
-def find_names(study: Path, participant: str) -> list[str]:
-    """Where a pseudonym still stands in a study's folder, and what is to be done about it, in sentences."""
-    found = []
-    for path in sorted(study.rglob("*")):
-        name = path.relative_to(study)
-        if path.is_symlink() or not path.is_file():
-            if _names(path.name, participant):
-                found.append(f"the name of {name}: erase it, or give it another name")
-            continue
-        if _names(path.name, participant):
-            found.append(f"the name of {name}: erase it, or give it another name")
-        lines = _lines_naming(path, participant)
-        if not lines:
-            continue
-        where = ", ".join(map(str, lines[:5])) + (f" and {len(lines) - 5} more" if len(lines) > 5 else "")
-        found.append(f"{name}, line{'s' if len(lines) > 1 else ''} {where}: {_advice(name, participant)}")
-    return found
-
-
-def _advice(name: Path, participant: str) -> str:
-    if str(name) == PARTICIPANTS_FILE:
-        return "delete the line yourself, because nothing but people writes in this file"
-    if name.parts[0] == SESSIONS and len(name.parts) > 2:
-        return f"rise-engine redact {name.parts[1]} --replace {participant}=NAME, if it is them who is meant"
-    return "take it out yourself, if it is them who is meant"
-
-
-def _lines_naming(path: Path, participant: str) -> list[int]:
-    try:
-        if path.stat().st_size > _SMALL and path.suffix not in (".jsonl", ".csv", ".json", ".toml", ".txt", ".md"):
-            return []
-        text = path.read_bytes().decode("utf-8", "replace")
-    except OSError:
-        return []
-    pattern = _name_pattern(participant)
-    return [number for number, line in enumerate(text.splitlines(), 1) if pattern.search(line)]
-
-
-def _name_pattern(participant: str) -> re.Pattern[str]:
-    return re.compile(rf"(?<![A-Za-z0-9]){re.escape(participant)}(?![A-Za-z0-9])")
-
-
-def _names(text: str, participant: str) -> bool:
-    return _name_pattern(participant).search(text) is not None
-
-
 def _beyond(study: Path, participant: str) -> list[str]:
     """What no program can reach from here."""
     found = []
     elsewhere = sessions_folder()
     if elsewhere.resolve() != (study / SESSIONS).resolve():
-        for folder in _folders(elsewhere):
-            if _owner(folder) == participant:
+        for folder in folders_in(elsewhere):
+            if owner_of(folder) == participant:
                 found.append(f"{folder} is a session of somebody with this pseudonym: look whose it is")
     return [
         *found,
