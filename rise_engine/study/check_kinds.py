@@ -14,3 +14,6 @@ AUTOMATIC: dict[str, str] = {
     "replay": "the last session replays identically",
 }
 """Each automatic check and what it finds out."""
+OF_THE_PARTICIPANT = frozenset({"consent", "participant"})
+"""Those about one participant: that they passed for another one says nothing (so `every` is not for them), and nobody
+can skip them in a session that counts."""

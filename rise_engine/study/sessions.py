@@ -59,6 +59,8 @@ class StudySession(Struct, frozen=True):
     """None: the folder is not there any more, and the log alone knows of it."""
     abandoned: bool = False
     """Whether somebody has chosen not to go on with it."""
+    left_open: bool = False
+    """Whether its engine has gone without ending it, however it was judged since."""
 
     @property
     def name(self) -> str:
@@ -125,7 +127,7 @@ def _from_folder(path: Path, info: SessionInfo, outcome: LogEntry | None) -> Stu
         condition=info.condition,
         slot=info.slot or None,
     )
-    return StudySession(_with_outcome(entry, outcome), path, info, is_abandoned(path))
+    return StudySession(_with_outcome(entry, outcome), path, info, is_abandoned(path), entry.status == "unfinished")
 
 
 def _from_log(folder: Path, session: LogEntry, outcome: LogEntry | None) -> StudySession:
