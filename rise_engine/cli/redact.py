@@ -16,10 +16,10 @@ from rise_engine.session.errors import SessionError
 from rise_engine.session.folder import find_session
 from rise_engine.session.redaction import RedactionRefused, RedactionReport, redact
 from rise_engine.session.suggestions import suggest_words
-from rise_engine.session.words import WordError, Words, parse_replacement
 from rise_engine.study.study_log import LockedLog, StudyLogError, read_log
 from rise_engine.study.traces import study_of_session
 from rise_engine.text import clean, pluralize
+from rise_engine.words import WordError, Words, parse_replacement
 
 
 @click.command("redact")

@@ -31,7 +31,7 @@ from rise_engine.session.journal_format import InputLine, JournalHeader, encode_
 from rise_engine.session.journal_reader import JournalContents, read_journal
 from rise_engine.session.lock import HOLDER_FILE, JournalLock
 from rise_engine.session.replay import Replay, compare_replay, load_session_scenario, require_inputs
-from rise_engine.session.words import WordError, Words
+from rise_engine.words import WordError, Words
 
 NEW_SUFFIX = ".redacting"
 """Of the new files, until they are put in place. They hold none of the words."""

@@ -19,7 +19,7 @@ from rise_engine.session.folder import mark_abandoned
 from rise_engine.study.minimise import cell_for
 from rise_engine.study.model import Participant, Slot, Study, StudyStanding
 from rise_engine.study.participants import load_participants
-from rise_engine.study.plan_file import load_plan
+from rise_engine.study.plan_file import read_plan
 from rise_engine.study.sessions import MissingEntry, StudySession, missing_entries, read_sessions
 from rise_engine.study.standing import Places, places_of, study_standing
 from rise_engine.study.study_log import LockedLog, LogEntry, read_log
@@ -178,7 +178,7 @@ def _read_files(folder: Path) -> StudyFiles:
     loaded = load_study(folder, check_scenarios=False)
     if loaded.study is None:
         raise StudyUnusable([str(each) for each in loaded.errors])
-    participants, plan = load_participants(loaded.study), load_plan(loaded.study)
+    participants, plan = load_participants(loaded.study), read_plan(loaded.study)
     if errors := [*participants.errors, *plan.errors]:
         raise StudyUnusable([str(each) for each in errors])
     return StudyFiles(loaded.study, participants.participants, plan.plan)

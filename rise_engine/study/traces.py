@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import os
 import re
+import tomllib
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -29,6 +30,17 @@ def study_of_session(session: Path) -> Path | None:
     if folder.name == SESSIONS and ((study / STUDY_FILE).exists() or (study / LOG_FILE).exists()):
         return study
     return None
+
+
+def wizard_names(study: Path | None) -> dict[str, str]:
+    """What exports call each wizard, as `[wizards]` in study.toml says; also when something else there is wrong."""
+    if study is None:
+        return {}
+    try:
+        found = tomllib.loads((study / STUDY_FILE).read_text("utf-8")).get("wizards")
+    except (OSError, ValueError):
+        return {}
+    return {name: str(each) for name, each in found.items()} if isinstance(found, dict) else {}
 
 
 def folders_in(sessions: Path) -> list[Path]:
