@@ -17,9 +17,11 @@ from rise_engine.checks.outcome import Finding
 from rise_engine.nearest_name import did_you_mean
 from rise_engine.scenario import load
 from rise_engine.study.model import Participant, ParticipantStanding, SessionEntry, Study
-from rise_engine.study.sizes import DEFAULT_SPACE, parse_size, size_text
+from rise_engine.study.quantities import parse_size
 from rise_engine.study.study_log import LogEntry
 
+DEFAULT_SPACE = 1_000_000_000
+"""Bytes that must be free where `disk` does not say how many."""
 TIMEDATECTL_SECONDS = 5.0
 NOBODYS_NAMES = frozenset(
     {
@@ -37,10 +39,9 @@ def look_at_disk(sessions: Path, minimum: str) -> Finding:
     :param sessions: the folder of the study's sessions, which may still have to be made.
     :param minimum: as `min` says; empty: DEFAULT_SPACE.
     """
-    try:
-        wanted = parse_size(minimum) if minimum else DEFAULT_SPACE
-    except ValueError as error:
-        return Finding(False, reason=str(error))
+    wanted = parse_size(minimum) if minimum else DEFAULT_SPACE
+    if wanted is None:
+        return Finding(False, reason=f"`min` is no size: {minimum}")
     folder = sessions
     while not folder.exists() and folder != folder.parent:
         folder = folder.parent
@@ -196,8 +197,8 @@ def look_at_scenario(folder: Path, study: Study, log: Sequence[LogEntry], robot:
         return Finding(
             False,
             f"{loaded.scenario.hash[:12]}, planned {known[:12]}",
-            f"the scenario {name} was changed since the plan was made on {made}: put it back as it was, or say why it is "
-            "right so",
+            f"the scenario {name} was changed since the plan was made on {made}: put it back as it was, or say "
+            "why it is right so",
         )
     return Finding(True, f"{name} as of the plan of {made}")
 
@@ -221,6 +222,21 @@ def look_at_wizard(name: str, wizards: Mapping[str, str]) -> Finding:
             "[wizards] in study.toml"
         )  # fmt: skip
     return Finding(True, name)
+
+
+def size_text(size: float) -> str:
+    """Bytes in words.
+
+    >>> size_text(34_123_000_000), size_text(999)
+    ('34.1 GB', '999 bytes')
+    """
+    if size < 1000:
+        return f"{size:g} bytes"
+    for unit in ("kB", "MB", "GB"):
+        size /= 1000
+        if size < 999.95:
+            return f"{size:.1f} {unit}"
+    return f"{size / 1000:.1f} TB"
 
 
 def _moment(text: str) -> datetime | None:

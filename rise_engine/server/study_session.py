@@ -155,7 +155,8 @@ class StudyPreparation:
         owner, named_participant = session.entry.participant, self.options.participant
         if named_participant not in ("", owner):
             raise ServeRefused(
-                exit_status.USAGE, f"{path.name} is the session of {owner}, not of {named_participant}: nothing was started"
+                exit_status.USAGE,
+                f"{path.name} is the session of {owner}, not of {named_participant}: nothing was started",
             )
         if session.entry.outcome is not None:
             raise ServeRefused(exit_status.USAGE, f"{path.name} is over: it was judged {session.entry.outcome}")
@@ -212,7 +213,9 @@ class StudyPreparation:
 
     def unrecorded_checks(self, folder: Path, view: SessionView) -> list[CheckReport]:
         """Checks of a session that goes on which its engine did not come to record before it went."""
-        entry = next((each for each in self.state.log if each.kind == "session" and each.get("folder") == folder.name), None)
+        entry = next(
+            (each for each in self.state.log if each.kind == "session" and each.get("folder") == folder.name), None
+        )
         given = (entry.get("checks") if entry is not None else None) or []
         reports = [CheckReport(**{name: each[name] for name in _CHECK_FIELDS}) for each in given]
         return [each for each in reports if each.id not in view.checks]

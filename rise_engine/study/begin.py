@@ -249,7 +249,9 @@ def check_problems(state: StudyState, reports: Sequence[CheckReport]) -> list[st
             problems.append(f"the check `{check.id}` was not made: {what}")
         elif report.result == "failed":
             reason = report.reason or report.value
-            problems.append(f"the check `{check.id}` failed{': ' if reason else ''}{reason}; mend it, or skip it with a reason")
+            problems.append(
+                f"the check `{check.id}` failed{': ' if reason else ''}{reason}; mend it, or skip it with a reason"
+            )
         elif report.result == "skipped" and not report.reason.strip():
             problems.append(f"the check `{check.id}` was skipped without a reason")
         elif report.result == "skipped" and check.auto == "consent":

@@ -59,9 +59,7 @@ def in_stratum(row: Slot, strata: Mapping[str, str]) -> bool:
     return all(strata.get(column) == value for column, value in row.strata.items())
 
 
-def places_of(
-    participants: Sequence[Participant], log: Sequence[LogEntry], sessions: Sequence[StudySession]
-) -> Places:
+def places_of(participants: Sequence[Participant], log: Sequence[LogEntry], sessions: Sequence[StudySession]) -> Places:
     """Who holds which row, and who is out.
 
     Somebody whose row another one has got meanwhile stays out, also when their exclusion is taken back: nobody is moved
