@@ -242,7 +242,7 @@ def _interpreter_problem(name: str, path: Path) -> str:
     if not first.startswith(b"#!"):
         return ""
     if end and first.endswith(b"\r"):
-        return f"{name} has the line ends of Windows, and its first line names no interpreter so; save it with Unix's"
+        return f"{name} has line ends of Windows, which hide its interpreter: save it with line ends of Unix"
     words = first[2:].split()
     interpreter = words[0].decode("utf-8", "replace") if words else ""
     if not interpreter or not Path(interpreter).exists():
