@@ -14,7 +14,7 @@ from rise_engine.engine.clock import RealClock
 from rise_engine.engine.drivers import make_robot
 from rise_engine.engine.engine import Engine
 from rise_engine.kernel.view import SessionView
-from rise_engine.protocol import registry
+from rise_engine.protocol import messages, registry
 from rise_engine.protocol.client import (
     AttachReply,
     Client,
@@ -186,7 +186,7 @@ class RawConnection:
         self.writer.write(json.dumps(message).encode() + b"\n")
 
     def attach(self, name: str = "raw", role: str = "node") -> None:
-        self.send(type="attach", version=2, name=name, role=role)
+        self.send(type="attach", version=messages.VERSION, name=name, role=role)
 
     async def read(self) -> dict[str, Any]:
         """The next line; an empty object at the end."""
@@ -196,11 +196,12 @@ class RawConnection:
         return value
 
     async def until(self, type: str) -> dict[str, Any]:
-        while True:
-            message = await self.read()
-            assert message, f"the connection ended before {type}"
-            if message["type"] == type:
-                return message
+        async with asyncio.timeout(20):  # over all of it: a session that never says it says other things for ever
+            while True:
+                message = await self.read()
+                assert message, f"the connection ended before {type}"
+                if message["type"] == type:
+                    return message
 
     async def refused(self) -> str:
         """The sentence with which the connection ends."""

@@ -9,6 +9,7 @@ import pytest
 
 from rise_engine.client import socket
 from rise_engine.kernel.inputs import Submit
+from rise_engine.protocol import messages
 from rise_engine.protocol.client import LinkLost, Resync
 from rise_engine.server import attachment
 from rise_engine.server import server as serving
@@ -112,7 +113,7 @@ async def test_a_client_that_takes_nothing_at_all_is_dropped_in_the_end(
     monkeypatch.setattr(attachment, "BEHIND_SECONDS", 0.2)
     async with served(scratch, GREETING) as session:
         raw = await RawConnection.open(session.path)
-        raw.send(type="attach", version=2, name="ben", role="observer", resync=True)
+        raw.send(type="attach", version=messages.VERSION, name="ben", role="observer", resync=True)
         await raw.until("ready")
         raw.writer.transport.pause_reading()  # type: ignore[attr-defined]
         async with asyncio.timeout(30):

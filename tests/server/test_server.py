@@ -14,7 +14,13 @@ from typing import Any
 
 import pytest
 
-from rise_engine.protocol.messages import MAX_LINE_BYTES, MAX_MESSAGE_BYTES, RefusedMessage, encode_line
+from rise_engine.protocol.messages import (
+    MAX_LINE_BYTES,
+    MAX_MESSAGE_BYTES,
+    VERSION,
+    RefusedMessage,
+    encode_line,
+)
 from rise_engine.server import server as serving
 from rise_engine.server.hub import SessionHub
 
@@ -97,9 +103,9 @@ async def test_half_a_line_and_the_end_of_the_connection(scratch: Path) -> None:
 async def test_another_version_is_refused_in_words(scratch: Path) -> None:
     async with served(scratch) as session:
         raw = await RawConnection.open(session.path)
-        raw.send(type="attach", version=2, name="anna", role="wizard", theme="a field of the future")
+        raw.send(type="attach", version=VERSION + 1, name="anna", role="wizard", theme="a field of the future")
         sentence = await raw.refused()
-        assert "version 1" in sentence and "version 2" in sentence
+        assert f"version {VERSION}" in sentence and f"version {VERSION + 1}" in sentence
 
 
 async def test_a_client_attaches_first_and_once(scratch: Path) -> None:
@@ -215,7 +221,7 @@ async def test_a_summary_without_attaching(scratch: Path) -> None:
         about = (await asyncio.to_thread(registry.ask_all_summaries))[session.name]
         assert about is not None
         assert (about.mode, about.control, about.clients) == ("debug", "wizard:anna", ["wizard:anna"])
-        assert (about.folder, about.pid, about.version) == (str(session.folder), os.getpid(), 1)
+        assert (about.folder, about.pid, about.version) == (str(session.folder), os.getpid(), VERSION)
         assert (
             about.title == "LabLinking: setting the table" and not about.busy and about.program.startswith("rise-tui")
         )
