@@ -19,13 +19,17 @@ Severity: TypeAlias = Literal["error", "warning"]
 WARNING_CODES = frozenset(
     {
         "ambiguous-else",
+        "bare-condition",
         "bare-word",
+        "condition-changed",
+        "condition-unread",
         "decimal-comma",
         "empty-act",
         "memory-form",
         "no-effect",
         "no-filler",
         "no-ssml",
+        "other-type",
         "own-session",
         "reads-differently",
         "same-name",

@@ -165,6 +165,8 @@ class _Loader:
             act_settings=settings.act_tables.settings_by_act(draft.acts),
             fillers=settings.fillers,
             study=settings.study,
+            conditions=settings.conditions,
+            private=settings.private,
             language=settings.language,
             lexicon=lexicon,
             may_release=settings.may_release,

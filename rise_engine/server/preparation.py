@@ -100,9 +100,9 @@ class SessionPreparation:
     def _choose_unfinished(self) -> Path | None:
         """The folder of the session that is to go on; None for a new session."""
         options = self.options
-        self._refuse_if_running()
         if self.study is not None:
             return self.study.choose()
+        self._refuse_if_running(options.folder)
         if options.unfinished not in ("ask", "new", "recover"):
             try:
                 folder = find_session(options.unfinished)
@@ -132,15 +132,12 @@ class SessionPreparation:
             )
         return theirs[0] if theirs else None
 
-    def _refuse_if_running(self) -> None:
-        """One session of a scenario at a time, whoever's environment its engine has, unless somebody gave it a name.
-
-        Of a study there is never more than one: `StudyPreparation` sees to that.
-        """
-        if self.options.socket_name is not None or self.study is not None:
+    def _refuse_if_running(self, scenario_folder: str) -> None:
+        """One session of a scenario at a time, whoever's environment its engine has, unless somebody gave it a name."""
+        if self.options.socket_name is not None:
             return
-        for folder, holder in running_sessions(str(Path(self.options.folder).absolute())).items():
-            socket = holder.socket if holder is not None and holder.is_this_computer else ""
+        for folder, holder in running_sessions(str(Path(scenario_folder).absolute())).items():
+            socket = holder.socket if holder is not None and holder.is_this_computer and self.study is None else ""
             raise ServeRefused(exit_status.ALREADY_RUNNING, running_message(folder, holder), socket=socket)
 
     def _check_participant(self, folder: Path) -> None:
@@ -199,7 +196,7 @@ class SessionPreparation:
         with ExitStack() as stack:
             log = self.study.open_for_beginning(stack) if self.study is not None else None
             stack.enter_context(one_at_a_time(root))
-            self._refuse_if_running()
+            self._refuse_if_running(self.scenario.folder)
             self._make_folder(root)
             journal = Journal(self.folder / JOURNAL, changed=changed, now=now)
             if self.study is not None and log is not None:
@@ -230,7 +227,7 @@ class SessionPreparation:
 
         try:
             with one_at_a_time(folder.parent):
-                self._refuse_if_running()
+                self._refuse_if_running(read_info(folder).scenario_folder)
                 self.lock = JournalLock(folder / JOURNAL, here=self.options.from_other_computer)
             self.recovered = recover(folder, lock=self.lock, on_progress=on_progress)
         except JournalLockedError as error:

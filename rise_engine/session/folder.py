@@ -17,7 +17,7 @@ import platform
 import re
 import tomllib
 import unicodedata
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from contextlib import suppress
 from datetime import datetime
 from pathlib import Path
@@ -225,30 +225,44 @@ def has_ended(folder: Path) -> bool:
         return False
 
 
-def find_unfinished(scenario_folder: str | None = None) -> list[Path]:
-    """Sessions of a scenario, or of all, that did not end in order and that no engine runs, the latest first."""
+def find_unfinished(scenario_folder: str | None = None, root: Path | None = None) -> list[Path]:
+    """Sessions of a scenario, or of all, that did not end in order and that no engine runs, the latest first.
+
+    `root`: the folder in which they lie, as a study's `sessions`; without it, that of `sessions_folder`.
+    """
     return [
         folder
-        for folder, runs in _not_ended(scenario_folder)
+        for folder, runs in _not_ended(scenario_folder, [root or sessions_folder()])
         if not runs and has_begun(folder) and not is_abandoned(folder)
     ]
 
 
-def running_sessions(scenario_folder: str | None = None) -> dict[Path, LockHolder | None]:
+def running_sessions(scenario_folder: str | None = None, root: Path | None = None) -> dict[Path, LockHolder | None]:
     """Sessions of a scenario, or of all, that an engine runs, the latest first, and who says that it does.
 
-    Wherever that engine has its socket: asked is the lock of the journal.
+    Wherever that engine has its socket: asked is the lock of the journal. `root` as in `find_unfinished`; without it,
+    the sessions of the study in which the scenario's folder lies count, too.
     """
-    return {folder: read_holder(folder) for folder, runs in _not_ended(scenario_folder) if runs}
+    roots = [root] if root is not None else [sessions_folder(), *_study_sessions(scenario_folder)]
+    return {folder: read_holder(folder) for folder, runs in _not_ended(scenario_folder, roots) if runs}
 
 
-def _not_ended(scenario_folder: str | None) -> list[tuple[Path, bool]]:
+def _study_sessions(scenario_folder: str | None) -> list[Path]:
+    """Where the sessions of a study lie whose scenario this is."""
+    if scenario_folder is None:
+        return []
+    around = list(Path(os.path.realpath(scenario_folder)).parents)[:3]
+    return [folder / "sessions" for folder in around if (folder / "study.toml").is_file()]
+
+
+def _not_ended(scenario_folder: str | None, roots: Iterable[Path]) -> list[tuple[Path, bool]]:
     """The latest first, and whether an engine runs each."""
     found: list[tuple[Path, bool]] = []
     folders: list[Path] = []
     where = os.path.realpath(scenario_folder) if scenario_folder is not None else None
-    with suppress(OSError):
-        folders = [Path(entry.path) for entry in os.scandir(sessions_folder()) if entry.is_dir()]
+    for root in roots:
+        with suppress(OSError):
+            folders += [Path(entry.path) for entry in os.scandir(root) if entry.is_dir()]
     for folder in folders:
         # The cheapest question first: after a year there are hundreds, and nearly all have ended.
         if has_ended(folder):
@@ -271,10 +285,12 @@ def describe_session(folder: Path) -> str:
     except (SessionError, OSError, ValueError) as error:
         return f"{folder.name} cannot be described: {error}"
     who = [f"{what} {name}" for what in ("participant", "condition") if (name := getattr(info, what))]
+    if info.run:
+        who.append(f"run {info.run}, attempt {info.attempt}" if info.attempt > 1 else f"run {info.run}")
     by = f" by {info.wizard}" if info.wizard else ""
     return (
         f"{', '.join([f'{info.title} ({info.mode}, {info.robot})', *who])}, "
-        f"begun {began:%Y-%m-%d %H:%M}{by}, ran {_duration_text(last - began.timestamp())}, last record {end:%H:%M:%S}"
+        f"begun {began:%Y-%m-%d %H:%M}{by}, ran {duration_text(last - began.timestamp())}, last record {end:%H:%M:%S}"
     )
 
 
@@ -288,7 +304,8 @@ def participant_text(participant: str, condition: str) -> str:
     return ", ".join(filter(None, (participant, condition and f"condition {condition}"))) or "nobody named"
 
 
-def _duration_text(seconds: float) -> str:
+def duration_text(seconds: float) -> str:
+    """A length of time in words: `40 s`, `12 min`, `1 h 5 min`."""
     minutes = round(max(0.0, seconds) / 60)
     if minutes < 1:
         return f"{max(0, round(seconds))} s"

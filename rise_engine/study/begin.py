@@ -8,15 +8,15 @@ from __future__ import annotations
 
 import re
 from collections.abc import Sequence
+from datetime import datetime
 
 from msgspec import Struct
 from msgspec.structs import replace
 
 from rise_engine.errors import RiseError
 from rise_engine.kernel.inputs import CheckReport, SessionStarted
-from rise_engine.nearest_name import did_you_mean, in_backquotes
+from rise_engine.nearest_name import did_you_mean
 from rise_engine.scenario.model import Mode
-from rise_engine.study.chance import session_seed
 from rise_engine.study.model import (
     Participant,
     ParticipantStanding,
@@ -26,8 +26,9 @@ from rise_engine.study.model import (
     Slot,
     Study,
 )
-from rise_engine.study.plan import runs_of
-from rise_engine.study.standing import BEGINNABLE, level_text, missing_consent, when_text
+from rise_engine.study.checked import check_text, skip_problem, still_good
+from rise_engine.study.plan import parse_condition, planned_run, runs_of
+from rise_engine.study.standing import BEGINNABLE, missing_consent, when_text
 from rise_engine.study.state import StudyState
 
 WITH_PERSON: frozenset[Purpose] = frozenset({"counted", "pilot"})
@@ -176,8 +177,8 @@ def _planned_run(
     if row is None:
         problems.append(f"{participant.participant} gets no row: {standing.why}")
         return None
-    drawn = state.levels_of(row, participant)
-    runs = runs_of(state.study, replace(row, levels=row.levels or drawn))
+    levels = state.levels_of(row, participant)
+    runs = runs_of(state.study, row, levels)
     number = request.run or standing.next_run or 1
     if not 1 <= number <= len(runs):
         problems.append(f"{participant.participant} has no run {number}: {_run_count(len(runs))}")
@@ -187,7 +188,7 @@ def _planned_run(
         which = f"has done run {number} before" if done else f"cannot have run {number} yet"
         problems.append(f"{participant.participant} {which}: the next one is run {standing.next_run}")
         return None
-    return runs[number - 1], drawn
+    return runs[number - 1], {} if row.levels else levels
 
 
 def _run_count(runs: int) -> str:
@@ -238,24 +239,19 @@ def check_problems(state: StudyState, reports: Sequence[CheckReport]) -> list[st
     given = {each.id: each for each in reports}
     known = [check.id for check in study.checks]
     problems = [f"the study has no check {id!r}{did_you_mean(id, known)}" for id in given if id not in known]
+    now = datetime.now().astimezone()
     for check in study.checks:
+        report = given.get(check.id)
         if check.when != "before" or not check.blocks:
             continue
-        report = given.get(check.id)
-        if report is None and state.is_check_valid(check):
-            continue
-        what = check.ask or check.auto or " ".join(check.run)
         if report is None:
-            problems.append(f"the check `{check.id}` was not made: {what}")
+            if not still_good(check, state.log, now).good_since:
+                problems.append(f"the check `{check.id}` was not made: {check_text(check)}")
         elif report.result == "failed":
-            reason = report.reason or report.value
-            problems.append(
-                f"the check `{check.id}` failed{': ' if reason else ''}{reason}; mend it, or skip it with a reason"
-            )
-        elif report.result == "skipped" and not report.reason.strip():
-            problems.append(f"the check `{check.id}` was skipped without a reason")
-        elif report.result == "skipped" and check.auto == "consent":
-            problems.append(f"the check `{check.id}` cannot be skipped: nobody takes part without consent")
+            reason = f": {report.reason or report.value}" if report.reason or report.value else ""
+            problems.append(f"the check `{check.id}` failed{reason}")
+        elif report.result == "skipped" and (problem := skip_problem(check, "counted", report.reason)):
+            problems.append(problem)
     return problems
 
 
@@ -302,9 +298,7 @@ def _rehearsed_run(
             problems.append("there is no plan yet: say which condition (--condition), or make the plan")
             return None
         row = Slot(0, {}, {}, ("",), 0)
-    if not row.levels:
-        row = replace(row, levels=state.levels_of(row, participant or Participant("")))
-    runs = runs_of(study, row)
+    runs = runs_of(study, row, state.levels_of(row, participant))
     number = request.run or _next_run(state, request.participant) or 1
     if not 1 <= number <= len(runs):
         problems.append(f"there is no run {number}: {_run_count(len(runs))}")
@@ -317,20 +311,9 @@ def _next_run(state: StudyState, participant: str) -> int | None:
 
 
 def _run_of_condition(study: Study, request: SessionRequest, problems: list[str]) -> PlannedRun | None:
-    """A run of the condition that was asked for: one level of each factor, joined by `+`, in their order."""
-    levels = request.condition.split("+")
-    factors = study.factors
-    known = [[level.name for level in factor.levels] for factor in factors]
-    if len(levels) != len(factors) or any(level not in names for level, names in zip(levels, known, strict=False)):
-        every = " and ".join(f"one of {in_backquotes(names)}" for names in known) or "the study has none"
-        joined = ", joined by `+`" if len(known) > 1 else ""
-        problems.append(f"there is no condition {request.condition!r}: {every}{joined}")
+    """A run of the condition that was asked for."""
+    try:
+        return planned_run(study, parse_condition(study, request.condition), run=request.run or 1)
+    except ValueError as error:
+        problems.append(str(error))
         return None
-    chosen = dict(zip((factor.name for factor in factors), levels, strict=True))
-    between = {factor.name: chosen[factor.name] for factor in factors if factor.kind == "between"}
-    within = "+".join(chosen[factor.name] for factor in factors if factor.kind == "within")
-    number = request.run or 1
-    row = Slot(0, {}, between, (within,) * number, 0)
-    run = runs_of(study, row)[number - 1]
-    assert run.condition == level_text(study, chosen)
-    return replace(run, seed=session_seed(study.seed, 0, number))

@@ -223,7 +223,7 @@ class CellStanding(Struct, frozen=True):
     open: int
     """Participants who hold a slot in it and are not complete."""
     planned: int
-    """Rows within the first `n` of the plan's."""
+    """Rows within the first `n` of their stratum: so many, if all came from it; 0 where cells are drawn."""
 
 
 class StudyStanding(Struct, frozen=True):

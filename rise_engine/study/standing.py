@@ -7,6 +7,7 @@ it may be run again. What is not `counted` never takes a row and never counts.
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Mapping, Sequence
 from datetime import datetime
 
@@ -24,6 +25,7 @@ from rise_engine.study.model import (
 )
 from rise_engine.study.sessions import StudySession
 from rise_engine.study.study_log import LogEntry
+from rise_engine.study.withdrawn import is_withdrawn
 
 BEGINNABLE: frozenset[ParticipantState] = frozenset({"waiting", "to-go-on", "aborted"})
 """States in which a session can begin, unless something hinders them (`why`)."""
@@ -69,7 +71,9 @@ def places_of(participants: Sequence[Participant], log: Sequence[LogEntry], sess
     :param log: all entries of the log.
     :param sessions: all sessions.
     """
-    withdrawn = _withdrawn(log)
+    names = {each.participant for each in participants} | {each.entry.participant for each in sessions}
+    names |= {str(each.get("participant")) for each in log if each.get("participant")}
+    withdrawn = frozenset(name for name in names if is_withdrawn(name, log))
     excluded = {each.participant: "participants.csv says so" for each in participants if each.status == "excluded"}
     for each in log:
         if each.kind == "excluded":
@@ -122,7 +126,7 @@ def study_standing(
         _standing_of(study, each, plan, places, [entry for entry in counted if entry.participant == each.participant])
         for each in everybody
     )
-    due = [*problems, *_due(study, standings, plan, sessions, set(unlisted))]
+    due = [*problems, *_due(standings, plan, sessions, set(unlisted), places.withdrawn)]
     return StudyStanding(
         participants=standings,
         cells=_cells(study, plan, places, standings),
@@ -155,12 +159,6 @@ def when_text(moment: str) -> str:
         return f"{datetime.fromisoformat(moment):%Y-%m-%d %H:%M}"
     except ValueError:
         return moment
-
-
-def _withdrawn(log: Sequence[LogEntry]) -> frozenset[str]:
-    """Who has withdrawn, as the log names them since: their name, or the hash that took its place."""
-    fields = (each.get(name) for each in log if each.kind == "withdrawn" for name in ("participant", "hash"))
-    return frozenset(value for value in fields if isinstance(value, str) and value)
 
 
 def _standing_of(
@@ -237,16 +235,19 @@ def _cells(
     by_slot = {each.slot: each for each in standings if each.slot is not None}
     between = [factor.name for factor in study.factors if factor.kind == "between"]
     counts: dict[tuple[tuple[tuple[str, str], ...], str], list[int]] = {}
-    for number, row in enumerate(plan):
+    rows: Counter[tuple[tuple[str, str], ...]] = Counter()
+    for row in plan:
+        stratum = tuple(row.strata.items())
+        rows[stratum] += 1
         levels = row.levels or places.levels.get(row.slot, {})
         drawn = not between or bool(levels)
         if not drawn and row.slot not in by_slot:
             continue  # nobody knows yet which cell it will be
-        count = counts.setdefault((tuple(row.strata.items()), level_text(study, levels)), [0, 0, 0])
+        count = counts.setdefault((stratum, level_text(study, levels)), [0, 0, 0])
         holder = by_slot.get(row.slot)
         if holder is not None:
             count[holder.state != "complete"] += 1
-        count[2] += number < study.n and (not between or bool(row.levels))
+        count[2] += rows[stratum] <= study.n and (not between or bool(row.levels))
     return tuple(
         CellStanding(dict(strata), condition, complete, open, planned)
         for (strata, condition), (complete, open, planned) in counts.items()
@@ -254,13 +255,13 @@ def _cells(
 
 
 def _due(
-    study: Study,
     standings: Sequence[ParticipantStanding],
     plan: Sequence[Slot],
     sessions: Sequence[StudySession],
     unlisted: set[str],
+    gone: frozenset[str],
 ) -> list[str]:
-    """What somebody must do, in sentences; without what is due to be deleted, which `retention` knows."""
+    """What somebody must do, in sentences. `gone`: who has withdrawn."""
     due: list[str] = []
     for standing in standings:
         name = standing.participant
@@ -269,14 +270,16 @@ def _due(
                 due.append(f"{describe_entry(entry)}: its engine has gone; go on with it, or give it up")
             elif entry.status == "ended" and entry.outcome is None and standing.state not in ("excluded", "withdrawn"):
                 due.append(f"{describe_entry(entry)}: it ended without outcome; say complete, aborted or excluded")
+        if name in unlisted:
+            continue
         if standing.state == "no-consent":
             due.append(f"{name} has not consented: {standing.why} of participants.csv")
         elif standing.state in BEGINNABLE and standing.why and plan:
             due.append(f"{name} cannot begin: {standing.why}")
-    due += [f"{name} is not in participants.csv any more, but in the study's log" for name in sorted(unlisted)]
+    due += [f"{name} is not in participants.csv any more, but in the study's log" for name in sorted(unlisted - gone)]
     due += [
         f"{each.name} of {each.entry.participant} is not in the study's sessions any more"
         for each in sessions
-        if each.info is None
+        if each.info is None and each.entry.participant not in gone
     ]
     return due

@@ -7,7 +7,7 @@ decides something, and writes what it decided, does so within it.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from datetime import datetime, timedelta
+from datetime import datetime
 from pathlib import Path
 from types import TracebackType
 
@@ -16,10 +16,10 @@ from msgspec import Struct
 from rise_engine.errors import RiseError
 from rise_engine.scenario.model import Json
 from rise_engine.session.folder import mark_abandoned
-from rise_engine.study.minimise import draw_cell
-from rise_engine.study.model import Participant, Slot, Study, StudyCheck, StudyStanding
-from rise_engine.study.participants import read_participants
-from rise_engine.study.plan import read_plan
+from rise_engine.study.minimise import cell_for
+from rise_engine.study.model import Participant, Slot, Study, StudyStanding
+from rise_engine.study.participants import load_participants
+from rise_engine.study.plan_file import load_plan
 from rise_engine.study.sessions import MissingEntry, StudySession, missing_entries, read_sessions
 from rise_engine.study.standing import Places, places_of, study_standing
 from rise_engine.study.study_log import LockedLog, LogEntry, read_log
@@ -64,26 +64,27 @@ class StudyState(Struct, frozen=True):
             return self.places.free_row(self.plan, participant.strata)
         return next((row for row in self.plan if row.slot == slot), None)
 
-    def levels_of(self, row: Slot, participant: Participant) -> dict[str, str]:
+    def levels_of(self, row: Slot, participant: Participant | None) -> dict[str, str]:
         """The between levels of a row: those of the plan, those that were drawn when it was taken, or those that would
-        be drawn now for this participant."""
+        be drawn now for this participant (None: for whoever comes)."""
+        if row.levels or self.study.assignment.between != "minimise":
+            return dict(row.levels)
         drawn = self.places.levels.get(row.slot)
-        if row.levels or drawn:
-            return row.levels or dict(drawn or {})
-        return draw_cell(self.study, row, participant, self.participants, self.places)
+        if drawn is not None and row.slot in self.places.slots.values():
+            return dict(drawn)
+        strata = {column: self.study.strata[column][0] for column in self.study.assignment.strata}
+        if participant is not None:
+            strata = {**strata, **participant.strata}
+        return cell_for(self.study, self._cells_so_far(), strata, row)
 
-    def is_check_valid(self, check: StudyCheck, now: datetime | None = None) -> bool:
-        """Whether a check was passed so lately that it need not be made again."""
-        if check.valid is None:
-            return False
-        now = now or datetime.now().astimezone()
-        passed = [each for each in self.log if each.kind == "checked" and each.get("id") == check.id]
-        if not passed or passed[-1].get("result") != "passed":
-            return False
-        try:
-            return datetime.fromisoformat(passed[-1].at) > now - timedelta(seconds=check.valid)
-        except (TypeError, ValueError):
-            return False
+    def _cells_so_far(self) -> list[tuple[dict[str, str], dict[str, str]]]:
+        """Strata and levels of everybody who holds a row."""
+        strata = {each.participant: each.strata for each in self.participants}
+        return [
+            (strata[name], self.places.levels[slot])
+            for name, slot in self.places.slots.items()
+            if name in strata and slot in self.places.levels
+        ]
 
 
 def read_state(folder: Path) -> StudyState:
@@ -171,3 +172,26 @@ def _state(files: StudyFiles, log: Sequence[LogEntry]) -> StudyState:
 
 def _entry_of(missing: MissingEntry) -> LogEntry:
     return LogEntry(missing.kind, datetime.now().astimezone().isoformat(timespec="milliseconds"), missing.fields, 0)
+
+
+def _read_files(folder: Path) -> StudyFiles:
+    loaded = load_study(folder, check_scenarios=False)
+    if loaded.study is None:
+        raise StudyUnusable([str(each) for each in loaded.errors])
+    participants, plan = load_participants(loaded.study), load_plan(loaded.study)
+    if errors := [*participants.errors, *plan.errors]:
+        raise StudyUnusable([str(each) for each in errors])
+    return StudyFiles(loaded.study, participants.participants, plan.plan)
+
+
+def _plan_problems(files: StudyFiles, log: Sequence[LogEntry]) -> list[str]:
+    """Why no session that counts can begin."""
+    planned = [each for each in log if each.kind == "planned"]
+    if not files.plan or not planned:
+        return ["there is no plan yet: make it with `rise-engine study plan`"]
+    if planned[-1].get("design_hash") != files.study.design_hash:
+        return [
+            "study.toml was changed since the plan was made, in what the plan is made of: take the change back, or make "
+            "a new plan (`rise-engine study plan --again REASON`)"
+        ]
+    return []

@@ -41,7 +41,7 @@ def test_a_condition_is_one_of_the_study_s(study: dict[str, object], condition: 
 @pytest.mark.parametrize(
     ("table", "expected"),
     [
-        ('participants = 24\nconditions = ["A", "B"]', []),
+        ('participants = 24\nconditions = ["A", "B"]', ["3:15 bare-condition", "3:20 bare-condition"]),
         ('condition = ["A", "B"]', ["2:1 unknown-key"]),
         ("participant = 3", ["2:1 unknown-key"]),
         ('participants = "24"', ["2:16 wrong-type"]),
@@ -65,6 +65,7 @@ TABLES = {
     "[stdy]\nparticipants = 3": "study",
     "[study]\ncondition = ['A']": "conditions",
     "[study]\nparticpants = 3": "participants",
+    "[conditions.A]\nlabl = 'a'\nlabel_only = true": "label",
     "[keys]\na = { rul = 'R' }": "rule",
     "[act.A]\nholt = true": "hold",
     "[act.A]\ncallingType = 'None'": "calling_type",
@@ -95,4 +96,14 @@ def test_no_table_takes_an_entry_that_nobody_reads(tmp_path: Path, toml: str) ->
 def test_every_table_is_tried() -> None:
     """Who adds a table to scenario.toml adds it above."""
     tried = {found[1] for toml in TABLES if (found := re.match(r"\[(\w+)", toml))}
-    assert {*TOP_KEYS} - {"title", "language", "robot", "mode", "acts", "rules", "memory", "on_failure"} <= tried
+    assert {*TOP_KEYS} - {
+        "title",
+        "language",
+        "robot",
+        "mode",
+        "acts",
+        "rules",
+        "memory",
+        "on_failure",
+        "private",
+    } <= tried
