@@ -244,12 +244,12 @@ class _Gathering:
                 return outcome, by
             if not self._terminal.answers:
                 skip = f", or --skip-check {check.id}=REASON" if self._may_skip(check) else ""
-                self._miss(check, f"{check.id}: {outcome.reason or check_text(check)}; mend it{skip}")
+                self._miss(check, f"{check.id}: {outcome.found or outcome.text}; mend it{skip}")
                 return outcome, by
             report = report_check(outcome, by)
             choice = self._ask_on(check)
             if choice is None:
-                self._miss(check, f"{check.id}: {outcome.reason or check_text(check)}")
+                self._miss(check, f"{check.id}: {outcome.found or outcome.text}")
                 return outcome, by
             append_checked(check, self._context, report)
             if choice:
@@ -272,7 +272,7 @@ class _Gathering:
         while True:
             try:
                 answer = self._terminal.ask(
-                    f"?        {outcome.id}: {clean(outcome.question)}  [y/n, and a word about it]"
+                    f"?        {outcome.id}: {clean(outcome.question)} [y/n, and a word about it]"
                 )
             except EOFError:
                 return answer_check(outcome, False, "nobody answered")
@@ -310,5 +310,4 @@ class _Gathering:
             self._terminal.show(f"warning: {line}")
 
     def _show(self, outcome: CheckOutcome) -> None:
-        found = ": ".join(filter(None, (outcome.value, outcome.reason)))
-        self._terminal.show(f"{_MARKS[outcome.result]:8} {outcome.id}: {clean(found or outcome.text)}")
+        self._terminal.show(f"{_MARKS[outcome.result]:8} {outcome.id}: {clean(outcome.found or outcome.text)}")

@@ -120,7 +120,9 @@ async def test_a_word_is_said_and_somebody_is_asked(tmp_path: Path, monkeypatch:
         True, "the robot said “Hallo”", question="The robot said “Hallo”, and it was heard"
     )
     assert kind.made.said == "Hallo" and kind.made.closed
-    assert {name for name, spec in kind.made.profile.actions.items() if spec.supported and not spec.engine} == {"Speech"}
+    assert {name for name, spec in kind.made.profile.actions.items() if spec.supported and not spec.engine} == {
+        "Speech"
+    }
 
 
 async def test_a_word_that_fails_is_nobodys_question(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
