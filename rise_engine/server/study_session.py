@@ -22,7 +22,7 @@ from rise_engine.scenario.model import Json
 from rise_engine.server.refusal import ServeRefused
 from rise_engine.session.folder import SessionError, SessionInfo, find_session, mark_abandoned, read_info
 from rise_engine.session.lock import read_holder
-from rise_engine.study.begin import CannotBegin, SessionPlan, SessionRequest, plan_session, running_problem
+from rise_engine.study.begin import BeginRequest, CannotBegin, SessionPlan, plan_session, running_problem
 from rise_engine.study.sessions import (
     GIVEN_UP,
     SESSIONS,
@@ -83,10 +83,10 @@ class StudyPreparation:
         except StudyLogError as error:
             raise ServeRefused(exit_status.NOT_WRITTEN, str(error)) from None
 
-    def _request(self, state: StudyState) -> SessionRequest:
+    def _request(self, state: StudyState) -> BeginRequest:
         options = self.options
         mode = "debug" if options.purpose == "debug" else options.mode or state.study.mode
-        return SessionRequest(
+        return BeginRequest(
             participant=options.participant,
             run=options.run,
             purpose="debug" if mode == "debug" else options.purpose,
@@ -162,7 +162,7 @@ class StudyPreparation:
             raise ServeRefused(exit_status.USAGE, f"{path.name} is over: it was judged {session.entry.outcome}")
         return session
 
-    def _unfinished(self, state: StudyState, request: SessionRequest) -> list[StudySession]:
+    def _unfinished(self, state: StudyState, request: BeginRequest) -> list[StudySession]:
         """The participant's sessions of this purpose that did not end."""
         return [
             each
@@ -172,7 +172,7 @@ class StudyPreparation:
             and request.run in (0, each.entry.run)
         ]
 
-    def _to_give_up(self, state: StudyState, request: SessionRequest) -> list[StudySession]:
+    def _to_give_up(self, state: StudyState, request: BeginRequest) -> list[StudySession]:
         return self._unfinished(state, replace(request, run=0)) if request.purpose == "counted" else []
 
     # --- beginning --------------------------------------------------------------------------------------------------

@@ -198,11 +198,12 @@ def _state_of(
         return "withdrawn", "they have withdrawn"
     if name in places.excluded:
         return "excluded", places.excluded[name]
-    for status in ("running", "unfinished"):
-        if open_session := next((each for each in sessions if each.status == status), None):
-            return open_session.status, f"the session of {when_text(open_session.started)}"  # type: ignore[return-value]
+    if running := next((each for each in sessions if each.status == "running"), None):
+        return "running", f"begun {when_text(running.started)}"
+    if unfinished := next((each for each in sessions if each.status == "unfinished"), None):
+        return "unfinished", f"begun {when_text(unfinished.started)}, and its engine has gone"
     if unjudged := next((each for each in sessions if each.outcome is None), None):
-        return "to-judge", f"the session of {when_text(unjudged.started)} ended without outcome"
+        return "to-judge", f"begun {when_text(unjudged.started)}, ended without outcome"
     if next_run is None:
         return "complete", ""
     missing = missing_consent(study, participant)

@@ -17,9 +17,9 @@ from rise_engine.errors import RiseError
 from rise_engine.scenario.model import Json
 from rise_engine.session.folder import mark_abandoned
 from rise_engine.study.minimise import cell_for
-from rise_engine.study.model import Participant, Slot, Study, StudyStanding
+from rise_engine.study.model import Participant, ParticipantState, Slot, Study, StudyStanding
 from rise_engine.study.participants import load_participants
-from rise_engine.study.plan_file import load_plan
+from rise_engine.study.plan_file import read_plan
 from rise_engine.study.sessions import MissingEntry, StudySession, missing_entries, read_sessions
 from rise_engine.study.standing import Places, places_of, study_standing
 from rise_engine.study.study_log import LockedLog, LogEntry, read_log
@@ -40,6 +40,7 @@ class StudyFiles(Struct, frozen=True):
     study: Study
     participants: tuple[Participant, ...]
     plan: tuple[Slot, ...]
+    plan_hash: str = ""
 
 
 class StudyState(Struct, frozen=True):
@@ -63,6 +64,10 @@ class StudyState(Struct, frozen=True):
         if slot is None:
             return self.places.free_row(self.plan, participant.strata)
         return next((row for row in self.plan if row.slot == slot), None)
+
+    def state_of(self, participant: str) -> ParticipantState | None:
+        """How somebody stands; None: the study does not know them."""
+        return next((each.state for each in self.standing.participants if each.participant == participant), None)
 
     def levels_of(self, row: Slot, participant: Participant | None) -> dict[str, str]:
         """The between levels of a row: those of the plan, those that were drawn when it was taken, or those that would
@@ -178,20 +183,26 @@ def _read_files(folder: Path) -> StudyFiles:
     loaded = load_study(folder, check_scenarios=False)
     if loaded.study is None:
         raise StudyUnusable([str(each) for each in loaded.errors])
-    participants, plan = load_participants(loaded.study), load_plan(loaded.study)
+    participants, plan = load_participants(loaded.study), read_plan(loaded.study)
     if errors := [*participants.errors, *plan.errors]:
         raise StudyUnusable([str(each) for each in errors])
-    return StudyFiles(loaded.study, participants.participants, plan.plan)
+    return StudyFiles(loaded.study, participants.participants, plan.slots or (), plan.hash)
 
 
 def _plan_problems(files: StudyFiles, log: Sequence[LogEntry]) -> list[str]:
     """Why no session that counts can begin."""
     planned = [each for each in log if each.kind == "planned"]
+    again = "a new plan (`rise-engine study plan --again REASON`)"
+    problems: list[str] = []
+    if files.study.mode == "debug":
+        problems.append('study.toml says mode = "debug": with a simulated robot no session counts')
     if not files.plan or not planned:
-        return ["there is no plan yet: make it with `rise-engine study plan`"]
+        return [*problems, "there is no plan yet: make it with `rise-engine study plan`"]
     if planned[-1].get("design_hash") != files.study.design_hash:
-        return [
-            "study.toml was changed since the plan was made, in what the plan is made of: take the change back, or make "
-            "a new plan (`rise-engine study plan --again REASON`)"
-        ]
-    return []
+        problems.append(
+            "study.toml was changed since the plan was made, in what the plan is made of: take the change back, "
+            f"or make {again}"
+        )
+    if planned[-1].get("plan_hash", files.plan_hash) != files.plan_hash:
+        problems.append(f"plan.csv was changed since it was made: take the change back, or make {again}")
+    return problems

@@ -1,0 +1,116 @@
+"""`serve --study` and `run --study`: which session of a study is meant, asked before anything starts."""
+
+from __future__ import annotations
+
+import shlex
+import sys
+from pathlib import Path
+from typing import NoReturn
+
+import click
+from msgspec.structs import replace
+
+from rise_engine import exit_status
+from rise_engine.cli.arguments import exit_with_usage
+from rise_engine.kernel.inputs import SessionStarted
+from rise_engine.kernel.records import Purpose
+from rise_engine.protocol.session_options import SessionOptions
+from rise_engine.study.begin import BeginRequest, CannotBegin, SessionPlan, plan_session
+from rise_engine.study.state import StudyState, StudyUnusable, read_state
+from rise_engine.study.study_log import StudyLogError
+from rise_engine.study.study_toml import STUDY_FILE
+from rise_engine.text import clean
+
+
+def study_session(
+    options: SessionOptions, study: str, folder: str | None, run: int, *, pilot: bool, training: bool
+) -> SessionOptions:
+    """The options of a session of a study that is served. Ends the program, with every reason, if it cannot begin.
+
+    :param options: what the command line says, without the study.
+    :param study: the study's folder, as somebody wrote it.
+    :param folder: the scenario's, if somebody named one.
+    :param run: which of the participant's runs; 0: the next.
+    """
+    if folder is not None:
+        exit_with_usage("a session of a study has the study's scenario: say either DIR or --study")
+    if pilot and training:
+        exit_with_usage("say either --pilot or --training")
+    purpose: Purpose = "pilot" if pilot else "training" if training else "counted"
+    where = _study_folder(study)
+    options = replace(options, study=str(where), run=run, purpose=purpose)
+    if options.unfinished not in ("ask", "new"):
+        return options
+    # What can be known before the checks is said before somebody makes them.
+    state = _read_or_exit(where)
+    plan = _plan_or_exit(state, options, may_be_unfinished=True)
+    return options if plan is None else replace(options, folder=plan.run.scenario)
+
+
+def rehearsed_session(
+    options: SessionOptions, study: str, folder: str | None, run: int
+) -> tuple[SessionOptions, SessionStarted]:
+    """The options and the first input of a session that `run` plays: in debug mode, so it takes no row. Ends the
+    program, with every reason, if there is no such session.
+
+    Parameters as of `study_session`.
+    """
+    if folder is not None:
+        exit_with_usage("a session of a study has the study's scenario: say either DIR or --study")
+    if options.mode == "real":
+        exit_with_usage(
+            "`run` keeps nothing, so it is always in debug mode with --study; for a real one: serve --study"
+        )
+    state = _read_or_exit(_study_folder(study))
+    seed = options.seed
+    plan = _plan_or_exit(state, replace(options, mode="debug", run=run, seed=None))
+    assert plan is not None
+    robot = options.robot or state.study.robot or None
+    scenario, chosen = plan.run.scenario, plan.seed if seed is None else seed
+    return replace(options, folder=scenario, mode="debug", robot=robot, seed=chosen), plan.first_input(state.study)
+
+
+def _study_folder(study: str) -> Path:
+    path = Path(study)
+    path = path.parent if path.name == STUDY_FILE else path
+    if not (path / STUDY_FILE).is_file():
+        exit_with_usage(f"{study} is no study: there is no {STUDY_FILE} in it")
+    return path.absolute()
+
+
+def _read_or_exit(folder: Path) -> StudyState:
+    try:
+        return read_state(folder)
+    except StudyUnusable as error:
+        _exit_refused(error.lines)
+    except StudyLogError as error:
+        _exit_refused([f"error: {error}"])
+
+
+def _plan_or_exit(state: StudyState, options: SessionOptions, *, may_be_unfinished: bool = False) -> SessionPlan | None:
+    """What the session is; None: the participant's last one did not end, and the engine says what can be done."""
+    request = BeginRequest(
+        participant=options.participant,
+        run=options.run,
+        purpose=options.purpose,
+        condition=options.condition,
+        mode="debug" if options.mode == "debug" else None if options.mode is None else "real",
+        checks=None,
+        seed=options.seed,
+    )
+    try:
+        return plan_session(state, request)
+    except CannotBegin as error:
+        if may_be_unfinished and error.unfinished is not None:
+            return None
+        lines = [f"error: {sentence}" for sentence in error.sentences]
+        if state.state_of(options.participant) == "to-judge":
+            command = f"rise-engine study outcome {shlex.quote(state.study.folder)} {options.participant}"
+            lines.append(f"  {command} complete | aborted | excluded")
+        _exit_refused(lines)
+
+
+def _exit_refused(lines: list[str]) -> NoReturn:
+    for line in lines:
+        click.echo(clean(line), err=True)
+    sys.exit(exit_status.REFUSED)
