@@ -32,7 +32,8 @@ from rise_engine.checks import (
 from rise_engine.errors import RiseError
 from rise_engine.kernel.inputs import CheckReport
 from rise_engine.nearest_name import did_you_mean
-from rise_engine.study.model import Study, StudyCheck
+from rise_engine.study.checked import made_after
+from rise_engine.study.model import Purpose, Study, StudyCheck
 from rise_engine.study.study_log import StudyLogError, read_log
 from rise_engine.text import clean
 
@@ -137,11 +138,18 @@ def gather_check_reports(
     """
     terminal = terminal or StandardTerminal()
     study = context.study
-    chosen = _read_options(context, options, when)
+    chosen = read_check_options(study, context.purpose, options, when)
     if when == "before" and context.purpose == "debug":
         return ()
     try:
-        pending = pending_checks(study, when, read_log(Path(study.folder)), context.now())
+        log = read_log(Path(study.folder))
+        pending = pending_checks(study, when, log, context.now())
+        if when == "after":
+            made = made_after(log)
+            wanted = chosen.confirmed | chosen.reasons.keys()
+            pending = tuple(
+                each for each in pending if each.check.id in wanted or (context.session, each.check.id) not in made
+            )
         gathering = _Gathering(context, chosen, terminal, when == "before" and context.purpose == "counted")
         reports = tuple(filter(None, map(gathering.gather, pending)))
     except StudyLogError as error:
@@ -151,7 +159,7 @@ def gather_check_reports(
     return reports
 
 
-class _ChosenChecks(Struct, frozen=True):
+class ChosenChecks(Struct, frozen=True):
     """The options, understood."""
 
     confirmed: frozenset[str]
@@ -159,9 +167,18 @@ class _ChosenChecks(Struct, frozen=True):
     """Of those that are skipped."""
 
 
-def _read_options(context: CheckContext, options: CheckOptions, when: str) -> _ChosenChecks:
-    """Raises ChecksRefused with everything that is wrong in them."""
-    study, problems = context.study, list[str]()
+def read_check_options(
+    study: Study, purpose: Purpose, options: CheckOptions, when: Literal["before", "after"]
+) -> ChosenChecks:
+    """What the options mean for a study.
+
+    :param study: whose checks.
+    :param purpose: of the session.
+    :param options: as they were written.
+    :param when: whether they are about the checks before the session or after it.
+    :raises ChecksRefused: with everything that is wrong in them.
+    """
+    problems: list[str] = []
     reasons: dict[str, str] = {}
     for text in options.skipped:
         id, equals, reason = text.partition("=")
@@ -170,7 +187,7 @@ def _read_options(context: CheckContext, options: CheckOptions, when: str) -> _C
             continue
         if not equals or not reason.strip():
             problems.append(f"--skip-check {id}: say why: --skip-check {shlex.quote(f'{id}=the reason')}")
-        elif problem := skip_problem(check, context.purpose, reason):
+        elif problem := skip_problem(check, purpose, reason):
             problems.append(f"--skip-check {problem}")
         reasons[id] = reason
     for id in options.confirmed:
@@ -181,7 +198,7 @@ def _read_options(context: CheckContext, options: CheckOptions, when: str) -> _C
             problems.append(f"{id} is both confirmed and skipped: say one of them")
     if problems:
         raise ChecksRefused(problems)
-    return _ChosenChecks(frozenset(options.confirmed), reasons)
+    return ChosenChecks(frozenset(options.confirmed), reasons)
 
 
 def is_answered_by_person(check: StudyCheck) -> bool:
@@ -203,7 +220,7 @@ def _find_check(study: Study, id: str, when: str, option: str, problems: list[st
 class _Gathering:
     """One way through the checks."""
 
-    def __init__(self, context: CheckContext, chosen: _ChosenChecks, terminal: CheckTerminal, binding: bool) -> None:
+    def __init__(self, context: CheckContext, chosen: ChosenChecks, terminal: CheckTerminal, binding: bool) -> None:
         self._context = context
         self._chosen = chosen
         self._terminal = terminal
