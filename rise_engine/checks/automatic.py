@@ -76,7 +76,7 @@ def look_at_clock(
         return Finding(False, shown, f"that is before what was last recorded in this study ({before}); set the clock")
     if synchronised is False:
         return Finding(False, shown, "no time server has set the clock; connect to one, or set it by hand")
-    known = "set by a time server" if synchronised else "whether a time server sets it, this computer does not say"
+    known = "set by a time server" if synchronised else "whether a time server sets it is not known here"
     return Finding(True, f"{shown}, {known}")
 
 
@@ -179,18 +179,18 @@ def look_at_scenario(folder: Path, study: Study, log: Sequence[LogEntry], robot:
     known = hashes.get(name) if isinstance(hashes, Mapping) else None
     loaded = load(folder, robot=robot)
     if loaded.scenario is None:
-        return Finding(False, reason=f"{name} has errors: {loaded.errors[0]}")
+        return Finding(False, reason=f"the scenario `{name}` has errors: {loaded.errors[0]}")
     made = planned.at[:10]
     if not isinstance(known, str):
         return Finding(
             False,
-            reason=f"the plan of {made} does not know the scenario {name}: make it again "
+            reason=f"the plan of {made} does not know the scenario `{name}`; make it again "
             "(rise-engine study plan --again REASON)",
         )
     if loaded.scenario.hash != known:
-        changed = f"the scenario {name} was changed since the plan was made on {made}"
-        return Finding(False, reason=f"{changed}; put it back as it was, or say why it is right so")
-    return Finding(True, f"{name} as of the plan of {made}")
+        changed = f"the scenario `{name}` was changed since the plan was made on {made}"
+        return Finding(False, reason=f"{changed}; put it back as it was")
+    return Finding(True, f"`{name}` is as it was on {made}")
 
 
 def look_at_wizard(name: str, wizards: Mapping[str, str]) -> Finding:

@@ -41,14 +41,17 @@ Command = TypeVar("Command", bound=Callable[..., Any])
 
 CONFIRMED = "confirmed on the command line"
 _MARKS = {"passed": "ok", "failed": "FAILED", "skipped": "skipped"}
+_SLOW = frozenset({"robot", "sound", "replay"})
 
 
 class ChecksRefused(RiseError):
-    """The session cannot begin; one line for each thing that is missing, all at once."""
+    """The session cannot begin, or the options cannot be meant; one line for each thing, all at once."""
 
-    def __init__(self, lines: Sequence[str]) -> None:
+    def __init__(self, lines: Sequence[str], hints: Sequence[str] = ()) -> None:
         super().__init__("\n".join(lines))
         self.lines = list(lines)
+        self.hints = list(hints)
+        """What can be done about it, a line each."""
 
 
 class CheckOptions(Struct, frozen=True):
@@ -155,7 +158,7 @@ def gather_check_reports(
     except StudyLogError as error:
         raise ChecksRefused([str(error)]) from None
     if gathering.missing:
-        raise ChecksRefused(gathering.missing)
+        raise ChecksRefused(gathering.missing, gathering.hints)
     return reports
 
 
@@ -228,13 +231,25 @@ class _Gathering:
         """Whether what is missing is in the way."""
         self._person = f"wizard:{context.wizard or 'command-line'}"
         self.missing: list[str] = []
+        self._to_confirm: list[str] = []
+        self._to_skip: list[str] = []
+
+    @property
+    def hints(self) -> list[str]:
+        """The options that say what is missing, to be copied."""
+        confirm = " ".join(f"--confirm {id}" for id in self._to_confirm)
+        skip = " ".join(f"--skip-check {id}=REASON" for id in self._to_skip)
+        return [
+            *([f"when it is so, say {confirm}"] if confirm else []),
+            *([f"what cannot be mended now is left out with {skip}"] if skip else []),
+        ]
 
     def gather(self, pending: PendingCheck) -> CheckReport | None:
         """Make one check; None when nothing has come of it."""
         check = pending.check
         if pending.good_since and check.id not in self._chosen.reasons:
             outcome = kept_check(pending)
-            self._show(outcome)
+            self._show(check, outcome)
             return report_check(outcome)
         outcome_or_none, by = self._make(check)
         if outcome_or_none is None:
@@ -248,20 +263,21 @@ class _Gathering:
         reason = self._chosen.reasons.get(check.id)
         if reason is not None:
             outcome = skipped_check(check, reason)
-            self._show(outcome)
+            self._show(check, outcome)
             return outcome, self._person
         if is_answered_by_person(check) and not self._terminal.answers and check.id not in self._chosen.confirmed:
             # The robot is not made to speak where nobody says that it was heard.
-            self._miss(check, f"{check.id}: nobody has confirmed “{check_text(check)}”: --confirm {check.id}")
+            if self._miss(check, f"{check.id}: nobody has confirmed “{check_text(check)}”"):
+                self._to_confirm.append(check.id)
             return None, ""
         while True:
             outcome, by = self._look(check)
-            self._show(outcome)
+            self._show(check, outcome)
             if outcome.result == "passed" or not (check.blocks and self._binding):
                 return outcome, by
             if not self._terminal.answers:
-                skip = f", or --skip-check {check.id}=REASON" if self._may_skip(check) else ""
-                self._miss(check, f"{check.id}: {outcome.found or outcome.text}; mend it{skip}")
+                if self._miss(check, f"{check.id}: {outcome.found or outcome.text}") and self._may_skip(check):
+                    self._to_skip.append(check.id)
                 return outcome, by
             report = report_check(outcome, by)
             choice = self._ask_on(check)
@@ -271,11 +287,11 @@ class _Gathering:
             append_checked(check, self._context, report)
             if choice:
                 skipped = skipped_check(check, choice, outcome)
-                self._show(skipped)
+                self._show(check, skipped)
                 return skipped, self._person
 
     def _look(self, check: StudyCheck) -> tuple[CheckOutcome, str]:
-        if not is_answered_by_person(check):
+        if check.run or check.auto in _SLOW:
             self._terminal.show(f"         {check.id}: {check_text(check)} ...")
         outcome = asyncio.run(run_check(check, self._context))
         if outcome.result != "asked":
@@ -320,11 +336,16 @@ class _Gathering:
     def _may_skip(self, check: StudyCheck) -> bool:
         return not skip_problem(check, self._context.purpose, "a reason")
 
-    def _miss(self, check: StudyCheck, line: str) -> None:
-        if check.blocks and self._binding:
+    def _miss(self, check: StudyCheck, line: str) -> bool:
+        """Note what is missing; whether that is in the way."""
+        is_in_the_way = check.blocks and self._binding
+        if is_in_the_way:
             self.missing.append(line)
         else:
-            self._terminal.show(f"warning: {line}")
+            self._terminal.show(f"{'warning':8} {line}")
+        return is_in_the_way
 
-    def _show(self, outcome: CheckOutcome) -> None:
-        self._terminal.show(f"{_MARKS[outcome.result]:8} {outcome.id}: {clean(outcome.found or outcome.text)}")
+    def _show(self, check: StudyCheck, outcome: CheckOutcome) -> None:
+        is_harmless = outcome.result == "failed" and not (check.blocks and self._binding)
+        mark = "warning" if is_harmless else _MARKS[outcome.result]
+        self._terminal.show(f"{mark:8} {outcome.id}: {clean(outcome.found or outcome.text)}")

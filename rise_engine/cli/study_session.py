@@ -76,7 +76,7 @@ def _check_or_exit(
     try:
         return gather_check_reports(context, checks)
     except ChecksRefused as error:
-        _exit_refused([*(f"error: {line}" for line in error.lines), "nothing was started"])
+        _exit_refused([*(f"error: {line}" for line in error.lines), *error.hints, "nothing was started"])
 
 
 def rehearsed_session(

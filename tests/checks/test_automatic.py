@@ -92,7 +92,7 @@ def test_clock_that_a_server_sets() -> None:
 
 def test_clock_of_which_nobody_knows_who_sets_it() -> None:
     found = look_at_clock(NOW, [checked("a", "passed", NOW)], [entry("2026-11-22T08:59:59+00:00")], None)
-    assert found.passed and found.value.endswith("whether a time server sets it, this computer does not say")
+    assert found.passed and found.value.endswith("whether a time server sets it is not known here")
 
 
 def test_clock_that_nobody_sets() -> None:
@@ -215,17 +215,16 @@ def test_scenario_as_it_was_planned(tmp_path: Path) -> None:
     scenario = load(made).scenario
     assert scenario is not None
     log = planned(scenario=scenario.hash)
-    assert look_at_scenario(made, study(tmp_path), log, None) == Finding(True, "scenario as of the plan of 2026-11-10")
+    assert look_at_scenario(made, study(tmp_path), log, None) == Finding(True, "`scenario` is as it was on 2026-11-10")
     (made / "acts" / "greet.xml").write_text((made / "acts" / "greet.xml").read_text().replace("Hello", "Hi"))
     found = look_at_scenario(made, study(tmp_path), log, None)
     assert not found.passed
     assert found.reason == (
-        "the scenario scenario was changed since the plan was made on 2026-11-10; put it back as it was, or say why it "
-        "is right so"
+        "the scenario `scenario` was changed since the plan was made on 2026-11-10; put it back as it was"
     )
     (made / "acts" / "greet.xml").write_text("<Dialog>")
     assert look_at_scenario(made, study(tmp_path), log, None).reason.startswith(
-        "scenario has errors: acts/greet.xml:1:"
+        "the scenario `scenario` has errors: acts/"
     )
 
 
@@ -233,7 +232,7 @@ def test_scenario_without_a_plan_or_of_another_one(tmp_path: Path) -> None:
     made = folder(tmp_path / "scenario")
     assert look_at_scenario(made, study(tmp_path), [], None).reason == "there is no plan yet: rise-engine study plan"
     assert look_at_scenario(made, study(tmp_path), planned(other="x"), None).reason == (
-        "the plan of 2026-11-10 does not know the scenario scenario: make it again "
+        "the plan of 2026-11-10 does not know the scenario `scenario`; make it again "
         "(rise-engine study plan --again REASON)"
     )
 
