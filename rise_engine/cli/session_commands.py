@@ -25,6 +25,7 @@ from rise_engine.cli.run import RunOptions
 from rise_engine.cli.run import run as run_session
 from rise_engine.cli.sessions import print_recorded, print_sessions, stop_session
 from rise_engine.cli.startup_messages import print_startup
+from rise_engine.cli.study_checks import CheckOptions, check_options
 from rise_engine.cli.study_session import rehearsed_session, study_session
 from rise_engine.engine.drivers import DriverError, RobotOptionsError
 from rise_engine.ports.bridge import BridgeError, RosConnection, RosTransport
@@ -129,6 +130,8 @@ def run(
 @study_options
 @click.option("--pilot", is_flag=True, help="With --study: with a participant, and it does not count.")
 @click.option("--training", is_flag=True, help="With --study: without a participant, to practise; it does not count.")
+@check_options
+@click.option("--wizard", metavar="NAME", default="", help="Who begins it; stands in the session's folder.")
 @click.option("--name", metavar="NAME", help="Of the session's socket; without it, made from DIR.")
 @begin_options
 @click.option("--recover", is_flag=True, help="Go on with the latest session of DIR that did not end, if there is one.")
@@ -155,6 +158,8 @@ def serve(
     run_number: int | None,
     pilot: bool,
     training: bool,
+    confirmed: tuple[str, ...],
+    skipped: tuple[str, ...],
     name: str | None,
     settings: tuple[str, ...],
     rules: tuple[str, ...],
@@ -181,7 +186,7 @@ def serve(
     if (recover or which is not None) and new:
         exit_with_usage("say either --recover or --new")
     if study is None:
-        folder = _needed_scenario(folder, run_number, pilot, training)
+        folder = _needed_scenario(folder, run_number, pilot, training, confirmed, skipped)
     if here and not recover and which is None:
         exit_with_usage("--here goes with --recover or --session")
     options = replace(
@@ -192,7 +197,8 @@ def serve(
         from_other_computer=here,
     )
     if study is not None:
-        options = study_session(options, study, folder, run_number or 0, pilot=pilot, training=training)
+        checks = CheckOptions(confirmed, skipped)
+        options = study_session(options, study, folder, run_number or 0, pilot=pilot, training=training, checks=checks)
     if settings or rules or acts:
         scenario = _load_or_exit(options)
         try:
@@ -208,7 +214,7 @@ def _needed_scenario(folder: str | None, *of_study: object) -> str:
     if folder is None:
         exit_with_usage("say what to run: DIR, a scenario's folder, or --study STUDY --participant ID")
     if any(of_study):
-        exit_with_usage("--run, --pilot and --training go with --study")
+        exit_with_usage("--run, --pilot, --training, --confirm and --skip-check go with --study")
     return resolve_scenario(folder)
 
 

@@ -9,12 +9,20 @@ from pathlib import Path
 import click
 
 from rise_engine import exit_status
+from rise_engine.checks import CheckContext
 from rise_engine.cli.options import JSON
+from rise_engine.cli.study_checks import (
+    CheckOptions,
+    ChecksRefused,
+    check_options,
+    gather_check_reports,
+    read_check_options,
+)
 from rise_engine.cli.study_report import next_json, next_lines, status_json, status_lines
 from rise_engine.cli.study_reports import resolve_study_folder
 from rise_engine.cli.terminal import write_json
 from rise_engine.kernel.records import OutcomeStatus
-from rise_engine.study.judge import CannotJudge, exclude_participant, judge_session
+from rise_engine.study.judge import CannotJudge, exclude_participant, judge_session, session_to_judge
 from rise_engine.study.state import OpenStudy, StudyUnusable, read_state
 from rise_engine.study.study_log import StudyLogError
 
@@ -28,6 +36,8 @@ def _carry_out(action: Callable[[Path], int], study: str) -> int:
         return action(resolve_study_folder(study).absolute())
     except StudyUnusable as error:
         lines, code = error.lines, exit_status.REFUSED
+    except ChecksRefused as error:
+        lines, code = [f"error: {line}" for line in error.lines], exit_status.REFUSED
     except CannotJudge as error:
         lines, code = [f"error: {line}" for line in str(error).splitlines()], exit_status.REFUSED
     except StudyLogError as error:
@@ -104,17 +114,35 @@ def exclude(study: str, participant: str, reason: str) -> None:
 @click.option(
     "--session", metavar="FOLDER", default="", help="Another session than the one without outcome or the last."
 )
-def outcome(study: str, participant: str, status: OutcomeStatus, reason: str, session: str) -> None:
+@check_options
+def outcome(
+    study: str,
+    participant: str,
+    status: OutcomeStatus,
+    reason: str,
+    session: str,
+    confirmed: tuple[str, ...],
+    skipped: tuple[str, ...],
+) -> None:
     """Say how a session of PARTICIPANT counts that ended without outcome, or did not end because its engine has gone.
 
-    With a reason, also how their last session counts that was judged wrongly. Exit status: 0; 1 when that cannot be;
-    74 when it cannot be written.
+    With a reason, also how their last session counts that was judged wrongly. Then the study's checks after a session
+    are made; with --confirm or --skip-check also those of one that counts so already. Exit status: 0; 1 when that
+    cannot be; 74 when it cannot be written.
     """
 
     def carry_out(folder: Path) -> int:
+        options = CheckOptions(confirmed, skipped)
+        read_check_options(read_state(folder).study, "counted", options, "after")
         with OpenStudy(folder) as open:
-            judged = judge_session(open, participant, status, reason, session=session)
-        print(f"{judged.name}: {status}")
+            state = open.state
+            judged = session_to_judge(state, participant, session)
+            if judged.entry.outcome != status or options == CheckOptions():
+                judged = judge_session(open, participant, status, reason, session=session)
+                print(f"{judged.name}: {status}")
+        entry = judged.entry
+        context = CheckContext(state.study, participant, "", state.study.mode, run=entry.run, session=judged.name)
+        gather_check_reports(context, options, "after")
         return exit_status.OK
 
     sys.exit(_carry_out(carry_out, study))

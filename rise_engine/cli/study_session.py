@@ -11,9 +11,11 @@ import click
 from msgspec.structs import replace
 
 from rise_engine import exit_status
+from rise_engine.checks import CheckContext
 from rise_engine.cli.arguments import exit_with_usage
+from rise_engine.cli.study_checks import CheckOptions, ChecksRefused, gather_check_reports
 from rise_engine.cli.study_reports import resolve_study_folder
-from rise_engine.kernel.inputs import SessionStarted
+from rise_engine.kernel.inputs import CheckReport, SessionStarted
 from rise_engine.kernel.records import Purpose
 from rise_engine.protocol.session_options import SessionOptions
 from rise_engine.study.begin import BeginRequest, CannotBegin, SessionPlan, plan_session
@@ -23,7 +25,14 @@ from rise_engine.text import clean
 
 
 def study_session(
-    options: SessionOptions, study: str, folder: str | None, run: int, *, pilot: bool, training: bool
+    options: SessionOptions,
+    study: str,
+    folder: str | None,
+    run: int,
+    *,
+    pilot: bool,
+    training: bool,
+    checks: CheckOptions,
 ) -> SessionOptions:
     """The options of a session of a study that is served. Ends the program, with every reason, if it cannot begin.
 
@@ -31,6 +40,7 @@ def study_session(
     :param study: the study's folder, as somebody wrote it.
     :param folder: the scenario's, if somebody named one.
     :param run: which of the participant's runs; 0: the next.
+    :param checks: what it says about the study's checks, which are made here.
     """
     if folder is not None:
         exit_with_usage("a session of a study has the study's scenario: say either DIR or --study")
@@ -39,12 +49,35 @@ def study_session(
     purpose: Purpose = "pilot" if pilot else "training" if training else "counted"
     where = resolve_study_folder(study).absolute()
     options = replace(options, study=str(where), run=run, purpose=purpose)
-    if options.unfinished not in ("ask", "new"):
+    state = _read_or_exit(where)
+    recovers = state.state_of(options.participant) == "unfinished" or purpose != "counted"
+    if options.unfinished not in ("ask", "new") and (recovers or options.unfinished != "recover"):
         return options
     # What can be known before the checks is said before somebody makes them.
-    state = _read_or_exit(where)
     plan = _plan_or_exit(state, options, may_be_unfinished=True)
-    return options if plan is None else replace(options, folder=plan.run.scenario)
+    if plan is None:
+        return options
+    return replace(options, folder=plan.run.scenario, checks=_check_or_exit(state, plan, options, checks))
+
+
+def _check_or_exit(
+    state: StudyState, plan: SessionPlan, options: SessionOptions, checks: CheckOptions
+) -> tuple[CheckReport, ...]:
+    context = CheckContext(
+        state.study,
+        plan.participant,
+        plan.run.scenario,
+        plan.mode,
+        plan.purpose,
+        plan.run.run,
+        robot=options.robot or state.study.robot or None,
+        wizard=options.wizard,
+        ros=options.ros,
+    )
+    try:
+        return gather_check_reports(context, checks)
+    except ChecksRefused as error:
+        _exit_refused([*(f"error: {line}" for line in error.lines), *error.hints, "nothing was started"])
 
 
 def rehearsed_session(

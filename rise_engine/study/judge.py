@@ -42,7 +42,7 @@ def judge_session(
     :raises CannotJudge: with every reason why not.
     :raises rise_engine.study.study_log.StudyLogError: it cannot be written.
     """
-    target = _session_to_judge(open.state, participant, session)
+    target = session_to_judge(open.state, participant, session)
     problems = _outcome_problems(open.state, target, status, reason)
     if problems:
         raise CannotJudge("\n".join(problems))
@@ -82,7 +82,11 @@ def exclude_participant(open: OpenStudy, participant: str, reason: str, *, sourc
     return slot
 
 
-def _session_to_judge(state: StudyState, participant: str, name: str) -> StudySession:
+def session_to_judge(state: StudyState, participant: str, name: str = "") -> StudySession:
+    """The session that somebody means: the one of that name; without it, the one without outcome, or else the last.
+
+    :raises CannotJudge: there is none, or it never counts.
+    """
     _check_known(state, participant)
     theirs = [each for each in state.sessions if each.entry.participant == participant]
     counted = [each for each in theirs if each.entry.purpose == "counted"]

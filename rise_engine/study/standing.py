@@ -13,6 +13,7 @@ from datetime import datetime
 
 from msgspec import Struct
 
+from rise_engine.study.checked import due_after_checks
 from rise_engine.study.model import (
     CellStanding,
     Participant,
@@ -127,6 +128,7 @@ def study_standing(
         for each in everybody
     )
     due = [*problems, *_due(standings, plan, sessions, set(unlisted), places.withdrawn)]
+    due += due_after_checks(study, entries, log)
     return StudyStanding(
         participants=standings,
         cells=_cells(study, plan, places, standings),
