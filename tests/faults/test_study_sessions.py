@@ -59,7 +59,7 @@ def state_of(study: Path, participant: str) -> tuple[str, int | None, int]:
 def test_a_session_from_its_command_to_its_outcome(study: Path) -> None:
     it = serving(study, "P01")
     assert it.record.parent == study / "sessions"
-    assert it.record.name[18:] == "P01_sample_real"
+    assert it.record.name[18:] == "P01_hesitation_real"
     info = tomllib.loads((it.record / "session.toml").read_text("utf-8"))
     assert (info["study"], info["slot"], info["run"], info["attempt"], info["purpose"]) == (
         "hesitation",
@@ -139,9 +139,9 @@ def test_a_crash_holds_up_nobody_else(study: Path) -> None:
 
 def test_what_does_not_count_takes_no_slot(study: Path) -> None:
     for options, purpose, end in (
-        (("--participant", "P01", "--mode", "debug"), "debug", "P01_sample_debug"),
-        (("--participant", "P01", "--pilot"), "pilot", "P01_sample_real_pilot"),
-        (("--training", "--condition", "no+loud"), "training", "sample_real_training"),
+        (("--participant", "P01", "--mode", "debug"), "debug", "P01_hesitation_debug"),
+        (("--participant", "P01", "--pilot"), "pilot", "P01_hesitation_real_pilot"),
+        (("--training", "--condition", "no+loud"), "training", "hesitation_real_training"),
     ):
         it = Session("--study", study, *options)
         assert it.record.name[18:] == end
