@@ -44,6 +44,7 @@
       SessionGoneError            No session answers
       SnapshotError               A snapshot does not fit the scenario that it is to go on with
       StudyCopyError              A study could not be copied
+      StudyLogError               The study's log cannot be read or written
       TaskFileError               A task file with mistakes
       TemplateError               A template that cannot be read
       UnknownActError             There is no such act
