@@ -86,8 +86,8 @@ def new_report(folder: str, options: NewStudyOptions) -> int:
         return INTERRUPTED
     where = quote(folder)
     print(f"\n{folder} is there. What is next:")
-    print("  1. Write a line for each participant into participants.csv; the end of study.toml")
-    print("     says how. Change in study.toml what you like.")
+    print("  1. Write a line for each participant into participants.csv; study.toml says")
+    print("     how, at its end. Change in study.toml what you like.")
     print(f"  2. rise-engine study check {where}")
     print("     says what is still wrong.")
     print(f"  3. rise-engine study plan {where}")
@@ -318,12 +318,12 @@ class _Questions:
     def ask_checks(self) -> tuple[StudyCheck, ...]:
         options = self.options
         if self.asks and options.automatic is None:
-            self.say("What is the program to look at before each session?")
+            self.say("What is the program to look at before each session? Words with commas between them.")
             width = max(map(len, AUTOMATIC))
             for name, what in AUTOMATIC.items():
                 indent = " " * (width + 5)
                 print(fill(f"   {name:<{width}}  {what}", _width(), subsequent_indent=indent))
-        question = f"Look at, with commas between ({answers.NOTHING}: nothing)"
+        question = f"Look at ({answers.NOTHING}: nothing)"
         checks = list(self.answer(question, USUAL_CHECKS, answers.parse_automatic, options.automatic, "--auto"))
         for after, sentences in ((False, options.asked), (True, options.asked_after)):
             for sentence in sentences:

@@ -12,6 +12,7 @@ from math import ceil
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from msgspec.structs import replace
 
 from rise_engine.study.balance import prove_balance
 from rise_engine.study.chance import Chance, session_seed
@@ -122,7 +123,7 @@ def test_sets(method: WithinMethod, number: int) -> None:
 
 
 def test_one_run_is_one_order() -> None:
-    assert [order_set(method, 1) for method in ("williams", "latin", "all", "fixed")] == [[(0,)]] * 4  # type: ignore[arg-type]
+    assert [order_set(method, 1) for method in ("williams", "latin", "all", "fixed")] == [[(0,)]] * 4
 
 
 def test_sets_of_one_cell_are_not_all_alike() -> None:
@@ -223,7 +224,7 @@ def test_minimisation_balances_every_column() -> None:
 
 def test_minimisation_takes_the_emptier_cell_four_times_out_of_five() -> None:
     study = make_study([2], n=48, method="minimise")
-    taken = [({}, {"f0": "a0"})]
+    taken: list[tuple[dict[str, str], dict[str, str]]] = [({}, {"f0": "a0"})]
     drawn = Counter(
         cell_for(study, taken, {}, slot)["f0"] for slot in make_plan(make_study([2], n=2000, method="minimise"))
     )
@@ -240,7 +241,7 @@ def test_held_rows_stay_and_their_blocks_are_completed(study: Study, number: int
     rng = random.Random(number)
     held = tuple(sorted(rng.sample(before, min(number, len(before))), key=lambda slot: slot.slot))
     first = max((slot.slot for slot in held), default=0) + 1
-    larger = make_study_with(study, n=study.n + more)
+    larger = replace(study, n=study.n + more)
     plan = make_plan(larger, held, first)
     assert [slot for slot in plan if slot.slot < first] == sorted(held, key=lambda slot: plan.index(slot))
     assert len({slot.slot for slot in plan}) == len(plan)
@@ -251,12 +252,6 @@ def test_held_rows_stay_and_their_blocks_are_completed(study: Study, number: int
         wanted = Counter(condition_name(slot.levels) for slot in fresh if slot.strata == strata)
         assert Counter(rows) == wanted | kept
         assert rows[: kept.total()] == [condition_name(slot.levels) for slot in held if slot.strata == strata]
-
-
-def make_study_with(study: Study, *, n: int) -> Study:
-    from msgspec.structs import replace
-
-    return replace(study, n=n)
 
 
 def test_completed_blocks_after_some_are_held() -> None:
