@@ -11,7 +11,7 @@ from rise_engine.study.model import Participant
 from rise_engine.study.participants import header_line, load_participants
 from rise_engine.study.personal_data import mail_address_in, personal_column
 from rise_engine.study.study_toml import load_study
-from tests.study.studies import DESIGN, HEADER, study_folder
+from tests.study.designs import DESIGN, HEADER, study_folder
 
 P01 = Participant("P01", {"language": "de"}, {"study": "2026-11-20"}, "", "left-handed", 2)
 P02 = Participant("P02", {"language": "en"}, {"study": ""}, "invited", "", 3)

@@ -22,7 +22,7 @@ from rise_engine.study.model import Slot, Study, WithinMethod
 from rise_engine.study.orders import latin, order_set, williams
 from rise_engine.study.plan import make_plan, parse_condition, planned_run, runs_of
 from rise_engine.study.plan_file import plan_text
-from tests.study.studies import make_study
+from tests.study.designs import make_study
 
 SIZES = st.integers(2, 3)
 STUDIES = st.builds(

@@ -26,7 +26,7 @@ from rise_engine.study.planning import MadePlan, held_slots, plan_study
 from rise_engine.study.review import review_study
 from rise_engine.study.study_log import LockedLog, read_log
 from rise_engine.study.study_toml import load_study
-from tests.study.studies import DESIGN, study_folder
+from tests.study.designs import DESIGN, study_folder
 
 LIST = DESIGN.replace("block = [1, 2]", 'between = "list"')
 MINIMISED = DESIGN.replace("block = [1, 2]", 'between = "minimise"')

@@ -20,7 +20,7 @@ from rise_engine.scenario import load
 from rise_engine.scenario.shipped_studies import shipped_studies
 from rise_engine.study.model import Study
 from rise_engine.study.study_toml import load_study
-from tests.study.studies import DESIGN, study_folder
+from tests.study.designs import DESIGN, study_folder
 
 TWO_FACTORS = (
     *("--scenario", "lablinking", "--factor", "hesitation=between", "--level", "hesitation.yes=hesitation = true"),
@@ -227,10 +227,15 @@ class Terminal:
         assert readable, self.text
         self.text += os.read(self.descriptor, 65_536).decode().replace("\r\n", "\n")
 
-    def end(self) -> int:
-        """Everything until the end; the exit status."""
+    def end(self, key: str = "") -> int:
+        """Everything until the end; the exit status.
+
+        :param key: pressed again and again: Python overlooks a ctrl+c that comes right before it waits for a line.
+        """
         try:
             while True:
+                while key and not select.select([self.descriptor], [], [], 0.2)[0]:
+                    os.write(self.descriptor, key.encode())
                 self._read()
         except OSError:  # the other side is closed
             pass
@@ -291,9 +296,7 @@ def test_broken_off(tmp_path: Path, terminal: Terminal, last: str) -> None:
         terminal.answer(each)
     if last == "n":
         terminal.answer("n")
-    else:
-        os.write(terminal.descriptor, last.encode())
-    assert terminal.end() == (1 if last == "n" else 130)
+    assert terminal.end("" if last == "n" else last) == (1 if last == "n" else 130)
     assert "Nothing was written." in terminal.text
     assert list(tmp_path.iterdir()) == []
 

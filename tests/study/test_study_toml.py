@@ -8,9 +8,9 @@ import pytest
 
 from rise_engine.study.design import changed_parts, design_hash
 from rise_engine.study.model import AssignmentSettings, StudyCheck
-from rise_engine.study.study_toml import TOP_KEYS, is_study, load_study
+from rise_engine.study.study_toml import is_study, load_study
 from tests.scenario.folders import folder
-from tests.study.studies import DESIGN, loaded_study, study_folder
+from tests.study.designs import DESIGN, loaded_study, study_folder
 
 CHECKS = """
 [[check]]
@@ -434,8 +434,3 @@ def test_what_the_plan_is_made_of(tmp_path: Path, old: str, new: str, parts: lis
     assert before.hash != after.hash
     assert (design_hash(before) != design_hash(after)) == bool(parts)
     assert changed_parts(design_of(before), after) == parts
-
-
-def test_every_top_key_is_in_the_reference() -> None:
-    page = (Path(__file__).parents[2] / "docs" / "reference" / "study.md").read_text(encoding="utf-8")
-    assert [key for key in TOP_KEYS if f"`{key}`" not in page and f"[{key}" not in page] == []
