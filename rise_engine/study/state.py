@@ -164,7 +164,7 @@ def _state(files: StudyFiles, log: Sequence[LogEntry]) -> StudyState:
         log = [*log, *(_entry_of(each) for each in missing)]
         sessions = read_sessions(folder, study.id, log)
     problems = _plan_problems(files, log)
-    places = places_of(files.participants, log, sessions)
+    places = places_of(files.participants, log)
     standing = study_standing(study, files.participants, files.plan, log, sessions, problems=problems)
     return StudyState(
         study=study,
