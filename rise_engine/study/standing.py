@@ -78,8 +78,8 @@ def places_of(participants: Sequence[Participant], log: Sequence[LogEntry]) -> P
     for each in log:
         if each.kind == "excluded":
             excluded[str(each.get("participant"))] = str(each.get("reason") or "")
-    outcomes = {each.get("session"): each for each in log if each.kind == "outcome"}  # the last one of each counts
-    for each in outcomes.values():
+    judged = {(each.get("participant"), each.get("session")): each for each in log if each.kind == "outcome"}
+    for each in judged.values():  # the last outcome of each session
         if each.get("status") == "excluded":
             excluded.setdefault(str(each.get("participant")), str(each.get("reason") or ""))
     last_taken: dict[str, int] = {}
