@@ -62,6 +62,11 @@ def _conflicts(scenario: Scenario, options: SessionOptions) -> list[str]:
     ]
 
 
+def assigned_keys(options: SessionOptions) -> list[str]:
+    """The memory keys that are assigned at the beginning of a session, without the parts after the first full stop."""
+    return [_head(key) for task in options.first_tasks for key in _assigned_keys(task)]
+
+
 def _assigned_keys(task: Submit) -> list[str]:
     if task.function != "assignValue":
         return []

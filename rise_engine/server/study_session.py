@@ -16,6 +16,7 @@ from rise_engine import exit_status
 from rise_engine.kernel.inputs import CheckReport, SessionStarted
 from rise_engine.kernel.view import SessionView
 from rise_engine.protocol.session_options import SessionOptions
+from rise_engine.protocol.session_start import assigned_keys
 from rise_engine.server.refusal import ServeRefused
 from rise_engine.session.folder import SessionError, SessionInfo, find_session, mark_abandoned, read_info
 from rise_engine.session.lock import read_holder
@@ -96,6 +97,12 @@ class StudyPreparation:
 
     def _plan(self, open: OpenStudy) -> SessionPlan:
         state = open.state
+        varied = {
+            key.partition(".")[0] for factor in state.study.factors for each in factor.levels for key in each.memory
+        }
+        if beside := [key for key in dict.fromkeys(assigned_keys(self.options)) if key in varied]:
+            sentences = [f"`{key}` cannot be set: a factor of the study says what it is" for key in beside]
+            raise ServeRefused(exit_status.USAGE, *sentences)
         request = self._request(state)
         if self.options.unfinished == "new":
             state = state.supposing(map(given_up_fields, to_give_up(state, request)))

@@ -197,6 +197,20 @@ def test_checks_are_the_first_inputs_and_stand_in_the_record(root: Path) -> None
     inputs = [line for line in lines if line.get("input", "robot") != "robot"]
     assert [each["input"] for each in inputs[:2]] == ["session_started", "check"]
     assert (inputs[1]["id"], inputs[1]["result"]) == ("lights", "passed")
+    engine("study", "outcome", study, "P01", "aborted", "--reason", "alarm")
+    serving(study, "P01", "--confirm", "lights").end(signal.SIGKILL)
+    assert engine("serve", "--study", study, "--participant", "P01").returncode == 4, "first it is said what is open"
+    refused = engine("serve", "--study", study, "--participant", "P01", "--new")
+    assert refused.returncode == 1 and "lights" in refused.stderr
+    assert state_of(study, "P01")[0] == "unfinished", "nothing was given up for a session that did not begin"
+    assert serving(study, "P01", "--new", "--confirm", "lights").end() == 0
+
+
+def test_what_a_factor_sets_cannot_be_set_beside_it(study: Path) -> None:
+    refused = engine("serve", "--study", study, "--participant", "P01", "--set", "noise=7", "--set", "x=1")
+    assert refused.returncode == 2
+    assert refused.stderr.splitlines()[0] == "`noise` cannot be set: a factor of the study says what it is"
+    assert [line["kind"] for line in log_lines(study)] == ["planned"]
 
 
 def test_next_says_with_which_command(study: Path) -> None:
