@@ -37,6 +37,8 @@ def found(path: Path, toml: str) -> list[str]:
 
 def test_everything_is_read(tmp_path: Path) -> None:
     more = CHECKS + '\n[participants]\ncolumns = ["age"]\n[wizards]\nanna = "W1"\n[retention]\nmedia = "52 w"\n'
+    (tmp_path / "check.sh").write_text("#!/bin/sh\n")
+    (tmp_path / "check.sh").chmod(0o700)
     loaded = loaded_study(tmp_path, DESIGN + more)
     assert [str(each) for each in loaded.diagnostics] == []
     study = loaded.study
