@@ -28,8 +28,8 @@ from rise_engine.cli.startup_messages import print_startup
 from rise_engine.engine.drivers import DriverError, RobotOptionsError
 from rise_engine.ports.bridge import BridgeError, RosConnection, RosTransport
 from rise_engine.protocol.session_options import SessionOptions
+from rise_engine.protocol.session_start import start_problems
 from rise_engine.scenario.model import Scenario
-from rise_engine.scenario.study import condition_problem
 from rise_engine.server.process import serve as serve_session
 
 LATEST = 30 * 86_400.0
@@ -90,8 +90,8 @@ def run(
     try:
         scenario = _load_or_exit(options)
         options = replace(options, first_tasks=tasks_at_start(scenario, settings, rules, acts))
-        if problem := condition_problem(scenario, options.condition):
-            raise UnusableArgument(f"error: --condition: {problem}")
+        if problems := start_problems(scenario, options):
+            raise UnusableArgument("\n".join(f"error: {problem}" for problem in problems))
         script, stream = read_tasks_option(tasks, virtual=virtual)
         run_options = RunOptions(scenario, options, script, stream, virtual, until=end, json=as_json, strict=strict)
         sys.exit(run_session(run_options))

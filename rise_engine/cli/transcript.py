@@ -17,6 +17,7 @@ from rise_engine.kernel.records import (
     FINAL,
     ActionRecord,
     AnyRecord,
+    CheckRecord,
     ConditionRecord,
     ControlRecord,
     CountdownRecord,
@@ -27,10 +28,13 @@ from rise_engine.kernel.records import (
     MemoryRecord,
     MistakeRecord,
     NoteRecord,
+    OutcomeRecord,
+    RecordingRecord,
     RobotRecord,
     RuleRecord,
     SessionRecord,
     StopRecord,
+    SyncRecord,
     TaskRecord,
     TimingRecord,
 )
@@ -130,12 +134,15 @@ class Transcript:
                 return None  # its times are those of other records
             case NoteRecord():
                 return "note", record.text, "" if record.source == "engine" else f"by {record.source}"
+            case CheckRecord() | OutcomeRecord() | RecordingRecord() | SyncRecord():
+                return _describe_report(record)
 
     def _describe_session(self, record: SessionRecord) -> tuple[str, str, str]:
         if record.status == "ended":
             return "session", "ended", record.reason
         who = "".join(f", {word}" for word in (record.participant, record.condition) if word)
-        how = f"{record.status}, {record.mode}, robot {record.robot}, seed {record.seed}{who}"
+        away = "" if record.downtime is None else f" after {record.downtime:.1f} s without engine"
+        how = f"{record.status}{away}, {record.mode}, robot {record.robot}, seed {record.seed}{who}"
         return "session", record.scenario, how
 
     def _describe_task(self, record: TaskRecord) -> tuple[str, str, str] | None:
@@ -183,6 +190,24 @@ class Transcript:
         took = "" if began is None else f", {record.t - began:.1f} s"
         reason = f": {record.reason}" if record.reason else ""
         return f"  {name}", what or record.action, f"{record.status}{took}{reason}"
+
+
+def _describe_report(
+    record: CheckRecord | OutcomeRecord | RecordingRecord | SyncRecord,
+) -> tuple[str, str, str]:
+    match record:
+        case CheckRecord():
+            found = ", ".join(filter(None, (record.value, record.reason)))
+            result = record.result if record.result == "passed" else record.result.upper()
+            return "check", record.text or record.id, f"{result}{found and f': {found}'}, says {record.source}"
+        case OutcomeRecord():
+            return "outcome", record.status, f"{record.reason and f'{record.reason}, '}says {record.source}"
+        case RecordingRecord():
+            status = record.status.upper() if record.status in ("stalled", "failed") else record.status
+            size = "" if record.bytes is None else f"{record.bytes:,} bytes"
+            return "recording", record.name, ": ".join((status, *filter(None, (record.reason or record.path, size))))
+        case SyncRecord():
+            return "sync", f"mark {record.number}", ", ".join(filter(None, (record.medium, record.text)))
 
 
 def _countdown_text(record: CountdownRecord) -> str:

@@ -12,8 +12,8 @@ from typing import Any, TypeVar
 
 from rise_engine.client.socket import SocketClient
 from rise_engine.errors import RiseError
-from rise_engine.kernel.inputs import Note, Submit
-from rise_engine.kernel.records import FINAL, AnyRecord
+from rise_engine.kernel.inputs import CheckReport, Note, OutcomeReport, RecordingReport, Submit, SyncMark
+from rise_engine.kernel.records import FINAL, AnyRecord, CheckResult, OutcomeStatus, RecordingStatus
 from rise_engine.kernel.view import SessionView, TaskView
 from rise_engine.protocol.client import (
     AttachReply,
@@ -280,6 +280,53 @@ class Session:
         :raises Rejected: nothing can be recorded.
         """
         await self._send(Note(text=text))
+
+    async def report_check(
+        self, check: str, result: CheckResult, *, text: str = "", value: str = "", reason: str = ""
+    ) -> None:
+        """Put on record what came of something that was looked at before or after the session.
+
+        :param check: its id, as study.toml names it.
+        :param result: `passed`, `failed` or `skipped`.
+        :param text: what was looked at.
+        :param value: what was found.
+        :param reason: why it failed, or was skipped.
+        :raises Rejected: nothing can be recorded; always for an observer.
+        """
+        await self._send(CheckReport(id=check, text=text, result=result, value=value, reason=reason))
+
+    async def report_outcome(self, status: OutcomeStatus, reason: str = "") -> None:
+        """Put on record how the session is to count. The last word counts.
+
+        :param status: `complete`, `aborted` or `excluded`.
+        :param reason: why, for the record.
+        :raises Rejected: only who holds control may, and programs; never an observer.
+        """
+        await self._send(OutcomeReport(status=status, reason=reason))
+
+    async def report_recording(
+        self, name: str, status: RecordingStatus, *, path: str = "", bytes: int | None = None, reason: str = ""
+    ) -> None:
+        """Put on record how something stands that records the session.
+
+        :param name: what it is called: `camera`.
+        :param status: `started`, `running`, `stalled`, `stopped` or `failed`.
+        :param path: of its file.
+        :param bytes: how large that is now; None: not known.
+        :param reason: why it has stalled or failed.
+        :raises Rejected: nothing can be recorded; always for an observer.
+        """
+        await self._send(RecordingReport(name=name, status=status, path=path, bytes=bytes, reason=reason))
+
+    async def mark_sync(self, number: int, medium: str, text: str = "") -> None:
+        """Put on record that a mark was given which recordings show.
+
+        :param number: of the mark; `view.sync` has that of the last one.
+        :param medium: by what it is seen or heard: `sound`, `flash`.
+        :param text: anything about it.
+        :raises Rejected: nothing can be recorded; always for an observer.
+        """
+        await self._send(SyncMark(number=number, medium=medium, text=text))
 
     async def change_control(self, verb: ControlVerb) -> None:
         """Do something about who holds control, as a wizard.

@@ -10,9 +10,8 @@ from collections.abc import AsyncIterator, Sequence
 from contextlib import suppress
 from itertools import count
 from pathlib import Path
-from typing import Any
+from typing import Any, get_args
 
-from rise_engine.kernel.inputs import Note, Submit
 from rise_engine.kernel.view import SessionView, TaskView
 from rise_engine.protocol import registry
 from rise_engine.protocol.client import (
@@ -62,6 +61,8 @@ MAX_WAITING_WITH_RESYNC = 5_000
 """The same for one who takes the state anew: with more, no more is read before some are taken."""
 LOCK_RELEASE_SECONDS = 0.3
 """Seconds in which a process that is just ending releases its lock."""
+
+_INPUT_NAMES = ", ".join(kind.__name__ for kind in get_args(ClientInput))
 
 
 class SocketClient:
@@ -128,8 +129,8 @@ class SocketClient:
         return self._connection.read_batches()
 
     async def send(self, message: ClientInput) -> Reply:
-        if not isinstance(message, Submit | Note):
-            raise TypeError(f"a client may send Submit and Note, not {type(message).__name__}")
+        if not isinstance(message, ClientInput):
+            raise TypeError(f"a client may send {_INPUT_NAMES}, not {type(message).__name__}")
         connection = self._require_connection()
         return await connection.request(SendMessage(connection.next_id(), message))
 

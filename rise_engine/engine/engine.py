@@ -16,6 +16,7 @@ import logging
 import platform
 from collections import deque
 from collections.abc import Callable, Iterable
+from datetime import datetime
 from typing import TypeAlias
 
 from msgspec import Struct
@@ -102,6 +103,7 @@ class Engine:
         *,
         participant: str = "",
         condition: str = "",
+        started: SessionStarted | None = None,
         sinks: Iterable[Sink] = (),
         journal: Journal | None = None,
         recovered: RecoveredSession | None = None,
@@ -114,6 +116,8 @@ class Engine:
         :param seed: for everything that is picked at random: the same seed and inputs give the same records.
         :param participant: who takes part, for the record.
         :param condition: the session's condition, for the record.
+        :param started: the session's first input, instead of `participant` and `condition`, for a session of a study;
+            `versions` are put in here.
         :param sinks: get every record from the first one on.
         :param journal: makes steps durable before anything of them goes out; without it nothing is kept.
         :param recovered: the unfinished session that is gone on with, by `resume` instead of `start`.
@@ -121,7 +125,8 @@ class Engine:
         self.scenario = scenario
         self.clock = clock
         self.seed = seed
-        self._session_started = SessionStarted(versions=versions(), participant=participant, condition=condition)
+        first = started or SessionStarted(participant=participant, condition=condition)
+        self._session_started = replace(first, versions=versions())
         self.ended = False
         """True when the session is over; nothing is accepted any more."""
         self.failure: Exception | None = None
@@ -135,6 +140,7 @@ class Engine:
         self.on_journal_status: Callable[[JournalStatus], object] | None = None
         """Called when that has changed."""
         self._timers_left = recovered.timers if recovered is not None else {}
+        self._wall_before = recovered.last_wall if recovered is not None else ""
         self._commands = CommandRunner(robot, scenario, clock, self.post)
         self._kernel = recovered.kernel if recovered is not None else Kernel(scenario, seed)
         self._journal = journal
@@ -172,7 +178,8 @@ class Engine:
             self._commands.connect()
         finally:
             self._stepping = False
-        self.accept(SessionRecovered(versions=versions(), reason="its engine had gone"))
+        downtime = _seconds_between(self._wall_before, self.clock.wall_label(self._t))
+        self.accept(SessionRecovered(versions=versions(), reason="its engine had gone", downtime=downtime))
 
     def end(self, reason: str = "", *, stop: bool | None = None) -> None:
         """Begin to end the session: stop the robot, then the last record. Nothing happens when it is ending already.
@@ -444,6 +451,15 @@ def _reply_for(input: AnyInput, records: list[AnyRecord]) -> Reply:
         return Reply(True)
     task = next(record for record in records if isinstance(record, TaskRecord))
     return Reply(task.status != "REJECTED", task.reason, task.id)
+
+
+def _seconds_between(before: str, now: str) -> float | None:
+    """Seconds between two wall-clock labels, not below 0: somebody may have set the clock. None when one is none."""
+    try:
+        between = datetime.fromisoformat(now) - datetime.fromisoformat(before)
+    except (ValueError, TypeError):
+        return None
+    return round(max(0.0, between.total_seconds()), 3)
 
 
 def _stop_sentence(report: StopReport) -> str:

@@ -10,6 +10,8 @@ from typing import Any, Literal, TypeAlias
 
 from msgspec import Struct
 
+from rise_engine.kernel.records import CheckResult, OutcomeStatus, Purpose, RecordingStatus
+
 TaskFunction: TypeAlias = Literal[
     "startCommunicationRobotAct",
     "stopCommunicationRobotAct",
@@ -101,6 +103,16 @@ class SessionStarted(Input, frozen=True, tag="session_started", kw_only=True, gc
     condition: str = ""
     factors: dict[str, Any] = {}
     """What the condition is made of: the level of each factor of the study."""
+    study: str = ""
+    """The study's id; empty: the session is of no study."""
+    study_hash: str = ""
+    slot: int | None = None
+    run: int = 0
+    attempt: int = 0
+    purpose: Purpose | Literal[""] = ""
+    """These are as in `rise_engine.kernel.records.SessionRecord`."""
+    memory: dict[str, Any] = {}
+    """What the condition sets in the memory, after the scenario's start values and before anything runs."""
 
 
 class SessionRecovered(Input, frozen=True, tag="session_recovered", kw_only=True, gc=False):
@@ -108,6 +120,8 @@ class SessionRecovered(Input, frozen=True, tag="session_recovered", kw_only=True
 
     versions: dict[str, str] = {}
     reason: str = ""
+    downtime: float | None = None
+    """Seconds by the wall clock since the last line that is known of the engine before; null: not known."""
 
 
 ControlStatus: TypeAlias = Literal["taken", "asked", "given", "released"]
@@ -121,6 +135,46 @@ class ControlChanged(Input, frozen=True, tag="control", kw_only=True, gc=False):
     """Who did it: `wizard:<name>`."""
     holder: str | None
     """Who holds control now; null: nobody."""
+
+
+class CheckReport(Input, frozen=True, tag="check", kw_only=True, gc=False):
+    """What came of something that was looked at before or after the session. Fields as in
+    `rise_engine.kernel.records.CheckRecord`."""
+
+    id: str
+    text: str = ""
+    result: CheckResult
+    value: str = ""
+    reason: str = ""
+    source: str = "engine"
+
+
+class OutcomeReport(Input, frozen=True, tag="outcome", kw_only=True, gc=False):
+    """Somebody says how the session is to count; of several, the last one counts."""
+
+    status: OutcomeStatus
+    reason: str = ""
+    source: str = "engine"
+
+
+class RecordingReport(Input, frozen=True, tag="recording", kw_only=True, gc=False):
+    """How something stands that records the session. Fields as in `rise_engine.kernel.records.RecordingRecord`."""
+
+    name: str
+    status: RecordingStatus
+    path: str = ""
+    bytes: int | None = None
+    reason: str = ""
+    source: str = "engine"
+
+
+class SyncMark(Input, frozen=True, tag="sync", kw_only=True, gc=False):
+    """A mark was given that recordings show. Fields as in `rise_engine.kernel.records.SyncRecord`."""
+
+    number: int
+    medium: str
+    text: str = ""
+    source: str = "engine"
 
 
 class SessionEnded(Input, frozen=True, tag="session_ended", kw_only=True, gc=False):
@@ -140,4 +194,8 @@ AnyInput: TypeAlias = (
     | SessionStarted
     | SessionRecovered
     | SessionEnded
+    | CheckReport
+    | OutcomeReport
+    | RecordingReport
+    | SyncMark
 )

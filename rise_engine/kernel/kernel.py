@@ -17,17 +17,31 @@ from rise_engine.kernel.failures import FailedActs
 from rise_engine.kernel.inputs import (
     ActionReport,
     AnyInput,
+    CheckReport,
     ControlChanged,
     Note,
+    OutcomeReport,
+    RecordingReport,
     RobotChanged,
     SessionEnded,
     SessionRecovered,
     SessionStarted,
     StopReport,
     Submit,
+    SyncMark,
     TimerElapsed,
 )
-from rise_engine.kernel.records import AnyRecord, ControlRecord, RobotRecord, SessionRecord, TaskRecord
+from rise_engine.kernel.records import (
+    AnyRecord,
+    CheckRecord,
+    ControlRecord,
+    OutcomeRecord,
+    RecordingRecord,
+    RobotRecord,
+    SessionRecord,
+    SyncRecord,
+    TaskRecord,
+)
 from rise_engine.kernel.scheduler import Scheduler
 from rise_engine.kernel.snapshot import Snapshot, SnapshotError
 from rise_engine.kernel.stop import StopLatch
@@ -67,7 +81,8 @@ class Kernel:
         self.seed = seed
         self.seq = 0
         """The number of the last record."""
-        self.participant = self.condition = ""
+        self.begun = SessionStarted()
+        """The first input, once it has come: who takes part, and in what."""
         self.core = Core(scenario, seed)
         self.stop = StopLatch(self.core)
         self.wizard_marks = WizardMarks(self.core)
@@ -175,8 +190,7 @@ class Kernel:
             wizard_marks=self.wizard_marks.state,
             failures=self.failures.state,
             open_cue_at=core.open_cue_at,
-            participant=self.participant,
-            condition=self.condition,
+            begun=self.begun,
         ).copy()
 
     @classmethod
@@ -217,7 +231,7 @@ class Kernel:
         self.stop.status, self.stop.timer, self.stop.stood = snapshot.stop, snapshot.stop_timer, snapshot.stood
         self.wizard_marks.state, core.open_cue_at = snapshot.wizard_marks, snapshot.open_cue_at
         self.failures.state = snapshot.failures
-        self.participant, self.condition = snapshot.participant, snapshot.condition
+        self.begun = snapshot.begun
 
     # --- inputs other than tasks ---
 
@@ -241,14 +255,27 @@ class Kernel:
             case ControlChanged():
                 core.emit(ControlRecord, input.status, input.by, input.holder)
             case SessionStarted():
-                self.participant, self.condition = input.participant, input.condition
-                self._record_session("started", input.versions)
-                self.rules.memory.load_start_values()
-                self._handlers.session_keys.begin(input.participant, input.condition, input.factors)
+                self._begin_session(input)
             case SessionRecovered():
                 self._resume_session(input)
             case SessionEnded():
                 self._record_session("ended", {}, input.reason)
+            case CheckReport() | OutcomeReport() | RecordingReport() | SyncMark():
+                self._take_report(input)
+
+    def _take_report(self, input: CheckReport | OutcomeReport | RecordingReport | SyncMark) -> None:
+        """What belongs to the record of a session and changes nothing in it."""
+        emit = self.core.emit
+        match input:
+            case CheckReport():
+                emit(CheckRecord, input.id, input.text, input.result, input.value, input.reason, input.source)
+            case OutcomeReport():
+                emit(OutcomeRecord, input.status, input.reason, input.source)
+            case RecordingReport():
+                name, status, path = input.name, input.status, input.path
+                emit(RecordingRecord, name, status, path, input.bytes, input.reason, input.source)
+            case SyncMark():
+                emit(SyncRecord, input.number, input.medium, input.text, input.source)
 
     def _timer_elapsed(self, timer: int) -> None:
         target = self.core.timers.pop(timer, None)
@@ -272,9 +299,23 @@ class Kernel:
         if name is not None and not self.is_busy and not self.stop.latched:
             self._handlers.start_filler(name, "engine")
 
+    def _begin_session(self, input: SessionStarted) -> None:
+        """The memory is as the condition has it before anything else can happen."""
+        self.begun = input
+        self._record_session("started", input.versions)
+        memory = self.rules.memory
+        memory.load_start_values()
+        source = "study" if input.study else "condition"
+        for key, value in input.memory.items():
+            if problem := memory.why_not_write(key):
+                self.core.record_note(f"the {source} could not set {key!r}: {problem}")
+            else:
+                memory.write(key, value, source)
+        self._handlers.session_keys.begin(input.participant, input.condition, input.factors)
+
     def _resume_session(self, input: SessionRecovered) -> None:
         """Rules and timers go on, the latch holds; nothing that the robot was doing is done again by itself."""
-        self._record_session("recovered", input.versions, input.reason)
+        self._record_session("recovered", input.versions, input.reason, input.downtime)
         runner = self.scheduler.runner
         runner.restarted = True
         runner.lose_running("the engine was restarted while it ran")
@@ -284,9 +325,13 @@ class Kernel:
             self.stop.ask_robot()
 
     def _record_session(
-        self, status: Literal["started", "recovered", "ended"], versions: dict[str, str], reason: str = ""
+        self,
+        status: Literal["started", "recovered", "ended"],
+        versions: dict[str, str],
+        reason: str = "",
+        downtime: float | None = None,
     ) -> None:
-        scenario = self.scenario
+        scenario, begun = self.scenario, self.begun
         self.core.emit(
             SessionRecord,
             status=status,
@@ -297,6 +342,14 @@ class Kernel:
             seed=self.seed,
             versions=versions,
             reason=reason,
-            participant=self.participant,
-            condition=self.condition,
+            participant=begun.participant,
+            condition=begun.condition,
+            study=begun.study,
+            study_hash=begun.study_hash,
+            slot=begun.slot,
+            run=begun.run,
+            attempt=begun.attempt,
+            purpose=begun.purpose,
+            factors=begun.factors,
+            downtime=downtime,
         )

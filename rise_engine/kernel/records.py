@@ -16,6 +16,13 @@ ActionStatus: TypeAlias = Literal[
 ]
 Mark: TypeAlias = Literal["wrong", "late", "early", "double", "none"]
 """What was wrong about something that a wizard did; `none`: nothing after all."""
+CheckResult: TypeAlias = Literal["passed", "failed", "skipped"]
+OutcomeStatus: TypeAlias = Literal["complete", "aborted", "excluded"]
+"""complete: the run counts. aborted: it was broken off, and the participant may run it again. excluded: the participant
+does not count, and their slot is given to the next of the same stratum."""
+Purpose: TypeAlias = Literal["counted", "pilot", "training", "debug"]
+"""Why a session of a study is run. Only `counted` takes a slot and counts; `debug` is every session in debug mode."""
+RecordingStatus: TypeAlias = Literal["started", "running", "stalled", "stopped", "failed"]
 ENGINE = "engine"
 """The `source` of what the engine does by itself."""
 ENDINGS: frozenset[str] = frozenset({"succeeded", "failed", "canceled", "timed-out", "lost", "skipped"})
@@ -47,6 +54,21 @@ class SessionRecord(Record, tag="session", kw_only=True):
     participant: str = ""
     """Who takes part, as the wizard named them; empty: nobody was named."""
     condition: str = ""
+    study: str = ""
+    """The study's id; empty: the session is of no study, and what follows is empty."""
+    study_hash: str = ""
+    """SHA-256 of its study.toml."""
+    slot: int | None = None
+    """The row of its plan; null: the session takes none."""
+    run: int = 0
+    """Which of the participant's runs it is, from 1 on."""
+    attempt: int = 0
+    """The how-manieth session of this run, from 1 on."""
+    purpose: Purpose | Literal[""] = ""
+    factors: dict[str, Any] = field(default_factory=dict)
+    """What the condition is made of: the level of each factor."""
+    downtime: float | None = None
+    """recovered: seconds by the wall clock since the last line that was known before; null: not known."""
 
 
 class TaskRecord(Record, tag="task"):
@@ -206,6 +228,12 @@ class TimingRecord(Record, tag="timing"):
     robot_at: float | None
     """The robot confirmed its first action."""
     ended_at: float
+    source: str = ""
+    """Who asked for it."""
+    filler: bool = False
+    """It bridged the time of a cue: a `CueRecord` says `filled` of this task."""
+    voice_at: float | None = None
+    """The robot first confirmed an action of it that takes the voice. The first sound comes later."""
 
 
 class CountdownRecord(Record, tag="countdown"):
@@ -240,6 +268,53 @@ class KeptRecord(Record, tag="kept"):
     """Which rule has taken it."""
 
 
+class CheckRecord(Record, tag="check"):
+    """Something was looked at before or after the session, or not, with the reason. The last one of an id counts."""
+
+    id: str
+    """As study.toml names it."""
+    text: str
+    """What was looked at: the sentence that somebody confirmed, or what the program says that it does."""
+    result: CheckResult
+    value: str
+    """What was found: `34.1 GB free`."""
+    reason: str
+    """Why it failed, or why somebody skipped it."""
+    source: str
+
+
+class OutcomeRecord(Record, tag="outcome"):
+    """How the session is to count. The last one counts."""
+
+    status: OutcomeStatus
+    reason: str
+    source: str
+
+
+class RecordingRecord(Record, tag="recording"):
+    """How something stands that records the session: a camera, a microphone, a bag."""
+
+    name: str
+    status: RecordingStatus
+    """stalled: it says that it records, and its file does not grow."""
+    path: str
+    """Of its file, as whoever records it knows it; empty: not known."""
+    bytes: int | None
+    """How large it is; null: not known."""
+    reason: str
+    source: str
+
+
+class SyncRecord(Record, tag="sync"):
+    """A mark that recordings show at this moment: a sound, a flash."""
+
+    number: int
+    medium: str
+    """By what it is seen or heard: `sound`, `flash`."""
+    text: str
+    source: str
+
+
 AnyRecord: TypeAlias = (
     SessionRecord
     | TaskRecord
@@ -258,4 +333,8 @@ AnyRecord: TypeAlias = (
     | CountdownRecord
     | KeptRecord
     | FailureRecord
+    | CheckRecord
+    | OutcomeRecord
+    | RecordingRecord
+    | SyncRecord
 )

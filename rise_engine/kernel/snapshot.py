@@ -13,6 +13,7 @@ from rise_engine.kernel.act_runner import ActRun
 from rise_engine.kernel.core import Task, TimerTarget
 from rise_engine.kernel.failures import FailuresState
 from rise_engine.kernel.history import MemoryLog
+from rise_engine.kernel.inputs import SessionStarted
 from rise_engine.kernel.kept_events import KeptEvent
 from rise_engine.kernel.stop import StoodRule, StopStatus
 from rise_engine.kernel.wizard_marks import WizardMarksState
@@ -80,8 +81,7 @@ class Snapshot(Struct, frozen=True):
     wizard_marks: WizardMarksState
     failures: FailuresState
     open_cue_at: float | None
-    participant: str
-    condition: str
+    begun: SessionStarted
 
     def copy(self) -> Snapshot:
         """By way of JSON, so that the copy shares nothing with a kernel and can surely be sent."""

@@ -22,6 +22,7 @@ from rise_engine.kernel.records import (
     FINAL,
     ActionRecord,
     AnyRecord,
+    CheckRecord,
     ControlRecord,
     CountdownRecord,
     CueRecord,
@@ -31,10 +32,13 @@ from rise_engine.kernel.records import (
     MemoryRecord,
     MistakeRecord,
     NoteRecord,
+    OutcomeRecord,
+    RecordingRecord,
     RobotRecord,
     RuleRecord,
     SessionRecord,
     StopRecord,
+    SyncRecord,
     TaskRecord,
     TimingRecord,
 )
@@ -43,6 +47,13 @@ MAX_ENDED_TASKS = 100_000
 """Finished tasks that a view keeps; older ones are in the journal."""
 MAX_REMARKS, MAX_REMARK_CHARACTERS = 500, 1_000
 """Notes and the like that it keeps, and characters of each; all of them, and in full, are in the journal."""
+REPORT_KINDS: dict[type, str] = {
+    CheckRecord: "check",
+    OutcomeRecord: "outcome",
+    RecordingRecord: "recording",
+    SyncRecord: "sync",
+}
+"""What is reported about a session, by the record of it."""
 FORGET_AT_ONCE = 10_000
 """So many more may come before the oldest are forgotten, all at once."""
 
@@ -58,6 +69,8 @@ class ActionView(Struct, gc=False):
     ended: float | None = None
     reason: str = ""
     sent_as: str | None = None
+    confirmed: float | None = None
+    """When the robot first said that it does it, or has done it."""
 
 
 class TaskView(Struct, gc=False):
@@ -79,9 +92,12 @@ class TaskView(Struct, gc=False):
     mark: str = ""
     """What a wizard says was wrong about it: wrong, late, early or double."""
     cue_at: float | None = None
-    """Once an act has ended: the cue that it answers, the key for it, and when the robot had taken its first action."""
+    """Once an act has ended: the cue that it answers, the key for it, when the robot had taken its first action, and
+    its first one that is to be heard; and whether it only bridged the time of a cue."""
     key_at: float | None = None
     robot_at: float | None = None
+    voice_at: float | None = None
+    filler: bool = False
 
 
 class ActView(Struct):
@@ -150,16 +166,17 @@ class MemoryView(Struct):
 
 
 class RemarkView(Struct, gc=False):
-    """Something to be read among the tasks that is none: a note, a change of the robot's link, a rule's fault."""
+    """Something to be read among the tasks that is none: a note, a report, a change of the robot's link, a rule's
+    fault."""
 
     kind: str
-    """`note`, `robot` or `fault`."""
+    """`note`, `robot`, `fault`, `check`, `outcome`, `recording` or `sync`."""
     t: float
     source: str
-    """Who wrote the note; `robot`; or the rule."""
+    """Who wrote the note or reported; `robot`; or the rule."""
     text: str
     status: str = ""
-    """Of the robot: connected, degraded or lost."""
+    """Of the robot: connected, degraded or lost; of reports that of their record."""
     after: int = 0
     """The id of the latest task before it."""
 
@@ -173,6 +190,8 @@ class CueView(Struct):
     """When the latest filler after it started."""
     answered: float | None = None
     """When the first act after it started that was no filler."""
+    task: int | None = None
+    """That act's task. It may be a while until the robot speaks."""
 
 
 class StoodView(Struct):
@@ -203,6 +222,15 @@ class SessionView(Struct):
     seq: int = 0
     t: float = 0.0
     session: SessionRecord | None = None
+    """The record that it was begun or recovered with: participant, condition, factors, slot, run, attempt."""
+    checks: dict[str, CheckRecord] = field(default_factory=dict)
+    """The last result of each check, by its id, in the order in which they were first made."""
+    outcome: OutcomeRecord | None = None
+    """How the session is to count, as was said last; None: nobody has said it."""
+    recordings: dict[str, RecordingRecord] = field(default_factory=dict)
+    """How everything that records the session stands, by its name."""
+    sync: SyncRecord | None = None
+    """The last mark for recordings."""
     ended: bool = False
     end_reason: str = ""
     """Why it ended, once it has."""
@@ -297,6 +325,7 @@ class SessionView(Struct):
             case TimingRecord():
                 if (timed := self.tasks.get(record.task)) is not None:
                     timed.cue_at, timed.key_at, timed.robot_at = record.cue_at, record.key_at, record.robot_at
+                    timed.voice_at, timed.filler = record.voice_at, record.filler
             case FailureRecord():
                 self._apply_question(record)
             case ControlRecord(status="asked"):
@@ -305,6 +334,8 @@ class SessionView(Struct):
                 self.control, self.asked = record.holder, None
                 if record.holder is not None and record.holder.startswith("wizard:"):
                     self.wizard = record.holder.removeprefix("wizard:").partition("#")[0]
+            case CheckRecord() | OutcomeRecord() | RecordingRecord() | SyncRecord():
+                self._apply_report(record)
             case SessionRecord():
                 if record.status == "ended":
                     self.ended, self.end_reason = True, record.reason
@@ -340,11 +371,32 @@ class SessionView(Struct):
             remark.text = f"{remark.text[: MAX_REMARK_CHARACTERS - 1]}…"
         self.remarks.append(remark)
 
+    def _apply_report(self, record: CheckRecord | OutcomeRecord | RecordingRecord | SyncRecord) -> None:
+        status: str
+        match record:
+            case CheckRecord():
+                self.checks[record.id] = record
+                found = ", ".join(filter(None, (record.value, record.reason)))
+                status, text = record.result, ": ".join(filter(None, (record.text or record.id, found)))
+            case OutcomeRecord():
+                self.outcome = record
+                status, text = record.status, record.reason
+            case RecordingRecord():
+                before = self.recordings.get(record.name)
+                self.recordings[record.name] = record
+                if before is not None and before.status == record.status:
+                    return  # it goes on as it did
+                status, text = record.status, ": ".join(filter(None, (record.name, record.reason)))
+            case SyncRecord():
+                self.sync = record
+                status, text = "", " ".join(filter(None, (f"mark {record.number}: {record.medium}", record.text)))
+        self._add_remark(RemarkView(REPORT_KINDS[type(record)], record.t, record.source, text, status))
+
     def _apply_cue(self, record: CueRecord) -> None:
         if record.status == "marked":
             self.cue = CueView(record.t, record.source)
         elif self.cue is not None and record.status == "answered":
-            self.cue.answered = record.t
+            self.cue.answered, self.cue.task = record.t, record.task
         elif record.status == "undone":
             self.cue = None
         elif self.cue is not None:
@@ -430,6 +482,8 @@ class SessionView(Struct):
             action = ActionView(record.action, record.type, record.parameters, record.status, record.t)
             task.actions[record.action] = action
         action.status, action.reason, action.sent_as = record.status, record.reason, record.sent_as
+        if action.confirmed is None and record.status in ("accepted", "succeeded"):
+            action.confirmed = record.t
         if record.status in ENDINGS:
             action.ended = record.t
 

@@ -12,7 +12,7 @@ from typing import Literal, Protocol, TypeAlias
 from msgspec import Struct
 
 from rise_engine.errors import RiseError
-from rise_engine.kernel.inputs import Note, Submit
+from rise_engine.kernel.inputs import CheckReport, Note, OutcomeReport, RecordingReport, Submit, SyncMark
 from rise_engine.kernel.records import AnyRecord
 from rise_engine.kernel.view import SessionView
 from rise_engine.scenario.model import Scenario
@@ -25,7 +25,7 @@ ControlVerb: TypeAlias = Literal["take", "ask", "give", "release"]
 """What a wizard can do about control: take it (whoever has it), ask the holder for it, give it to the one who asked,
 release it. Who attaches as a wizard while nobody holds control gets it."""
 
-ClientInput: TypeAlias = Submit | Note
+ClientInput: TypeAlias = Submit | Note | CheckReport | OutcomeReport | RecordingReport | SyncMark
 """What a client may send. The engine puts on the time and the source."""
 
 
@@ -153,7 +153,7 @@ class Client(Protocol):
     async def send(self, message: ClientInput) -> Reply:
         """Submit an input and wait until the engine has accepted (and recorded) or rejected it.
 
-        :param message: a task or a note; the engine puts on the time and the source.
+        :param message: a task, a note or a report; the engine puts on the time and the source.
         :return: what became of it; an accepted task's id is in it, and its records have come before.
         :raises EngineGone: when the session or this connection (`LinkLost`) is over.
         """

@@ -16,8 +16,16 @@ from msgspec import Meta, Struct, field
 
 from rise_engine.json_codec import encode
 from rise_engine.kernel.history import MemoryLog
-from rise_engine.kernel.inputs import Note, Submit
-from rise_engine.kernel.records import AnyRecord, EventRecord, RobotRecord, SessionRecord
+from rise_engine.kernel.records import (
+    AnyRecord,
+    CheckRecord,
+    EventRecord,
+    OutcomeRecord,
+    RecordingRecord,
+    RobotRecord,
+    SessionRecord,
+    SyncRecord,
+)
 from rise_engine.kernel.view import (
     ActView,
     CueView,
@@ -29,7 +37,7 @@ from rise_engine.kernel.view import (
     StopView,
     TaskView,
 )
-from rise_engine.protocol.client import ControlVerb, Heartbeat, JournalStatus, Role
+from rise_engine.protocol.client import ClientInput, ControlVerb, Heartbeat, JournalStatus, Role
 
 VERSION = 2
 MAX_LINE_BYTES = 1_048_576
@@ -62,7 +70,7 @@ class AskSummaryMessage(Struct, tag_field="type", tag="about", frozen=True):
 class SendMessage(Struct, tag_field="type", tag="send", frozen=True):
     id: Number
     """The client's own number; the `reply` carries it."""
-    message: Submit | Note
+    message: ClientInput
 
 
 class ControlMessage(Struct, tag_field="type", tag="control", frozen=True):
@@ -109,6 +117,10 @@ class ViewWithoutTasks(Struct, frozen=True):
     wizard: str = ""
     remarks: list[RemarkView] = []
     forgotten: int = 0
+    checks: dict[str, CheckRecord] = field(default_factory=dict)
+    outcome: OutcomeRecord | None = None
+    recordings: dict[str, RecordingRecord] = field(default_factory=dict)
+    sync: SyncRecord | None = None
 
 
 class HelloMessage(Struct, tag_field="type", tag="hello", frozen=True):

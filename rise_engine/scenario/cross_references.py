@@ -6,6 +6,7 @@ from collections.abc import Callable, Collection
 from functools import cache
 
 from rise_engine.nearest_name import did_you_mean
+from rise_engine.scenario.conditions import check_conditions
 from rise_engine.scenario.diagnostics import Diagnostics
 from rise_engine.scenario.draft import Mention, ScenarioDraft
 from rise_engine.scenario.graph import reachable_from
@@ -42,6 +43,7 @@ def check_cross_references(draft: ScenarioDraft, diagnostics: Diagnostics) -> No
         _check_memory(draft, diagnostics)
         if "acts" not in unread:
             check_parts(draft, diagnostics)
+            check_conditions(draft, diagnostics)
 
 
 def engine_topics(draft: ScenarioDraft) -> set[str]:
@@ -132,7 +134,7 @@ def _check_topics(draft: ScenarioDraft, diagnostics: Diagnostics) -> None:
 
 
 def _check_memory(draft: ScenarioDraft, diagnostics: Diagnostics) -> None:
-    written = {mention.name for mention in (*draft.key_writes, *draft.part_writes)}
+    written = {mention.name for mention in (*draft.key_writes, *draft.part_writes, *draft.condition_values)}
     tables = {name: table.records for name, table in draft.tables.items()}
     own = {SESSION: draft.session_keys} if draft.session_keys else {}
     paths = MemoryPaths({**draft.memory, **own, **tables}, written)

@@ -19,10 +19,14 @@ Severity: TypeAlias = Literal["error", "warning"]
 WARNING_CODES = frozenset(
     {
         "ambiguous-else",
+        "bare-condition",
         "bare-word",
+        "condition-changed",
+        "condition-unread",
         "decimal-comma",
         "empty-act",
         "memory-form",
+        "memory-type",
         "no-effect",
         "no-filler",
         "no-ssml",

@@ -26,6 +26,13 @@ class BareKey(Mention, frozen=True):
     """What is wrong with it if there is no such key."""
 
 
+class ConditionValue(Mention, frozen=True):
+    """A memory key that a condition sets, and where it stands."""
+
+    condition: str
+    value: Json
+
+
 class StateMention(Mention, frozen=True):
     """The name of a state in which a rule is started, and where it stands."""
 
@@ -68,12 +75,16 @@ class ScenarioDraft:
         """Memory keys that rules and key bindings set."""
         self.part_writes: list[Mention] = []
         """Memory keys of which rules and key bindings set parts, `items` in `items[i].done = true`."""
+        self.condition_values: list[ConditionValue] = []
+        """What the conditions set."""
+        self.private_keys: list[Mention] = []
+        """Memory keys that `private` names."""
         self.part_reads: list[PartMention] = []
         """Parts of values that conditions, assignments and templates read and that have no fallback."""
         self.spoken_keys: list[Mention] = []
         """Memory keys that stand in texts, with or without fallback."""
         self.settable_keys: set[str] = set()
-        """Memory keys that start values, rules and key bindings set."""
+        """Memory keys that start values, conditions, rules and key bindings set."""
         self.session_keys: dict[str, Json] = {}
         """An example of what the engine keeps under `session`; empty when nothing in the scenario asks for it."""
         self.bare_keys: list[BareKey] = []

@@ -376,6 +376,18 @@ class LexiconTable(Struct, frozen=True):
     """By word, in Unicode's normal form C and with single blanks: what the robot is given instead."""
 
 
+class Condition(Struct, frozen=True):
+    """A condition of the study: what the robot does in it (`[conditions.NAME]` in scenario.toml)."""
+
+    memory: dict[str, Json] = field(default_factory=dict)
+    """Whole memory keys that a session in it begins with, in the place of the start values."""
+    label: str = ""
+    """What screens show instead of its name; empty: the name."""
+    label_only: bool = False
+    """Whether it sets nothing on purpose: what is varied lies outside of the robot."""
+    location: SourceLocation = field(default=SourceLocation(""), name="place")
+
+
 class Scenario(Struct, frozen=True):
     """A checked scenario, complete and immutable. `load` builds it; everything in it is looked up by name.
 
@@ -401,6 +413,12 @@ class Scenario(Struct, frozen=True):
     act_settings: dict[str, ActSettings] = field(default_factory=dict)
     fillers: FillerSettings = FillerSettings()
     study: dict[str, Json] = field(default_factory=dict)
+    """`participants` and `conditions`, as `[study]` says them."""
+    conditions: dict[str, Condition] = field(default_factory=dict)
+    """By name, in the order of `[study] conditions`, or else of the file. What has a name there and no table is not
+    here: scenarios of earlier versions."""
+    private: frozenset[str] = frozenset()
+    """Whole memory keys whose values are about a person: they are kept out of what is given to others."""
     language: str = ""
     """The language that the acts are in, by BCP 47; empty: scenario.toml does not say."""
     lexicon: tuple[LexiconTable, ...] = ()
@@ -416,6 +434,8 @@ class Scenario(Struct, frozen=True):
     """Memory keys that the start values or anything in the scenario can set."""
     reads_session: bool = False
     """Whether anything reads what the engine keeps under `session` (semantics.md 7.2)."""
+    factors_read: frozenset[str] = frozenset()
+    """Factors of a study that something in the scenario reads: `pace`, for `session.factors.pace`."""
     topics: frozenset[str] = frozenset()
     """Event topics (without slash) that some transition waits for."""
     hash: str = ""

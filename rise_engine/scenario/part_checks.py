@@ -82,7 +82,7 @@ class _PartPaths:
     def __init__(self, draft: ScenarioDraft) -> None:
         self._tables = draft.tables
         self._memory = {**draft.memory, **({SESSION: draft.session_keys} if draft.session_keys else {})}
-        written = {mention.name for mention in (*draft.key_writes, *draft.part_writes)}
+        written = {mention.name for mention in (*draft.key_writes, *draft.part_writes, *draft.condition_values)}
         self._changed = {name.partition(".")[0] for name in written}
         """First parts of keys that something sets, or sets something in."""
 

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from collections import Counter
 from functools import partial
 from typing import Any
 
 from rise_engine.expression import Assignment, ExpressionError
 from rise_engine.scenario.act_settings import read_act_tables, read_on_failure
+from rise_engine.scenario.conditions import read_conditions, read_private, read_study
 from rise_engine.scenario.delays import MIN_SECONDS
 from rise_engine.scenario.diagnostics import Diagnostics
 from rise_engine.scenario.draft import Mention, ScenarioDraft, StateMention
@@ -16,6 +16,7 @@ from rise_engine.scenario.expression_checks import expression_message, note_assi
 from rise_engine.scenario.keys import KeyRefusedError, bindable_key_name
 from rise_engine.scenario.languages import language_problem
 from rise_engine.scenario.model import (
+    Condition,
     FillerSettings,
     FunctionName,
     KeyBinding,
@@ -25,7 +26,7 @@ from rise_engine.scenario.model import (
 )
 from rise_engine.scenario.suppressions import check_warning_code
 from rise_engine.scenario.toml_locations import TomlFile
-from rise_engine.scenario.toml_tables import TomlTable, is_integer, quote_toml_key, read_seconds
+from rise_engine.scenario.toml_tables import TomlTable, quote_toml_key, read_seconds
 
 TOP_KEYS = (
     "title",
@@ -40,6 +41,8 @@ TOP_KEYS = (
     "fillers",
     "control",
     "study",
+    "conditions",
+    "private",
     "on_failure",
     "actions",
     "check",
@@ -58,7 +61,6 @@ _START_KEYS = ("state", "enter")
 MAX_LABEL_LENGTH = 24
 """Characters of a key's `label`: it stands beside others in one line."""
 _ALLOW_KEYS = ("code", "key", "reason")
-MAX_PARTICIPANTS = 1_000_000
 MIN_AUTO_AFTER, MAX_FILLER_DELAY = 0.5, 600.0
 """Seconds. A filler that comes sooner than the first would fall into the participant's own pauses."""
 
@@ -80,7 +82,8 @@ class ScenarioSettings:
         self.paths: dict[str, str] = {
             key: self.read_text(key, "") for key in ("acts", "rules", "memory") if key in file.values
         }
-        self.study = self.read_study()
+        self.study, self.conditions = self.read_study()
+        self.private = read_private(self.table, draft)
         self.keys = self.read_keys()
         self.on_failure = read_on_failure(self.table) if "on_failure" in file.values else "go_on"
         """What becomes of a failed act that does not say it itself."""
@@ -129,32 +132,12 @@ class ScenarioSettings:
                 suppressions.append((location, code, key, reason))
         return suppressions
 
-    def read_study(self) -> dict[str, Any]:
-        """Who takes part and in which conditions. What only people read stands in a comment, or in a README."""
+    def read_study(self) -> tuple[dict[str, Any], dict[str, Condition]]:
+        """Who takes part, in which conditions, and what makes those."""
         table = self.table.section("study", ("participants", "conditions"))
-        study: dict[str, Any] = {}
-        participants = table.values.get("participants")
-        if participants is not None:
-            if not is_integer(participants):
-                message = "`participants` is a whole number: how many take part"
-                table.report_value("wrong-type", "participants", message)
-            elif not 1 <= participants <= MAX_PARTICIPANTS:
-                table.report_value("out-of-range", "participants", f"`participants` is from 1 to {MAX_PARTICIPANTS}")
-            else:
-                study["participants"] = participants
-        names = table.values.get("conditions")
-        if names is not None:
-            if not isinstance(names, list) or not all(isinstance(name, str) for name in names):
-                table.report_value("wrong-type", "conditions", '`conditions` is a list of texts: ["A", "B"]')
-            elif not names or not all(name.strip() == name and name for name in names):
-                message = "each condition has a name, without blanks around it"
-                table.report_value("missing-value", "conditions", message)
-            elif len(set(names)) < len(names):
-                twice = Counter(names).most_common(1)[0][0]
-                table.report_value("duplicate-name", "conditions", f"the condition `{twice}` stands there twice")
-            else:
-                study["conditions"] = names
-        return study
+        study = read_study(table)
+        conditions = read_conditions(self.table.section("conditions"), table, study.get("conditions", []), self.draft)
+        return study, conditions
 
     def read_keys(self) -> dict[str, KeyBinding]:
         table = self.table.section("keys")

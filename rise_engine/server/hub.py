@@ -20,7 +20,7 @@ from msgspec.structs import replace
 
 from rise_engine.engine.engine import Engine, ReplyCallback, versions
 from rise_engine.errors import RiseError
-from rise_engine.kernel.inputs import ControlChanged, ControlStatus, Submit
+from rise_engine.kernel.inputs import ControlChanged, ControlStatus, Note, OutcomeReport, Submit
 from rise_engine.kernel.records import ActionRecord, AnyRecord, TaskRecord
 from rise_engine.kernel.view import SessionView, TaskView
 from rise_engine.protocol.client import ClientInput, ControlVerb, Reply, Role, Update
@@ -214,11 +214,7 @@ class SessionHub:
 
     def end_session(self, client: AttachedClient, reason: str, answer: ReplyCallback) -> None:
         """End the session; the answer says that it begins to end."""
-        problem = ""
-        if client.role == "observer":
-            problem = "an observer cannot end the session"
-        elif client.role == "wizard" and self._holder not in (None, client):
-            problem = f"only who holds control can end the session: {self._holder_sentence()}"
+        problem = self._why_not_judge(client, "end the session")
         if problem:
             answer(Reply(False, problem))
         else:
@@ -228,7 +224,12 @@ class SessionHub:
     def _why_not_submit(self, client: AttachedClient, message: ClientInput) -> str:
         if not self._has_begun:
             return "the session has not begun yet"
-        if not isinstance(message, Submit) or message.function in ALLOWED_WITHOUT_CONTROL:
+        if isinstance(message, OutcomeReport):
+            return self._why_not_judge(client, "say how the session counts")
+        if not isinstance(message, Submit):
+            reports = client.role != "observer" or isinstance(message, Note)
+            return "" if reports else "an observer reports nothing; attach as a wizard or a program"
+        if message.function in ALLOWED_WITHOUT_CONTROL:
             return ""
         if client.role == "node":
             return self._why_not_release(client) if message.function == "releaseStop" else ""
@@ -237,6 +238,14 @@ class SessionHub:
         if client.role == "observer":
             return "an observer only watches, adds notes and can stop everything; attach as a wizard to do more"
         return f"you do not hold control: {self._holder_sentence()}"
+
+    def _why_not_judge(self, client: AttachedClient, what: str) -> str:
+        """The session as a whole is for who holds control, for programs, and for any wizard while nobody does."""
+        if client.role == "observer":
+            return f"an observer cannot {what}"
+        if client.role == "wizard" and self._holder not in (None, client):
+            return f"only who holds control can {what}: {self._holder_sentence()}"
+        return ""
 
     def _why_not_release(self, client: AttachedClient) -> str:
         """A stop is not undone by whatever program happens to run: by a person, or by one that the study names."""

@@ -16,13 +16,14 @@ from rise_engine.engine.clock import RealClock
 from rise_engine.engine.drivers import DriverError, RobotOptionsError, make_robot, open_bridge
 from rise_engine.engine.engine import versions
 from rise_engine.errors import RiseError
+from rise_engine.kernel.inputs import SessionStarted
 from rise_engine.ports.bridge import Bridge, BridgeError, RosConnection
 from rise_engine.ports.robot import Robot
 from rise_engine.protocol.registry import RegistryError, SessionLock, acquire_lock, session_name
 from rise_engine.protocol.session_options import SessionOptions
+from rise_engine.protocol.session_start import first_input, set_conflicts, start_problems
 from rise_engine.scenario import load
 from rise_engine.scenario.model import Scenario
-from rise_engine.scenario.study import condition_problem
 from rise_engine.server.hub import SessionHub
 from rise_engine.server.spawn import EngineRefused, ReportStartup, StartupProgress
 from rise_engine.session.folder import (
@@ -75,6 +76,8 @@ class SessionPreparation:
         """
         self.options = options
         self.recovered: RecoveredSession | None = None
+        self.started = SessionStarted()
+        """The first input of a new session."""
         self.lock: JournalLock | None = None
         """Of the journal of a session that goes on, until that is open."""
         self.name = options.socket_name or session_name(Path(options.folder))
@@ -85,6 +88,7 @@ class SessionPreparation:
                 self._recover(unfinished, report)
             else:
                 self._load_scenario()
+                self._refuse_other_memory()
         except BaseException:
             self.close()
             raise
@@ -161,11 +165,17 @@ class SessionPreparation:
         if loaded.scenario is None:
             raise ServeRefused(exit_status.REFUSED, *map(str, loaded.diagnostics))
         self.scenario: Scenario = loaded.scenario
-        if problem := condition_problem(self.scenario, options.condition):
-            raise ServeRefused(exit_status.USAGE, f"error: {problem}")
+        if problems := start_problems(self.scenario, options):
+            raise ServeRefused(exit_status.USAGE, *(f"error: {problem}" for problem in problems))
+        self.started = first_input(self.scenario, options)
         self.seed = options.seed if options.seed is not None else SystemRandom().randrange(2**31)
         self.speed, self.faults, self.ros = options.speed, options.faults, options.ros
         self._files = loaded.files
+
+    def _refuse_other_memory(self) -> None:
+        """The memory is what the condition says, whoever has chosen that: the command line, or the plan of a study."""
+        if problems := set_conflicts(self.scenario, self.started, self.options.first_tasks):
+            raise ServeRefused(exit_status.USAGE, *(f"error: {problem}" for problem in problems))
 
     def open_journal(self, changed: Callable[[], None], now: Callable[[], float]) -> Journal:
         """The journal of the session that goes on, or of a new one, whose folder is made for it.

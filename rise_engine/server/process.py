@@ -22,6 +22,7 @@ from rise_engine.kernel.inputs import Note
 from rise_engine.ports.bridge import Bridge
 from rise_engine.ports.robot import Robot
 from rise_engine.protocol.session_options import SessionOptions
+from rise_engine.protocol.session_start import start_remarks
 from rise_engine.server.hub import END_SECONDS, SessionHub
 from rise_engine.server.preparation import ServeRefused, SessionPreparation
 from rise_engine.server.server import SessionServer
@@ -124,8 +125,7 @@ class _SessionProcess:
             robot,
             clock,
             prepared.seed,
-            participant=prepared.options.participant,
-            condition=prepared.options.condition,
+            started=prepared.started,
             journal=journal,
             recovered=recovered,
         )
@@ -150,8 +150,8 @@ class _SessionProcess:
             return
         engine.start()
         warning = simulated_robot_warning(engine.scenario.robot, engine.scenario.mode)
-        if warning is not None:
-            engine.post(Note(text=warning))
+        for sentence in (*filter(None, [warning]), *start_remarks(engine.scenario, self.prepared.started)):
+            engine.post(Note(text=sentence))
         for submit in self.prepared.options.first_tasks:
             engine.post(submit)
 

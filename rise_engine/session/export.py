@@ -39,6 +39,11 @@ COLUMNS = (
     "mark",  # mistake
     *("cue_at", "key_at", "accepted_at", "started_at", "robot_at", "ended_at"),  # timing
     "seconds",  # countdown, kept; transition, topic and rule too
+    *("study", "study_hash", "slot", "run", "attempt", "purpose", "factors"),  # session
+    *("path", "bytes"),  # recording
+    *("number", "medium"),  # sync
+    *("filler", "voice_at"),  # timing; source too
+    "downtime",  # session
 )
 """Of the table: always all of them, in this order. New ones may only come at the end."""
 

@@ -9,17 +9,14 @@ from typing import Literal, TypeAlias
 
 from msgspec import Struct
 
+from rise_engine.kernel.records import CheckResult as CheckResult
+from rise_engine.kernel.records import OutcomeStatus as OutcomeStatus
+from rise_engine.kernel.records import Purpose as Purpose
 from rise_engine.scenario.model import Json, Mode
 
 FactorKind: TypeAlias = Literal["between", "within"]
 BetweenMethod: TypeAlias = Literal["blocks", "minimise", "random", "list"]
 WithinMethod: TypeAlias = Literal["williams", "latin", "all", "fixed", "random"]
-OutcomeStatus: TypeAlias = Literal["complete", "aborted", "excluded"]
-"""complete: the run counts. aborted: it was broken off, and the participant may run it again. excluded: the participant
-does not count, and their slot is given to the next of the same stratum."""
-Purpose: TypeAlias = Literal["counted", "pilot", "training", "debug"]
-"""Why a session is run. Only `counted` takes a slot and counts; `debug` is every session in debug mode."""
-CheckResult: TypeAlias = Literal["passed", "failed", "skipped"]
 
 
 class Level(Struct, frozen=True):

@@ -13,6 +13,7 @@ import subprocess
 import sys
 import tempfile
 from collections.abc import Iterator
+from datetime import datetime
 from pathlib import Path
 from typing import Any
 
@@ -157,6 +158,12 @@ def test_after_a_crash_it_asks_and_then_goes_on_or_begins_anew(root: Path) -> No
     assert more.end() == 0
     assert statuses(it.record, "session") == ["started", "recovered", "ended"]
     assert statuses(it.record, "action")[:3] == ["started", "accepted", "lost"]
+    lines = [json.loads(line) for line in (it.record / JOURNAL).read_bytes().splitlines()]
+    at = next(index for index, each in enumerate(lines) if each.get("status") == "recovered")
+    before = next(each for each in reversed(lines[:at]) if "wall" in each)
+    gap = (datetime.fromisoformat(lines[at]["wall"]) - datetime.fromisoformat(before["wall"])).total_seconds()
+    assert 0 < lines[at]["downtime"] <= gap, "by the wall clock, from the last line to the engine that goes on"
+    assert lines[at]["t"] - before["t"] < gap, "with --speed 0.1 the session's own time stood nearly still"
     contents = read_journal(it.record / JOURNAL)
     assert contents.ended and not contents.gaps and not contents.damaged
     assert engine("replay", it.record).returncode == 0
@@ -169,6 +176,19 @@ def test_after_a_crash_it_asks_and_then_goes_on_or_begins_anew(root: Path) -> No
     assert new.end() == 0
     again = Serving(study)
     assert again.end() == 0, "nobody is asked twice about a session that was left"
+
+
+def test_a_session_of_an_older_program_goes_on(root: Path) -> None:
+    old = Path(__file__).parents[1] / "session" / "old_sessions" / "before_studies_unfinished"
+    record = root / "sessions" / old.name
+    shutil.copytree(old, record)
+    it = Serving(record / "scenario", "--session", record)
+    assert it.record == record and it.end() == 0
+    told = [json.loads(line) for line in (record / JOURNAL).read_bytes().splitlines() if b'"kind":"session"' in line]
+    assert [each["status"] for each in told] == ["started", "recovered", "recovered", "ended"]
+    assert told[2]["downtime"] > 0 and told[2]["participant"] == "P07"
+    assert read_journal(record / JOURNAL).ended
+    assert engine("replay", record).returncode == 0
 
 
 TURNS = """<InteractionRule name="Turns" initial="Listen"><State id="Listen">
@@ -244,8 +264,40 @@ def killed(study: Path, *arguments: object) -> Path:
     return record
 
 
+CONDITIONS = '[conditions.calm]\nmemory = { name = "you" }\n[conditions.loud]\nmemory = { name = "YOU" }\n'
+
+
+def test_what_a_condition_sets_is_recorded_recovered_and_replayed(root: Path) -> None:
+    study = folder(root / "study", CONDITIONS)
+    for arguments, sentence in (
+        (["--condition", "calmm"], "did you mean `calm`?"),
+        (["--condition", "calm", "--set", 'name="Anna"'], "`name` cannot be set beside the condition `calm`"),
+        (["--condition", "calm", "--set", 'name="Anna"', "--new"], "which says what it is"),
+    ):
+        refused = engine("serve", study, *arguments)
+        assert refused.returncode == 2 and sentence in refused.stderr
+    assert not (root / "sessions").exists() or not list((root / "sessions").iterdir()), "nothing was begun"
+    record = killed(study, "--participant", "P07", "--condition", "loud")
+    again = Serving(study, "--participant", "P07", "--condition", "loud", "--recover")
+    assert again.record == record and again.end() == 0
+    found = [json.loads(line) for line in (record / JOURNAL).read_bytes().splitlines()]
+    written = [(line["value"], line["source"]) for line in found if line.get("kind") == "memory"]
+    assert written == [("Anna", "file"), ("YOU", "condition")], "once, and never again"
+    assert [line["condition"] for line in found if line.get("kind") == "session"] == ["loud"] * 3
+    assert engine("replay", record).stdout.startswith("identical")
+
+
+def test_no_session_begins_in_a_name_alone(root: Path) -> None:
+    """What scenarios of earlier versions list: they load, with a warning, and run without a condition."""
+    study = folder(root / "study", '[study]\nconditions = ["calm", "loud"]\n')
+    refused = engine("serve", study, "--participant", "P08", "--condition", "loud")
+    assert refused.returncode == 2 and "under [conditions.loud] what it sets" in refused.stderr
+    assert engine("check", study).returncode == 0
+    assert Serving(study, "--participant", "P08").end() == 0
+
+
 def test_nobody_s_session_goes_on_as_somebody_else_s(root: Path) -> None:
-    study = folder(root / "study")
+    study = folder(root / "study", CONDITIONS)
     record = killed(study, "--participant", "P07", "--condition", "calm")
     for arguments in (["--participant", "P08", "--recover"], ["--condition", "loud", "--recover"]):
         refused = engine("serve", study, *arguments)

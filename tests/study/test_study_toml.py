@@ -192,6 +192,11 @@ WRONG: dict[str, tuple[str, str, list[str]]] = {
         "levels.loud = {}",
         ["study.toml:15:8: error same-level: the robot does the same in `quiet` and `loud`"],
     ),
+    "levels that Python takes for the same": (
+        "levels.quiet = {}\nlevels.loud.memory = { noise = 3 }",
+        "levels.quiet.memory = { later = 1 }\nlevels.loud.memory = { later = true }",
+        [],
+    ),
     "a label of no level": (
         'quiet = "A"',
         'quite = "A"',

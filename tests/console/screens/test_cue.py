@@ -6,8 +6,8 @@ import pytest
 from msgspec.structs import replace
 
 from rise_engine.kernel.records import CueRecord
-from rise_engine.kernel.view import CueView
 from rise_tui.model.cue import counts_tenths, cue_line, filler_due, seconds_since_cue
+from rise_tui.model.voice import CueClock
 from rise_tui.rendering.text import plain_text
 from tests.console.conftest import Console, console
 from tests.console.fake import FakeClient, demo
@@ -17,8 +17,8 @@ FILLER = "startCommunicationRobotAct", "Filler"
 # --- pure -----------------------------------------------------------------------------------------------------------
 
 
-def cue(answered: float | None = None, filled: float | None = None) -> CueView:
-    return CueView(100.0, "wizard:anna", filled, answered)
+def cue(answered: float | None = None, filled: float | None = None, said: bool = True) -> CueClock:
+    return CueClock(100.0, answered, said, filled)
 
 
 @pytest.mark.parametrize(
@@ -43,6 +43,7 @@ def test_an_answer_shows_for_a_while_how_long_it_took() -> None:
     assert plain_text(cue_line(cue(answered=101.3), 101.3)) == "✓ answered 1.3 s"
     assert plain_text(cue_line(cue(answered=101.3), 106.0, short=True)) == "✓ 1.3 s"
     assert cue_line(cue(answered=101.3), 106.4) == ()
+    assert cue_line(cue(answered=101.3, said=False), 106.0) == (("✗ not said", "fault"),)
 
 
 def test_nothing_is_counted_without_a_cue_after_its_answer_and_when_nobody_answers_at_all() -> None:
@@ -58,7 +59,7 @@ def test_nothing_is_counted_without_a_cue_after_its_answer_and_when_nobody_answe
     ("of", "now", "expected"),
     [(cue(), 100.5, True), (cue(), 109.9, True), (cue(), 110.1, False), (cue(101.0), 101.5, False), (None, 1.0, False)],
 )
-def test_only_what_counts_tenths_ticks(of: CueView | None, now: float, expected: bool) -> None:
+def test_only_what_counts_tenths_ticks(of: CueClock | None, now: float, expected: bool) -> None:
     assert counts_tenths(of, now) is expected
 
 
@@ -75,7 +76,7 @@ def test_only_what_counts_tenths_ticks(of: CueView | None, now: float, expected:
         (None, 1.0, 1.5, None),
     ],
 )
-def test_when_a_filler_is_due(of: CueView | None, now: float, offer_after: float, due: float | None) -> None:
+def test_when_a_filler_is_due(of: CueClock | None, now: float, offer_after: float, due: float | None) -> None:
     assert filler_due(of, now, offer_after) == due
 
 
@@ -116,6 +117,40 @@ async def test_the_status_line_counts_from_the_cue_until_the_answer() -> None:
         await it.until(lambda: "✓ answered 2.4 s" in it.bars.status_line.text)
         it.client.time += 6
         await it.until(lambda: "answered" not in it.bars.status_line.text)
+
+
+async def test_the_status_line_counts_until_the_robot_is_heard() -> None:
+    async with console() as it:
+
+        def line() -> str:
+            return it.bars.status_line.text
+
+        mark(it)
+        it.client.time += 1.0
+        task = it.client.act("Greet")
+        it.client.emit(CueRecord(0, 0.0, "", "answered", "wizard:anna", task=task, since=1.0))
+        it.client.action(task, "Greet", "2", "Animation", "started")
+        it.client.action(task, "Greet", "2", "Animation", "accepted")
+        it.client.action(task, "Greet", "1", "Speech", "started", message="Hello Ada!")
+        await it.until(lambda: "says" not in line() and "◑ cue 1.0 s" in line())
+        it.client.time += 0.7
+        await it.until(lambda: "◑ cue 1.7 s" in line(), "a nod is no answer: the time goes on")
+        assert "answered" not in line()
+        it.client.action(task, "Greet", "1", "Speech", "accepted", message="Hello Ada!")
+        await it.until(lambda: "✓ answered 1.7 s" in line())
+
+
+async def test_an_answer_that_is_never_heard_is_said_to_be_none() -> None:
+    async with console() as it:
+        mark(it)
+        it.client.time += 1.0
+        task = it.client.act("Greet")
+        it.client.emit(CueRecord(0, 0.0, "", "answered", "wizard:anna", task=task, since=1.0))
+        await it.until(lambda: "◑ cue 1.0 s" in it.bars.status_line.text)
+        it.client.time += 20
+        await it.until(lambda: "● cue 21 s !" in it.bars.status_line.text)
+        it.client.end_task(task, "Greet", "ABORTED", "no voice")
+        await it.until(lambda: "✗ not said" in it.bars.status_line.text)
 
 
 @pytest.mark.slow
