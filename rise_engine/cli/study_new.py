@@ -22,6 +22,7 @@ from rise_engine.scenario.model import Mode, Scenario
 from rise_engine.scenario.shipped_studies import shipped_studies
 from rise_engine.study.check_kinds import AUTOMATIC
 from rise_engine.study.design import cells, runs
+from rise_engine.study.factor_tables import what_it_does
 from rise_engine.study.model import AssignmentSettings, Factor, FactorKind, Level, Study, StudyCheck
 from rise_engine.study.new_study import NewStudy, NewStudyError, folder_problem, write_new_study
 from rise_engine.text import pluralize
@@ -358,7 +359,7 @@ def _same_levels(levels: list[Level]) -> list[str]:
     """The first two levels in which the robot does the same."""
     for at, level in enumerate(levels):
         for other in levels[:at]:
-            if (level.memory, level.scenario) == (other.memory, other.scenario):
+            if what_it_does(level) == what_it_does(other):
                 return [other.name, level.name]
     return []
 

@@ -5,6 +5,8 @@ from __future__ import annotations
 import re
 from collections.abc import Collection
 
+from msgspec.json import encode
+
 from rise_engine.nearest_name import did_you_mean, nearest_name
 from rise_engine.scenario.toml_tables import TomlTable
 from rise_engine.study.model import Factor, FactorKind, Level
@@ -114,15 +116,18 @@ def _read_level(levels: TomlTable, name: str, label: str) -> Level:
 def _check_difference(table: TomlTable, levels: tuple[Level, ...]) -> None:
     """Levels between which the robot knows no difference: then the condition would be a label."""
     for at, level in enumerate(levels):
-        same = next(
-            (each for each in levels[:at] if (each.memory, each.scenario) == (level.memory, level.scenario)), None
-        )
+        same = next((each for each in levels[:at] if what_it_does(each) == what_it_does(level)), None)
         if same is not None:
             message = (
                 f"the robot does the same in `{same.name}` and `{level.name}`: give them other memory values or "
                 "another scenario; or write label_only = true, if what differs is done by people"
             )
             table.report_key("same-level", message, "levels", level.name)
+
+
+def what_it_does(level: Level) -> tuple[str, bytes]:
+    """What two levels have in common in which the robot does the same; `1` and `true` are not the same."""
+    return level.scenario, encode(level.memory, order="sorted")
 
 
 def _check_overlaps(table: TomlTable, factors: list[Factor]) -> None:

@@ -91,6 +91,14 @@ def test_orders_are_balanced_within_each_cell(study: Study) -> None:
                 assert len(pair_counts(orders)) == len(each) * (len(each) - 1)
 
 
+@pytest.mark.parametrize(
+    ("n", "spare", "rows"), [(10, 0.1, 11), (10, 0.0, 10), (24, 0.25, 30), (7, 0.25, 9), (3, 2.0, 9)]
+)
+def test_spare_rows_are_no_more_than_was_asked_for(n: int, spare: float, rows: int) -> None:
+    """As people calculate it: a tenth of ten is one, although 10 * 1.1 is more than 11 for a computer."""
+    assert len(make_plan(make_study([], n=n, spare=spare))) == rows
+
+
 def pair_counts(orders: Sequence[Sequence[object]]) -> Counter[tuple[object, object]]:
     return Counter(pair for order in orders for pair in pairwise(order))
 

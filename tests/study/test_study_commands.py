@@ -340,6 +340,7 @@ def test_check_as_json(tmp_path: Path) -> None:
 
 def test_check_says_what_is_next(tmp_path: Path) -> None:
     study_folder(tmp_path, participants="participant,language,consent_study\nP01,en,\n")
+    assert "8 wanted, 1 in participants.csv, 1 of them without consent)" in study("check", str(tmp_path)).output
     assert study("check", str(tmp_path)).output.endswith(f"next: make the plan   rise-engine study plan {tmp_path}\n")
     assert study("plan", str(tmp_path / "study.toml")).exit_code == 0
     assert study("check", str(tmp_path)).output.endswith(f"next: run it           rise-tui --config {tmp_path}\n")

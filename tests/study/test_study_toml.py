@@ -37,6 +37,8 @@ def found(path: Path, toml: str) -> list[str]:
 
 def test_everything_is_read(tmp_path: Path) -> None:
     more = CHECKS + '\n[participants]\ncolumns = ["age"]\n[wizards]\nanna = "W1"\n[retention]\nmedia = "52 w"\n'
+    (tmp_path / "check.sh").write_text("#!/bin/sh\n")
+    (tmp_path / "check.sh").chmod(0o700)
     loaded = loaded_study(tmp_path, DESIGN + more)
     assert [str(each) for each in loaded.diagnostics] == []
     study = loaded.study
@@ -189,6 +191,11 @@ WRONG: dict[str, tuple[str, str, list[str]]] = {
         "levels.loud.memory = { noise = 3 }",
         "levels.loud = {}",
         ["study.toml:15:8: error same-level: the robot does the same in `quiet` and `loud`"],
+    ),
+    "levels that Python takes for the same": (
+        "levels.quiet = {}\nlevels.loud.memory = { noise = 3 }",
+        "levels.quiet.memory = { later = 1 }\nlevels.loud.memory = { later = true }",
+        [],
     ),
     "a label of no level": (
         'quiet = "A"',
