@@ -22,7 +22,7 @@ from msgspec import Struct, field
 
 from rise_engine.kernel import Kernel
 from rise_engine.kernel.inputs import AnyInput, TaskFunction
-from rise_engine.kernel.records import AnyRecord
+from rise_engine.kernel.records import ENGINE, AnyRecord
 from rise_engine.session.disk import Disk, error_message
 from rise_engine.session.erasure import erase_file, has_other_names, overwrite
 from rise_engine.session.errors import SessionError
@@ -34,11 +34,13 @@ from rise_engine.session.replay import Replay, compare_replay, load_session_scen
 from rise_engine.words import WordError, Words
 
 NEW_SUFFIX = ".redacting"
-"""Of the new files, until they are put in place. They hold none of the words."""
+"""Of the new files, until they are put in place (they hold none of the words), and of what is just being erased."""
 _KEPT_BY_RECOVERY = re.compile(r"journal\.(torn-\d+|damaged-\d+\.jsonl)")
 _OWN_WORDS: frozenset[str] = frozenset({*get_args(TaskFunction), "None", "Blocking", "Interrupt"})
 _FIXED_FIELDS = frozenset({"input", "n", "t", "versions", "study_hash", "purpose", "status", "result", "mark"})
 """Of inputs: what the program says, not people."""
+_OWN_SENTENCES = frozenset({"reason", "error"})
+"""Fields of records in which the program says something about what happened."""
 _OWN_SOURCES = frozenset({"engine", "file", "study", "condition"})
 _REDACTED_LINE = re.compile(r"^redacted = \[(.*)\]$")
 _BY = re.compile(r'(?<=by = )"(?:[^"\\]|\\.)*"')
@@ -112,8 +114,8 @@ class _Redaction:
         self._longer: Counter[str] = Counter()
 
     def run(self, by: str, *, try_only: bool) -> RedactionReport:
-        for path in (self._new, self._new_info):
-            path.unlink(missing_ok=True)  # of one that was interrupted
+        for path in self._folder.glob(f"*{NEW_SUFFIX}"):  # of one that was interrupted
+            erase_file(path, self._disk)
         contents = read_journal(self._path)
         self._refuse_damaged(contents)
         info = read_info(self._folder)
@@ -229,6 +231,8 @@ class _Redaction:
             return
         mask = self._words.mask
         for name in dict.fromkeys([*old, *new]):
+            if name in _OWN_SENTENCES or (name == "text" and old.get("source") == ENGINE):
+                continue  # "did you mean" depends on what was written, and nothing depends on that
             if name not in old or name not in new or mask(old[name]) != mask(new[name]):
                 raise self._difference(
                     number,
@@ -326,7 +330,8 @@ class _Redaction:
         """What a recovery kept beside the journal is of the old one."""
         for path in sorted(self._folder.iterdir()):
             if _KEPT_BY_RECOVERY.fullmatch(path.name) and path.is_file() and self._stands_in(path):
-                erase_file(path, self._disk)
+                going = path.rename(path.with_name(path.name + NEW_SUFFIX))  # known, should it be half overwritten
+                erase_file(going, self._disk)
                 self._report.erased.append(path.name)
 
     # --- what remains ---
