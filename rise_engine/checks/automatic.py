@@ -17,9 +17,11 @@ from rise_engine.checks.outcome import Finding
 from rise_engine.nearest_name import did_you_mean
 from rise_engine.scenario import load
 from rise_engine.study.model import Participant, ParticipantStanding, SessionEntry, Study
-from rise_engine.study.sizes import DEFAULT_SPACE, parse_size, size_text
+from rise_engine.study.quantities import parse_size
 from rise_engine.study.study_log import LogEntry
 
+DEFAULT_SPACE = 1_000_000_000
+"""Bytes that must be free where `disk` does not say how many."""
 TIMEDATECTL_SECONDS = 5.0
 NOBODYS_NAMES = frozenset(
     {
@@ -37,10 +39,9 @@ def look_at_disk(sessions: Path, minimum: str) -> Finding:
     :param sessions: the folder of the study's sessions, which may still have to be made.
     :param minimum: as `min` says; empty: DEFAULT_SPACE.
     """
-    try:
-        wanted = parse_size(minimum) if minimum else DEFAULT_SPACE
-    except ValueError as error:
-        return Finding(False, reason=str(error))
+    wanted = parse_size(minimum) if minimum else DEFAULT_SPACE
+    if wanted is None:
+        return Finding(False, reason=f"`min` is no size: {minimum}")
     folder = sessions
     while not folder.exists() and folder != folder.parent:
         folder = folder.parent
@@ -52,7 +53,7 @@ def look_at_disk(sessions: Path, minimum: str) -> Finding:
     if not os.access(folder, os.W_OK | os.X_OK):
         return Finding(False, value, f"{folder} may not be written")
     if free < wanted:
-        return Finding(False, value, f"only {size_text(free)} are free in {folder}, and it must be {size_text(wanted)}")
+        return Finding(False, value, f"{size_text(wanted)} must be free in {folder}")
     return Finding(True, value)
 
 
@@ -71,19 +72,11 @@ def look_at_clock(
     last = max(moments, default=None)
     shown = f"{now:%Y-%m-%d %H:%M %Z}".rstrip()
     if last is not None and now < last:
-        return Finding(
-            False,
-            shown,
-            f"the clock says {shown}, which is before what was last recorded in this study "
-            f"({last.astimezone(now.tzinfo):%Y-%m-%d %H:%M}): set it",
-        )
+        before = f"{last.astimezone(now.tzinfo):%Y-%m-%d %H:%M}"
+        return Finding(False, shown, f"that is before what was last recorded in this study ({before}); set the clock")
     if synchronised is False:
-        return Finding(
-            False,
-            shown,
-            f"the clock says {shown}, and no time server has set it: connect to one, or set it by hand",
-        )
-    known = "set by a time server" if synchronised else "whether a time server sets it, this computer does not say"
+        return Finding(False, shown, "no time server has set the clock; connect to one, or set it by hand")
+    known = "set by a time server" if synchronised else "whether a time server sets it is not known here"
     return Finding(True, f"{shown}, {known}")
 
 
@@ -150,8 +143,10 @@ def look_at_participant(
         return Finding(False, reason=f"there is no participant {name} in participants.csv{did_you_mean(name, names)}")
     why = f": {standing.why}" if standing.why else ""
     match standing.state:
-        case "excluded" | "withdrawn":
-            return Finding(False, reason=f"{name} is {standing.state}{why}")
+        case "excluded":
+            return Finding(False, reason=f"{name} is excluded{why}")
+        case "withdrawn":
+            return Finding(False, reason=f"{name} has withdrawn")
         case "complete":
             last = f", last on {standing.sessions[-1].started[:10]}" if standing.sessions else ""
             return Finding(False, reason=f"{name} has done everything{last}")
@@ -184,22 +179,18 @@ def look_at_scenario(folder: Path, study: Study, log: Sequence[LogEntry], robot:
     known = hashes.get(name) if isinstance(hashes, Mapping) else None
     loaded = load(folder, robot=robot)
     if loaded.scenario is None:
-        return Finding(False, reason=f"{name} has errors: {loaded.errors[0]}")
+        return Finding(False, reason=f"the scenario `{name}` has errors: {loaded.errors[0]}")
     made = planned.at[:10]
     if not isinstance(known, str):
         return Finding(
             False,
-            reason=f"the plan of {made} does not know the scenario {name}: make it again "
+            reason=f"the plan of {made} does not know the scenario `{name}`; make it again "
             "(rise-engine study plan --again REASON)",
         )
     if loaded.scenario.hash != known:
-        return Finding(
-            False,
-            f"{loaded.scenario.hash[:12]}, planned {known[:12]}",
-            f"the scenario {name} was changed since the plan was made on {made}: put it back as it was, or say why it is "
-            "right so",
-        )
-    return Finding(True, f"{name} as of the plan of {made}")
+        changed = f"the scenario `{name}` was changed since the plan was made on {made}"
+        return Finding(False, reason=f"{changed}; put it back as it was")
+    return Finding(True, f"`{name}` is as it was on {made}")
 
 
 def look_at_wizard(name: str, wizards: Mapping[str, str]) -> Finding:
@@ -213,14 +204,26 @@ def look_at_wizard(name: str, wizards: Mapping[str, str]) -> Finding:
     if wizards:
         if name in wizards:
             return Finding(True, name)
-        near = did_you_mean(name, wizards)
-        return Finding(False, name, f"{name} is not in the table [wizards] of study.toml{near}")
+        return Finding(False, name, f"not in the table [wizards] of study.toml{did_you_mean(name, wizards)}")
     if name.lower() in NOBODYS_NAMES:
-        return Finding(
-            False, name, f"{name} is an account or a role, and does not say who it is: --wizard NAME, or add it to "
-            "[wizards] in study.toml"
-        )  # fmt: skip
+        who = "this is an account or a role, and does not say who it is"
+        return Finding(False, name, f"{who}; --wizard NAME, or add it to [wizards] in study.toml")
     return Finding(True, name)
+
+
+def size_text(size: float) -> str:
+    """Bytes in words.
+
+    >>> size_text(34_123_000_000), size_text(999)
+    ('34.1 GB', '999 bytes')
+    """
+    if size < 1000:
+        return f"{size:g} bytes"
+    for unit in ("kB", "MB", "GB"):
+        size /= 1000
+        if size < 999.95:
+            return f"{size:.1f} {unit}"
+    return f"{size / 1000:.1f} TB"
 
 
 def _moment(text: str) -> datetime | None:

@@ -50,7 +50,7 @@ class Finding(Struct, frozen=True):
     value: str = ""
     """What was found, in a few words: `34.1 GB free`."""
     reason: str = ""
-    """Why it failed, in a sentence."""
+    """Why it failed, in a sentence, which goes on after the value."""
     question: str = ""
     """What a person has to say before it has passed; empty: nothing."""
 
@@ -69,6 +69,11 @@ class CheckOutcome(Struct, frozen=True):
     value: str = ""
     reason: str = ""
     question: str = ""
+
+    @property
+    def found(self) -> str:
+        """What was found and why it failed or was skipped, in a line; empty: there is nothing more to say."""
+        return ": ".join(filter(None, (self.value, self.reason)))
 
 
 def make_outcome(check: StudyCheck, finding: Finding) -> CheckOutcome:

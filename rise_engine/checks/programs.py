@@ -182,9 +182,13 @@ def look_with_program(
         return Finding(False, value, f"{name} did not end within {limit:g} s, and was ended")
     if end.status == 0:
         return Finding(True, value)
-    how = f"ended with exit status {end.status}" if end.status > 0 else f"was ended by {_signal_name(-end.status)}"
-    said = value or first_line(end.errors)
-    return Finding(False, value, f"{name} {how}" + (f": {said}" if said else " and said nothing"))
+    how = (
+        f"{name} ended with exit status {end.status}" if end.status > 0 else f"{_signal_name(-end.status)} ended {name}"
+    )
+    said = first_line(end.errors)
+    if value or not said:
+        return Finding(False, value, how if value else f"{how}, and it said nothing")
+    return Finding(False, reason=f"{how}: {said}")
 
 
 def first_line(output: bytes) -> str:
@@ -242,7 +246,7 @@ def _interpreter_problem(name: str, path: Path) -> str:
     if not first.startswith(b"#!"):
         return ""
     if end and first.endswith(b"\r"):
-        return f"{name} has the line ends of Windows, and its first line names no interpreter so; save it with Unix's"
+        return f"{name} has line ends of Windows, which hide its interpreter: save it with line ends of Unix"
     words = first[2:].split()
     interpreter = words[0].decode("utf-8", "replace") if words else ""
     if not interpreter or not Path(interpreter).exists():

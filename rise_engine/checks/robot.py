@@ -37,12 +37,11 @@ SETTLE_SECONDS = 1.0
 """For which it goes on once it is connected: a second program of the same name may appear, or a part go again."""
 WORD_SECONDS = 40.0
 """For which the end of the word is waited for."""
-WORDS = {
-    **{"ar": "مرحبا", "cs": "Dobrý den", "da": "Hej", "de": "Hallo", "el": "Γεια σας", "en": "Hello", "es": "Hola"},
-    **{"fi": "Hei", "fr": "Bonjour", "he": "שלום", "hi": "नमस्ते", "it": "Buongiorno", "ja": "こんにちは"},
-    **{"ko": "안녕하세요", "nb": "Hei", "nl": "Hallo", "pl": "Dzień dobry", "pt": "Olá", "ru": "Здравствуйте"},
-    **{"sv": "Hej", "tr": "Merhaba", "zh": "你好"},
-}
+_WORDS = """
+    ar مرحبا  cs Ahoj  da Hej  de Hallo  el Γεια  en Hello  es Hola  fi Hei  fr Bonjour  he שלום  hi नमस्ते  it Ciao
+    ja こんにちは  ko 안녕하세요  nb Hei  nl Hallo  pl Cześć  pt Olá  ru Здравствуйте  sv Hej  tr Merhaba  zh 你好
+"""
+WORDS = dict(zip(_WORDS.split()[::2], _WORDS.split()[1::2], strict=True))
 """What the robot says to be heard, by the scenario's language."""
 
 

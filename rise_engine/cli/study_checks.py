@@ -32,7 +32,8 @@ from rise_engine.checks import (
 from rise_engine.errors import RiseError
 from rise_engine.kernel.inputs import CheckReport
 from rise_engine.nearest_name import did_you_mean
-from rise_engine.study.model import Study, StudyCheck
+from rise_engine.study.checked import made_after
+from rise_engine.study.model import Purpose, Study, StudyCheck
 from rise_engine.study.study_log import StudyLogError, read_log
 from rise_engine.text import clean
 
@@ -40,14 +41,17 @@ Command = TypeVar("Command", bound=Callable[..., Any])
 
 CONFIRMED = "confirmed on the command line"
 _MARKS = {"passed": "ok", "failed": "FAILED", "skipped": "skipped"}
+_SLOW = frozenset({"robot", "sound", "replay"})
 
 
 class ChecksRefused(RiseError):
-    """The session cannot begin; one line for each thing that is missing, all at once."""
+    """The session cannot begin, or the options cannot be meant; one line for each thing, all at once."""
 
-    def __init__(self, lines: Sequence[str]) -> None:
+    def __init__(self, lines: Sequence[str], hints: Sequence[str] = ()) -> None:
         super().__init__("\n".join(lines))
         self.lines = list(lines)
+        self.hints = list(hints)
+        """What can be done about it, a line each."""
 
 
 class CheckOptions(Struct, frozen=True):
@@ -137,21 +141,28 @@ def gather_check_reports(
     """
     terminal = terminal or StandardTerminal()
     study = context.study
-    chosen = _read_options(context, options, when)
+    chosen = read_check_options(study, context.purpose, options, when)
     if when == "before" and context.purpose == "debug":
         return ()
     try:
-        pending = pending_checks(study, when, read_log(Path(study.folder)), context.now())
+        log = read_log(Path(study.folder))
+        pending = pending_checks(study, when, log, context.now())
+        if when == "after":
+            made = made_after(log)
+            wanted = chosen.confirmed | chosen.reasons.keys()
+            pending = tuple(
+                each for each in pending if each.check.id in wanted or (context.session, each.check.id) not in made
+            )
         gathering = _Gathering(context, chosen, terminal, when == "before" and context.purpose == "counted")
         reports = tuple(filter(None, map(gathering.gather, pending)))
     except StudyLogError as error:
         raise ChecksRefused([str(error)]) from None
     if gathering.missing:
-        raise ChecksRefused(gathering.missing)
+        raise ChecksRefused(gathering.missing, gathering.hints)
     return reports
 
 
-class _ChosenChecks(Struct, frozen=True):
+class ChosenChecks(Struct, frozen=True):
     """The options, understood."""
 
     confirmed: frozenset[str]
@@ -159,9 +170,18 @@ class _ChosenChecks(Struct, frozen=True):
     """Of those that are skipped."""
 
 
-def _read_options(context: CheckContext, options: CheckOptions, when: str) -> _ChosenChecks:
-    """Raises ChecksRefused with everything that is wrong in them."""
-    study, problems = context.study, list[str]()
+def read_check_options(
+    study: Study, purpose: Purpose, options: CheckOptions, when: Literal["before", "after"]
+) -> ChosenChecks:
+    """What the options mean for a study.
+
+    :param study: whose checks.
+    :param purpose: of the session.
+    :param options: as they were written.
+    :param when: whether they are about the checks before the session or after it.
+    :raises ChecksRefused: with everything that is wrong in them.
+    """
+    problems: list[str] = []
     reasons: dict[str, str] = {}
     for text in options.skipped:
         id, equals, reason = text.partition("=")
@@ -170,7 +190,7 @@ def _read_options(context: CheckContext, options: CheckOptions, when: str) -> _C
             continue
         if not equals or not reason.strip():
             problems.append(f"--skip-check {id}: say why: --skip-check {shlex.quote(f'{id}=the reason')}")
-        elif problem := skip_problem(check, context.purpose, reason):
+        elif problem := skip_problem(check, purpose, reason):
             problems.append(f"--skip-check {problem}")
         reasons[id] = reason
     for id in options.confirmed:
@@ -181,7 +201,7 @@ def _read_options(context: CheckContext, options: CheckOptions, when: str) -> _C
             problems.append(f"{id} is both confirmed and skipped: say one of them")
     if problems:
         raise ChecksRefused(problems)
-    return _ChosenChecks(frozenset(options.confirmed), reasons)
+    return ChosenChecks(frozenset(options.confirmed), reasons)
 
 
 def is_answered_by_person(check: StudyCheck) -> bool:
@@ -203,7 +223,7 @@ def _find_check(study: Study, id: str, when: str, option: str, problems: list[st
 class _Gathering:
     """One way through the checks."""
 
-    def __init__(self, context: CheckContext, chosen: _ChosenChecks, terminal: CheckTerminal, binding: bool) -> None:
+    def __init__(self, context: CheckContext, chosen: ChosenChecks, terminal: CheckTerminal, binding: bool) -> None:
         self._context = context
         self._chosen = chosen
         self._terminal = terminal
@@ -211,13 +231,25 @@ class _Gathering:
         """Whether what is missing is in the way."""
         self._person = f"wizard:{context.wizard or 'command-line'}"
         self.missing: list[str] = []
+        self._to_confirm: list[str] = []
+        self._to_skip: list[str] = []
+
+    @property
+    def hints(self) -> list[str]:
+        """The options that say what is missing, to be copied."""
+        confirm = " ".join(f"--confirm {id}" for id in self._to_confirm)
+        skip = " ".join(f"--skip-check {id}=REASON" for id in self._to_skip)
+        return [
+            *([f"when it is so, say {confirm}"] if confirm else []),
+            *([f"what cannot be mended now is left out with {skip}"] if skip else []),
+        ]
 
     def gather(self, pending: PendingCheck) -> CheckReport | None:
         """Make one check; None when nothing has come of it."""
         check = pending.check
         if pending.good_since and check.id not in self._chosen.reasons:
             outcome = kept_check(pending)
-            self._show(outcome)
+            self._show(check, outcome)
             return report_check(outcome)
         outcome_or_none, by = self._make(check)
         if outcome_or_none is None:
@@ -231,34 +263,35 @@ class _Gathering:
         reason = self._chosen.reasons.get(check.id)
         if reason is not None:
             outcome = skipped_check(check, reason)
-            self._show(outcome)
+            self._show(check, outcome)
             return outcome, self._person
         if is_answered_by_person(check) and not self._terminal.answers and check.id not in self._chosen.confirmed:
             # The robot is not made to speak where nobody says that it was heard.
-            self._miss(check, f"{check.id}: nobody has confirmed “{check_text(check)}”: --confirm {check.id}")
+            if self._miss(check, f"{check.id}: nobody has confirmed “{check_text(check)}”"):
+                self._to_confirm.append(check.id)
             return None, ""
         while True:
             outcome, by = self._look(check)
-            self._show(outcome)
+            self._show(check, outcome)
             if outcome.result == "passed" or not (check.blocks and self._binding):
                 return outcome, by
             if not self._terminal.answers:
-                skip = f", or --skip-check {check.id}=REASON" if self._may_skip(check) else ""
-                self._miss(check, f"{check.id}: {outcome.reason or check_text(check)}; mend it{skip}")
+                if self._miss(check, f"{check.id}: {outcome.found or outcome.text}") and self._may_skip(check):
+                    self._to_skip.append(check.id)
                 return outcome, by
             report = report_check(outcome, by)
             choice = self._ask_on(check)
             if choice is None:
-                self._miss(check, f"{check.id}: {outcome.reason or check_text(check)}")
+                self._miss(check, f"{check.id}: {outcome.found or outcome.text}")
                 return outcome, by
             append_checked(check, self._context, report)
             if choice:
                 skipped = skipped_check(check, choice, outcome)
-                self._show(skipped)
+                self._show(check, skipped)
                 return skipped, self._person
 
     def _look(self, check: StudyCheck) -> tuple[CheckOutcome, str]:
-        if not is_answered_by_person(check):
+        if check.run or check.auto in _SLOW:
             self._terminal.show(f"         {check.id}: {check_text(check)} ...")
         outcome = asyncio.run(run_check(check, self._context))
         if outcome.result != "asked":
@@ -272,7 +305,7 @@ class _Gathering:
         while True:
             try:
                 answer = self._terminal.ask(
-                    f"?        {outcome.id}: {clean(outcome.question)}  [y/n, and a word about it]"
+                    f"?        {outcome.id}: {clean(outcome.question)} [y/n, and a word about it]"
                 )
             except EOFError:
                 return answer_check(outcome, False, "nobody answered")
@@ -303,12 +336,16 @@ class _Gathering:
     def _may_skip(self, check: StudyCheck) -> bool:
         return not skip_problem(check, self._context.purpose, "a reason")
 
-    def _miss(self, check: StudyCheck, line: str) -> None:
-        if check.blocks and self._binding:
+    def _miss(self, check: StudyCheck, line: str) -> bool:
+        """Note what is missing; whether that is in the way."""
+        is_in_the_way = check.blocks and self._binding
+        if is_in_the_way:
             self.missing.append(line)
         else:
-            self._terminal.show(f"warning: {line}")
+            self._terminal.show(f"{'warning':8} {line}")
+        return is_in_the_way
 
-    def _show(self, outcome: CheckOutcome) -> None:
-        found = ": ".join(filter(None, (outcome.value, outcome.reason)))
-        self._terminal.show(f"{_MARKS[outcome.result]:8} {outcome.id}: {clean(found or outcome.text)}")
+    def _show(self, check: StudyCheck, outcome: CheckOutcome) -> None:
+        is_harmless = outcome.result == "failed" and not (check.blocks and self._binding)
+        mark = "warning" if is_harmless else _MARKS[outcome.result]
+        self._terminal.show(f"{mark:8} {outcome.id}: {clean(outcome.found or outcome.text)}")

@@ -30,7 +30,7 @@ class SessionOptions(Struct, frozen=True):
     participant: str = ""
     """Who takes part, as the record is to name them."""
     condition: str = ""
-    """One of the scenario's `[study] conditions`, where it lists any."""
+    """One of the scenario's conditions, whose memory values the session begins with; empty: none."""
     wizard: str = ""
     """Who begins it, for the session's folder."""
     login: str = ""

@@ -22,7 +22,7 @@ from rise_engine.scenario.model import Json
 from rise_engine.server.refusal import ServeRefused
 from rise_engine.session.folder import SessionError, SessionInfo, find_session, mark_abandoned, read_info
 from rise_engine.session.lock import read_holder
-from rise_engine.study.begin import CannotBegin, SessionPlan, SessionRequest, plan_session, running_problem
+from rise_engine.study.begin import BeginRequest, CannotBegin, SessionPlan, plan_session, running_problem
 from rise_engine.study.sessions import (
     GIVEN_UP,
     SESSIONS,
@@ -83,10 +83,10 @@ class StudyPreparation:
         except StudyLogError as error:
             raise ServeRefused(exit_status.NOT_WRITTEN, str(error)) from None
 
-    def _request(self, state: StudyState) -> SessionRequest:
+    def _request(self, state: StudyState) -> BeginRequest:
         options = self.options
         mode = "debug" if options.purpose == "debug" else options.mode or state.study.mode
-        return SessionRequest(
+        return BeginRequest(
             participant=options.participant,
             run=options.run,
             purpose="debug" if mode == "debug" else options.purpose,
@@ -155,13 +155,14 @@ class StudyPreparation:
         owner, named_participant = session.entry.participant, self.options.participant
         if named_participant not in ("", owner):
             raise ServeRefused(
-                exit_status.USAGE, f"{path.name} is the session of {owner}, not of {named_participant}: nothing was started"
+                exit_status.USAGE,
+                f"{path.name} is the session of {owner}, not of {named_participant}: nothing was started",
             )
         if session.entry.outcome is not None:
             raise ServeRefused(exit_status.USAGE, f"{path.name} is over: it was judged {session.entry.outcome}")
         return session
 
-    def _unfinished(self, state: StudyState, request: SessionRequest) -> list[StudySession]:
+    def _unfinished(self, state: StudyState, request: BeginRequest) -> list[StudySession]:
         """The participant's sessions of this purpose that did not end."""
         return [
             each
@@ -171,7 +172,7 @@ class StudyPreparation:
             and request.run in (0, each.entry.run)
         ]
 
-    def _to_give_up(self, state: StudyState, request: SessionRequest) -> list[StudySession]:
+    def _to_give_up(self, state: StudyState, request: BeginRequest) -> list[StudySession]:
         return self._unfinished(state, replace(request, run=0)) if request.purpose == "counted" else []
 
     # --- beginning --------------------------------------------------------------------------------------------------
@@ -212,7 +213,9 @@ class StudyPreparation:
 
     def unrecorded_checks(self, folder: Path, view: SessionView) -> list[CheckReport]:
         """Checks of a session that goes on which its engine did not come to record before it went."""
-        entry = next((each for each in self.state.log if each.kind == "session" and each.get("folder") == folder.name), None)
+        entry = next(
+            (each for each in self.state.log if each.kind == "session" and each.get("folder") == folder.name), None
+        )
         given = (entry.get("checks") if entry is not None else None) or []
         reports = [CheckReport(**{name: each[name] for name in _CHECK_FIELDS}) for each in given]
         return [each for each in reports if each.id not in view.checks]

@@ -47,6 +47,8 @@ COLUMNS = (
     *("study", "study_hash", "slot", "run", "attempt", "purpose", "factors"),  # session
     *("path", "bytes"),  # recording
     *("number", "medium"),  # sync
+    *("filler", "voice_at"),  # timing; source too
+    "downtime",  # session
 )
 """Of the table: always all of them, in this order. New ones may only come at the end."""
 

@@ -17,6 +17,7 @@ from rise_engine.errors import RiseError
 from rise_engine.kernel.inputs import CheckReport, SessionStarted
 from rise_engine.nearest_name import did_you_mean
 from rise_engine.scenario.model import Mode
+from rise_engine.study.checked import check_text, skip_problem, still_good
 from rise_engine.study.model import (
     Participant,
     ParticipantStanding,
@@ -26,7 +27,6 @@ from rise_engine.study.model import (
     Slot,
     Study,
 )
-from rise_engine.study.checked import check_text, skip_problem, still_good
 from rise_engine.study.plan import parse_condition, planned_run, runs_of
 from rise_engine.study.standing import BEGINNABLE, missing_consent, when_text
 from rise_engine.study.state import StudyState
@@ -47,7 +47,7 @@ class CannotBegin(RiseError):
         """The participant's session that did not end, when nothing else is in the way."""
 
 
-class SessionRequest(Struct, frozen=True):
+class BeginRequest(Struct, frozen=True):
     """What somebody asks for."""
 
     participant: str = ""
@@ -58,7 +58,8 @@ class SessionRequest(Struct, frozen=True):
     """For a rehearsal, which; else it must be theirs."""
     mode: Mode | None = None
     """None: the study's."""
-    checks: tuple[CheckReport, ...] = ()
+    checks: tuple[CheckReport, ...] | None = ()
+    """What came of the study's checks; None: they are still to be made, and not asked for."""
     seed: int | None = None
 
 
@@ -94,7 +95,7 @@ class SessionPlan(Struct, frozen=True):
         )
 
 
-def plan_session(state: StudyState, request: SessionRequest) -> SessionPlan:
+def plan_session(state: StudyState, request: BeginRequest) -> SessionPlan:
     """Decide what the session is.
 
     :param state: the study as it stands, read under the lock by who is going to begin it.
@@ -121,7 +122,7 @@ def running_problem(state: StudyState, participant: str) -> str:
     return f"{whose} is running (run {running.run}, begun {when_text(running.started)}): end it first"
 
 
-def _plan_counted(state: StudyState, request: SessionRequest) -> SessionPlan:
+def _plan_counted(state: StudyState, request: BeginRequest) -> SessionPlan:
     study, name = state.study, request.participant
     problems = list(state.problems)
     participant = _find_participant(state, name, problems)
@@ -129,7 +130,8 @@ def _plan_counted(state: StudyState, request: SessionRequest) -> SessionPlan:
         problems.append(running)
     if request.seed is not None:
         problems.append("a session that counts has the plan's seed: give none")
-    problems += check_problems(state, request.checks)
+    if request.checks is not None:
+        problems += check_problems(state, request.checks)
     standing = next((each for each in state.standing.participants if each.participant == name), None)
     if participant is None or standing is None:
         raise CannotBegin(*problems, running=bool(running))
@@ -167,7 +169,7 @@ def _planned_run(
     state: StudyState,
     participant: Participant,
     standing: ParticipantStanding,
-    request: SessionRequest,
+    request: BeginRequest,
     problems: list[str],
 ) -> tuple[PlannedRun, dict[str, str]] | None:
     """What the plan gives them, and the levels that are drawn for it; None, with the problem, when it gives nothing."""
@@ -221,11 +223,10 @@ def _hindrance(state: StudyState, standing: ParticipantStanding) -> str:
             runs = "every run" if standing.runs > 1 else "the session"
             return f"{name} has done {runs} before, last {when_text(standing.sessions[-1].started)}"
         case "unfinished":
-            return f"{standing.why} of {name} did not end, because its engine has gone: go on with it, or give it up"
+            return f"a session of {name} did not end ({standing.why}): go on with it, or give it up"
         case "to-judge":
-            return f"{standing.why} of {name}: say first whether it is complete, aborted or excluded".replace(
-                "ended without outcome of", "of"
-            )
+            what = f"a session of {name} is not judged yet ({standing.why})"
+            return f"{what}: say whether it is complete, aborted or excluded"
         case _:
             return f"{name} has not consented{reason}"
 
@@ -255,7 +256,7 @@ def check_problems(state: StudyState, reports: Sequence[CheckReport]) -> list[st
     return problems
 
 
-def _plan_rehearsal(state: StudyState, request: SessionRequest) -> SessionPlan:
+def _plan_rehearsal(state: StudyState, request: BeginRequest) -> SessionPlan:
     """What does not count takes no row, and runs as the row that the participant would get, or as was asked for."""
     study, name = state.study, request.participant
     problems: list[str] = []
@@ -286,7 +287,7 @@ def _plan_rehearsal(state: StudyState, request: SessionRequest) -> SessionPlan:
 
 
 def _rehearsed_run(
-    state: StudyState, participant: Participant | None, request: SessionRequest, problems: list[str]
+    state: StudyState, participant: Participant | None, request: BeginRequest, problems: list[str]
 ) -> PlannedRun | None:
     study = state.study
     if request.condition:
@@ -310,7 +311,7 @@ def _next_run(state: StudyState, participant: str) -> int | None:
     return next((each.next_run for each in state.standing.participants if each.participant == participant), None)
 
 
-def _run_of_condition(study: Study, request: SessionRequest, problems: list[str]) -> PlannedRun | None:
+def _run_of_condition(study: Study, request: BeginRequest, problems: list[str]) -> PlannedRun | None:
     """A run of the condition that was asked for."""
     try:
         return planned_run(study, parse_condition(study, request.condition), run=request.run or 1)

@@ -89,7 +89,7 @@ def _read_run(table: TomlTable) -> tuple[str, ...]:
 
 def _read_minimum(table: TomlTable, auto: str) -> str:
     text: str = table.read("min", str, "", form=': min = "20 GB"')
-    if "min" in table.values and auto != "disk":
+    if "min" in table.values and auto != "disk" and (auto or "auto" not in table.values):
         table.report_key("check-form", '`min` says how much room there must be; it goes with auto = "disk"', "min")
     elif text and parse_size(text) is None:
         table.report_value("wrong-value", "min", f"`{text}` is no size; write 20 GB or 500 MB")

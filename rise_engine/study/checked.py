@@ -81,11 +81,7 @@ def skip_problem(check: StudyCheck, purpose: Purpose, reason: str) -> str:
 def due_after_checks(study: Study, sessions: Iterable[SessionEntry], entries: Iterable[LogEntry]) -> list[str]:
     """What nobody has looked at after a session that counts, a sentence for each. It is only said: no data is lost."""
     after = [check for check in study.checks if check.when == "after"]
-    made = {
-        (entry.get("session"), entry.get("id"))
-        for entry in entries
-        if entry.kind == "checked" and entry.get("when") == "after" and entry.get("result") != "failed"
-    }
+    made = made_after(entries)
     return [
         f"{session.participant}, session {session.folder}: {check_text(check)} ({check.id}) is not confirmed yet"
         for session in sessions
@@ -93,3 +89,12 @@ def due_after_checks(study: Study, sessions: Iterable[SessionEntry], entries: It
         for check in after
         if (session.folder, check.id) not in made
     ]
+
+
+def made_after(entries: Iterable[LogEntry]) -> frozenset[tuple[str, str]]:
+    """What was looked at after sessions and has not failed: the session's folder, and the check's id."""
+    return frozenset(
+        (str(entry.get("session")), str(entry.get("id")))
+        for entry in entries
+        if entry.kind == "checked" and entry.get("when") == "after" and entry.get("result") != "failed"
+    )

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Mapping
 from hashlib import sha256
 from itertools import product
 
 from msgspec import to_builtins
 from msgspec.structs import replace
 
+from rise_engine.scenario.model import Json
 from rise_engine.study.model import Factor, Study
 
 PLAN_COLUMNS = ("slot", "order", "seed")
@@ -40,7 +42,8 @@ def strata_of(study: Study) -> list[dict[str, str]]:
         return [{}]
     columns = study.assignment.strata
     return [
-        dict(zip(columns, values, strict=True)) for values in product(*(study.strata[column] for column in columns))
+        dict(zip(columns, values, strict=True))
+        for values in product(*(study.strata.get(column, ()) for column in columns))
     ]
 
 
@@ -80,24 +83,39 @@ def with_hashes(study: Study, data: bytes) -> Study:
 
 def design_hash(study: Study) -> str:
     """SHA-256 of all that the plan and its conditions are made of; titles, labels and checks may change."""
+    text = json.dumps(design_of(study), ensure_ascii=False, sort_keys=True, separators=(",", ":"))
+    return sha256(text.encode()).hexdigest()
+
+
+def design_of(study: Study) -> dict[str, Json]:
+    """What the plan and its conditions are made of, by the keys and tables of study.toml."""
     assignment = to_builtins(study.assignment)
     del assignment["hidden"]
-    design = {
+    factors = {
+        f"factors.{factor.name}": {
+            "place": place,
+            "kind": factor.kind,
+            "levels": [
+                {"name": level.name, "memory": level.memory, "scenario": level.scenario} for level in factor.levels
+            ],
+        }
+        for place, factor in enumerate(study.factors)
+    }
+    return {
         "seed": study.seed,
         "n": study.n,
         "scenario": study.scenario,
-        "factors": [
-            {
-                "name": factor.name,
-                "kind": factor.kind,
-                "levels": [
-                    {"name": level.name, "memory": level.memory, "scenario": level.scenario} for level in factor.levels
-                ],
-            }
-            for factor in study.factors
-        ],
-        "assignment": assignment,
-        "strata": {column: study.strata[column] for column in study.assignment.strata},
+        **factors,
+        "assignment": {name: list(value) if isinstance(value, tuple) else value for name, value in assignment.items()},
+        "strata": {column: list(study.strata.get(column, ())) for column in study.assignment.strata},
     }
-    text = json.dumps(design, ensure_ascii=False, sort_keys=True, separators=(",", ":"))
-    return sha256(text.encode()).hexdigest()
+
+
+def changed_parts(before: Mapping[str, Json], study: Study) -> list[str]:
+    """The keys and tables of study.toml in which the design is another than it was.
+
+    :param before: the design as it was, of `design_of`.
+    :param study: as it is now.
+    """
+    now = design_of(study)
+    return [part for part in dict.fromkeys([*before, *now]) if before.get(part) != now.get(part)]

@@ -25,6 +25,8 @@ from rise_engine.study.model import Slot, Study
 from rise_engine.study.plan import slot_seed
 
 PLAN_FILE = "plan.csv"
+NEW_PLAN_FILE = "plan.csv.new"
+"""A plan that is written and has not its place yet."""
 _NO_LINKS = (errno.EPERM, errno.EOPNOTSUPP, errno.ENOSYS, errno.EACCES, errno.EMLINK)
 
 
@@ -69,16 +71,16 @@ def text_hash(text: str) -> str:
     return sha256(text.encode()).hexdigest()
 
 
-def write_plan(folder: Path, text: str, disk: Disk | None = None) -> None:
-    """Write plan.csv, whole or not at all, and never over another one.
+def write_new_plan(folder: Path, text: str, disk: Disk | None = None) -> None:
+    """Write a plan beside the one there may be; `put_new_plan` gives it its place.
 
     :param folder: the study's.
     :param text: what stands in it.
     :param disk: for tests that let it fail.
-    :raises PlanError: there is one already, or it cannot be written.
+    :raises PlanError: it cannot be written.
     """
     disk = disk or Disk()
-    path, new = folder / PLAN_FILE, folder / f"{PLAN_FILE}.new"
+    new = folder / NEW_PLAN_FILE
     try:
         new.unlink(missing_ok=True)  # of a program that was ended while it wrote
         descriptor = disk.open(new, create=True)
@@ -87,29 +89,45 @@ def write_plan(folder: Path, text: str, disk: Disk | None = None) -> None:
             disk.sync(descriptor)
         finally:
             disk.close(descriptor)
-        _put_in_place(new, path)
+        disk.sync_folder(folder)
+    except OSError as error:
+        with suppress(OSError):
+            new.unlink(missing_ok=True)
+        raise PlanError(f"{new} cannot be written: {error_message(error)}") from None
+
+
+def put_new_plan(folder: Path, disk: Disk | None = None) -> None:
+    """Make the new plan plan.csv, whole or not at all, and never over another one.
+
+    :param folder: the study's.
+    :param disk: for tests that let it fail.
+    :raises PlanError: there is one already, or it cannot be renamed.
+    """
+    disk = disk or Disk()
+    new, path = folder / NEW_PLAN_FILE, folder / PLAN_FILE
+    try:
+        _name_without_replacing(new, path)
         disk.sync_folder(folder)
     except FileExistsError:
         raise PlanError(f"{path} exists already; a plan is never overwritten") from None
     except OSError as error:
         raise PlanError(f"{path} cannot be written: {error_message(error)}") from None
-    finally:
-        with suppress(OSError):
-            new.unlink(missing_ok=True)
 
 
-def _put_in_place(new: Path, path: Path) -> None:
-    """Give a file its name, unless another one has it."""
+def _name_without_replacing(new: Path, path: Path) -> None:
+    """Give a file another name, unless another one has it."""
     try:
         os.link(new, path)
     except OSError as error:
         if error.errno not in _NO_LINKS or path.exists():
             raise
         new.rename(path)  # file systems without links, as exFAT
+    else:
+        new.unlink()
 
 
-def set_aside_plan(folder: Path) -> str:
-    """Give plan.csv another name, beside it, so that a new one can be written; returns that name.
+def set_plan_aside(folder: Path) -> str:
+    """Give plan.csv another name, beside it, so that a new one can be put in its place; returns that name.
 
     :param folder: the study's.
     :raises PlanError: it cannot be renamed.
@@ -124,10 +142,24 @@ def set_aside_plan(folder: Path) -> str:
     return aside.name
 
 
-def read_plan(study: Study) -> PlanLoad:
+def plan_hash(folder: Path, name: str = PLAN_FILE) -> str:
+    """SHA-256 of a plan's file; empty where there is none.
+
+    :raises PlanError: it cannot be read.
+    """
+    try:
+        return sha256((folder / name).read_bytes()).hexdigest()
+    except FileNotFoundError:
+        return ""
+    except OSError as error:
+        raise PlanError(f"{folder / name} cannot be read: {error.strerror or error}") from None
+
+
+def read_plan(study: Study, only: frozenset[int] | None = None) -> PlanLoad:
     """Read and check plan.csv.
 
     :param study: the study, which says its columns, levels and runs.
+    :param only: the slots that are looked at; None: all of them.
     :return: the rows in their order, or everything that is wrong with them. No file is no finding.
     """
     folder = Path(study.folder)
@@ -136,7 +168,7 @@ def read_plan(study: Study) -> PlanLoad:
     diagnostics = Diagnostics()
     with limited_comparisons():
         table = read_csv(folder, PLAN_FILE, diagnostics)
-        slots = _Reader(study, table).read() if table is not None else []
+        slots = _Reader(study, table).read(only) if table is not None else []
     found = diagnostics.sorted()
     digest = sha256((folder / PLAN_FILE).read_bytes()).hexdigest() if table is not None else ""
     return PlanLoad(None if diagnostics.errors else tuple(slots), found, digest)
@@ -151,13 +183,16 @@ class _Reader:
         self.numbers: dict[int, int] = {}
         """The line of each slot so far."""
 
-    def read(self) -> list[Slot]:
+    def read(self, only: frozenset[int] | None) -> list[Slot]:
         columns = columns_of_plan(self.study)
         optional = ["slot", "seed", *(["order"] if self.runs == [""] else [])] if self.is_list else []
         needed = [column for column in columns if column not in optional]
         known = ", ".join(columns)
         self.table.check_columns(needed, optional, f"; the columns of this study's plan are {known}")
-        slots = [self.read_row(row, at) for at, row in enumerate(self.table.rows, start=1)]
+        rows = list(enumerate(self.table.rows, start=1))
+        if only is not None:
+            rows = [(at, row) for at, row in rows if row.values.get("slot", str(at)) in map(str, only)]
+        slots = [self.read_row(row, at) for at, row in rows]
         if not slots:
             location = self.table.column_location("")
             self.table.diagnostics.error(

@@ -13,6 +13,7 @@ from datetime import datetime
 
 from msgspec import Struct
 
+from rise_engine.study.checked import due_after_checks
 from rise_engine.study.model import (
     CellStanding,
     Participant,
@@ -61,9 +62,7 @@ def in_stratum(row: Slot, strata: Mapping[str, str]) -> bool:
     return all(strata.get(column) == value for column, value in row.strata.items())
 
 
-def places_of(
-    participants: Sequence[Participant], log: Sequence[LogEntry], sessions: Sequence[StudySession]
-) -> Places:
+def places_of(participants: Sequence[Participant], log: Sequence[LogEntry], sessions: Sequence[StudySession]) -> Places:
     """Who holds which row, and who is out.
 
     Somebody whose row another one has got meanwhile stays out, also when their exclusion is taken back: nobody is moved
@@ -129,6 +128,7 @@ def study_standing(
         for each in everybody
     )
     due = [*problems, *_due(standings, plan, sessions, set(unlisted), places.withdrawn)]
+    due += due_after_checks(study, entries, log)
     return StudyStanding(
         participants=standings,
         cells=_cells(study, plan, places, standings),
@@ -200,11 +200,12 @@ def _state_of(
         return "withdrawn", "they have withdrawn"
     if name in places.excluded:
         return "excluded", places.excluded[name]
-    for status in ("running", "unfinished"):
-        if open_session := next((each for each in sessions if each.status == status), None):
-            return open_session.status, f"the session of {when_text(open_session.started)}"  # type: ignore[return-value]
+    if running := next((each for each in sessions if each.status == "running"), None):
+        return "running", f"begun {when_text(running.started)}"
+    if unfinished := next((each for each in sessions if each.status == "unfinished"), None):
+        return "unfinished", f"begun {when_text(unfinished.started)}, and its engine has gone"
     if unjudged := next((each for each in sessions if each.outcome is None), None):
-        return "to-judge", f"the session of {when_text(unjudged.started)} ended without outcome"
+        return "to-judge", f"begun {when_text(unjudged.started)}, ended without outcome"
     if next_run is None:
         return "complete", ""
     missing = missing_consent(study, participant)

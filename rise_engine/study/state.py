@@ -17,13 +17,14 @@ from rise_engine.errors import RiseError
 from rise_engine.scenario.model import Json
 from rise_engine.session.folder import mark_abandoned
 from rise_engine.study.minimise import cell_for
-from rise_engine.study.model import Participant, Slot, Study, StudyStanding
+from rise_engine.study.model import Participant, ParticipantState, Slot, Study, StudyStanding
 from rise_engine.study.participants import load_participants
 from rise_engine.study.plan_file import read_plan
+from rise_engine.study.planning import last_planned, plan_problem
 from rise_engine.study.sessions import MissingEntry, StudySession, missing_entries, read_sessions
 from rise_engine.study.standing import Places, places_of, study_standing
 from rise_engine.study.study_log import LockedLog, LogEntry, read_log
-from rise_engine.study.study_toml import load_study
+from rise_engine.study.study_toml import is_study, load_study
 
 
 class StudyUnusable(RiseError):
@@ -40,6 +41,7 @@ class StudyFiles(Struct, frozen=True):
     study: Study
     participants: tuple[Participant, ...]
     plan: tuple[Slot, ...]
+    plan_hash: str = ""
 
 
 class StudyState(Struct, frozen=True):
@@ -63,6 +65,10 @@ class StudyState(Struct, frozen=True):
         if slot is None:
             return self.places.free_row(self.plan, participant.strata)
         return next((row for row in self.plan if row.slot == slot), None)
+
+    def state_of(self, participant: str) -> ParticipantState | None:
+        """How somebody stands; None: the study does not know them."""
+        return next((each.state for each in self.standing.participants if each.participant == participant), None)
 
     def levels_of(self, row: Slot, participant: Participant | None) -> dict[str, str]:
         """The between levels of a row: those of the plan, those that were drawn when it was taken, or those that would
@@ -117,10 +123,11 @@ class OpenStudy:
         :raises StudyUnusable: its files are not right.
         :raises rise_engine.study.study_log.StudyLogError: its log cannot be locked, read or written.
         """
-        files = _read_files(self.folder)
+        if not is_study(self.folder):  # nobody makes a log where no study is
+            raise StudyUnusable([str(each) for each in load_study(self.folder).errors])
         self.log.__enter__()
         try:
-            self._reconcile(files)
+            self._reconcile(_read_files(self.folder))
         except BaseException:
             self.log.__exit__(None, None, None)
             raise
@@ -181,17 +188,17 @@ def _read_files(folder: Path) -> StudyFiles:
     participants, plan = load_participants(loaded.study), read_plan(loaded.study)
     if errors := [*participants.errors, *plan.errors]:
         raise StudyUnusable([str(each) for each in errors])
-    return StudyFiles(loaded.study, participants.participants, plan.plan)
+    return StudyFiles(loaded.study, participants.participants, plan.slots or (), plan.hash)
 
 
 def _plan_problems(files: StudyFiles, log: Sequence[LogEntry]) -> list[str]:
     """Why no session that counts can begin."""
-    planned = [each for each in log if each.kind == "planned"]
-    if not files.plan or not planned:
-        return ["there is no plan yet: make it with `rise-engine study plan`"]
-    if planned[-1].get("design_hash") != files.study.design_hash:
-        return [
-            "study.toml was changed since the plan was made, in what the plan is made of: take the change back, or make "
-            "a new plan (`rise-engine study plan --again REASON`)"
-        ]
-    return []
+    problems: list[str] = []
+    if files.study.mode == "debug":
+        problems.append('study.toml says mode = "debug": with a simulated robot no session counts')
+    planned = last_planned(log)
+    if planned is None:
+        problems.append("there is no plan yet: rise-engine study plan makes it")
+    elif problem := plan_problem(files.study, planned, files.plan_hash):
+        problems.append(problem)
+    return problems

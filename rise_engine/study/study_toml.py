@@ -65,6 +65,10 @@ class StudyLoad(Struct, frozen=True):
     """Of study.toml in reading order, then of the scenarios."""
     scenarios: dict[str, Scenario] = {}
     """Every scenario that the study names and that has no errors, by its absolute folder."""
+    draft: Study | None = None
+    """What could be understood, errors or not, for what lies beside study.toml; None: nothing."""
+    unsure: frozenset[str] = frozenset()
+    """The keys and tables of study.toml in which there are errors."""
 
     @property
     def errors(self) -> list[Diagnostic]:
@@ -109,9 +113,26 @@ def _load(folder: Path, *, check_scenarios: bool) -> StudyLoad:
     if check_scenarios:
         scenarios, others = load_scenarios(study, reader.table)
         check_levels(study, reader.table, scenarios)
-    found = [*diagnostics.sorted(), *others]
+    own = diagnostics.sorted()
+    found = [*own, *others]
     failed = any(diagnostic.severity == "error" for diagnostic in found)
-    return StudyLoad(None if failed else study, found, scenarios)
+    return StudyLoad(None if failed else study, found, scenarios, study, _tables_with_errors(reader.table, own))
+
+
+def _tables_with_errors(table: TomlTable, found: list[Diagnostic]) -> frozenset[str]:
+    """The top keys under which there are errors, by where those stand; a misspelt key is the one that was meant."""
+    starts: dict[int, str] = {}
+    for key, value in table.values.items():
+        meant = key if key in TOP_KEYS else nearest_name(key, TOP_KEYS) or key
+        inner = value if isinstance(value, dict) else {}
+        for path in [(key,), *((key, name) for name in inner)]:
+            starts.setdefault(table.key_location(*path).line, meant)
+    unsure: set[str] = set()
+    for diagnostic in found:
+        before = [line for line in starts if line <= diagnostic.location.line]
+        if diagnostic.severity == "error" and before:
+            unsure.add(starts[max(before)])
+    return frozenset(unsure)
 
 
 class _StudyReader:
@@ -222,8 +243,9 @@ class _StudyReader:
             elif column in named[:at]:
                 location = table.value_location("strata", str(at))
                 self.diagnostics.error("duplicate-name", location, f"`{column}` stands there twice")
+        misspelt = any(nearest_name(key, ("strata",)) for key in table.values if key not in _ASSIGNMENT_KEYS)
         for column in strata:
-            if column not in named:
+            if column not in named and not misspelt:
                 message = (
                     f"`{column}` is in [strata], and [assignment] strata does not name it: nothing is balanced in it"
                 )
