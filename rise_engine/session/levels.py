@@ -65,13 +65,14 @@ class LevelFilter:
         typed = _TYPED.get(kind, "")
         if typed and (kind not in _PROGRAMS_TYPE or _PERSON.match(values.get("source") or "")) and values[typed]:
             values = {**values, typed: _count_words("note" if kind == "note" else "free text", values[typed])}
+        if kind == "task" and values["function"] == "markCue" and values["behavior"]:
+            values = {**values, "behavior": _count_words("free text", values["behavior"])}
         if kind == "recording":
             values = {**values, "path": ""}
         if self.level == "public":
             values = _without_free_speech(values)
-        values = self._private.hide_fields(values)
-        hidden = {name: self._hide_people(name, each) for name, each in values.items()}
-        return {**hidden, "wall": ""}
+        values = {name: self._hide_people(name, each) for name, each in values.items()}
+        return {**self._private.hide_fields(values), "wall": ""}
 
     def _note_person(self, role: str, name: str) -> None:
         if not name or name in _NOBODY or name in self._people:

@@ -22,6 +22,10 @@ from rise_engine.words import word_pattern
 
 WITHIN_WORDS = 3
 """Letters that a value has at least, for it to be looked for within longer words, too (`Anna` in `Annas`)."""
+WITHIN_NUMBERS = 5
+"""The same for what has no letters: a telephone number is one wherever it stands, and `34` is not."""
+_UNSPACED = "\u2e80"
+"""From here on lie the scripts that write no blanks between words."""
 NAMES_FIELDS = frozenset(
     {
         *("kind", "seq", "t", "wall", "status", "id", "function", "calling_type", "source", "position", "ref", "task"),
@@ -114,6 +118,9 @@ class PrivateValues:
             if self._pattern is None:
                 self._pattern = self._make_pattern()
             return self._pattern.sub(lambda found: self._order[(found.lastindex or 1) - 1], value)
+        if isinstance(value, int | float) and not isinstance(value, bool):
+            text = spoken_text(value)
+            return self._values.get(text, value) if len(text) >= WITHIN_NUMBERS else value
         if isinstance(value, list | tuple):
             return [self.hide_value(each) for each in value]
         if isinstance(value, dict):
@@ -188,7 +195,8 @@ class PrivateValues:
         self._order = [self._values[each] for each in ordered]
         parts = []
         for each in ordered:
-            within = len(each) >= WITHIN_WORDS and any(map(str.isalpha, each))
+            within = len(each) >= (WITHIN_WORDS if any(map(str.isalpha, each)) else WITHIN_NUMBERS)
+            within = within or max(each) >= _UNSPACED
             before, after = ("", "") if within else (r"(?<![\w.])", r"(?![\w]|\.\d)")
             parts.append(f"({before}{word_pattern(each)}{after})")
         return re.compile("|".join(parts))
