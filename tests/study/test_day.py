@@ -228,11 +228,15 @@ class StudyDay(RuleBasedStateMachine):
         return any(each.outcome is None for each in sessions)
 
     @precondition(lambda self: self.running is not None)
-    @rule()
-    def kill_engine(self) -> None:
+    @rule(status=st.one_of(st.none(), st.sampled_from(OUTCOMES)))
+    def kill_engine(self, status: OutcomeStatus | None) -> None:
         assert self.running is not None
+        if status is not None:  # it was killed between the outcome and the end
+            self.running.take(OutcomeReport(status=status, reason="so it was", source="wizard:anna"))
         self.running.close()
         self.running, self.people[self.who].open = None, "unfinished"
+        if status is not None:
+            self.people[self.who].judge(status)
 
     @precondition(lambda self: self.running is not None)
     @rule(status=st.one_of(st.none(), st.sampled_from(OUTCOMES)), kill=KILLS)
