@@ -105,7 +105,7 @@ def test_who_had_an_abandoned_session_is_forgotten(root: Path) -> None:
     assert (session / HOLDER_FILE).exists(), "somebody has it"
     (session / "abandoned").unlink()
     serving.process.kill()
-    serving.process.wait()
+    assert serving.wait() == -9
     assert (session / HOLDER_FILE).exists()
     mark_abandoned(session)
     assert not (session / HOLDER_FILE).exists()
