@@ -24,6 +24,7 @@ WITHIN_WORDS = 3
 """Letters that a value has at least, for it to be looked for within longer words, too (`Anna` in `Annas`)."""
 WITHIN_NUMBERS = 5
 """The same for what has no letters: a telephone number is one wherever it stands, and `34` is not."""
+_VALUE_FIELDS = frozenset({"value", "old"})
 _UNSPACED = "\u2e80"
 """From here on lie the scripts that write no blanks between words."""
 NAMES_FIELDS = frozenset(
@@ -44,6 +45,7 @@ NAMES_FIELDS = frozenset(
             "versions",
         ),
         *("participant", "condition", "study", "study_hash", "slot", "run", "attempt", "purpose", "factors"),
+        "result",
     }
 )
 """Fields of records that hold what the scenario, the study or the program calls something, and no text."""
@@ -110,7 +112,7 @@ class PrivateValues:
                 values = self._assignment(values)
             case "note" if values["source"] == "engine":
                 values = {**values, "text": _QUOTED.sub(self._quoted, values["text"])}
-        return {name: each if name in NAMES_FIELDS else self.hide_value(each) for name, each in values.items()}
+        return {name: self._hide_field(name, each) for name, each in values.items()}
 
     def hide_value(self, value: Any) -> Any:
         """A JSON value in whose texts no value of a private key stands."""
@@ -130,6 +132,12 @@ class PrivateValues:
     def is_hidden(self, key: str) -> bool:
         """Whether a memory key, or one in its value, is private."""
         return _head(key) in self.keys
+
+    def _hide_field(self, name: str, value: Any) -> Any:
+        """Of a record: a number that is no memory value is a time or a count, and stays one."""
+        if name in NAMES_FIELDS or (isinstance(value, int | float) and name not in _VALUE_FIELDS):
+            return value
+        return self.hide_value(value)
 
     # --- by structure ---
 

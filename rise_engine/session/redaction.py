@@ -42,6 +42,8 @@ _FIXED_FIELDS = frozenset({"input", "n", "t", "versions", "study_hash", "purpose
 _OWN_SENTENCES = frozenset({"reason", "error"})
 """Fields of records in which the program says something about what happened."""
 _OWN_SOURCES = frozenset({"engine", "file", "study", "condition"})
+_OF_STUDY = frozenset({"participant", "condition", "factors", "study"})
+"""Fields of inputs and of session.toml by which a study knows its session; they are no text there."""
 _REDACTED_LINE = re.compile(r"^redacted = \[(.*)\]$")
 _BY = re.compile(r'(?<=by = )"(?:[^"\\]|\\.)*"')
 _INFO_FIELDS = frozenset({"participant", "condition", "wizard", "scenario_folder", "ros_args"})
@@ -112,6 +114,7 @@ class _Redaction:
         self._new_info = folder / (INFO + NEW_SUFFIX)
         self._report = RedactionReport()
         self._longer: Counter[str] = Counter()
+        self._fixed = _FIXED_FIELDS
 
     def run(self, by: str, *, try_only: bool) -> RedactionReport:
         for path in self._folder.glob(f"*{NEW_SUFFIX}"):  # of one that was interrupted
@@ -119,6 +122,9 @@ class _Redaction:
         contents = read_journal(self._path)
         self._refuse_damaged(contents)
         info = read_info(self._folder)
+        if info.study:
+            self._refuse_pseudonym(info)
+            self._fixed = _FIXED_FIELDS | _OF_STUDY
         try:
             self._write_journal(contents, info)
             self._prove_replay(info)
@@ -149,6 +155,13 @@ class _Redaction:
                 "Nothing was changed; what can be read can be exported, and the folder can be deleted"
             )
         require_inputs(self._path, contents)
+
+    def _refuse_pseudonym(self, info: SessionInfo) -> None:
+        if self._words.find(info.participant):
+            raise RedactionRefused(
+                f"the study knows this session by {info.participant!r}, a pseudonym, so that word stays. Nothing was "
+                "changed. Who withdraws is erased with `rise-engine study withdraw`"
+            )
 
     # --- the journal ---
 
@@ -215,7 +228,7 @@ class _Redaction:
             raise RedactionRefused(f"an input would not be one any more ({error}). Nothing was changed") from None
 
     def _new_value(self, name: str, value: Any) -> Any:
-        if name in _FIXED_FIELDS or (name in ("function", "calling_type") and value in _OWN_WORDS):
+        if name in self._fixed or (name in ("function", "calling_type") and value in _OWN_WORDS):
             return value
         if name in ("source", "by", "holder") and isinstance(value, str):
             kind, colon, who = value.partition(":")
@@ -275,6 +288,8 @@ class _Redaction:
             table = line if line.startswith("[") else table
             key = line.partition(" =")[0]
             theirs = line.startswith("#") or (table in _INFO_TABLES if table else key in _INFO_FIELDS)
+            if theirs and (table.strip("[]") or key) in self._fixed:
+                theirs = False
             new = self._words.replace(line) if theirs else line
             if _REDACTED_LINE.match(line):
                 new = _BY.sub(lambda found: self._words.replace(found[0]), line)

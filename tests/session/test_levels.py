@@ -8,21 +8,22 @@ import json
 import shutil
 from collections.abc import Iterator
 from pathlib import Path
-from typing import Any
+from typing import Any, get_args
 
 import pytest
 from click.testing import CliRunner, Result
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
+from msgspec import inspect
 
 from rise_engine.cli import main
 from rise_engine.kernel.inputs import CheckReport, Note, OutcomeReport, RecordingReport, SessionEnded, Submit
-from rise_engine.kernel.records import MemoryRecord, NoteRecord, TaskRecord
+from rise_engine.kernel.records import AnyRecord, MemoryRecord, NoteRecord, TaskRecord
 from rise_engine.scenario import load
 from rise_engine.session.export import SessionExport
 from rise_engine.session.folder import SessionError
 from rise_engine.session.levels import ExportLevel
-from rise_engine.session.private_values import PrivateValues
+from rise_engine.session.private_values import NAMES_FIELDS, PrivateValues
 
 from ..kernel.harness import Session
 from .journals import TOML, Made, Recording
@@ -232,7 +233,8 @@ def leaves(value: Any) -> Iterator[str]:
         yield str(value)
 
 
-@settings(max_examples=60, deadline=None, suppress_health_check=[HealthCheck.too_slow])
+@pytest.mark.slow
+@settings(max_examples=40, deadline=None, suppress_health_check=[HealthCheck.too_slow])
 @given(VALUES, st.lists(WAYS, max_size=8))
 def test_nothing_of_a_private_value(root: Path, value: Any, ways: list[str]) -> None:
     for path in root.iterdir():
@@ -269,3 +271,29 @@ def test_without_private_keys_records_stay_the_same(tmp_path: Path) -> None:
     made = Made(tmp_path)
     private = PrivateValues(made.scenario)
     assert all(private.hide(each) is each for each in made.records)
+
+
+def test_no_field_of_few_words_can_become_another_one() -> None:
+    """Whoever hides a value must not make a record that is none: a field with certain words only is no text."""
+    for record in get_args(AnyRecord):
+        for field in inspect.type_info(record).fields:  # type: ignore[attr-defined]
+            kinds = getattr(field.type, "types", (field.type,))
+            if any(isinstance(each, inspect.LiteralType) for each in kinds):
+                assert field.encode_name in NAMES_FIELDS, (record, field.name)
+
+
+@pytest.mark.parametrize("value", ["passed", "started", "submit", "wizard", "Speech", 12345.5, 123456])
+def test_a_private_value_that_is_a_word_of_the_record_breaks_nothing(tmp_path: Path, value: Any) -> None:
+    made = Made(tmp_path, toml=PRIVATE)
+    made.session.do(CheckReport(id="a", text="b", result="passed"))
+    made.session.do(RecordingReport(name="camera", status="started", bytes=123456))
+    submit(made.session, "assignValue", f"name = {json.dumps(value)}")
+    made.session.t = 12345.5
+    finish(made.session)
+    submit(made.session, "startCommunicationRobotAct", "Greet")
+    finish(made.session)
+    private = PrivateValues(made.scenario)
+    for record in made.records:
+        private.note(record)
+    for record in made.records:
+        assert type(private.hide(record)) is type(record)

@@ -129,6 +129,20 @@ def test_session_toml_says_nothing_either(made: Made) -> None:
     assert (info.wizard, info.participant, info.title) == ("NAME1", "NAME1", "Sample study")
 
 
+def test_what_the_study_knows_a_session_by_stays(made: Made) -> None:
+    path = made.folder / INFO
+    text = (
+        path.read_text("utf-8").replace('participant = ""', 'participant = "P07"').replace('study = ""', 'study = "s"')
+    )
+    path.write_text(text.replace('condition = ""', 'condition = "zoë+loud"'), "utf-8")
+    before = bytes_of(made.folder)
+    with pytest.raises(RedactionRefused, match="the study knows this session by 'P07'"):
+        redact(made.folder, words("P07=P99"))
+    assert bytes_of(made.folder) == before
+    redact(made.folder, words("Zoë=NAME1"))
+    assert read_info(made.folder).condition == "zoë+loud" and compare_replay(made.folder).identical
+
+
 @pytest.mark.parametrize("word", ["Late", "Greet", "Table", "name"])
 def test_words_that_decide_what_happens_are_refused_with_the_place(made: Made, word: str) -> None:
     before = bytes_of(made.folder)
@@ -322,7 +336,8 @@ def root(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
     yield tmp_path_factory.mktemp("random")
 
 
-@settings(max_examples=60, deadline=None, suppress_health_check=[HealthCheck.too_slow])
+@pytest.mark.slow
+@settings(max_examples=40, deadline=None, suppress_health_check=[HealthCheck.too_slow])
 @given(typings(), st.lists(NAMES, min_size=1, max_size=3, unique=True))
 def test_random_words_in_random_sessions(root: Path, typed: list[tuple[str, str]], names: list[str]) -> None:
     for path in root.iterdir():
