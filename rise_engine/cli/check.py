@@ -147,10 +147,11 @@ def print_findings(loaded: LoadResult) -> None:
 def _contents_text(scenario: Scenario | None) -> str:
     if scenario is None:
         return ""
-    tables = f"{pluralize(len(scenario.tables), 'table')}, " if scenario.tables else ""
+    more = f"{pluralize(len(scenario.tables), 'table')}, " if scenario.tables else ""
+    more += f"{pluralize(len(scenario.conditions), 'condition')}, " if scenario.conditions else ""
     return (
         f" ({pluralize(len(scenario.acts), 'act')}, {pluralize(len(scenario.rules), 'rule')}, "
-        f"{pluralize(len(scenario.memory), 'memory key')}, {tables}robot {scenario.robot.name})"
+        f"{pluralize(len(scenario.memory), 'memory key')}, {more}robot {scenario.robot.name})"
     )
 
 

@@ -141,7 +141,8 @@ class Transcript:
         if record.status == "ended":
             return "session", "ended", record.reason
         who = "".join(f", {word}" for word in (record.participant, record.condition) if word)
-        how = f"{record.status}, {record.mode}, robot {record.robot}, seed {record.seed}{who}"
+        away = "" if record.downtime is None else f" after {record.downtime:.1f} s without engine"
+        how = f"{record.status}{away}, {record.mode}, robot {record.robot}, seed {record.seed}{who}"
         return "session", record.scenario, how
 
     def _describe_task(self, record: TaskRecord) -> tuple[str, str, str] | None:

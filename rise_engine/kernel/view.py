@@ -47,6 +47,13 @@ MAX_ENDED_TASKS = 100_000
 """Finished tasks that a view keeps; older ones are in the journal."""
 MAX_REMARKS, MAX_REMARK_CHARACTERS = 500, 1_000
 """Notes and the like that it keeps, and characters of each; all of them, and in full, are in the journal."""
+REPORT_KINDS: dict[type, str] = {
+    CheckRecord: "check",
+    OutcomeRecord: "outcome",
+    RecordingRecord: "recording",
+    SyncRecord: "sync",
+}
+"""What is reported about a session, by the record of it."""
 FORGET_AT_ONCE = 10_000
 """So many more may come before the oldest are forgotten, all at once."""
 
@@ -159,16 +166,17 @@ class MemoryView(Struct):
 
 
 class RemarkView(Struct, gc=False):
-    """Something to be read among the tasks that is none: a note, a change of the robot's link, a rule's fault."""
+    """Something to be read among the tasks that is none: a note, a report, a change of the robot's link, a rule's
+    fault."""
 
     kind: str
-    """`note`, `robot` or `fault`."""
+    """`note`, `robot`, `fault`, `check`, `outcome`, `recording` or `sync`."""
     t: float
     source: str
-    """Who wrote the note; `robot`; or the rule."""
+    """Who wrote the note or reported; `robot`; or the rule."""
     text: str
     status: str = ""
-    """Of the robot: connected, degraded or lost."""
+    """Of the robot: connected, degraded or lost; of reports that of their record."""
     after: int = 0
     """The id of the latest task before it."""
 
@@ -326,14 +334,8 @@ class SessionView(Struct):
                 self.control, self.asked = record.holder, None
                 if record.holder is not None and record.holder.startswith("wizard:"):
                     self.wizard = record.holder.removeprefix("wizard:").partition("#")[0]
-            case CheckRecord():
-                self.checks[record.id] = record
-            case OutcomeRecord():
-                self.outcome = record
-            case RecordingRecord():
-                self.recordings[record.name] = record
-            case SyncRecord():
-                self.sync = record
+            case CheckRecord() | OutcomeRecord() | RecordingRecord() | SyncRecord():
+                self._apply_report(record)
             case SessionRecord():
                 if record.status == "ended":
                     self.ended, self.end_reason = True, record.reason
@@ -368,6 +370,27 @@ class SessionView(Struct):
         if len(remark.text) > MAX_REMARK_CHARACTERS:
             remark.text = f"{remark.text[: MAX_REMARK_CHARACTERS - 1]}…"
         self.remarks.append(remark)
+
+    def _apply_report(self, record: CheckRecord | OutcomeRecord | RecordingRecord | SyncRecord) -> None:
+        status: str
+        match record:
+            case CheckRecord():
+                self.checks[record.id] = record
+                found = ", ".join(filter(None, (record.value, record.reason)))
+                status, text = record.result, ": ".join(filter(None, (record.text or record.id, found)))
+            case OutcomeRecord():
+                self.outcome = record
+                status, text = record.status, record.reason
+            case RecordingRecord():
+                before = self.recordings.get(record.name)
+                self.recordings[record.name] = record
+                if before is not None and before.status == record.status:
+                    return  # it goes on as it did
+                status, text = record.status, ": ".join(filter(None, (record.name, record.reason)))
+            case SyncRecord():
+                self.sync = record
+                status, text = "", " ".join(filter(None, (f"mark {record.number}: {record.medium}", record.text)))
+        self._add_remark(RemarkView(REPORT_KINDS[type(record)], record.t, record.source, text, status))
 
     def _apply_cue(self, record: CueRecord) -> None:
         if record.status == "marked":

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
+
 from rise_engine.expression import Assignment, ExpressionError
 from rise_engine.kernel.inputs import SessionStarted, Submit
 from rise_engine.nearest_name import did_you_mean
@@ -17,7 +19,7 @@ def start_problems(scenario: Scenario, options: SessionOptions) -> list[str]:
     """
     if problem := condition_problem(scenario, options.condition):
         return [problem]
-    return _conflicts(scenario, options)
+    return set_conflicts(scenario, first_input(scenario, options), options.first_tasks)
 
 
 def first_input(scenario: Scenario, options: SessionOptions) -> SessionStarted:
@@ -44,22 +46,25 @@ def start_remarks(scenario: Scenario, started: SessionStarted) -> list[str]:
     ]
 
 
-def _conflicts(scenario: Scenario, options: SessionOptions) -> list[str]:
-    """A session whose memory is not what its condition says cannot be asked for."""
-    if not options.condition:
+def set_conflicts(scenario: Scenario, started: SessionStarted, tasks: Iterable[Submit]) -> list[str]:
+    """What the first tasks of a session would make other than its condition says: a sentence for each key.
+
+    :param scenario: what is run.
+    :param started: the first input; with a condition, of a study or of the scenario.
+    :param tasks: what is submitted at once then (`--set`).
+    """
+    if not started.condition:
         return []
-    conditions = {
-        _head(key): name for name, condition in reversed(scenario.conditions.items()) for key in condition.memory
-    }
-    return [
-        f"`{key}` cannot be set beside the condition `{options.condition}`, which says what it is"
-        if _head(key) in map(_head, scenario.conditions[options.condition].memory)
-        else f"`{key}` cannot be set beside the condition `{options.condition}`: it is what makes the condition "
-        f"`{conditions[_head(key)]}`"
-        for task in options.first_tasks
-        for key in _assigned_keys(task)
-        if _head(key) in conditions
-    ]
+    own = {_head(key) for key in started.memory}
+    others = {_head(key): name for name, each in reversed(scenario.conditions.items()) for key in each.memory}
+    problems = []
+    for key in (key for task in tasks for key in _assigned_keys(task)):
+        problem = f"`{key}` cannot be set beside the condition `{started.condition}`"
+        if _head(key) in own:
+            problems.append(f"{problem}, which says what it is")
+        elif not started.study and _head(key) in others:
+            problems.append(f"{problem}: it is what makes the condition `{others[_head(key)]}`")
+    return problems
 
 
 def _assigned_keys(task: Submit) -> list[str]:

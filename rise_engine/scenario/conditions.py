@@ -9,6 +9,8 @@ from collections import Counter
 from functools import cache, partial
 from typing import Any
 
+from msgspec.json import encode
+
 from rise_engine.nearest_name import did_you_mean
 from rise_engine.scenario.diagnostics import Diagnostics
 from rise_engine.scenario.draft import ConditionValue, Mention, ScenarioDraft
@@ -67,12 +69,7 @@ def read_conditions(
     :param draft: gets the values that they set.
     """
     found = {name: _read_condition(table, name, draft) for name in table.values}
-    shown: dict[str, str] = {}
-    for name, condition in found.items():
-        label = condition.label or name
-        if (first := shown.setdefault(label, name)) != name:
-            message = f"screens would show the conditions `{first}` and `{name}` as the same, `{label}`"
-            table.report_key("duplicate-name", message, name)
+    _check_difference(table, found)
     for index, name in enumerate(listed):
         if name in found:
             continue
@@ -88,6 +85,23 @@ def read_conditions(
         message = f"`conditions` of [study] does not list `{name}`{did_you_mean(name, listed)}"
         table.report_key("unknown-name", message, name)
     return {name: found[name] for name in (listed or found) if name in found}
+
+
+def _check_difference(table: TomlTable, conditions: dict[str, Condition]) -> None:
+    """Neither people nor the robot take one for the other."""
+    shown: dict[str, str] = {}
+    set_by: dict[bytes, str] = {}
+    for name, condition in conditions.items():
+        label = condition.label or name
+        if (first := shown.setdefault(label, name)) != name:
+            message = f"screens would show the conditions `{first}` and `{name}` as the same, `{label}`"
+            table.report_key("duplicate-name", message, name)
+        if condition.memory and (same := set_by.setdefault(encode(condition.memory, order="sorted"), name)) != name:
+            message = (
+                f"the robot does the same in `{same}` and `{name}`: let them set other values; or write "
+                "label_only = true in both, if what differs lies outside of the robot"
+            )
+            table.report_key("same-condition", message, name)
 
 
 def conditions_in(values: dict[str, Any]) -> dict[str, Condition]:
@@ -201,7 +215,7 @@ class _ConditionCheck:
         start = self.draft.memory.get(key)
         if start is not None and _kind(start) != _kind(value.value):
             message = f"the start value of `{key}` is {_kind(start)}; this is {_kind(value.value)}"
-            self.diagnostics.warning("other-type", value.locate(), message)
+            self.diagnostics.warning("memory-type", value.locate(), message)
         if _head(key) not in self.read:
             message = f"nothing in this scenario reads `{key}`, so it changes nothing that the robot does"
             self.diagnostics.warning("condition-unread", value.locate(), message)

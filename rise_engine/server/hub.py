@@ -225,7 +225,7 @@ class SessionHub:
         if not self._has_begun:
             return "the session has not begun yet"
         if isinstance(message, OutcomeReport):
-            return self._why_not_judge(client, "say how it is to count")
+            return self._why_not_judge(client, "say how the session counts")
         if not isinstance(message, Submit):
             reports = client.role != "observer" or isinstance(message, Note)
             return "" if reports else "an observer reports nothing; attach as a wizard or a program"

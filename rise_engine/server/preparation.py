@@ -22,7 +22,7 @@ from rise_engine.ports.bridge import Bridge, BridgeError, RosConnection
 from rise_engine.ports.robot import Robot
 from rise_engine.protocol.registry import RegistryError, SessionLock, acquire_lock, session_name
 from rise_engine.protocol.session_options import SessionOptions
-from rise_engine.protocol.session_start import first_input, start_problems
+from rise_engine.protocol.session_start import first_input, set_conflicts, start_problems
 from rise_engine.scenario import load
 from rise_engine.scenario.model import Scenario
 from rise_engine.server.hub import SessionHub
@@ -75,6 +75,7 @@ class SessionPreparation:
                 self._recover(unfinished, report)
             else:
                 self._load_scenario()
+                self._refuse_other_memory()
         except BaseException:
             self.close()
             raise
@@ -170,6 +171,11 @@ class SessionPreparation:
         self.seed = seed if seed is not None else SystemRandom().randrange(2**31)
         self.speed, self.faults, self.ros = options.speed, options.faults, options.ros
         self._files = loaded.files
+
+    def _refuse_other_memory(self) -> None:
+        """The memory is what the condition says, whoever has chosen that: the command line, or the plan of a study."""
+        if problems := set_conflicts(self.scenario, self.started, self.options.first_tasks):
+            raise ServeRefused(exit_status.USAGE, *(f"error: {problem}" for problem in problems))
 
     def open_journal(self, changed: Callable[[], None], now: Callable[[], float]) -> Journal:
         """The journal of the session that goes on, or of a new one, whose folder is made for it.

@@ -9,14 +9,15 @@ from __future__ import annotations
 from bisect import bisect_left, insort
 
 from rise_engine.kernel.records import TaskRecord
-from rise_engine.kernel.view import RemarkView, SessionView, TaskView
+from rise_engine.kernel.view import REPORT_KINDS, RemarkView, SessionView, TaskView
 
 ROWS_PER_TASK = 1 << 12
 """Row numbers for each task: its own, and those of remarks before the next task."""
 ACTS = frozenset({"startCommunicationRobotAct", "say", "nextFiller"})
 BY_RULE = "rule:"
 NOTE, ROBOT, FAULT = "note", "robot", "fault"
-"""Functions of the rows that are no tasks."""
+"""Functions of the rows that are no tasks; so are the kinds of reports, whose status is their record's."""
+REPORTS = frozenset(REPORT_KINDS.values())
 
 
 def row_of(task: int) -> int:
@@ -101,6 +102,7 @@ class LogRows:
 def _as_task(remark: RemarkView) -> TaskView:
     """A remark in the form in which the log shows tasks."""
     status = "ABORTED" if remark.kind == FAULT or remark.status in ("lost", "degraded") else "SUCCEEDED"
+    status = remark.status if remark.kind in REPORTS else status
     text, reason = remark.text, ""
     if remark.kind == ROBOT:
         text, reason = remark.status, remark.text

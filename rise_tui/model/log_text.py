@@ -24,7 +24,7 @@ NARROW = 56
 """Below this width a row has fewer columns: time, function, what was done, state."""
 TIME, FUNCTION, STATE = 7, 8, 11
 """Columns of a narrow row; what was done has the rest."""
-BRIEF = {"stopAll": "STOP", "stopCommunicationRobotAct": "stop", "stopInteractionRule": "stop"}
+BRIEF = {"stopAll": "STOP", "stopCommunicationRobotAct": "stop", "stopInteractionRule": "stop", "recording": "rec"}
 """Functions in a word, for narrow rows."""
 REASON = 10
 """A reason that would have less room than this stays out of the row."""

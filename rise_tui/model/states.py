@@ -7,6 +7,7 @@ from typing import NamedTuple
 from rise_engine.kernel.records import ENDINGS
 from rise_engine.kernel.view import ActionView, TaskView
 from rise_engine.scenario.model import Act
+from rise_tui.model.log_rows import REPORTS
 from rise_tui.model.store import Store
 from rise_tui.rendering.text import TextRole
 
@@ -44,6 +45,20 @@ REMARK_STATES = {
     "fault": StateLabel("✗", "faulted", "fault"),
 }
 """Rows of the log that are no tasks: by what they are, or by the robot's link."""
+
+REPORT_STATES = {
+    "passed": StateLabel("✓", "passed", "muted"),
+    "failed": StateLabel("✗", "failed", "fault"),
+    "skipped": StateLabel("-", "skipped", "wait"),
+    "complete": StateLabel("✓", "complete", "plain"),
+    "aborted": StateLabel("■", "aborted", "wait"),
+    "excluded": StateLabel("■", "excluded", "wait"),
+    "started": StateLabel("►", "started", "plain"),
+    "running": StateLabel("►", "running", "plain"),
+    "stalled": StateLabel("✗", "stalled", "fault"),
+    "stopped": StateLabel("■", "stopped", "muted"),
+}
+"""Reports among them: a check, the outcome, how a recording stands."""
 
 ACTION_STATES = {
     "started": StateLabel("►", "started", "accent"),
@@ -88,6 +103,8 @@ def rule_state(store: Store, name: str) -> StateLabel:
 
 def task_state(task: TaskView) -> StateLabel:
     if not task.id:  # a row of the log that is no task
+        if task.function in REPORTS:
+            return REPORT_STATES.get(task.status, REMARK_STATES["note"])
         kind = task.behavior if task.function == "robot" else task.function
         return REMARK_STATES.get(kind, StateLabel("·", "", "plain"))
     return TASK_STATES.get(task.status, StateLabel("?", task.status.lower(), "plain"))

@@ -5,7 +5,17 @@ from __future__ import annotations
 import json
 
 from rise_engine.kernel.behaviors import describe_behavior
-from rise_engine.kernel.records import AnyRecord, KeptRecord, NoteRecord, RobotRecord, RuleRecord, TaskRecord
+from rise_engine.kernel.records import (
+    AnyRecord,
+    CheckRecord,
+    KeptRecord,
+    NoteRecord,
+    OutcomeRecord,
+    RecordingRecord,
+    RobotRecord,
+    RuleRecord,
+    TaskRecord,
+)
 from rise_engine.scenario.model import normal_topic
 from rise_tui.model import control
 from rise_tui.model.notice import Notice
@@ -35,6 +45,10 @@ FUNCTION_LABELS = {
     "note": "note",
     "robot": "robot",
     "fault": "rule",
+    "check": "check",
+    "outcome": "outcome",
+    "recording": "recording",
+    "sync": "sync",
 }
 """A task's function in a word or two."""
 
@@ -86,7 +100,17 @@ def record_notice(record: AnyRecord) -> Notice | None:
             return Notice(record.text, "wait")
         case NoteRecord():
             return Notice(f"note by {control.short_name(record.source)}: {record.text}")
+        case CheckRecord(result="failed"):
+            return Notice(f"the check failed: {record.text or record.id}{_add(record.reason)}", "fault")
+        case OutcomeRecord():
+            return Notice(f"the session counts as {record.status}{_add(record.reason)}")
+        case RecordingRecord(status="stalled" | "failed"):
+            return Notice(f"the recording {record.name} has {record.status}{_add(record.reason)}", "fault")
         case RobotRecord(status="lost" | "degraded"):
             return Notice(f"robot {record.status}: {record.detail}", "fault")
         case _:
             return None
+
+
+def _add(reason: str) -> str:
+    return f": {reason}" if reason else ""

@@ -7,14 +7,31 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
+from rise_engine.kernel.view import MemoryView
+from rise_engine.scenario.model import SESSION, Scenario
 from rise_tui.config.initial_memory import MemoryNotWritable, describe_changes, memory_file_path, save_memory
 from rise_tui.messages import ShowNotice
 from rise_tui.panes.pane import Pane
 from rise_tui.rendering.text import clean, crop, plain_text
 from rise_tui.screens.dialog import Dialog, DialogChoice
 
+_SET_AT_START = ("condition", "study")
+"""Sources of what a condition has set."""
 MOST_NAMED = 8
 """Changes that the question names."""
+
+
+def saveable_memory(scenario: Scenario, memory: Mapping[str, MemoryView]) -> dict[str, Any]:
+    """The memory without what other sessions have from elsewhere: what the engine keeps, and what makes a condition.
+
+    These keep their start values, if they have any.
+    """
+    elsewhere = {key for condition in scenario.conditions.values() for key in condition.memory}
+    elsewhere |= {key for key, entry in memory.items() if entry.source in _SET_AT_START}
+    if scenario.reads_session:
+        elsewhere.add(SESSION)
+    saveable = {key: value for key, value in scenario.memory.items() if key in elsewhere or key in memory}
+    return saveable | {key: entry.value for key, entry in memory.items() if key not in elsewhere}
 
 
 async def ask_to_save_start_values(pane: Pane) -> None:
@@ -25,7 +42,7 @@ async def ask_to_save_start_values(pane: Pane) -> None:
     except MemoryNotWritable as why:
         pane.post_message(ShowNotice(f"not saved: {why}"))
         return
-    memory = {key: entry.value for key, entry in pane.store.view.memory.items()}
+    memory = saveable_memory(scenario, pane.store.view.memory)
     differing = describe_changes(scenario.memory, memory)
     if not differing:
         pane.post_message(ShowNotice("the memory is as it was at the start: nothing to save"))

@@ -17,7 +17,14 @@ from typing import get_args
 import pytest
 
 from rise_engine.client import Rejected, Session, connect
-from rise_engine.kernel.records import MemoryRecord, SessionRecord
+from rise_engine.kernel.records import (
+    CheckRecord,
+    MemoryRecord,
+    OutcomeRecord,
+    RecordingRecord,
+    SessionRecord,
+    SyncRecord,
+)
 from rise_engine.protocol.client import Client, EngineGone, LinkLost
 from rise_engine.protocol.messages import ClientMessage, ServerMessage, decode_client_message, decode_server_message
 from tests.server.serving import GREETING, ROOT, served
@@ -102,6 +109,42 @@ async def test_a_program_drives_a_session(scratch: Path) -> None:
         with pytest.raises(Rejected, match=r"test may not release a stop: only who holds control may.*may_release"):
             await session.release_stop()
         assert session.view.stop.latched and session.now() > 0
+
+
+async def test_a_program_reports_about_the_session(scratch: Path) -> None:
+    async with (
+        served(scratch) as running,
+        connect(running.name, name="camera") as session,
+        connect(running.name, name="bob", role="observer") as observer,
+    ):
+        records = session.records()
+        await session.report_check("lights", "skipped", text="The lamp is on", value="dark", reason="daylight")
+        await session.report_recording("camera", "running", path="/a.mkv", bytes=2**40)
+        await session.mark_sync(3, "sound", "at the start")
+        await session.report_outcome("aborted", "a fire drill")
+        kinds = (CheckRecord, RecordingRecord, SyncRecord, OutcomeRecord)
+        told = []
+        async for record in records:
+            if isinstance(record, kinds):
+                told.append(record)
+                if isinstance(record, OutcomeRecord):
+                    break
+        assert tuple(map(type, told)) == kinds and {record.source for record in told} == {"node:camera"}
+        view = session.view
+        assert (view.checks["lights"].result, view.checks["lights"].reason) == ("skipped", "daylight")
+        assert (view.recordings["camera"].path, view.recordings["camera"].bytes) == ("/a.mkv", 2**40)
+        assert view.sync is not None and (view.sync.number, view.sync.medium) == (3, "sound")
+        assert view.outcome is not None and (view.outcome.status, view.outcome.reason) == ("aborted", "a fire drill")
+        for asked in (
+            observer.report_check("lights", "passed"),
+            observer.report_recording("camera", "stopped"),
+            observer.mark_sync(4, "flash"),
+            observer.report_outcome("complete"),
+        ):
+            with pytest.raises(Rejected, match="an observer"):
+                await asked
+        async with connect(running.name, name="late") as late:
+            assert late.view == session.view
 
 
 async def test_a_stop_is_released_by_who_holds_control_and_by_programs_that_the_study_names(scratch: Path) -> None:

@@ -13,6 +13,7 @@ import subprocess
 import sys
 import tempfile
 from collections.abc import Iterator
+from datetime import datetime
 from pathlib import Path
 from typing import Any
 
@@ -157,6 +158,12 @@ def test_after_a_crash_it_asks_and_then_goes_on_or_begins_anew(root: Path) -> No
     assert more.end() == 0
     assert statuses(it.record, "session") == ["started", "recovered", "ended"]
     assert statuses(it.record, "action")[:3] == ["started", "accepted", "lost"]
+    lines = [json.loads(line) for line in (it.record / JOURNAL).read_bytes().splitlines()]
+    at = next(index for index, each in enumerate(lines) if each.get("status") == "recovered")
+    before = next(each for each in reversed(lines[:at]) if "wall" in each)
+    gap = (datetime.fromisoformat(lines[at]["wall"]) - datetime.fromisoformat(before["wall"])).total_seconds()
+    assert 0 < lines[at]["downtime"] <= gap, "by the wall clock, from the last line to the engine that goes on"
+    assert lines[at]["t"] - before["t"] < gap, "with --speed 0.1 the session's own time stood nearly still"
     contents = read_journal(it.record / JOURNAL)
     assert contents.ended and not contents.gaps and not contents.damaged
     assert engine("replay", it.record).returncode == 0
@@ -169,6 +176,19 @@ def test_after_a_crash_it_asks_and_then_goes_on_or_begins_anew(root: Path) -> No
     assert new.end() == 0
     again = Serving(study)
     assert again.end() == 0, "nobody is asked twice about a session that was left"
+
+
+def test_a_session_of_an_older_program_goes_on(root: Path) -> None:
+    old = Path(__file__).parents[1] / "session" / "old_sessions" / "before_studies_unfinished"
+    record = root / "sessions" / old.name
+    shutil.copytree(old, record)
+    it = Serving(record / "scenario", "--session", record)
+    assert it.record == record and it.end() == 0
+    told = [json.loads(line) for line in (record / JOURNAL).read_bytes().splitlines() if b'"kind":"session"' in line]
+    assert [each["status"] for each in told] == ["started", "recovered", "recovered", "ended"]
+    assert told[2]["downtime"] > 0 and told[2]["participant"] == "P07"
+    assert read_journal(record / JOURNAL).ended
+    assert engine("replay", record).returncode == 0
 
 
 TURNS = """<InteractionRule name="Turns" initial="Listen"><State id="Listen">

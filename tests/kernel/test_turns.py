@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 
 from rise_engine.kernel import Kernel
 from rise_engine.kernel.inputs import SessionStarted
-from rise_engine.kernel.records import CountdownRecord, EventRecord, KeptRecord, RuleRecord, TaskRecord
+from rise_engine.kernel.records import CountdownRecord, EventRecord, KeptRecord, MistakeRecord, RuleRecord, TaskRecord
 from rise_engine.kernel.view import SessionView
 from rise_engine.scenario import load
 from rise_engine.scenario.model import Scenario
@@ -317,6 +317,16 @@ def test_one_that_is_waited_for_is_an_event_like_any_other(tmp_path: Path) -> No
     s.event("next")
     assert fate(s, keep(s)) == ["PENDING", "SUCCEEDED"] and taken_by(s) == ["R"]
     assert s.states == {"R": "c"} and s.timers == {}
+
+
+@pytest.mark.parametrize("seconds", [0.5, 3.0])
+def test_a_key_pressed_early_can_have_been_a_mistake_whatever_became_of_it(tmp_path: Path, seconds: float) -> None:
+    s = session(tmp_path, EARLY)
+    s.rule("R")
+    task = keep(s)
+    s.wait(seconds)
+    s.submit("markMistake", f"{task} early")
+    assert [(each.task, each.mark) for each in s.records if isinstance(each, MistakeRecord)] == [(task, "early")]
 
 
 def test_it_expires(tmp_path: Path) -> None:

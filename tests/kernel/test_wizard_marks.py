@@ -191,7 +191,7 @@ def test_a_cue_is_filled_and_answered(s: Session) -> None:
         ("filled", "wizard:w", "", 3, 1.5),
         ("answered", "wizard:w", "", 4, 3.0),
     ]
-    assert view_of(s).cue == CueView(10.0, "wizard:w", filled=11.5, answered=13.0)
+    assert view_of(s).cue == CueView(10.0, "wizard:w", filled=11.5, answered=13.0, task=4)
 
 
 def test_a_new_cue_begins_anew(s: Session) -> None:
@@ -424,7 +424,9 @@ def test_every_act_leaves_its_times(s: Session) -> None:
     s.t = 13.0
     s.report("2/1")
     assert of(s, TimingRecord)[-1] == TimingRecord(
-        of(s, TimingRecord)[-1].seq, 13.0, "", 2, "Answer", "SUCCEEDED", 10.0, 10.95, 11.0, 11.0, 11.2, 13.0
+        *(of(s, TimingRecord)[-1].seq, 13.0, "", 2, "Answer", "SUCCEEDED", 10.0, 10.95, 11.0, 11.0, 11.2, 13.0),
+        source="wizard:w",
+        voice_at=11.2,
     )
     press(s, "say", "Well done", pressed=99.0)
     s.report("3/say", "failed", "no voice")

@@ -7,7 +7,7 @@ from msgspec.structs import replace
 
 from rise_engine.kernel.inputs import SessionStarted, Submit
 from rise_engine.protocol.session_options import SessionOptions
-from rise_engine.protocol.session_start import first_input, start_problems, start_remarks
+from rise_engine.protocol.session_start import first_input, set_conflicts, start_problems, start_remarks
 from rise_engine.scenario import load
 from rise_engine.scenario.model import Condition, Scenario
 
@@ -105,3 +105,11 @@ def test_a_factor_that_has_no_value_is_told(started: SessionStarted, pieces: lis
     assert scenario is not None and start_remarks(scenario, started) == []
     remarks = start_remarks(replace(scenario, factors_read=frozenset({"pace", "gaze"})), started)
     assert [piece in remark for piece, remark in zip(pieces, remarks, strict=True)] == [True] * len(pieces)
+
+
+def test_what_the_plan_of_a_study_sets_cannot_be_set_beside_it(scenario: Scenario) -> None:
+    """There the scenario's own conditions say nothing."""
+    started = SessionStarted(study="tea", condition="slow+far", memory={"pace": 3})
+    found = set_conflicts(scenario, started, assigning("pace = 4", "voice = 'high'").first_tasks)
+    assert found == ["`pace` cannot be set beside the condition `slow+far`, which says what it is"]
+    assert set_conflicts(scenario, SessionStarted(study="tea"), assigning("pace = 4").first_tasks) == []

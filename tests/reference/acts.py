@@ -64,30 +64,36 @@ class Acts:
             for doing in list(run.doing.values()):
                 if not doing.engine and input.action == f"{run.task.id}/{doing.action.id}":
                     if input.status == "succeeded":
-                        self._confirmed(run)
+                        self._confirmed(run, doing)
                     if input.status != "accepted":
                         self._end(run, doing, input.status, input.reason)
                         self._go_on(run)
                     else:
-                        self._confirmed(run)
+                        self._confirmed(run, doing)
                         self._record(run, doing, "accepted")
         self.session.scheduler.arrange()
 
-    def _confirmed(self, run: Run) -> None:
+    def _confirmed(self, run: Run, doing: Doing) -> None:
         if run.task.robot_at is None:
             run.task.robot_at = self.session.now
+        does = self.session.scenario.robot.actions[doing.sent_as or doing.type]
+        if "speech" in does.channels and run.task.voice_at is None:
+            run.task.voice_at = self.session.now
 
     def robot_changed(self, input: RobotChanged) -> None:
         """The link to the robot."""
         self.session.put("robot", status=input.status, detail=input.detail)
         self.connected = input.status != "lost"
-        if self.connected:
-            return
+        if not self.connected:
+            self.lose(input.detail or "the robot is lost")
+
+    def lose(self, why: str) -> None:
+        """What the robot does is lost."""
         for run in list(self.session.scheduler.running):
             for action in run.act.actions:
                 doing = run.doing.get(action.id)
                 if doing is not None and not doing.engine:
-                    self._end(run, doing, "lost", input.detail or "the robot is lost")
+                    self._end(run, doing, "lost", why)
             self._go_on(run)
         self.session.scheduler.arrange()
 
@@ -234,6 +240,9 @@ class Acts:
             started_at=task.started_at,
             robot_at=task.robot_at,
             ended_at=session.now,
+            source=task.source,
+            filler=task.bridged,
+            voice_at=task.voice_at,
         )
         session.marks.act_ends(task, status)
         if session.failures.ended(task, act.name, status, why):

@@ -15,13 +15,18 @@ from rise_engine.kernel.commands import CancelAction, CancelTimer, Command, SetT
 from rise_engine.kernel.inputs import (
     ActionReport,
     AnyInput,
+    CheckReport,
     ControlChanged,
     Note,
+    OutcomeReport,
+    RecordingReport,
     RobotChanged,
     SessionEnded,
+    SessionRecovered,
     SessionStarted,
     StopReport,
     Submit,
+    SyncMark,
     TimerElapsed,
 )
 from rise_engine.kernel.records import ENDINGS, AnyRecord
@@ -51,6 +56,14 @@ KEPT = (
     '{"event": "/nothing", "keep": "1s"}',
     '{"event": "/e0"}',
     '{"event": "/e0", "keep": "soon"}',
+)
+
+
+REPORTS: tuple[AnyInput, ...] = (
+    CheckReport(id="lights", text="on", result="skipped", value="dark", reason="day", source="wizard:w"),
+    OutcomeReport(status="aborted", reason="fire", source="wizard:w"),
+    RecordingReport(name="camera", status="stalled", path="/a", bytes=5, reason="full", source="node:c"),
+    SyncMark(number=1, medium="sound", text="first", source="node:c"),
 )
 
 
@@ -131,7 +144,7 @@ class Play:
             self._run(moves)
 
     def _run(self, moves: int) -> None:
-        self.do(SessionStarted(participant="P1", condition="A", factors={"voice": "low"}))
+        self.do(self.start())
         if self.random.random() < 0.8:
             self.do(RobotChanged(status="connected"))
         for name in RULES[: self.random.randrange(4)]:
@@ -141,6 +154,17 @@ class Play:
             if number not in self.skipped:
                 self.move()
         self.do(SessionEnded(reason="over"))
+
+    def start(self) -> SessionStarted:
+        """What the session is told, sometimes of a study."""
+        random = self.random
+        values = {"k0": True, "k1": 7, "person.a": "x", "new": [1], "session": 3, "items": 0}
+        memory = {key: value for key, value in values.items() if random.random() < 0.2}
+        known = SessionStarted(participant="P1", condition="A", factors={"voice": "low"}, memory=memory)
+        if random.random() < 0.5:
+            return known
+        part: dict[str, Any] = {"slot": random.choice([None, 4]), "run": 2, "attempt": 1, "purpose": "pilot"}
+        return msgspec.structs.replace(known, study="s", study_hash="3f", **part)
 
     def do(self, input: AnyInput) -> None:
         """One input to both."""
@@ -212,7 +236,7 @@ class Play:
     def move(self) -> None:
         random, pick = self.random, self.random.choice
         task = str(random.randint(max(0, self.tasks - 12), self.tasks + 1))
-        match random.choices(range(20), weights=[10, 6, 10, 7, 14, 3, 2, 2, 1, 2, 3, 3, 2, 2, 3, 2, 2, 14, 5, 1])[0]:
+        match random.choices(range(20), weights=[10, 6, 10, 7, 14, 3, 2, 2, 1, 2, 3, 3, 2, 2, 3, 2, 2, 14, 5, 2])[0]:
             case 0:
                 kind = pick(["", "", "None", "Blocking", "Interrupt", "nonsense"])
                 self.submit("startCommunicationRobotAct", pick([*ACTS, *ACTS, "Nobody"]), kind)
@@ -295,7 +319,7 @@ class Play:
         return pick([rule, json.dumps({"rule": rule}), json.dumps(asked), json.dumps(asked), "{"])
 
     def rarely(self) -> None:
-        match self.random.randrange(5):
+        match self.random.randrange(8):
             case 0:
                 self.do(Note(text="a remark", source="wizard:w"))
             case 1:
@@ -307,6 +331,10 @@ class Play:
                     "assignValue",
                     self.random.choice(["session.cue = true", "session = 1", "pause = '1s'", "pause = 0.2"]),
                 )
+            case 4 | 5:
+                self.do(SessionRecovered(reason="gone", downtime=self.random.choice([None, 3.5])))
+            case 6:
+                self.do(self.random.choice(REPORTS))
             case _:
                 self.submit("nonsense", "x")
 

@@ -28,6 +28,8 @@ class Failures:
         """By task: which repetition it is."""
         self.starters: dict[int, Run | None] = {}
         """By task: the rule that has started the act."""
+        self.giving_up = False
+        """While what an engine that has gone had been doing is given up."""
 
     def started(self, task: Task) -> None:
         """An act was asked for: perhaps by a rule."""
@@ -47,7 +49,7 @@ class Failures:
             self._record(task, "gone-on", "engine", reason=f"failed {done + 1} times")
             return True
         self.session.marks.failed.pop(task.id, None)
-        if policy.kind == "repeat" and self.session.acts.connected:
+        if policy.kind == "repeat" and self.session.acts.connected and not self.giving_up:
             self._repeat(task, "engine")
             return False
         self._record(task, "asked", "engine", reason=why)

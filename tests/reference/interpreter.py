@@ -4,16 +4,23 @@ from __future__ import annotations
 
 from typing import Any
 
+import msgspec
+
 from rise_engine.kernel.inputs import (
     ActionReport,
     AnyInput,
+    CheckReport,
     ControlChanged,
     Note,
+    OutcomeReport,
+    RecordingReport,
     RobotChanged,
     SessionEnded,
+    SessionRecovered,
     SessionStarted,
     StopReport,
     Submit,
+    SyncMark,
 )
 from rise_engine.scenario.model import Scenario
 
@@ -76,6 +83,10 @@ class Interpreter:
                 session.put("note", text=input.text, source=input.source)
             case SessionEnded():
                 self._session_record("ended", reason=input.reason)
+            case SessionRecovered():
+                self._go_on(input)
+            case CheckReport() | OutcomeReport() | RecordingReport() | SyncMark():
+                self._report(input)
             case _:
                 raise NotImplementedError(type(input).__name__)
         return self._finish()
@@ -101,12 +112,30 @@ class Interpreter:
         return self.session.records, self.session.orders
 
     def _start(self, input: SessionStarted) -> None:
-        self.people = {"participant": input.participant, "condition": input.condition}
+        told = ("participant", "condition", "study", "study_hash", "slot", "run", "attempt", "purpose", "factors")
+        self.told = {name: getattr(input, name) for name in told}
         self._session_record("started")
         self.session.memory.begin()
+        self.session.memory.set_by_condition(input.memory, "study" if input.study else "condition")
         self.session.standing.begin(input)
 
-    def _session_record(self, status: str, reason: str = "") -> None:
+    def _go_on(self, input: SessionRecovered) -> None:
+        """Another engine goes on (semantics.md 0.3)."""
+        session = self.session
+        self._session_record("recovered", input.reason, input.downtime)
+        session.failures.giving_up = True
+        session.acts.lose("its engine has gone")
+        session.failures.giving_up = False
+        session.marks.nothing_by_itself()
+        session.stop.ask_again()
+
+    def _report(self, input: CheckReport | OutcomeReport | RecordingReport | SyncMark) -> None:
+        """Reports leave their one record as they are given."""
+        fields = msgspec.to_builtins(input)
+        del fields["t"]
+        self.session.put(fields.pop("input"), **fields)
+
+    def _session_record(self, status: str, reason: str = "", downtime: float | None = None) -> None:
         scenario = self.session.scenario
         self.session.put(
             "session",
@@ -118,5 +147,6 @@ class Interpreter:
             seed=self.session.seed,
             versions={},
             reason=reason,
-            **self.people,
+            downtime=downtime,
+            **self.told,
         )

@@ -54,6 +54,7 @@ class Marks:
         since = round(self.session.now - self.cue_at, 6)
         status = "filled" if filler else "answered"
         self.session.put("cue", status=status, source=task.source, text="", task=task.id, since=since)
+        task.bridged = filler
         if not filler:
             self.cue_at = None
 

@@ -24,6 +24,14 @@ class Memory:
         for key, value in self.session.scenario.memory.items():
             self.set(key, copy.deepcopy(value), "file")
 
+    def set_by_condition(self, values: dict[str, Any], source: str) -> None:
+        """What the condition of the session sets, where anybody may."""
+        for key, value in values.items():
+            if why := self.why_not_set(key):
+                self.session.put("note", text=why, source="engine")
+            else:
+                self.set(key, copy.deepcopy(value), source)
+
     def set(self, key: str, value: Any, source: str, part: str = "") -> None:
         """Change one key, or one part of the object that is its value."""
         created, old = key not in self.values, self.values.get(key)

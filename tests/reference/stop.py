@@ -47,6 +47,13 @@ class Stop:
         session.scheduler.stop_all(why)
         session.order("stop robot")
 
+    def ask_again(self) -> None:
+        """Another engine goes on: the answer went to the one that has gone."""
+        if self.status == "requested":
+            self.session.order("stop robot")
+            self.session.forget(self.clock)
+            self.clock = self.session.after(ANSWER, self._no_answer)
+
     def _no_answer(self) -> None:
         self.clock = None
         self.status = "latched"

@@ -32,6 +32,9 @@ class Task:
     """The act that it starts."""
     started_at: float | None = None
     robot_at: float | None = None
+    voice_at: float | None = None
+    bridged: bool = False
+    """Whether it is a filler that started while a cue was open."""
     cue_at: float | None = None
     refused: bool = False
     follows: bool = False

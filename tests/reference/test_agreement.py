@@ -71,6 +71,7 @@ def test_the_studies_use_everything() -> None:
         *(f"kept {how}" for how in ("kept", "taken", "expired", "taken-back")),
         *(f"failure {how}" for how in ("asked", "repeated", "gone-on", "dropped")),
         *(f"{how}{more}" for how in ("start", "resumed", "stepped back") for more in ("", ", without onEntry")),
+        *("session recovered", "check", "outcome aborted", "recording stalled", "sync"),
         *("mistake", "timing ABORTED", "timing CANCELED", "note", "memory", "event", "condition", "robot lost"),
     }
 

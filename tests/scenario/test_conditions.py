@@ -101,6 +101,11 @@ FINDINGS: dict[str, tuple[str, list[tuple[str, str]]]] = {
             ("7:13 duplicate-name", "the conditions `A` and `blue` as the same"),
         ],
     ),
+    "two in which the robot does the same": (
+        "[conditions.A]\nmemory = { pause = 1, hesitation = true }\n[conditions.B]\n"
+        "memory = { hesitation = true, pause = 1 }\n[conditions.C]\nmemory = { hesitation = true }",
+        [("3:13 same-condition", "the robot does the same in `A` and `B`")],
+    ),
     "names that are none": (
         '[conditions." A"]\nlabel_only = true\n[conditions.""]\nlabel_only = true\n[conditions."\\u0007"]\n'
         "label_only = true",
@@ -127,10 +132,10 @@ FINDINGS: dict[str, tuple[str, list[tuple[str, str]]]] = {
     "other types": (
         '[conditions.A]\nmemory = { hesitation = "yes", pause = "x", form = [], list = {}, name = 3 }',
         [
-            ("2:12 other-type", "the start value of `hesitation` is true or false; this is a text"),
-            ("2:32 other-type", "is a number; this is a text"),
-            ("2:45 other-type", "is an object; this is a list"),
-            ("2:56 other-type", "is a list; this is an object"),
+            ("2:12 memory-type", "the start value of `hesitation` is true or false; this is a text"),
+            ("2:32 memory-type", "is a number; this is a text"),
+            ("2:45 memory-type", "is an object; this is a list"),
+            ("2:56 memory-type", "is a list; this is an object"),
         ],
     ),
     "a key that nothing reads": (
@@ -177,7 +182,7 @@ def test_everything_is_found_at_once(tmp_path: Path) -> None:
         )
     )
     codes = [diagnostic.code for diagnostic in loaded(tmp_path, files(toml)).diagnostics]
-    assert codes == ["unknown-memory-key", "other-type", "missing-value"]
+    assert codes == ["unknown-memory-key", "memory-type", "missing-value"]
 
 
 def test_a_rule_that_changes_it_is_warned_of(tmp_path: Path) -> None:

@@ -89,6 +89,11 @@ CASES: dict[str, Callable[[], dict[str, str | bytes]]] = {
         '<parameter name="a"/>' + speech(many("{k{}${a}} ")), '<use template="T" a="x"/>'
     ),
     "conditions of a study": lambda: {"scenario.toml": "[study]\nconditions = [" + many('"c{}",') + "]"},
+    "conditions that are not listed": lambda: {
+        "scenario.toml": "[study]\nconditions = [" + many('"c{}",') + "]\n" + many("[conditions.d{}]\n")
+    },
+    "values of a condition": lambda: {"scenario.toml": "[conditions.A.memory]\n" + many("k{} = 1\n")},
+    "private keys": lambda: {"scenario.toml": "private = [" + many('"k{}",') + "]"},
     "a condition twice": lambda: {"scenario.toml": "[study]\nconditions = [" + many('"c{}",') + '"c1"]'},
 }
 

@@ -72,3 +72,9 @@ def test_a_session_that_is_not_what_it_says_is_refused(
         main(["run", *arguments])
     output, errors = capsys.readouterr()
     assert (ended.value.code, output) == (2, "") and errors.startswith("error: ") and sentence in errors
+
+
+def test_check_says_how_many_there_are(capsys: pytest.CaptureFixture[str]) -> None:
+    with pytest.raises(SystemExit):
+        main(["check", "lablinking"])
+    assert "9 memory keys, 2 conditions, robot pepper" in capsys.readouterr().out

@@ -10,12 +10,29 @@ import pytest
 from rise_engine.engine.clock import VirtualClock
 from rise_engine.engine.drivers import make_robot
 from rise_engine.engine.engine import Engine
-from rise_engine.kernel.inputs import Note, Submit
-from rise_engine.kernel.records import AnyRecord, ControlRecord, NoteRecord, SessionRecord, TaskRecord
+from rise_engine.kernel.inputs import CheckReport, Note, OutcomeReport, RecordingReport, Submit, SyncMark
+from rise_engine.kernel.records import (
+    AnyRecord,
+    CheckRecord,
+    ControlRecord,
+    NoteRecord,
+    OutcomeRecord,
+    RecordingRecord,
+    SessionRecord,
+    SyncRecord,
+    TaskRecord,
+)
 from rise_engine.kernel.view import SessionView
-from rise_engine.protocol.client import Reply
+from rise_engine.protocol.client import ClientInput, Reply
 from rise_engine.server.hub import AttachedClient, NotAdmitted, SessionHub
 from tests.engine.samples import GREETING, profile, scenario
+
+REPORTS: dict[str, ClientInput] = {
+    "checks": CheckReport(id="lights", result="passed", source="wizard:eve"),
+    "records": RecordingReport(name="camera", status="running", source="wizard:eve"),
+    "syncs": SyncMark(number=1, medium="sound", source="wizard:eve"),
+    "judges": OutcomeReport(status="complete", source="wizard:eve"),
+}
 
 
 class HubSession:
@@ -59,6 +76,8 @@ class HubSession:
                 self.hub.submit(client, Submit(function="markCue"), answers.append)
             case "notes":
                 self.hub.submit(client, Note(text="x", source="wizard:eve"), answers.append)
+            case "checks" | "records" | "syncs" | "judges":
+                self.hub.submit(client, REPORTS[verb], answers.append)
             case "ends":
                 self.hub.end_session(client, "", answers.append)
         (reply,) = answers
@@ -85,6 +104,19 @@ RULES: list[tuple[str, str, str, list[tuple[str, str, str | None]]]] = [
     ("an observer does not", "oa attaches, oa acts", "an observer only watches", []),
     ("a program does", "wa attaches, na attaches, na acts", "", [TAKEN]),
     ("everybody notes", "wa attaches, wb attaches, ob attaches, wb notes, ob notes", "", [TAKEN]),
+    ("every wizard reports", "wa attaches, wb attaches, wb checks, wb records, wb syncs", "", [TAKEN]),
+    ("programs report", "wa attaches, nb attaches, nb checks, nb records, nb syncs", "", [TAKEN]),
+    ("an observer reports no checks", "wa attaches, ob attaches, ob checks", "an observer reports nothing", [TAKEN]),
+    ("nor recordings", "wa attaches, ob attaches, ob records", "an observer reports nothing", [TAKEN]),
+    ("nor marks for them", "wa attaches, ob attaches, ob syncs", "an observer reports nothing", [TAKEN]),
+    ("the holder judges", "wa attaches, wb attaches, wa judges", "", [TAKEN]),
+    ("another does not judge", "wa attaches, wb attaches, wb judges",
+     "only who holds control can say how the session counts", [TAKEN]),
+    ("an observer does not", "wa attaches, ob attaches, ob judges", "an observer cannot say how the session counts",
+     [TAKEN]),
+    ("a program judges", "wa attaches, nb attaches, nb judges", "", [TAKEN]),
+    ("anybody judges while nobody has control", "wa attaches, wa releases, wa judges", "",
+     [TAKEN, ("released", A, None)]),
     ("everybody marks mistakes", "wa attaches, wb attaches, ob attaches, wa acts, wb marks, ob marks", "", [TAKEN]),
     ("a cue is for who has control", "wa attaches, wb attaches, wa cues, wb cues", "you do not hold control", [TAKEN]),
     ("or a program", "wa attaches, nb attaches, nb cues", "", [TAKEN]),
@@ -142,6 +174,14 @@ def test_rules_of_control(deeds: str, reason: str, control: list[Any]) -> None:
     for record in played.records:
         folded.apply(record)
     assert folded == played.hub.view and folded.control == (control[-1][2] if control else None)
+
+
+def test_reports_name_the_person_whatever_a_client_writes() -> None:
+    played = HubSession()
+    for deed in ("wanna attaches", "wanna checks", "wanna records", "wanna syncs", "wanna judges"):
+        assert played.does(deed) == ""
+    reports = [r for r in played.records if isinstance(r, CheckRecord | RecordingRecord | SyncRecord | OutcomeRecord)]
+    assert len(reports) == 4 and {report.source for report in reports} == {"wizard:anna"}
 
 
 def test_the_record_names_the_person_and_control_the_console() -> None:

@@ -90,6 +90,20 @@ def test_what_is_left_counts_down_and_then_over() -> None:
     assert it.first.endswith(" s over")
 
 
+def test_a_sentence_counts_from_the_moment_at_which_the_robot_takes_it() -> None:
+    it = Played()
+    task = it.client.act("Greet")
+    it.client.action(task, "Greet", "1", "Speech", "started", message="Hello Ada!")
+    it.client.time += 5  # the robot was busy
+    it.client.action(task, "Greet", "1", "Speech", "accepted", message="Hello Ada!")
+    assert it.first.endswith(" s left")
+    it.client.time += 3
+    it.client.action(task, "Greet", "1", "Speech", "succeeded", message="Hello Ada!")
+    it.client.end_task(task, "Greet")
+    it.greet()
+    assert it.first.endswith(" 3.0 s left"), "that is how long it takes to say it"
+
+
 def test_a_sentence_that_was_said_before_is_estimated_by_how_long_it_took() -> None:
     it = Played()
     task = it.greet()

@@ -4,7 +4,16 @@ from __future__ import annotations
 
 import pytest
 
-from rise_engine.kernel.records import EventRecord, NoteRecord, RobotRecord, RuleRecord
+from rise_engine.kernel.records import (
+    CheckRecord,
+    EventRecord,
+    NoteRecord,
+    OutcomeRecord,
+    RecordingRecord,
+    RobotRecord,
+    RuleRecord,
+    SyncRecord,
+)
 from rise_engine.kernel.view import MAX_REMARKS, SessionView, TaskView
 from rise_tui.config.preferences import Preferences
 from rise_tui.console.ui_state import UiState
@@ -97,6 +106,29 @@ async def test_notes_robot_failures_and_faults_are_rows_without_any_key(size: tu
         assert "Main ✗ faulted" in fault
         assert "Greet ✗ failed" in failed and "no voice" in failed
         assert pane_of(it).display and pane_of(it).task_log.size.height >= 3  # also beside the bar about the failed act
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("size", [(80, 24), (120, 40), (200, 50)])
+async def test_what_is_reported_about_the_session_is_in_the_log(size: tuple[int, int]) -> None:
+    async with console(size=size) as it:
+        lights = (0, 0.0, "", "lights", "The lamp is on")
+        it.client.emit(CheckRecord(*lights, "failed", "", "it is dark", "wizard:ben"))
+        await it.until(lambda: "the check failed: The lamp is on: it is dark" in it.notice)
+        it.client.emit(CheckRecord(*lights, "skipped", "", "daylight", "wizard:ben"))
+        for status, size_now in (("running", 1), ("running", 2), ("stalled", 2)):
+            it.client.emit(RecordingRecord(0, 0.0, "", "camera", status, "/a", size_now, "", "node:camera"))  # type: ignore[arg-type]
+        await it.until(lambda: "the recording camera has stalled" in it.notice)
+        it.client.emit(SyncRecord(0, 0.0, "", 1, "sound", "", "node:camera"))
+        it.client.emit(OutcomeRecord(0, 0.0, "", "aborted", "a fire drill", "wizard:anna"))
+        await it.until(lambda: "the session counts as aborted: a fire drill" in it.notice)
+        await it.until(lambda: len(texts(it)) == 6, "that a recording goes on is no news")
+        dark, daylight, runs, stalled, mark, outcome = texts(it)
+        assert "check" in dark and "✗ failed" in dark
+        assert "- skipped" in daylight
+        assert "camera ► running" in runs and "camera ✗ stalled" in stalled
+        assert "sync" in mark and "mark 1" in mark
+        assert "outcome" in outcome and "a fire drill ■ aborted" in outcome
 
 
 async def test_what_rules_did_for_themselves_is_hidden_counted_and_shown_on_request() -> None:

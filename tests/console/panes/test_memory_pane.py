@@ -10,7 +10,7 @@ from msgspec.structs import replace
 from textual.widgets import Input
 
 from rise_engine.kernel.records import MemoryRecord
-from rise_engine.scenario.model import Table
+from rise_engine.scenario.model import Condition, Table
 from rise_tui.panes.memory import MOST_PARTS, MemoryPane
 from rise_tui.screens.detail import DetailScreen
 from rise_tui.screens.dialog import Dialog
@@ -336,6 +336,31 @@ async def test_nothing_is_asked_when_nothing_differs_or_the_folder_is_gone(tmp_p
         it.screen.action_do("memory.save")
         await it.until(lambda: "not on this computer" in it.notice)
         assert it.app.screen is it.screen
+
+
+async def test_what_makes_a_condition_and_what_the_engine_keeps_are_no_start_values(tmp_path: Path) -> None:
+    client, path = own_client(tmp_path)
+    conditions = {"A": Condition({"task": 7}), "B": Condition({"task": 8, "voice": "low"})}
+    client.scenario = replace(client.scenario, conditions=conditions, reads_session=True)
+    before = path.read_text("utf-8")
+    async with console(client=client, size=(120, 40)) as it:
+        await at(it, "task")
+        for key, value, source in (
+            ("task", 8, "condition"),
+            ("voice", "low", "condition"),
+            ("task", 9, "wizard:anna"),
+            ("pace", "slow", "study"),
+            ("session", {"cue": False}, "engine"),
+        ):
+            it.client.emit(MemoryRecord(0, 0.0, "", key, value, None, source, created=True))
+        it.screen.action_do("memory.save")
+        await it.until(lambda: "nothing to save" in it.notice)
+        remember(it, "other", 3)
+        it.screen.action_do("memory.save")
+        await it.until(lambda: isinstance(it.app.screen, Dialog))
+        await it.press("s")
+        await it.until(lambda: "saved 1 start value" in it.notice)
+    assert path.read_text("utf-8") == before.replace('"Ada"}', '"Ada"}, {"other": 3}')
 
 
 async def test_who_only_watches_cannot_save(tmp_path: Path) -> None:

@@ -119,6 +119,40 @@ async def test_the_status_line_counts_from_the_cue_until_the_answer() -> None:
         await it.until(lambda: "answered" not in it.bars.status_line.text)
 
 
+async def test_the_status_line_counts_until_the_robot_is_heard() -> None:
+    async with console() as it:
+
+        def line() -> str:
+            return it.bars.status_line.text
+
+        mark(it)
+        it.client.time += 1.0
+        task = it.client.act("Greet")
+        it.client.emit(CueRecord(0, 0.0, "", "answered", "wizard:anna", task=task, since=1.0))
+        it.client.action(task, "Greet", "2", "Animation", "started")
+        it.client.action(task, "Greet", "2", "Animation", "accepted")
+        it.client.action(task, "Greet", "1", "Speech", "started", message="Hello Ada!")
+        await it.until(lambda: "says" not in line() and "◑ cue 1.0 s" in line())
+        it.client.time += 0.7
+        await it.until(lambda: "◑ cue 1.7 s" in line(), "a nod is no answer: the time goes on")
+        assert "answered" not in line()
+        it.client.action(task, "Greet", "1", "Speech", "accepted", message="Hello Ada!")
+        await it.until(lambda: "✓ answered 1.7 s" in line())
+
+
+async def test_an_answer_that_is_never_heard_is_said_to_be_none() -> None:
+    async with console() as it:
+        mark(it)
+        it.client.time += 1.0
+        task = it.client.act("Greet")
+        it.client.emit(CueRecord(0, 0.0, "", "answered", "wizard:anna", task=task, since=1.0))
+        await it.until(lambda: "◑ cue 1.0 s" in it.bars.status_line.text)
+        it.client.time += 20
+        await it.until(lambda: "● cue 21 s !" in it.bars.status_line.text)
+        it.client.end_task(task, "Greet", "ABORTED", "no voice")
+        await it.until(lambda: "✗ not said" in it.bars.status_line.text)
+
+
 @pytest.mark.slow
 async def test_the_cue_moves_nothing_else_in_the_status_line() -> None:
     for size in ((80, 24), (120, 40), (200, 50)):

@@ -149,6 +149,20 @@ async def test_whatever_key_was_pressed_last_is_marked_by_its_name(
         assert f" {name} " in it.bars.mistake_line.text and "d double" in it.bars.mistake_line.text
 
 
+async def test_a_feedback_key_that_may_come_early_is_marked_by_what_the_author_calls_it() -> None:
+    scenario = demo()
+    judged = replace(scenario.keys["n"], key="k", label="k", behavior="/understood", title="understood", keep=2.0)
+    async with console(client=FakeClient(replace(scenario, keys={**scenario.keys, "k": judged}))) as it:
+        it.client.act("Greet")
+        await it.press("k")
+        await it.until(lambda: len(it.screen.session.store.view.tasks) == 2)
+        it.client.act("Praise", source="rule:Main")  # what the key has led to
+        await it.press("exclamation_mark")
+        await it.until(lambda: marks(it) == ["2 wrong"])
+        record(it, 2, "wrong")
+        await it.until(lambda: "! marked wrong k: understood " in it.bars.mistake_line.text)
+
+
 async def test_a_second_console_is_the_same_person() -> None:
     client = FakeClient(demo(), you="wizard:anna#2", holder="wizard:anna#2")
     client.task("raiseEventTopic", "/next", "SUCCEEDED")
