@@ -137,10 +137,10 @@ def _plan_counted(state: StudyState, request: BeginRequest) -> SessionPlan:
         raise CannotBegin(*problems, running=bool(running))
     if standing.state == "unfinished" and not problems:
         unfinished = next(each for each in standing.sessions if each.status == "unfinished")
-        raise CannotBegin(_hindrance(state, standing), unfinished=unfinished)
-    if standing.state not in BEGINNABLE:
+        raise CannotBegin(_hindrance(standing), unfinished=unfinished)
+    if standing.state not in BEGINNABLE and standing.state != "no-consent":
         if standing.state != "running":
-            problems.append(_hindrance(state, standing))
+            problems.append(_hindrance(standing))
     elif missing := missing_consent(study, participant):
         problems.append(f"{name} has not consented: {' and '.join(missing)} of participants.csv has no date")
     planned = _planned_run(state, participant, standing, request, problems) if state.plan else None
@@ -210,25 +210,22 @@ def _find_participant(state: StudyState, name: str, problems: list[str]) -> Part
     return found
 
 
-def _hindrance(state: StudyState, standing: ParticipantStanding) -> str:
+def _hindrance(standing: ParticipantStanding) -> str:
     """Why somebody cannot begin, in a sentence."""
     name = standing.participant
-    reason = f": {standing.why}" if standing.why else ""
     match standing.state:
         case "excluded":
-            return f"{name} is excluded{reason}"
+            return f"{name} is excluded: {standing.why or 'nobody has said why'}"
         case "withdrawn":
             return f"{name} has withdrawn"
-        case "complete":
-            runs = "every run" if standing.runs > 1 else "the session"
-            return f"{name} has done {runs} before, last {when_text(standing.sessions[-1].started)}"
         case "unfinished":
             return f"a session of {name} did not end ({standing.why}): go on with it, or give it up"
         case "to-judge":
             what = f"a session of {name} is not judged yet ({standing.why})"
             return f"{what}: say whether it is complete, aborted or excluded"
         case _:
-            return f"{name} has not consented{reason}"
+            runs = "every run" if standing.runs > 1 else "the session"
+            return f"{name} has done {runs} before, last {when_text(standing.sessions[-1].started)}"
 
 
 def check_problems(state: StudyState, reports: Sequence[CheckReport]) -> list[str]:
