@@ -205,9 +205,12 @@ class _Redaction:
                     raise self._difference(number, f"record {found.seq} would not be there (of input {cause})")
                 record = made.popleft()
                 record.wall = found.wall
-                self._compare(number, cause, found, record)
                 old, new = encode_record(found), encode_record(record)
-                yield self._changed(line, line + b"\n" if old == new else with_checksum(new))
+                if old == new:
+                    yield line + b"\n"
+                    continue
+                self._compare(number, cause, old, new)
+                yield self._changed(line, with_checksum(new))
 
     def _changed(self, before: bytes, after: bytes) -> bytes:
         if after[:-1] != before:
@@ -237,11 +240,9 @@ class _Redaction:
         self._longer.update(_longer_words_in(value, self._words))
         return self._words.replace_in(value)
 
-    def _compare(self, number: int, cause: int, before: AnyRecord, after: AnyRecord) -> None:
-        old: dict[str, Any] = msgspec.json.decode(encode_record(before))
-        new: dict[str, Any] = msgspec.json.decode(encode_record(after))
-        if old == new:
-            return
+    def _compare(self, number: int, cause: int, before: bytes, after: bytes) -> None:
+        old: dict[str, Any] = msgspec.json.decode(before)
+        new: dict[str, Any] = msgspec.json.decode(after)
         mask = self._words.mask
         for name in dict.fromkeys([*old, *new]):
             if name in _OWN_SENTENCES or (name == "text" and old.get("source") == ENGINE):
@@ -249,7 +250,7 @@ class _Redaction:
             if name not in old or name not in new or mask(old[name]) != mask(new[name]):
                 raise self._difference(
                     number,
-                    f"`{name}` of record {before.seq} ({before.__struct_config__.tag}, of input {cause}) differs",
+                    f"`{name}` of record {old['seq']} ({old['kind']}, of input {cause}) differs",
                 )
 
     def _difference(self, line: int, what: str) -> RedactionRefused:

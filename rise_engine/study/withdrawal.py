@@ -377,5 +377,6 @@ def _beyond(study: Path, participant: str) -> list[str]:
         "recordings that no session has registered: cameras, bags, LabRecorder, the folder of OBS",
         "bundles and exports that were given to others, or that were not written with `export -o`",
         "the list that says which person the pseudonym is, and the consent form",
+        "what was saved from a console, and what consoles and engines keep (their state folder, engine.log)",
         "the history of the shell, if the pseudonym was typed there",
     ]
