@@ -28,6 +28,7 @@ _NAME = re.compile(r"[A-Za-z][A-Za-z0-9_]*\Z")
 _LEVEL = re.compile(r"[A-Za-z0-9_-]+\Z")
 _PAIR = re.compile(r"\s*([^\s=,{}]+)\s*=\s*([A-Za-z_][\w -]*?)\s*(?=,|\Z)")
 """`mood = happy`: a text that stands in no quotation marks."""
+_ON, _OFF = ("yes", "on", "with", "true"), ("no", "off", "without", "false")
 _YES, _NO = ("y", "yes", "j", "ja"), ("n", "no", "nein")
 
 
@@ -144,14 +145,18 @@ def _quote_word(word: str) -> str:
     return word if word in ("true", "false") else f'"{word}"'
 
 
-def usual_level(factor: str, level: str, number: int, scenario: Scenario) -> str:
-    """What a level probably sets: the key of the factor's name, if the memory has one; empty if nobody can tell."""
+def usual_level(factor: str, level: str, scenario: Scenario) -> str:
+    """What a level surely sets: the key of the factor's name, if the memory has one; empty if nobody can tell.
+
+    >>> from rise_engine.scenario import load
+    >>> scenario = load("scenarios/lablinking").scenario
+    >>> usual_level("hesitation", "no", scenario), usual_level("noise", "loud", scenario)
+    ('hesitation = false', '')
+    """
     start = scenario.memory.get(factor)
     if isinstance(start, bool):
-        value = level.casefold() in ("yes", "on", "with", "true", "high") or (
-            number == 0 and level.casefold() not in ("no", "off", "without", "false", "low", "none")
-        )
-        return f"{factor} = {'true' if value else 'false'}"
+        word = level.casefold()
+        return f"{factor} = {'true' if word in _ON else 'false'}" if word in (*_ON, *_OFF) else ""
     return f'{factor} = "{level}"' if isinstance(start, str) else ""
 
 
@@ -187,8 +192,8 @@ def parse_automatic(text: str) -> tuple[StudyCheck, ...]:
     names = list(dict.fromkeys(part.strip() for part in text.split(",")))
     for name in names:
         if name not in AUTOMATIC:
-            near = did_you_mean(name, AUTOMATIC, limit=0)
-            raise ValueError(f"there is no automatic check `{name}`{near}; there are {in_backquotes(AUTOMATIC)}")
+            near = did_you_mean(name, AUTOMATIC, limit=0) or f"; there are {in_backquotes(AUTOMATIC)}"
+            raise ValueError(f"there is no automatic check `{name}`{near}")
     return tuple(StudyCheck(name, auto=name, minimum="5 GB" if name == "disk" else "") for name in names)
 
 

@@ -8,6 +8,7 @@ from collections.abc import Callable
 from pathlib import Path
 from random import SystemRandom
 from shlex import quote
+from shutil import get_terminal_size
 from textwrap import fill
 from typing import TypeVar
 
@@ -21,11 +22,12 @@ from rise_engine.scenario.model import Mode, Scenario
 from rise_engine.scenario.shipped_studies import shipped_studies
 from rise_engine.study.check_kinds import AUTOMATIC
 from rise_engine.study.design import cells, runs
+from rise_engine.study.factor_tables import what_it_does
 from rise_engine.study.model import AssignmentSettings, Factor, FactorKind, Level, Study, StudyCheck
 from rise_engine.study.new_study import NewStudy, NewStudyError, folder_problem, write_new_study
 from rise_engine.text import pluralize
 
-_WIDTH = 88
+_WIDEST = 88
 USUAL_CHECKS = "robot, disk, scenario, wizard"
 DEBRIEF = "The participant was debriefed"
 _Answer = TypeVar("_Answer")
@@ -85,10 +87,14 @@ def new_report(folder: str, options: NewStudyOptions) -> int:
         return INTERRUPTED
     where = quote(folder)
     print(f"\n{folder} is there. What is next:")
-    print("  1. write a line for each participant into participants.csv; study.toml says how, at its end")
-    print(f"  2. rise-engine study check {where}   says what is still wrong")
-    print(f"  3. rise-engine study plan {where}    makes the plan, once; change study.toml before that")
-    print(f"  4. rise-tui --config {where}         runs it")
+    print("  1. Write a line for each participant into participants.csv; study.toml says")
+    print("     how, at its end. Change in study.toml what you like.")
+    print(f"  2. rise-engine study check {where}")
+    print("     says what is still wrong.")
+    print(f"  3. rise-engine study plan {where}")
+    print("     makes the plan, once: who gets what, in which order.")
+    print(f"  4. rise-tui --config {where}")
+    print("     runs it.")
     return OK
 
 
@@ -149,7 +155,7 @@ class _Questions:
     def say(self, text: str) -> None:
         """A paragraph before questions."""
         if self.asks:
-            print(f"\n{fill(text, _WIDTH)}")
+            print(f"\n{fill(text, _width())}")
 
     def answer(
         self,
@@ -179,7 +185,7 @@ class _Questions:
             try:
                 return parse(text)
             except ValueError as error:
-                print(fill(f"-> {error}", _WIDTH, initial_indent="   ", subsequent_indent="      "))
+                print(fill(f"-> {error}", _width(), initial_indent="   ", subsequent_indent="      "))
 
     # --- the parts of a study ---
 
@@ -216,17 +222,18 @@ class _Questions:
             factors.append(self.ask_factor(name, scenario))
 
     def ask_factor(self, name: str, scenario: Scenario) -> Factor:
-        print("   between: each participant has one level. within: everybody has every level, each in a session.")
+        print("   between: each participant has one level. within: everybody has every level,")
+        print("   each in a session of its own.")
         kind = self.answer("   Between or within", "between", answers.parse_kind)
         while True:
             names = self.answer("   Its levels, with commas between them", "yes, no", answers.parse_level_names)
             levels: list[Level] = []
-            for number, level in enumerate(names):
-                usual = answers.usual_level(name, level, number, scenario)
-                hint = f" ({answers.NOTHING}: nothing)" if usual else " (Enter: nothing)"
+            for level in names:
+                usual = answers.usual_level(name, level, scenario)
+                hint = f"{answers.NOTHING}: nothing" if usual else "KEY = VALUE; Enter: nothing"
                 levels.append(
                     self.answer(
-                        f"   What {level} sets{hint}",
+                        f"   What {level} sets ({hint})",
                         usual,
                         lambda text, level=level: answers.parse_level(level, text, scenario),  # type: ignore[misc]
                     )
@@ -312,11 +319,12 @@ class _Questions:
     def ask_checks(self) -> tuple[StudyCheck, ...]:
         options = self.options
         if self.asks and options.automatic is None:
-            self.say("What is the program to look at before each session?")
+            self.say("What is the program to look at before each session? Words with commas between them.")
             width = max(map(len, AUTOMATIC))
             for name, what in AUTOMATIC.items():
-                print(f"   {name:<{width}}  {what}")
-        question = f"Look at, with commas between ({answers.NOTHING}: nothing)"
+                indent = " " * (width + 5)
+                print(fill(f"   {name:<{width}}  {what}", _width(), subsequent_indent=indent))
+        question = f"Look at ({answers.NOTHING}: nothing)"
         checks = list(self.answer(question, USUAL_CHECKS, answers.parse_automatic, options.automatic, "--auto"))
         for after, sentences in ((False, options.asked), (True, options.asked_after)):
             for sentence in sentences:
@@ -342,11 +350,16 @@ class _Questions:
         return self.answer(f"Write it into {self.folder} (y/n)", "y", answers.parse_yes)
 
 
+def _width() -> int:
+    """How wide paragraphs are."""
+    return min(_WIDEST, get_terminal_size().columns - 1)
+
+
 def _same_levels(levels: list[Level]) -> list[str]:
     """The first two levels in which the robot does the same."""
     for at, level in enumerate(levels):
         for other in levels[:at]:
-            if (level.memory, level.scenario) == (other.memory, other.scenario):
+            if what_it_does(level) == what_it_does(other):
                 return [other.name, level.name]
     return []
 

@@ -68,7 +68,10 @@ def _contents_text(study: Study, review: StudyReview) -> str:
     if (number := len(runs(study))) > 1:
         parts.append(f"{number} runs each")
     parts.append(f"{study.n} wanted")
-    parts.append(f"{len(review.participants)} in participants.csv")
+    without = sum(not all(each.consent.get(name) for name in study.consent) for each in review.participants)
+    parts.append(
+        f"{len(review.participants)} in participants.csv{f', {without} of them without consent' * bool(without)}"
+    )
     if review.slots:
         parts.append(f"a plan with {pluralize(len(review.slots), 'slot')}")
     return ", ".join(parts)

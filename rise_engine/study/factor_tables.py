@@ -5,7 +5,9 @@ from __future__ import annotations
 import re
 from collections.abc import Collection
 
-from rise_engine.nearest_name import did_you_mean
+from msgspec.json import encode
+
+from rise_engine.nearest_name import did_you_mean, nearest_name
 from rise_engine.scenario.toml_tables import TomlTable
 from rise_engine.study.model import Factor, FactorKind, Level
 
@@ -41,17 +43,28 @@ def _read_factor(table: TomlTable) -> Factor:
     table.report_unknown_keys(_FACTOR_KEYS)
     labels = _read_labels(table)
     levels = _read_levels(table, labels)
-    label_only = table.read("label_only", bool, False)
-    if not label_only:
+    if not table.read("label_only", bool, False) and not _has_unknown_keys(table):
         _check_difference(table, levels)
     return Factor(table.name, _read_kind(table), levels)
+
+
+def _is_misspelt(table: TomlTable, key: str) -> bool:
+    """Whether a key is there in another spelling, which is told already."""
+    return any(nearest_name(name, (key,)) for name in table.values if name not in _FACTOR_KEYS)
+
+
+def _has_unknown_keys(table: TomlTable) -> bool:
+    """Whether something that a level sets may stand under a misspelt key."""
+    levels = table.values.get("levels", {})
+    values = levels.values() if isinstance(levels, dict) else ()
+    return any(isinstance(each, dict) and each.keys() - set(_LEVEL_KEYS) for each in values)
 
 
 def _read_kind(table: TomlTable) -> FactorKind:
     form = '`kind` is "between" (one level for each participant) or "within" (every participant has every level)'
     value = table.values.get("kind")
     if value is None:
-        if not any(did_you_mean(key, ("kind",), limit=0) for key in table.values if key not in _FACTOR_KEYS):
+        if not _is_misspelt(table, "kind"):
             table.report_key("missing-value", f"`kind` is missing; {form}")
     elif value not in ("between", "within"):
         near = did_you_mean(value, ("between", "within"), limit=0) if isinstance(value, str) else ""
@@ -69,7 +82,7 @@ def _read_levels(table: TomlTable, labels: dict[str, str]) -> tuple[Level, ...]:
     if inner is None:
         return ()
     names = list(inner.values)
-    if len(names) < 2:
+    if len(names) < 2 and not (not names and _is_misspelt(table, "levels")):
         what = f"has only the level `{names[0]}`" if names else "has no levels"
         table.report_key(
             "missing-value", f"`{table.name}` {what}; a factor has two or more: levels.NAME.memory = {{ ... }}"
@@ -103,15 +116,18 @@ def _read_level(levels: TomlTable, name: str, label: str) -> Level:
 def _check_difference(table: TomlTable, levels: tuple[Level, ...]) -> None:
     """Levels between which the robot knows no difference: then the condition would be a label."""
     for at, level in enumerate(levels):
-        same = next(
-            (each for each in levels[:at] if (each.memory, each.scenario) == (level.memory, level.scenario)), None
-        )
+        same = next((each for each in levels[:at] if what_it_does(each) == what_it_does(level)), None)
         if same is not None:
             message = (
                 f"the robot does the same in `{same.name}` and `{level.name}`: give them other memory values or "
                 "another scenario; or write label_only = true, if what differs is done by people"
             )
             table.report_key("same-level", message, "levels", level.name)
+
+
+def what_it_does(level: Level) -> tuple[str, bytes]:
+    """What two levels have in common in which the robot does the same; `1` and `true` are not the same."""
+    return level.scenario, encode(level.memory, order="sorted")
 
 
 def _check_overlaps(table: TomlTable, factors: list[Factor]) -> None:

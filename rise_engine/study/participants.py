@@ -50,7 +50,7 @@ def load_participants(study: Study) -> ParticipantsLoad:
         return ParticipantsLoad((), diagnostics.sorted())
     with limited_comparisons():
         table = read_csv(folder, PARTICIPANTS_FILE, diagnostics)
-        participants = _Reader(study, table).read() if table is not None else ()
+        participants = _ParticipantsReader(study, table).read() if table is not None else ()
     return ParticipantsLoad(participants, diagnostics.sorted())
 
 
@@ -65,7 +65,7 @@ def header_line(study: Study) -> str:
     return ",".join(columns_of(study))
 
 
-class _Reader:
+class _ParticipantsReader:
     def __init__(self, study: Study, table: CsvTable) -> None:
         self.study = study
         self.table = table

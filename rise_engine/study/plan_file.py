@@ -168,13 +168,13 @@ def read_plan(study: Study, only: frozenset[int] | None = None) -> PlanLoad:
     diagnostics = Diagnostics()
     with limited_comparisons():
         table = read_csv(folder, PLAN_FILE, diagnostics)
-        slots = _Reader(study, table).read(only) if table is not None else []
+        slots = _PlanReader(study, table).read(only) if table is not None else []
     found = diagnostics.sorted()
     digest = sha256((folder / PLAN_FILE).read_bytes()).hexdigest() if table is not None else ""
     return PlanLoad(None if diagnostics.errors else tuple(slots), found, digest)
 
 
-class _Reader:
+class _PlanReader:
     def __init__(self, study: Study, table: CsvTable) -> None:
         self.study = study
         self.table = table

@@ -8,7 +8,6 @@ from pathlib import Path
 
 from msgspec import Struct
 
-from rise_engine.nearest_name import did_you_mean
 from rise_engine.scenario.diagnostics import Diagnostic, Diagnostics
 from rise_engine.scenario.model import Scenario, SourceLocation
 from rise_engine.study.model import Participant, Slot, Study
@@ -138,7 +137,7 @@ def _check_holders(
     for slot, name in held_slots(entries, participants).items():
         participant, row = by_name.get(name), rows.get(slot)
         if participant is None:
-            message = f"`{name}` holds slot {slot} and has no row here any more{did_you_mean(name, by_name, limit=0)}"
+            message = f"`{name}` holds slot {slot} and has no row here any more"
             diagnostics.error("lost-participant", SourceLocation(PARTICIPANTS_FILE), message)
         elif row is not None and any(participant.strata.get(key) != value for key, value in row.strata.items()):
             stratum = ", ".join(f"{key} {value}" for key, value in row.strata.items())

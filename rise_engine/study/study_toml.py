@@ -68,7 +68,7 @@ class StudyLoad(Struct, frozen=True):
     draft: Study | None = None
     """What could be understood, errors or not, for what lies beside study.toml; None: nothing."""
     unsure: frozenset[str] = frozenset()
-    """The keys and tables of study.toml in which there are errors."""
+    """The keys and tables of study.toml that have errors in themselves, so that nobody knows what is meant."""
 
     @property
     def errors(self) -> list[Diagnostic]:
@@ -108,15 +108,15 @@ def _load(folder: Path, *, check_scenarios: bool) -> StudyLoad:
         return StudyLoad(None, diagnostics.sorted())
     reader = _StudyReader(file, diagnostics)
     study = with_hashes(reader.read(folder), source.data)
+    unsure = _tables_with_errors(reader.table, diagnostics.sorted())
     scenarios: dict[str, Scenario] = {}
     others: list[Diagnostic] = []
     if check_scenarios:
         scenarios, others = load_scenarios(study, reader.table)
         check_levels(study, reader.table, scenarios)
-    own = diagnostics.sorted()
-    found = [*own, *others]
+    found = [*diagnostics.sorted(), *others]
     failed = any(diagnostic.severity == "error" for diagnostic in found)
-    return StudyLoad(None if failed else study, found, scenarios, study, _tables_with_errors(reader.table, own))
+    return StudyLoad(None if failed else study, found, scenarios, study, unsure)
 
 
 def _tables_with_errors(table: TomlTable, found: list[Diagnostic]) -> frozenset[str]:
@@ -141,6 +141,8 @@ class _StudyReader:
     def __init__(self, file: TomlFile, diagnostics: Diagnostics) -> None:
         self.table = TomlTable(file, (), file.values, diagnostics)
         self.diagnostics = diagnostics
+        self.is_whole = not diagnostics.errors
+        """Whether every line could be read as TOML."""
 
     def read(self, folder: Path) -> Study:
         table = self.table
@@ -185,7 +187,7 @@ class _StudyReader:
     def report_missing(self, key: str, form: str) -> None:
         """A key that must be there; silent where a misspelt one is told already."""
         unknown = [name for name in self.table.values if name not in TOP_KEYS]
-        if not any(nearest_name(name, TOP_KEYS) == key for name in unknown):
+        if self.is_whole and not any(nearest_name(name, TOP_KEYS) == key for name in unknown):
             self.diagnostics.error("missing-value", SourceLocation(STUDY_FILE), f"`{key}` is missing; write {form}")
 
     def read_integer(self, key: str, least: int, most: int, usual: int, what: str) -> int:
@@ -235,8 +237,9 @@ class _StudyReader:
         table = self.table.section("assignment", _ASSIGNMENT_KEYS)
         usual = AssignmentSettings()
         named = table.read_texts("strata", ())
+        described = self.table.section("strata").values  # also those with a mistake
         for at, column in enumerate(named):
-            if column not in strata:
+            if column not in described:
                 message = f"[strata] has no `{column}`: {column} = [...] says which values it can have"
                 message += did_you_mean(column, strata)
                 self.diagnostics.error("unknown-name", table.value_location("strata", str(at)), message)

@@ -12,6 +12,7 @@ import pytest
 
 from rise_engine.scenario.diagnostics import Diagnostics
 from rise_engine.session.disk import Disk
+from rise_engine.study import study_log
 from rise_engine.study.study_log import LOG_FILE, SET_ASIDE_FILE, LockedLog, StudyLogError, read_log
 
 BEGINNING = b'{"kind":"taken","at":"2026-11-21T14:15:03.000+01:00","slot":1,"participant":"P01"}\n'
@@ -117,6 +118,24 @@ def test_the_log_is_put_anew(tmp_path: Path) -> None:
         log.append("withdrawn", slot=1)
     assert [entry.kind for entry in read_log(tmp_path)] == ["taken", "taken", "withdrawn"]
     assert [path.name for path in tmp_path.iterdir()] == [LOG_FILE]
+
+
+def test_the_log_is_put_anew_while_another_one_opens_it(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Between opening and locking: the lock is then on a file that nobody reads any more."""
+    lock, before = study_log._try_lock, LockedLog(tmp_path)
+    before.__enter__()
+    before.append("planned")
+
+    def put_anew_first(descriptor: int) -> bool:
+        monkeypatch.setattr(study_log, "_try_lock", lock)
+        before.rewrite(before.entries())
+        before.__exit__(None, None, None)
+        return lock(descriptor)
+
+    monkeypatch.setattr(study_log, "_try_lock", put_anew_first)
+    with LockedLog(tmp_path) as log:
+        log.append("taken", slot=1)
+    assert [entry.kind for entry in read_log(tmp_path)] == ["planned", "taken"]
 
 
 def _append_many(folder: str, writer: int, rewrite_at: int) -> None:
