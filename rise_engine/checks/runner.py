@@ -104,7 +104,7 @@ def _look_at_participant(context: CheckContext, state: StudyState) -> Finding:
 
 
 def _look_at_scenario(context: CheckContext, state: StudyState) -> Finding:
-    return automatic.look_at_scenario(Path(context.scenario), state.study, state.log, context.robot)
+    return automatic.look_at_scenario(Path(context.scenario), state.study, state.log)
 
 
 _LookAtStudy: TypeAlias = Callable[[CheckContext, StudyState], Finding]
