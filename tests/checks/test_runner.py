@@ -262,3 +262,10 @@ def test_what_came_of_a_check_stands_in_the_log_of_the_study(tmp_path: Path) -> 
         "source": "wizard:anna", "participant": "P07", "run": 2, "purpose": "counted",
     }  # fmt: skip
     assert (second.get("when"), second.get("session")) == ("after", "2026_P07")
+
+
+def test_what_stays_good_for_others_is_nobodys(tmp_path: Path) -> None:
+    camera = StudyCheck("camera", run=("./calibrate",), valid=86_400.0)
+    append_checked(camera, context(study(tmp_path)), CheckReport(id="camera", result="passed"))
+    (entry,) = read_log(tmp_path)
+    assert "participant" not in entry.fields and "run" not in entry.fields

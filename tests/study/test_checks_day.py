@@ -82,8 +82,8 @@ def test_a_day(lab: Path) -> None:
     assert refused.returncode == 1
     assert refused.stderr.splitlines()[-5:] == [
         "error: lamp: nobody has confirmed “The lamp is on”",
-        "error: robot: the robot generic is only simulated, and the mode is real: no robot would move; name the real one "
-        "(`robot` in study.toml or scenario.toml)",
+        "error: robot: the robot generic is only simulated, and the mode is real: no robot would move; name the real "
+        "one (`robot` in study.toml or scenario.toml)",
         "when it is so, say --confirm lamp",
         "what cannot be mended now is left out with --skip-check robot=REASON",
         "nothing was started",
@@ -108,13 +108,13 @@ def test_a_day(lab: Path) -> None:
     ]
     assert checks[2]["reason"] == "the real one is being mended"
 
-    assert "Participant was debriefed (debrief) is not confirmed yet" in due(lab)
+    assert "P01: nobody has confirmed “Participant was debriefed” (check debrief, session 2" in due(lab)
     assert judge(lab, "P01", "complete", "--confirm", "debreif").exit_code == 1
     judged = judge(lab, "P01", "complete")
     assert judged.exit_code == 0 and "nobody has confirmed “Participant was debriefed”" in judged.output
     assert "Participant was debriefed" in due(lab)
     later = judge(lab, "P01", "complete", "--confirm", "debrief")
-    assert later.exit_code == 0 and "is not confirmed yet" not in due(lab)
+    assert later.exit_code == 0 and "nobody has confirmed" not in due(lab)
     checked = [(each.get("id"), each.get("result")) for each in read_log(lab) if each.kind == "checked"]
     assert checked.count(("robot", "failed")) == 1 and checked.count(("tracker", "passed")) == 1
     assert checked[-1] == ("debrief", "passed")
