@@ -348,4 +348,5 @@ class _Gathering:
     def _show(self, check: StudyCheck, outcome: CheckOutcome) -> None:
         is_harmless = outcome.result == "failed" and not (check.blocks and self._binding)
         mark = "warning" if is_harmless else _MARKS[outcome.result]
-        self._terminal.show(f"{mark:8} {outcome.id}: {clean(outcome.found or outcome.text)}")
+        found = outcome.reason if outcome.result == "skipped" else outcome.found
+        self._terminal.show(f"{mark:8} {outcome.id}: {clean(found or outcome.text)}")
