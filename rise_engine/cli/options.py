@@ -49,7 +49,7 @@ _SESSION_OPTIONS = (
     MODE,
     click.option("--participant", metavar="ID", default="", help="Who takes part; stands in the record."),
     click.option(
-        "--condition", metavar="NAME", default="", help="The session's condition; one of the study's, if it lists any."
+        "--condition", metavar="NAME", default="", help="One of the scenario's conditions: sets what that says."
     ),
     ROS,
     click.option(

@@ -26,6 +26,7 @@ from rise_engine.kernel.inputs import Note, SessionStarted
 from rise_engine.kernel.records import AnyRecord, TaskRecord
 from rise_engine.ports.bridge import Bridge
 from rise_engine.protocol.session_options import SessionOptions
+from rise_engine.protocol.session_start import first_input, start_remarks
 from rise_engine.scenario.model import Scenario
 from rise_engine.server.hub import END_SECONDS, SessionHub
 
@@ -79,14 +80,13 @@ class _HeadlessSession:
         self.options = options
         scenario = options.scenario
         robot = make_robot(scenario.robot, scenario.mode, clock, options.seed, options.session.faults, bridge)
+        self.started = options.started or first_input(scenario, options.session)
         self.engine = Engine(
             scenario,
             robot,
             clock,
             options.seed,
-            participant=options.session.participant,
-            condition=options.session.condition,
-            started=options.started,
+            started=self.started,
             sinks=(output, self._note_failed_task),
         )
         self.output = output
@@ -106,9 +106,9 @@ class _HeadlessSession:
             self._print_warning(task)
         engine.start()
         warning = simulated_robot_warning(self.options.scenario.robot, self.options.scenario.mode)
-        if warning is not None:
-            print_message(f"warning: {warning}")
-            engine.post(Note(text=warning))
+        for sentence in (*filter(None, [warning]), *start_remarks(self.options.scenario, self.started)):
+            print_message(f"warning: {sentence}")
+            engine.post(Note(text=sentence))
         for submit in self.options.session.first_tasks:
             engine.accept(submit)
         for task in self.options.script:

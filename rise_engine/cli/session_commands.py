@@ -30,9 +30,10 @@ from rise_engine.cli.study_session import rehearsed_session, study_session
 from rise_engine.engine.drivers import DriverError, RobotOptionsError
 from rise_engine.ports.bridge import BridgeError, RosConnection, RosTransport
 from rise_engine.protocol.session_options import SessionOptions
+from rise_engine.protocol.session_start import start_problems
 from rise_engine.scenario.model import Scenario
-from rise_engine.scenario.study import condition_problem
 from rise_engine.server.process import serve as serve_session
+from rise_engine.session.levels import LEVELS, ExportLevel
 
 LATEST = 30 * 86_400.0
 """Seconds: the latest --until."""
@@ -102,8 +103,8 @@ def run(
     try:
         scenario = _load_or_exit(options)
         options = replace(options, first_tasks=tasks_at_start(scenario, settings, rules, acts))
-        if started is None and (problem := condition_problem(scenario, options.condition)):
-            raise UnusableArgument(f"error: --condition: {problem}")
+        if started is None and (problems := start_problems(scenario, options)):
+            raise UnusableArgument("\n".join(f"error: {problem}" for problem in problems))
         script, stream = read_tasks_option(tasks, virtual=virtual)
         run_options = RunOptions(
             scenario, options, script, stream, virtual, until=end, json=as_json, strict=strict, started=started
@@ -287,14 +288,24 @@ def replay_session(session: str, scenario: str | None, as_json: bool, speed: str
 @SESSION
 @click.option("--format", type=click.Choice(["csv", "jsonl"]), required=True, help="A table, or one JSON per record.")
 @click.option("-o", "--output", metavar="FILE", type=click.Path(), help="A new file. Default: standard output.")
-def export(session: str, format: Literal["csv", "jsonl"], output: str | None) -> None:
+@click.option(
+    "--level",
+    type=click.Choice(LEVELS),
+    default="full",
+    show_default=True,
+    help="How much is told. shared: for other researchers; public: for everybody.",
+)
+@click.option("--private", metavar="KEY", multiple=True, help="A memory key that is private, too. Repeatable.")
+def export(
+    session: str, format: Literal["csv", "jsonl"], output: str | None, level: ExportLevel, private: tuple[str, ...]
+) -> None:
     """Write the records of SESSION, for analysis. Also of one that is running, torn or damaged.
 
     SESSION is a session's folder, or its name in the sessions folder ($RISE_SESSIONS, or ~/rise-sessions).
 
     Exit status: 0; 1 when something could not be read, and the rest was exported; 2 when nothing was.
     """
-    sys.exit(export_report(session, format, output))
+    sys.exit(export_report(session, format, output, level, private))
 
 
 COMMANDS = {"export": export, "replay": replay_session, "run": run, "serve": serve, "sessions": sessions, "stop": stop}

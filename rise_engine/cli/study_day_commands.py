@@ -19,21 +19,21 @@ from rise_engine.cli.study_checks import (
     read_check_options,
 )
 from rise_engine.cli.study_report import next_json, next_lines, status_json, status_lines
+from rise_engine.cli.study_reports import resolve_study_folder
 from rise_engine.cli.terminal import write_json
 from rise_engine.kernel.records import OutcomeStatus
 from rise_engine.study.judge import CannotJudge, exclude_participant, judge_session, session_to_judge
 from rise_engine.study.state import OpenStudy, StudyUnusable, read_state
 from rise_engine.study.study_log import StudyLogError
-from rise_engine.study.study_toml import STUDY_FILE
 
 _STUDY = click.argument("study", metavar="STUDY", type=click.Path())
+_STUDY_OR_HERE = click.argument("study", metavar="STUDY", default=".", type=click.Path())
 
 
 def _carry_out(action: Callable[[Path], int], study: str) -> int:
     """Do something with a study's folder; the exit status, after sentences about what went wrong."""
-    path = Path(study)
     try:
-        return action((path.parent if path.name == STUDY_FILE else path).absolute())
+        return action(resolve_study_folder(study).absolute())
     except StudyUnusable as error:
         lines, code = error.lines, exit_status.REFUSED
     except ChecksRefused as error:
@@ -48,10 +48,10 @@ def _carry_out(action: Callable[[Path], int], study: str) -> int:
 
 
 @click.command("status")
-@_STUDY
+@_STUDY_OR_HERE
 @JSON
 def status(study: str, as_json: bool) -> None:
-    """Say how STUDY stands: the participants, the cells of the plan, who is next, and what somebody must do.
+    """Say how STUDY (this folder, if none is given) stands: participants, cells, who is next, what somebody must do.
 
     Nothing is written. Exit status: 0; 1 when a file of the study has errors.
     """
@@ -68,10 +68,10 @@ def status(study: str, as_json: bool) -> None:
 
 
 @click.command("next")
-@_STUDY
+@_STUDY_OR_HERE
 @JSON
 def next_participant(study: str, as_json: bool) -> None:
-    """Say who of STUDY is next, and with which command their session begins.
+    """Say who of STUDY (this folder, if none is given) is next, and with which command their session begins.
 
     Exit status: 0; 1 when nobody can begin, or a file of the study has errors.
     """
@@ -146,6 +146,3 @@ def outcome(
         return exit_status.OK
 
     sys.exit(_carry_out(carry_out, study))
-
-
-DAY_COMMANDS = (status, next_participant, exclude, outcome)

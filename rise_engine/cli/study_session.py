@@ -14,13 +14,13 @@ from rise_engine import exit_status
 from rise_engine.checks import CheckContext
 from rise_engine.cli.arguments import exit_with_usage
 from rise_engine.cli.study_checks import CheckOptions, ChecksRefused, gather_check_reports
+from rise_engine.cli.study_reports import resolve_study_folder
 from rise_engine.kernel.inputs import CheckReport, SessionStarted
 from rise_engine.kernel.records import Purpose
 from rise_engine.protocol.session_options import SessionOptions
 from rise_engine.study.begin import BeginRequest, CannotBegin, SessionPlan, plan_session
 from rise_engine.study.state import StudyState, StudyUnusable, read_state
 from rise_engine.study.study_log import StudyLogError
-from rise_engine.study.study_toml import STUDY_FILE
 from rise_engine.text import clean
 
 
@@ -47,12 +47,13 @@ def study_session(
     if pilot and training:
         exit_with_usage("say either --pilot or --training")
     purpose: Purpose = "pilot" if pilot else "training" if training else "counted"
-    where = _study_folder(study)
+    where = resolve_study_folder(study).absolute()
     options = replace(options, study=str(where), run=run, purpose=purpose)
-    if options.unfinished not in ("ask", "new"):
+    state = _read_or_exit(where)
+    recovers = state.state_of(options.participant) == "unfinished" or purpose != "counted"
+    if options.unfinished not in ("ask", "new") and (recovers or options.unfinished != "recover"):
         return options
     # What can be known before the checks is said before somebody makes them.
-    state = _read_or_exit(where)
     plan = _plan_or_exit(state, options, may_be_unfinished=True)
     if plan is None:
         return options
@@ -93,21 +94,13 @@ def rehearsed_session(
         exit_with_usage(
             "`run` keeps nothing, so it is always in debug mode with --study; for a real one: serve --study"
         )
-    state = _read_or_exit(_study_folder(study))
+    state = _read_or_exit(resolve_study_folder(study).absolute())
     seed = options.seed
     plan = _plan_or_exit(state, replace(options, mode="debug", run=run, seed=None))
     assert plan is not None
     robot = options.robot or state.study.robot or None
     scenario, chosen = plan.run.scenario, plan.seed if seed is None else seed
     return replace(options, folder=scenario, mode="debug", robot=robot, seed=chosen), plan.first_input(state.study)
-
-
-def _study_folder(study: str) -> Path:
-    path = Path(study)
-    path = path.parent if path.name == STUDY_FILE else path
-    if not (path / STUDY_FILE).is_file():
-        exit_with_usage(f"{study} is no study: there is no {STUDY_FILE} in it")
-    return path.absolute()
 
 
 def _read_or_exit(folder: Path) -> StudyState:

@@ -16,6 +16,7 @@ import logging
 import platform
 from collections import deque
 from collections.abc import Callable, Iterable
+from datetime import datetime
 from typing import TypeAlias
 
 from msgspec import Struct
@@ -139,6 +140,7 @@ class Engine:
         self.on_journal_status: Callable[[JournalStatus], object] | None = None
         """Called when that has changed."""
         self._timers_left = recovered.timers if recovered is not None else {}
+        self._wall_before = recovered.last_wall if recovered is not None else ""
         self._commands = CommandRunner(robot, scenario, clock, self.post)
         self._kernel = recovered.kernel if recovered is not None else Kernel(scenario, seed)
         self._journal = journal
@@ -176,7 +178,8 @@ class Engine:
             self._commands.connect()
         finally:
             self._stepping = False
-        self.accept(SessionRecovered(versions=versions(), reason="its engine had gone"))
+        downtime = _seconds_between(self._wall_before, self.clock.wall_label(self._t))
+        self.accept(SessionRecovered(versions=versions(), reason="its engine had gone", downtime=downtime))
 
     def end(self, reason: str = "", *, stop: bool | None = None) -> None:
         """Begin to end the session: stop the robot, then the last record. Nothing happens when it is ending already.
@@ -448,6 +451,15 @@ def _reply_for(input: AnyInput, records: list[AnyRecord]) -> Reply:
         return Reply(True)
     task = next(record for record in records if isinstance(record, TaskRecord))
     return Reply(task.status != "REJECTED", task.reason, task.id)
+
+
+def _seconds_between(before: str, now: str) -> float | None:
+    """Seconds between two wall-clock labels, not below 0: somebody may have set the clock. None when one is none."""
+    try:
+        between = datetime.fromisoformat(now) - datetime.fromisoformat(before)
+    except (ValueError, TypeError):
+        return None
+    return round(max(0.0, between.total_seconds()), 3)
 
 
 def _stop_sentence(report: StopReport) -> str:

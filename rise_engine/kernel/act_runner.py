@@ -173,13 +173,21 @@ class ActRunner:
             return
         if self._core.scenario.robot.actions[state.type].engine:
             return  # a wait was never given to the robot
-        if status in ("accepted", "succeeded") and run.task.robot_at is None:
-            run.task.robot_at = self._core.t
+        if status in ("accepted", "succeeded") and run.task.voice_at is None:
+            self._note_confirmation(run.task, state)
         if status == "accepted":
             self._record(run, id, "accepted")
         else:
             self._end_action(run, id, status, reason)
             self._advance(run)
+
+    def _note_confirmation(self, task: Task, state: ActionRun) -> None:
+        """The robot has begun with an action, at the latest now: perhaps the first of the act, or the first that is
+        to be heard."""
+        if task.robot_at is None:
+            task.robot_at = self._core.t
+        if SPEECH_CHANNEL in self._core.scenario.robot.actions[state.sent_as or state.type].channels:
+            task.voice_at = self._core.t
 
     def timer_elapsed(self, target: TimerTarget) -> None:
         """A wait is over, or an action or its cancel took too long."""

@@ -71,6 +71,8 @@ class Task(Struct):
     accepted_at: float = 0.0
     started_at: float | None = None
     robot_at: float | None = None
+    voice_at: float | None = None
+    filler: bool = False
     attempt: int = 1
     """Of an act that was repeated after a failure: the how-manieth time this is."""
     first: int = 0

@@ -120,6 +120,8 @@ class SessionRecovered(Input, frozen=True, tag="session_recovered", kw_only=True
 
     versions: dict[str, str] = {}
     reason: str = ""
+    downtime: float | None = None
+    """Seconds by the wall clock since the last line that is known of the engine before; null: not known."""
 
 
 ControlStatus: TypeAlias = Literal["taken", "asked", "given", "released"]

@@ -315,7 +315,7 @@ class Kernel:
 
     def _resume_session(self, input: SessionRecovered) -> None:
         """Rules and timers go on, the latch holds; nothing that the robot was doing is done again by itself."""
-        self._record_session("recovered", input.versions, input.reason)
+        self._record_session("recovered", input.versions, input.reason, input.downtime)
         runner = self.scheduler.runner
         runner.restarted = True
         runner.lose_running("the engine was restarted while it ran")
@@ -325,7 +325,11 @@ class Kernel:
             self.stop.ask_robot()
 
     def _record_session(
-        self, status: Literal["started", "recovered", "ended"], versions: dict[str, str], reason: str = ""
+        self,
+        status: Literal["started", "recovered", "ended"],
+        versions: dict[str, str],
+        reason: str = "",
+        downtime: float | None = None,
     ) -> None:
         scenario, begun = self.scenario, self.begun
         self.core.emit(
@@ -347,4 +351,5 @@ class Kernel:
             attempt=begun.attempt,
             purpose=begun.purpose,
             factors=begun.factors,
+            downtime=downtime,
         )

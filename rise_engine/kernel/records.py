@@ -67,6 +67,8 @@ class SessionRecord(Record, tag="session", kw_only=True):
     purpose: Purpose | Literal[""] = ""
     factors: dict[str, Any] = field(default_factory=dict)
     """What the condition is made of: the level of each factor."""
+    downtime: float | None = None
+    """recovered: seconds by the wall clock since the last line that was known before; null: not known."""
 
 
 class TaskRecord(Record, tag="task"):
@@ -226,6 +228,12 @@ class TimingRecord(Record, tag="timing"):
     robot_at: float | None
     """The robot confirmed its first action."""
     ended_at: float
+    source: str = ""
+    """Who asked for it."""
+    filler: bool = False
+    """It bridged the time of a cue: a `CueRecord` says `filled` of this task."""
+    voice_at: float | None = None
+    """The robot first confirmed an action of it that takes the voice. The first sound comes later."""
 
 
 class CountdownRecord(Record, tag="countdown"):

@@ -152,6 +152,9 @@ class Scheduler:
             started_at=task.started_at,
             robot_at=task.robot_at,
             ended_at=core.t,
+            source=task.source,
+            filler=task.filler,
+            voice_at=task.voice_at,
         )
         if status == "ABORTED" and self._failures.holds(task, reason, by_itself=self.runner.can_start):
             self._wizard.forget_failure(task)

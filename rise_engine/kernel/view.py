@@ -62,6 +62,8 @@ class ActionView(Struct, gc=False):
     ended: float | None = None
     reason: str = ""
     sent_as: str | None = None
+    confirmed: float | None = None
+    """When the robot first said that it does it, or has done it."""
 
 
 class TaskView(Struct, gc=False):
@@ -83,9 +85,12 @@ class TaskView(Struct, gc=False):
     mark: str = ""
     """What a wizard says was wrong about it: wrong, late, early or double."""
     cue_at: float | None = None
-    """Once an act has ended: the cue that it answers, the key for it, and when the robot had taken its first action."""
+    """Once an act has ended: the cue that it answers, the key for it, when the robot had taken its first action, and
+    its first one that is to be heard; and whether it only bridged the time of a cue."""
     key_at: float | None = None
     robot_at: float | None = None
+    voice_at: float | None = None
+    filler: bool = False
 
 
 class ActView(Struct):
@@ -177,6 +182,8 @@ class CueView(Struct):
     """When the latest filler after it started."""
     answered: float | None = None
     """When the first act after it started that was no filler."""
+    task: int | None = None
+    """That act's task. It may be a while until the robot speaks."""
 
 
 class StoodView(Struct):
@@ -310,6 +317,7 @@ class SessionView(Struct):
             case TimingRecord():
                 if (timed := self.tasks.get(record.task)) is not None:
                     timed.cue_at, timed.key_at, timed.robot_at = record.cue_at, record.key_at, record.robot_at
+                    timed.voice_at, timed.filler = record.voice_at, record.filler
             case FailureRecord():
                 self._apply_question(record)
             case ControlRecord(status="asked"):
@@ -365,7 +373,7 @@ class SessionView(Struct):
         if record.status == "marked":
             self.cue = CueView(record.t, record.source)
         elif self.cue is not None and record.status == "answered":
-            self.cue.answered = record.t
+            self.cue.answered, self.cue.task = record.t, record.task
         elif record.status == "undone":
             self.cue = None
         elif self.cue is not None:
@@ -451,6 +459,8 @@ class SessionView(Struct):
             action = ActionView(record.action, record.type, record.parameters, record.status, record.t)
             task.actions[record.action] = action
         action.status, action.reason, action.sent_as = record.status, record.reason, record.sent_as
+        if action.confirmed is None and record.status in ("accepted", "succeeded"):
+            action.confirmed = record.t
         if record.status in ENDINGS:
             action.ended = record.t
 

@@ -63,7 +63,7 @@ class WizardMarks:
         self.cancel_filler()
         if core.open_cue_at is None:
             return
-        filler = self._is_filler(task)
+        task.filler = filler = self._is_filler(task)
         since = round(core.t - core.open_cue_at, 6)
         core.emit(CueRecord, "filled" if filler else "answered", task.source, task=task.id, since=since)
         if not filler:

@@ -30,9 +30,11 @@ class SessionOptions(Struct, frozen=True):
     participant: str = ""
     """Who takes part, as the record is to name them."""
     condition: str = ""
-    """One of the scenario's `[study] conditions`, where it lists any."""
+    """One of the scenario's conditions, whose memory values the session begins with; empty: none."""
     wizard: str = ""
     """Who begins it, for the session's folder."""
+    login: str = ""
+    """Whose account it is: who begins it when nobody is named, in debug mode only."""
     first_tasks: tuple[Submit, ...] = ()
     """Submitted at the beginning of a new session."""
     socket_name: str | None = None

@@ -13,6 +13,8 @@ from rise_engine.nearest_name import did_you_mean
 from rise_engine.scenario.diagnostics import Diagnostics
 from rise_engine.scenario.draft import ConditionValue, Mention, ScenarioDraft
 from rise_engine.scenario.model import SESSION, Condition, Json
+from rise_engine.scenario.source_files import SourceFile
+from rise_engine.scenario.toml_locations import TomlFile
 from rise_engine.scenario.toml_tables import TomlTable, is_integer, quote_toml_key
 
 MAX_PARTICIPANTS = 1_000_000
@@ -65,21 +67,35 @@ def read_conditions(
     :param draft: gets the values that they set.
     """
     found = {name: _read_condition(table, name, draft) for name in table.values}
+    shown: dict[str, str] = {}
+    for name, condition in found.items():
+        label = condition.label or name
+        if (first := shown.setdefault(label, name)) != name:
+            message = f"screens would show the conditions `{first}` and `{name}` as the same, `{label}`"
+            table.report_key("duplicate-name", message, name)
     for index, name in enumerate(listed):
         if name in found:
             continue
         location = study.value_location("conditions", str(index))
         if found:
             near = did_you_mean(name, found)
-            message = f"the condition `{name}` has no table: {how_to_write(name)}{near}"
+            message = f"the condition `{name}` has no table; {how_to_write(name)}{near}"
             study.diagnostics.error("unknown-name", location, message)
         else:  # as scenarios were written before conditions had tables: they are still read, replayed and exported
-            message = f"the condition `{name}` is a label, and no session can begin in it: {how_to_write(name)}"
+            message = f"the condition `{name}` is only a name, and no session can begin in it; {how_to_write(name)}"
             study.diagnostics.warning("bare-condition", location, message)
     for name in found.keys() - set(listed) if listed else ():
         message = f"`conditions` of [study] does not list `{name}`{did_you_mean(name, listed)}"
         table.report_key("unknown-name", message, name)
     return {name: found[name] for name in (listed or found) if name in found}
+
+
+def conditions_in(values: dict[str, Any]) -> dict[str, Condition]:
+    """The conditions of a scenario.toml that has been read as TOML, as far as they are right; nothing is checked."""
+    file, draft, diagnostics = TomlFile(SourceFile("", b"", ""), values), ScenarioDraft(), Diagnostics()
+    table = TomlTable(file, (), values, diagnostics)
+    study = table.section("study")
+    return read_conditions(table.section("conditions"), study, read_study(study).get("conditions", []), draft)
 
 
 def _read_condition(table: TomlTable, name: str, draft: ScenarioDraft) -> Condition:
@@ -97,7 +113,7 @@ def _read_condition(table: TomlTable, name: str, draft: ScenarioDraft) -> Condit
         message = f"the condition `{name}` sets something, so it is not `label_only`; leave one of both out"
         inner.report_key("wrong-value", message, "label_only")
     elif not label_only and not values and memory is not None:
-        message = f"the condition `{name}` sets nothing: {how_to_write(name)}"
+        message = f"the condition `{name}` sets nothing; {how_to_write(name)}"
         inner.report_key("missing-value", message, *(["memory"] if "memory" in inner.values else []))
     for key, value in values.items():
         locate = partial(inner.key_location, "memory", key)

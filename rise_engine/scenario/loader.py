@@ -28,6 +28,7 @@ from rise_engine.scenario.model import LexiconTable, RobotProfile, Scenario, Sou
 from rise_engine.scenario.robot_profiles import DEFAULT_ROBOT, read_robot, robot_names
 from rise_engine.scenario.rules import read_rules
 from rise_engine.scenario.scenario_toml import ScenarioSettings
+from rise_engine.scenario.session_keys import factors_read
 from rise_engine.scenario.shipped_studies import shipped_hint
 from rise_engine.scenario.source_files import MAX_TOML_BYTES, FileReader, SourceFile
 from rise_engine.scenario.suppressions import (
@@ -174,6 +175,7 @@ class _Loader:
             paths=paths,
             known_keys=frozenset(draft.settable_keys),
             reads_session=bool(draft.session_keys),
+            factors_read=factors_read(draft),
             topics=frozenset(mention.name for mention in draft.awaited_topics),
             hash=_hash(files, profile.name),
         )

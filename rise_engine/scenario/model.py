@@ -434,6 +434,8 @@ class Scenario(Struct, frozen=True):
     """Memory keys that the start values or anything in the scenario can set."""
     reads_session: bool = False
     """Whether anything reads what the engine keeps under `session` (semantics.md 7.2)."""
+    factors_read: frozenset[str] = frozenset()
+    """Factors of a study that something in the scenario reads: `pace`, for `session.factors.pace`."""
     topics: frozenset[str] = frozenset()
     """Event topics (without slash) that some transition waits for."""
     hash: str = ""

@@ -43,6 +43,15 @@ def add_session_keys(draft: ScenarioDraft, diagnostics: Diagnostics) -> None:
         diagnostics.warning("own-session", known.locate(), message)
 
 
+def factors_read(draft: ScenarioDraft) -> frozenset[str]:
+    """The names of the study's factors that anything asks for and that has no fallback: `pace` of
+    `session.factors.pace`."""
+    if not draft.session_keys:
+        return frozenset()
+    paths = (mention.name.split(".") for mention in (*draft.key_reads, *draft.bare_words, *draft.bare_keys))
+    return frozenset(path[2] for path in paths if path[:2] == [SESSION, "factors"] and len(path) > 2)
+
+
 def session_problem(draft: ScenarioDraft, key: str) -> str:
     """What to say of a part of the session that there is not; empty for other keys."""
     head, _, part = key.partition(".")

@@ -22,9 +22,9 @@ from rise_engine.ports.bridge import Bridge, BridgeError, RosConnection
 from rise_engine.ports.robot import Robot
 from rise_engine.protocol.registry import RegistryError, SessionLock, acquire_lock, session_name
 from rise_engine.protocol.session_options import SessionOptions
+from rise_engine.protocol.session_start import first_input, start_problems
 from rise_engine.scenario import load
 from rise_engine.scenario.model import Scenario
-from rise_engine.scenario.study import condition_problem
 from rise_engine.server.hub import SessionHub
 from rise_engine.server.refusal import ServeRefused as ServeRefused
 from rise_engine.server.spawn import ReportStartup, StartupProgress
@@ -44,6 +44,7 @@ from rise_engine.session.folder import (
 )
 from rise_engine.session.journal import Journal
 from rise_engine.session.lock import JournalLock, JournalLockedError, one_at_a_time, running_message
+from rise_engine.session.pseudonyms import pseudonym_problem
 from rise_engine.session.recovery import RecoveredSession, recover
 from rise_engine.study.study_log import StudyLogError
 
@@ -61,9 +62,9 @@ class SessionPreparation:
         self.options = options = _with_study_of_session(options)
         self.study = StudyPreparation(options) if options.study else None
         """Of a session of a study."""
+        self.recovered: RecoveredSession | None = None
         self.started = SessionStarted()
         """The first input of a new session."""
-        self.recovered: RecoveredSession | None = None
         self.lock: JournalLock | None = None
         """Of the journal of a session that goes on, until that is open."""
         self.name = options.socket_name or session_name(Path(options.study or options.folder))
@@ -158,12 +159,14 @@ class SessionPreparation:
         if loaded.scenario is None:
             raise ServeRefused(exit_status.REFUSED, *map(str, loaded.diagnostics))
         self.scenario: Scenario = loaded.scenario
+        if self.scenario.mode == "real" and (problem := pseudonym_problem(options.participant)):
+            raise ServeRefused(exit_status.USAGE, f"error: {problem}")
         if self.study is not None:
             self.started = self.study.first_input()
-        elif problem := condition_problem(self.scenario, options.condition):
-            raise ServeRefused(exit_status.USAGE, f"error: {problem}")
+        elif problems := start_problems(self.scenario, options):
+            raise ServeRefused(exit_status.USAGE, *(f"error: {problem}" for problem in problems))
         else:
-            self.started = SessionStarted(participant=options.participant, condition=options.condition)
+            self.started = first_input(self.scenario, options)
         self.seed = seed if seed is not None else SystemRandom().randrange(2**31)
         self.speed, self.faults, self.ros = options.speed, options.faults, options.ros
         self._files = loaded.files
@@ -218,7 +221,7 @@ class SessionPreparation:
             connection=self.ros,
             versions=versions(),
             begun=self.started,
-            wizard=self.options.wizard,
+            wizard=self.options.wizard or (self.options.login if self.scenario.mode == "debug" else ""),
         )
 
     def _recover(self, folder: Path, report: ReportStartup) -> None:

@@ -22,6 +22,7 @@ from rise_engine.kernel.inputs import Note
 from rise_engine.ports.bridge import Bridge
 from rise_engine.ports.robot import Robot
 from rise_engine.protocol.session_options import SessionOptions
+from rise_engine.protocol.session_start import start_remarks
 from rise_engine.server.hub import END_SECONDS, SessionHub
 from rise_engine.server.preparation import ServeRefused, SessionPreparation
 from rise_engine.server.server import SessionServer
@@ -156,8 +157,8 @@ class _SessionProcess:
         for report in self.prepared.options.checks:
             engine.post(report)
         warning = simulated_robot_warning(engine.scenario.robot, engine.scenario.mode)
-        if warning is not None:
-            engine.post(Note(text=warning))
+        for sentence in (*filter(None, [warning]), *start_remarks(engine.scenario, self.prepared.started)):
+            engine.post(Note(text=sentence))
         for submit in self.prepared.options.first_tasks:
             engine.post(submit)
 

@@ -34,9 +34,10 @@ from rise_engine.ports.bridge import RosConnection, RosTransport
 from rise_engine.scenario import load
 from rise_engine.scenario.file_names import DEFAULT_PATHS
 from rise_engine.scenario.model import Scenario
+from rise_engine.session.disk import make_private_folder, write_private_file
 from rise_engine.session.errors import SessionError as SessionError
 from rise_engine.session.journal_format import FORMAT
-from rise_engine.session.lock import LockHolder, is_journal_locked, read_holder, user_name
+from rise_engine.session.lock import LockHolder, forget_holder, is_journal_locked, read_holder, user_name
 from rise_engine.text import escape_all_surrogates, restore_all_surrogates
 
 _ANY_CONNECTION = RosConnection()
@@ -137,13 +138,14 @@ def create_session(
     """
     started = datetime.now().astimezone()
     begun = begun or SessionStarted(participant=participant, condition=condition)
+    real = scenario.mode == "real"  # what is about people who run it stays out of what is about participants
     info = SessionInfo(
         title=scenario.title,
         mode=scenario.mode,
         robot=scenario.robot.name,
         seed=seed,
         scenario_hash=scenario.hash,
-        scenario_folder=scenario.folder,
+        scenario_folder=_without_home(scenario.folder) if real else scenario.folder,
         started=started.isoformat(timespec="milliseconds"),
         speed=speed,
         faults=faults,
@@ -160,7 +162,7 @@ def create_session(
         purpose=begun.purpose,
         factors=dict(begun.factors),
         versions=dict(versions),
-        machine={"host": platform.node(), "system": platform.platform(), "user": user_name()},
+        machine={"system": platform.platform()} if real else _machine(),
     )
     name = _folder_name(started, begun, scenario)
     try:
@@ -168,8 +170,8 @@ def create_session(
         folder = _make_folder(root, name)
         for relative_path, data in files.items():
             path = folder / SCENARIO_COPY / relative_path
-            path.parent.mkdir(0o700, parents=True, exist_ok=True)
-            path.write_bytes(data)
+            make_private_folder(path.parent)
+            write_private_file(path, data)
         (folder / SCENARIO_COPY).mkdir(0o700, exist_ok=True)
         _write_info(folder / INFO, info)
     except OSError as error:
@@ -189,7 +191,8 @@ def read_info(folder: Path) -> SessionInfo:
                 f"{path} was written by a newer version (format {found}; this one reads up to format {FORMAT}): "
                 "install that version"
             )
-        return msgspec.convert(restore_all_surrogates(values), SessionInfo)
+        info = msgspec.convert(restore_all_surrogates(values), SessionInfo)
+        return replace(info, scenario_folder=os.path.expanduser(info.scenario_folder))  # noqa: PTH111  # it may be empty
     except FileNotFoundError:
         raise SessionError(f"{folder} is no session: it has no {INFO}") from None
     except (OSError, ValueError, msgspec.ValidationError) as error:
@@ -323,7 +326,8 @@ def has_begun(folder: Path) -> bool:
 
 def mark_abandoned(folder: Path) -> None:
     """Nobody is asked again whether an unfinished session is to be recovered. It can still be, by name."""
-    (folder / _ABANDONED).touch()
+    (folder / _ABANDONED).touch(0o600)
+    forget_holder(folder)
 
 
 def is_abandoned(folder: Path) -> bool:
@@ -361,11 +365,18 @@ def _ascii_name(text: str) -> str:
 def _write_info(path: Path, info: SessionInfo) -> None:
     """Whole or not at all: whoever looks at a study believes it."""
     new = path.with_name(f"{path.name}.new")
-    with new.open("w", encoding="utf-8") as file:
-        file.write(_info_toml(info))
-        file.flush()
-        os.fsync(file.fileno())
+    write_private_file(new, _info_toml(info).encode("utf-8"))
     new.replace(path)
+
+
+def _machine() -> dict[str, str]:
+    return {"host": platform.node(), "system": platform.platform(), "user": user_name()}
+
+
+def _without_home(folder: str) -> str:
+    """A path in which the login of its owner does not stand, as far as that is their home; `read_info` undoes it."""
+    home = str(Path.home())
+    return f"~{folder[len(home) :]}" if home != "/" and folder.startswith(f"{home}/") else folder
 
 
 def _info_toml(info: SessionInfo) -> str:

@@ -1,6 +1,6 @@
 """The lines of a journal: a header, then for each step the input and its records, each line with a check sum.
 
-    {"journal":1,"program":"rise-tui 0.2.0","crc":"0f3a..."}
+    {"journal":2,"program":"rise-tui 0.2.0","crc":"0f3a..."}
     {"n":1,"input":"session_started","t":0.0,...,"crc":"..."}
     {"kind":"session","seq":1,"t":0.0,"wall":"...",...,"crc":"..."}
 
@@ -22,8 +22,14 @@ from rise_engine.json_codec import encode
 from rise_engine.kernel.inputs import AnyInput
 from rise_engine.kernel.records import AnyRecord
 
-FORMAT = 1
-"""Goes up when older programs could not read what is written."""
+FORMAT = 2
+"""Goes up when older programs could not read what is written. 2: sessions of studies, with what is reported about them
+(`check`, `outcome`, `recording`, `sync`); as early as 1 there were kinds that its first programs do not know."""
+_FIELDS_OF_FORMAT_2 = {
+    "session": frozenset({"study", "study_hash", "slot", "run", "attempt", "purpose", "factors", "downtime"}),
+    "timing": frozenset({"source", "filler", "voice_at"}),
+}
+"""By the kind of record."""
 
 
 class JournalHeader(Struct, frozen=True):
@@ -59,9 +65,9 @@ class NewerFormatError(LineError):
     """A newer program wrote this."""
 
 
-def encode_header(program: str) -> bytes:
+def encode_header(program: str, format: int = FORMAT) -> bytes:
     """The first line, with its line end. `program`: name and version of who writes the journal."""
-    return with_checksum(msgspec.json.encode(JournalHeader(FORMAT, program)))
+    return with_checksum(msgspec.json.encode(JournalHeader(format, program)))
 
 
 def encode_input(number: int, input: AnyInput) -> bytes:
@@ -78,6 +84,15 @@ def encode_record(record: AnyRecord) -> bytes:
     Half characters, which no output can hold, are written as `\\udcff`.
     """
     return encode(record)
+
+
+def fields_left_out(line: bytes, kind: str, format: int) -> frozenset[str]:
+    """The fields of a record that its line in a journal of this format does not have because its program knew none.
+
+    Also an older journal can have them: a newer program goes on with the session.
+    """
+    new = _FIELDS_OF_FORMAT_2.get(kind) if format < 2 else None
+    return new - set(msgspec.json.decode(line)) if new else frozenset()
 
 
 def with_checksum(encoded: bytes) -> bytes:

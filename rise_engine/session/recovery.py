@@ -49,6 +49,8 @@ class RecoveredSession(Struct):
     """Records of the last input that are not in the journal: what to append first."""
     report: list[str]
     """What was found and done, in sentences for a person."""
+    last_wall: str = ""
+    """The wall-clock label of the last record that is known; empty: none is."""
 
 
 def recover(
@@ -123,6 +125,7 @@ def _recover(folder: Path, disk: Disk, lock: JournalLock, on_progress: ProgressC
         inputs=contents.inputs,
         size=size,
         unwritten_lines=b"".join(with_checksum(encode_record(record)) for record in replay.unwritten),
+        last_wall=contents.last_record.wall if contents.last_record is not None else "",
         report=[text if text.endswith(".") else f"{text[:1].upper()}{text[1:]}." for text in report],
     )
 
@@ -178,7 +181,7 @@ def _intact_lines(
     """The journal without damage: valid lines as they are, the others made again."""
     if contents.header is None:
         program = " ".join(("rise-tui", info.versions.get("rise-tui", ""))).strip()
-        yield encode_header(program)
+        yield encode_header(program, info.format)
     else:
         with contents.path.open("rb") as file:
             yield file.readline()

@@ -31,7 +31,7 @@ from rise_engine.session.journal_format import InputLine, JournalHeader, encode_
 from rise_engine.session.journal_reader import JournalContents, read_journal
 from rise_engine.session.lock import HOLDER_FILE, JournalLock
 from rise_engine.session.replay import Replay, compare_replay, load_session_scenario, require_inputs
-from rise_engine.session.words import WordError, Words
+from rise_engine.words import WordError, Words
 
 NEW_SUFFIX = ".redacting"
 """Of the new files, until they are put in place. They hold none of the words."""
@@ -41,7 +41,8 @@ _FIXED_FIELDS = frozenset({"input", "n", "t", "versions", "study_hash", "purpose
 """Of inputs: what the program says, not people."""
 _OWN_SOURCES = frozenset({"engine", "file", "study", "condition"})
 _REDACTED_LINE = re.compile(r"^redacted = \[(.*)\]$")
-_INFO_FIELDS = frozenset({"participant", "condition", "wizard", "scenario_folder", "ros_args", "redacted"})
+_BY = re.compile(r'(?<=by = )"(?:[^"\\]|\\.)*"')
+_INFO_FIELDS = frozenset({"participant", "condition", "wizard", "scenario_folder", "ros_args"})
 """Of session.toml: what is people's. The title and the robot are the scenario's, which is not changed."""
 _INFO_TABLES = frozenset({"[machine]", "[factors]", "[memory]"})
 BLOCK = 1_000_000
@@ -240,8 +241,8 @@ class _Redaction:
             comparison = compare_replay(self._folder)
             if not comparison.identical:
                 return RedactionRefused(
-                    f"the session does not replay as it is, with this version of the program ({comparison.difference}); "
-                    "redact it with the version that wrote it. Nothing was changed"
+                    "the session does not replay as it is, with this version of the program "
+                    f"({comparison.difference}); redact it with the version that wrote it. Nothing was changed"
                 )
         sentence = f"{JOURNAL}:{line}: without the words {what}: they decide what happened, so the session would not "
         sentence += "replay. Nothing was changed"
@@ -271,6 +272,8 @@ class _Redaction:
             key = line.partition(" =")[0]
             theirs = line.startswith("#") or (table in _INFO_TABLES if table else key in _INFO_FIELDS)
             new = self._words.replace(line) if theirs else line
+            if _REDACTED_LINE.match(line):
+                new = _BY.sub(lambda found: self._words.replace(found[0]), line)
             self._report.info_lines += new != line
             lines.append(new)
         if not self._report.lines and not self._report.info_lines:
@@ -333,7 +336,7 @@ class _Redaction:
 
 
 def find_words(folder: Path, words: Words) -> list[str]:
-    """Where the words stand in a session's folder, its name included, in sentences: file, line, and whose text it is."""
+    """Where the words stand in a session's folder, its name included, in sentences: file, lines, whose text it is."""
     found = []
     if words.find(folder.name):
         found.append(f"the folder's own name ({folder.name}): rename the folder")

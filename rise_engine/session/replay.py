@@ -21,7 +21,7 @@ from rise_engine.kernel.records import AnyRecord
 from rise_engine.scenario import load
 from rise_engine.scenario.model import Scenario
 from rise_engine.session.folder import JOURNAL, SessionError, SessionInfo, load_scenario_copy, read_info
-from rise_engine.session.journal_format import InputLine, JournalHeader, encode_record
+from rise_engine.session.journal_format import InputLine, JournalHeader, encode_record, fields_left_out
 from rise_engine.session.journal_reader import JournalContents, ProgressCallback, ReadingProgress, read_journal
 
 NO_RECORD = "(no record)"
@@ -210,7 +210,7 @@ class Replay:
             for record, recorded in zip(records, written, strict=True):
                 record.wall = wall if recorded is None else recorded.record.wall
                 if recorded is not None:
-                    self.difference = _first_difference(contents.path, input.n, recorded, record)
+                    self.difference = _first_difference(contents, input.n, recorded, record)
                     if self.difference is not None:
                         return
                     self.compared += 1
@@ -286,16 +286,21 @@ class _JournalTape:
         return False
 
 
-def _first_difference(path: Path, n: int, written: RecordedLine, replayed: AnyRecord) -> ReplayDifference | None:
+def _first_difference(
+    contents: JournalContents, n: int, written: RecordedLine, replayed: AnyRecord
+) -> ReplayDifference | None:
     before, after = encode_record(written.record), encode_record(replayed)  # not the line: another release may have
     # written the same in other words
     if before == after:
         return None
     old, new = msgspec.json.decode(before), msgspec.json.decode(after)  # what JSON cannot hold is null in both
+    unknown = fields_left_out(written.text, old["kind"], contents.format)
     for name in dict.fromkeys([*old, *new]):
+        if name in unknown:
+            continue
         if name not in old or name not in new or msgspec.json.encode(old[name]) != msgspec.json.encode(new[name]):
             return ReplayDifference(
-                path.name, written.line, written.record.seq, n, old["kind"], name, old.get(name), new.get(name)
+                contents.path.name, written.line, written.record.seq, n, old["kind"], name, old.get(name), new.get(name)
             )
     return None
 

@@ -79,7 +79,7 @@ def _typed_texts(input: AnyInput) -> Iterator[str]:
                 yield text
 
 
-def _told_values(record: AnyRecord, private: tuple[str, ...]) -> Iterator[tuple[str, str, int]]:
+def _told_values(record: AnyRecord, private: frozenset[str]) -> Iterator[tuple[str, str, int]]:
     if not isinstance(record, MemoryRecord):
         return
     head = record.key.partition(".")[0]

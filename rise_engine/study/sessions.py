@@ -158,7 +158,7 @@ def _with_outcome(entry: SessionEntry, outcome: LogEntry | None) -> SessionEntry
 
 def missing_entries(sessions: Iterable[StudySession], log: Sequence[LogEntry]) -> list[MissingEntry]:
     """What the log does not say although the folders do, in the order in which it happened: that a session began and
-    holds its slot, and how it was judged.
+    holds its slot, and how it was judged. A session that was judged before its engine went away is over.
 
     :param sessions: as `read_sessions` gives them.
     :param log: all entries.
@@ -182,7 +182,7 @@ def missing_entries(sessions: Iterable[StudySession], log: Sequence[LogEntry]) -
         report = verdict.report
         if report is None and session.abandoned and entry.status == "unfinished":
             report = OutcomeReport(status="aborted", reason=GIVEN_UP)
-        if report is not None and (entry.status == "ended" or session.abandoned):
+        if report is not None:
             missing.append(MissingEntry("outcome", outcome_fields(entry, report, verdict.seconds)))
     return missing
 

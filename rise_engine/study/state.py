@@ -20,10 +20,11 @@ from rise_engine.study.minimise import cell_for
 from rise_engine.study.model import Participant, ParticipantState, Slot, Study, StudyStanding
 from rise_engine.study.participants import load_participants
 from rise_engine.study.plan_file import read_plan
+from rise_engine.study.planning import last_planned, plan_problem
 from rise_engine.study.sessions import MissingEntry, StudySession, missing_entries, read_sessions
 from rise_engine.study.standing import Places, places_of, study_standing
 from rise_engine.study.study_log import LockedLog, LogEntry, read_log
-from rise_engine.study.study_toml import load_study
+from rise_engine.study.study_toml import is_study, load_study
 
 
 class StudyUnusable(RiseError):
@@ -122,10 +123,11 @@ class OpenStudy:
         :raises StudyUnusable: its files are not right.
         :raises rise_engine.study.study_log.StudyLogError: its log cannot be locked, read or written.
         """
-        files = _read_files(self.folder)
+        if not is_study(self.folder):  # nobody makes a log where no study is
+            raise StudyUnusable([str(each) for each in load_study(self.folder).errors])
         self.log.__enter__()
         try:
-            self._reconcile(files)
+            self._reconcile(_read_files(self.folder))
         except BaseException:
             self.log.__exit__(None, None, None)
             raise
@@ -191,18 +193,12 @@ def _read_files(folder: Path) -> StudyFiles:
 
 def _plan_problems(files: StudyFiles, log: Sequence[LogEntry]) -> list[str]:
     """Why no session that counts can begin."""
-    planned = [each for each in log if each.kind == "planned"]
-    again = "a new plan (`rise-engine study plan --again REASON`)"
     problems: list[str] = []
     if files.study.mode == "debug":
         problems.append('study.toml says mode = "debug": with a simulated robot no session counts')
-    if not files.plan or not planned:
-        return [*problems, "there is no plan yet: make it with `rise-engine study plan`"]
-    if planned[-1].get("design_hash") != files.study.design_hash:
-        problems.append(
-            "study.toml was changed since the plan was made, in what the plan is made of: take the change back, "
-            f"or make {again}"
-        )
-    if planned[-1].get("plan_hash", files.plan_hash) != files.plan_hash:
-        problems.append(f"plan.csv was changed since it was made: take the change back, or make {again}")
+    planned = last_planned(log)
+    if planned is None:
+        problems.append("there is no plan yet: rise-engine study plan makes it")
+    elif problem := plan_problem(files.study, planned, files.plan_hash):
+        problems.append(problem)
     return problems

@@ -44,7 +44,7 @@ _KEYS = click.option("--keys", metavar="FILE", help="Another key file than the u
 @click.option("--robot", metavar="NAME", help="Another robot than the scenario names.")
 @click.option("--mode", type=click.Choice(["debug", "real"]), help="Another mode than the scenario's.")
 @click.option("--participant", metavar="ID", help="Who takes part; stands in the record.")
-@click.option("--condition", metavar="NAME", help="The session's condition; one of the study's, if it lists any.")
+@click.option("--condition", metavar="NAME", help="One of the scenario's conditions: sets what that says.")
 @click.option(
     "--ros",
     type=click.Choice(["auto", "rclpy", "dds", "off"]),

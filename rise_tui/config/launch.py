@@ -12,8 +12,9 @@ from msgspec import Struct
 from rise_engine.protocol.client import AttachReply, Client
 from rise_engine.protocol.session_options import SessionOptions
 from rise_engine.scenario import Diagnostic, load, robot_names
+from rise_engine.scenario.conditions import conditions_in
 from rise_engine.scenario.file_names import DEFAULT_PATHS, SCENARIO_FILE
-from rise_engine.scenario.model import Scenario
+from rise_engine.scenario.model import Condition, Scenario
 from rise_engine.scenario.robot_profiles import DEFAULT_ROBOT
 from rise_engine.server.spawn import EngineStarted
 from rise_tui.config.settings import find_scenario, scenario_folder, why_no_scenario
@@ -91,12 +92,14 @@ def list_robots(folder: str) -> list[str]:
 
 
 class ScenarioSummary(Struct, frozen=True):
-    """What the scenario in a folder says about robot, mode and paths, without reading the rest of it."""
+    """What the scenario in a folder says about robot, mode, paths and conditions, without reading the rest of it."""
 
     robots: list[str]
     robot: str
     mode: str
     paths: Mapping[str, str]
+    conditions: Mapping[str, Condition] = {}
+    """By name. Of names alone, as scenarios of earlier versions have them, none: no session can begin in one."""
 
 
 def read_summary(folder: str) -> ScenarioSummary | None:
@@ -122,4 +125,5 @@ def read_summary(folder: str) -> ScenarioSummary | None:
         robot,
         "real" if text("mode", "") == "real" else "debug",
         paths,
+        conditions_in(values),
     )

@@ -13,8 +13,8 @@ from textual import events, on
 from rise_engine.protocol.client import Client, EndRefused, EngineGone
 from rise_engine.protocol.registry import RegistryError
 from rise_engine.protocol.session_options import SessionOptions
+from rise_engine.protocol.session_start import start_problems
 from rise_engine.scenario.model import Scenario
-from rise_engine.scenario.study import condition_problem
 from rise_tui.actions import bindings_in
 from rise_tui.config.keymap import KeyFile, how_to_mend, textual_keymap
 from rise_tui.config.launch import Launcher, settings_of_session
@@ -181,8 +181,8 @@ class ConsoleApp(TerminalApp):
         if clashes := self._keys.clashes(scenario.keys):
             self._session.show_notice(Notice(f"the session goes on, because of your key file: {clashes[0]}", "fault"))
             return
-        if problem := condition_problem(scenario, settings.condition):
-            self._session.show_notice(Notice(f"the session goes on: {problem}", "fault"))
+        if problems := start_problems(scenario, settings):
+            self._session.show_notice(Notice(f"the session goes on: {problems[0]}", "fault"))
             return
         closed = await self._leave_session(self._session, end=True)
         if closed != "done":

@@ -114,7 +114,7 @@ class RefreshScheduler:
     def _draw_in_a_tenth(self) -> None:
         """Come back in a tenth of a second if a cue is counted."""
         store = self._store
-        counts = counts_tenths(store.view.cue, store.now()) and not store.gone_reason and store.cut_since is None
+        counts = counts_tenths(store.cue_clock, store.now()) and not store.gone_reason and store.cut_since is None
         if counts and self._cue_timer is None:
             self._cue_timer = self._set_timer(TENTH_SECONDS, self._draw_every_tenth)
 

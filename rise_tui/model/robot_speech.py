@@ -86,7 +86,7 @@ class SentenceTracker:
         ]
         if running:
             action = max(running, key=lambda each: (each.status == "accepted", each.since))
-            elapsed, usual = max(0.0, at - action.since), self.usual_seconds(action)
+            elapsed, usual = max(0.0, at - _said_since(action)), self.usual_seconds(action)
             left = None if usual is None else usual - elapsed
             share = min(1.0, elapsed / usual) if usual else 0.0
             kind: Kind = "says" if action.status == "accepted" else "sent"
@@ -99,7 +99,7 @@ class SentenceTracker:
             return CurrentSentence("said", self._words_of(ended), at - (ended.ended if ended.ended is not None else at))
         unsaid = [action for action in self._sentences_of(task) if action.status != "succeeded"]
         first = unsaid[0]
-        after = first.ended - first.since if first.status != "skipped" and first.ended is not None else None
+        after = first.ended - _said_since(first) if first.status != "skipped" and first.ended is not None else None
         ending: Kind = "unknown" if first.status in UNKNOWN else "unsaid"
         return CurrentSentence(ending, self._words_of(first), after, others=len(unsaid) - 1)
 
@@ -121,12 +121,18 @@ class SentenceTracker:
     def _measure(self, action: ActionView) -> None:
         if action.ended is None:
             return
-        took = action.ended - action.since
+        took = action.ended - _said_since(action)
         mean, times = self._durations.get(self._words_of(action), (0.0, 0))
         self._durations[self._words_of(action)] = mean + (took - mean) / (times + 1), times + 1
         if (estimate := estimate_action_seconds(self._scenario, action)) is not None:
             self._expected += estimate
             self._measured += took
+
+
+def _said_since(action: ActionView) -> float:
+    """Since when a sentence is being said: since the robot has confirmed it, if it does so before the end."""
+    confirmed = action.confirmed
+    return action.since if confirmed is None or confirmed == action.ended else confirmed
 
 
 def remaining_sentences(scenario: Scenario, view: SessionView, memory: Mapping[str, Any]) -> list[str]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from rise_engine.scenario.study import condition_label
 from rise_tui.model.store import Store
 from rise_tui.model.task_messages import act_label
 from rise_tui.rendering.text import clean
@@ -10,10 +11,17 @@ SHOWN = 5
 """Things that are named; of more it is said how many."""
 
 
+def participant_parts(store: Store) -> list[str]:
+    """Who takes part, and the condition as the scenario labels it, as far as they were named."""
+    session = store.view.session
+    if session is None:
+        return []
+    return [text for text in (session.participant, condition_label(store.scenario, session.condition)) if text]
+
+
 def participant_text(store: Store) -> str:
     """`P07 · hesitation`; empty when nobody was named."""
-    session = store.view.session
-    return clean(" · ".join(filter(None, (session.participant, session.condition)))) if session is not None else ""
+    return clean(" · ".join(participant_parts(store)))
 
 
 def session_title(store: Store) -> str:

@@ -9,13 +9,17 @@ from typing import NamedTuple
 
 from rise_tui.model.control import short_name
 from rise_tui.model.cue import cue_line
+from rise_tui.model.session_summary import participant_parts
 from rise_tui.model.store import Store
 from rise_tui.rendering.text import (
     StyledLine,
     StyledSpan,
     TextRole,
     align_at_both_ends,
+    cell_width,
+    clean,
     crop,
+    fit_middle,
     format_clock,
     format_duration,
     line_width,
@@ -38,6 +42,8 @@ LEAST_TITLE = 8
 """Cells below which a title says nothing."""
 USUAL = 100
 """From this width on the title keeps TITLE cells."""
+VANISHES = 12
+"""From this step on a cell is left out (`StatusCell.keep`)."""
 STATE = 9
 """Room for the longest of LIVE, SAFE, LOCKED and STOPPED."""
 
@@ -58,7 +64,7 @@ def status_line(store: Store, width: int) -> StyledLine:
     Who takes part and in which condition comes first, whatever else is there. Then the title, which has the room that
     is left. A part of that is the cue's while one is counted, so that nothing else moves when it comes and goes.
     """
-    participant = _participant_line(store, width)
+    participant = _participant_line(store, _cells(store, padded=False), width)
     title: StyledLine = (
         (f"  {store.scenario.title}", "muted") if participant else (f" {store.scenario.title}", "strong"),
     )
@@ -77,12 +83,28 @@ def status_line(store: Store, width: int) -> StyledLine:
     return align_at_both_ends((*participant, *shown), (*cue, *right), width)
 
 
-def _participant_line(store: Store, width: int) -> StyledLine:
-    """`P07 · hesitation`. Only in a terminal that has no room for it a long one is cut."""
-    session, half = store.view.session, max(8, width // 6)
-    texts = (session.participant, session.condition) if session is not None else ()
-    parts = [shorten(text, half) for text in texts if text]
-    return ((f" {' · '.join(parts)}", "strong"),) if parts else ()
+def _participant_line(store: Store, cells: list[StatusCell], width: int) -> StyledLine:
+    """`P07 · hesitation`, whole as long as `cells` have room beside it in forms that still say everything. Then names
+    are cut in their middle, the longer one first: they often begin alike."""
+    texts = [clean(text) for text in participant_parts(store)]
+    least = sum(_least_width(cell) for cell in cells) + (CUE_SHORT if width >= NARROW else 0) + 1
+    room = max(2 * max(8, width // 6), width - least - 4) - 1
+    if len(texts) == 2:
+        room -= 3  # of what stands between them
+        widths = [cell_width(text) for text in texts]
+        texts = [
+            fit_middle(text, max(room // 2, room - other)).rstrip() if sum(widths) > room else text
+            for text, other in zip(texts, reversed(widths), strict=True)
+        ]
+    else:
+        texts = [fit_middle(text, room).rstrip() for text in texts]
+    return ((f" {' · '.join(texts)}", "strong"),) if texts else ()
+
+
+def _least_width(cell: StatusCell) -> int:
+    """Of the narrowest variant in which the cell still says what it is for."""
+    steps = sum(1 for step in cell.keep if step < VANISHES)
+    return line_width(cell.variants[min(steps, len(cell.variants) - 1)])
 
 
 def _fit_cells(cells: list[StatusCell], width: int) -> StyledLine:
@@ -161,7 +183,7 @@ def _time_cell(store: Store) -> StatusCell:
 
 def _cue_line(store: Store, room: int) -> StyledLine:
     """The time since the cue, while it is counted: the whole where there is room for it."""
-    full, brief = (cue_line(store.view.cue, store.now(), short=short) for short in (False, True))
+    full, brief = (cue_line(store.cue_clock, store.now(), short=short) for short in (False, True))
     if not full:
         return ()
     return (GAP, *full) if line_width(full) + line_width((GAP,)) <= room else ((" ", "plain"), *brief)

@@ -15,6 +15,7 @@ from msgspec import Struct
 from rise_engine.kernel.behaviors import started_rule
 from rise_engine.kernel.records import (
     ActionRecord,
+    AnyRecord,
     CheckRecord,
     ControlRecord,
     CountdownRecord,
@@ -48,6 +49,7 @@ from rise_tui.model.study_keys import StudyKeys
 from rise_tui.model.task_messages import completion_message, record_notice
 from rise_tui.model.undo import UndoStack
 from rise_tui.model.unhandled_events import UnhandledEvents
+from rise_tui.model.voice import CueClock, cue_clock
 
 StorePart: TypeAlias = Literal["acts", "rules", "memory", "tasks", "status", "stop", "cue", "notice"]
 """What a batch of records changed; a pane says which of these it shows."""
@@ -264,6 +266,11 @@ class Store:
         """What the robot says, or said last."""
         return self.sentences.current(self.view, self.now())
 
+    @property
+    def cue_clock(self) -> CueClock | None:
+        """The time since the participant's cue, until the robot's voice is heard where the answer has one."""
+        return cue_clock(self.scenario, self.view)
+
     def expected_keys(self) -> frozenset[str]:
         """The study's keys that a running rule waits for, as Textual spells them."""
         busy = [task.behavior for task in (*self.running_tasks, *self.waiting_tasks)]
@@ -364,6 +371,8 @@ class Store:
             elif isinstance(record, MistakeRecord):
                 self.marked_tasks.append(record.task)
             changed |= _PARTS_OF_RECORD.get(type(record), frozenset())
+            if self.view.cue is not None and self.view.cue.task in _tasks_of(record):
+                changed.add("cue")  # the answer is heard, or will not be
         if self.notice is not noticed:
             changed.add("notice")
         return changed
@@ -426,3 +435,12 @@ class Store:
         elif record.status == "ACTIVE" and record.function == "startInteractionRule" and not self.shown_rule:
             self.shown_rule = started_rule(record.behavior)
         return changed
+
+
+def _tasks_of(record: AnyRecord) -> tuple[int, ...]:
+    """The task whose way a record tells."""
+    match record:
+        case TaskRecord(id=task) | ActionRecord(task=task):
+            return (task,)
+        case _:
+            return ()

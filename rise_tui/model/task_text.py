@@ -77,6 +77,7 @@ def _time_lines(task: TaskView, now: float, width: int) -> list[StyledLine]:
         ("accepted", task.submitted, ""),
         ("started", task.started, ""),
         ("robot", task.robot_at, "the robot took the first action"),
+        ("voice", task.voice_at, "the robot began to speak"),
         ("ended", task.ended, ""),
     ]
     lines: list[StyledLine] = []

@@ -15,7 +15,7 @@ CLIPBOARD_BYTES = 75_000
 """More than this, many terminals drop without a word."""
 COLUMNS = (
     *("task", "submitted", "started", "ended", "waited", "took", "source", "function", "calling_type", "behavior"),
-    *("status", "reason", "mistake", "cue", "key", "robot"),
+    *("status", "reason", "mistake", "cue", "key", "robot", "voice", "filler"),
 )
 """Times are seconds of the session, `waited` and `took` durations in seconds; what did not happen is `n/a`."""
 TABLE_SUFFIXES, JSON_LINES_SUFFIXES = (".tsv", ".txt"), (".jsonl", ".ndjson")
@@ -37,6 +37,7 @@ def task_columns(task: TaskView) -> dict[str, Any]:
     values = (
         *(task.id or None, *map(_round, times), task.source, task.function, task.calling_type, task.behavior),
         *(task.status, task.reason, task.mark, *map(_round, (task.cue_at, task.key_at, task.robot_at))),
+        *(_round(task.voice_at), task.filler),
     )
     return dict(zip(COLUMNS, values, strict=True))
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import asyncio
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import ClassVar
 
 from msgspec.structs import replace
@@ -11,28 +11,35 @@ from textual import events, on
 from textual.app import ComposeResult
 from textual.binding import Binding, BindingType
 from textual.containers import Horizontal, VerticalScroll
+from textual.content import Content
 from textual.message import Message
 from textual.widgets import Button, Input, Label, Static
 
 from rise_engine.protocol.session_options import SessionOptions
-from rise_engine.scenario.model import Scenario
-from rise_engine.scenario.study import condition_problem, study_conditions
+from rise_engine.protocol.session_start import start_problems
+from rise_engine.scenario.model import Condition, Scenario
+from rise_engine.scenario.study import condition_label, condition_sentence
 from rise_tui.config.launch import Launcher, ScenarioProblems, ScenarioSummary, list_robots, read_summary
 from rise_tui.config.paths import expand_home
 from rise_tui.model.session_summary import participant_text
 from rise_tui.model.store import Store
 from rise_tui.rendering.modal import SingleDismissModal
-from rise_tui.rendering.text import clean
+from rise_tui.rendering.text import cell_width, clean, shorten
 from rise_tui.screens.end_session import end_session_dialog
 from rise_tui.widgets.memory_editor import TextField
 from rise_tui.widgets.titled_box import TitledBox
 
 PATH_KINDS = ("acts", "rules", "memory")
 MODES = ("debug", "real")
+CHOICE_ROOM = 62
+"""Cells for what can be chosen, in the narrowest terminal."""
 
 
 class ChoiceField(Horizontal, can_focus=True):
-    """One of a few words, and one stop for the tab key: left and right choose, a click too; Enter chooses nothing."""
+    """One of a few words, and one stop for the tab key: left and right choose, a click too; Enter chooses nothing.
+
+    Where all of them have no room beside each other, only the chosen one is shown, and which of how many it is.
+    """
 
     DEFAULT_CSS = """
     ChoiceField {
@@ -46,24 +53,42 @@ class ChoiceField(Horizontal, can_focus=True):
     class Changed(Message):
         """Another word is chosen."""
 
-    def __init__(self, words: tuple[str, ...], chosen: str, *, id: str) -> None:
+    def __init__(self, words: Sequence[str], chosen: str, *, id: str, labels: Mapping[str, str] | None = None) -> None:
+        """
+        :param words: what can be chosen.
+        :param chosen: one of them.
+        :param id: the widget's.
+        :param labels: by word, what is shown where that is not the word itself.
+        """
         super().__init__(id=id)
-        self._words = words
+        self._words = tuple(words)
+        self._labels = dict(labels or {})
         self.value = chosen
 
     def compose(self) -> ComposeResult:
-        for word in self._words:
-            button = Button(self._label(word), name=word, compact=True, classes="-chosen" if word == self.value else "")
+        for word in [self.value] if self._is_long else self._words:
+            chosen = "-chosen" if word == self.value else ""
+            button = Button(Content(self._label(word)), compact=True, classes=chosen, name=word)
             button.can_focus = False
             yield button
 
-    def _label(self, word: str) -> str:
-        return f"{'●' if word == self.value else '○'} {word}"
+    @property
+    def _is_long(self) -> bool:
+        return sum(cell_width(self._text(word)) + 5 for word in self._words) > CHOICE_ROOM
 
-    def set_words(self, words: Sequence[str], chosen: str) -> None:
+    def _text(self, word: str) -> str:
+        return clean(self._labels.get(word, word))
+
+    def _label(self, word: str) -> str:
+        if self._is_long:
+            at = self._words.index(word) + 1 if word in self._words else 0
+            return f"‹ {shorten(self._text(word), CHOICE_ROOM - 16)} ›  {at} of {len(self._words)}"
+        return f"{'●' if word == self.value else '○'} {self._text(word)}"
+
+    def set_words(self, words: Sequence[str], chosen: str, labels: Mapping[str, str] | None = None) -> None:
         """Other words."""
-        if (tuple(words), chosen) != (self._words, self.value):
-            self._words, self.value = tuple(words), chosen
+        if (tuple(words), chosen, dict(labels or {})) != (self._words, self.value, self._labels):
+            self._words, self.value, self._labels = tuple(words), chosen, dict(labels or {})
             self.refresh(recompose=True)
             self.post_message(self.Changed())
 
@@ -71,7 +96,11 @@ class ChoiceField(Horizontal, can_focus=True):
     def _pressed(self, event: Button.Pressed) -> None:
         event.stop()
         self.focus()
-        self._choose(event.button.name or "")
+        if self._is_long:  # after the last one comes the first: a mouse has no other way back
+            at = self._words.index(self.value) + 1 if self.value in self._words else 0
+            self._choose(self._words[at % len(self._words)])
+        else:
+            self._choose(event.button.name or "")
 
     def on_key(self, event: events.Key) -> None:
         if event.key not in ("left", "right"):
@@ -85,9 +114,16 @@ class ChoiceField(Horizontal, can_focus=True):
     def _choose(self, word: str) -> None:
         self.value = word
         for button in self.query(Button):
-            button.label = self._label(button.name or "")
-            button.set_class(button.name == self.value, "-chosen")
+            shown = word if self._is_long else button.name or ""
+            button.label = Content(self._label(shown))
+            button.set_class(shown == word, "-chosen")
         self.post_message(self.Changed())
+
+
+def condition_labels(conditions: Mapping[str, Condition]) -> dict[str, str]:
+    """What the choice of a condition shows, by its words: the conditions, and first none."""
+    none = "none" if conditions else "none: scenario.toml has no [conditions.NAME]"
+    return {"": none} | {name: condition.label or name for name, condition in conditions.items()}
 
 
 class SettingsScreen(SingleDismissModal[tuple[Scenario, SessionOptions] | None]):
@@ -120,7 +156,8 @@ class SettingsScreen(SingleDismissModal[tuple[Scenario, SessionOptions] | None])
         self._settings, self._store, self._launcher = settings, store, launcher
         names = list_robots(settings.folder)
         paths = {kind: settings.paths.get(kind) or scenario.paths.get(kind, "") for kind in PATH_KINDS}
-        self._current = ScenarioSummary(names if robot in names else [*names, robot], robot, mode, paths)
+        robots = names if robot in names else [*names, robot]
+        self._current = ScenarioSummary(robots, robot, mode, paths, store.scenario.conditions)
         """What runs now."""
         self._in_file = self._current
         """What the fields said before anybody changed them, for the folder that is in its field."""
@@ -136,10 +173,11 @@ class SettingsScreen(SingleDismissModal[tuple[Scenario, SessionOptions] | None])
                 yield from self._row(kind, TextField(self._current.paths[kind], id=kind, select_on_focus=False))
             yield from self._row("robot", ChoiceField(tuple(self._current.robots), self._current.robot, id="robot"))
             yield from self._row("mode", ChoiceField(MODES, self._current.mode, id="mode"))
-            conditions = " or ".join(study_conditions(self._store.scenario)) or "of the new session"
             # These two begin empty: what was so in the session before would be wrong in a new one.
-            for name, hint in (("participant", "who takes part next; empty: nobody named"), ("condition", conditions)):
-                yield from self._row(name, TextField(placeholder=hint, id=name, select_on_focus=False))
+            hint = "who takes part next; empty: nobody named"
+            yield from self._row("participant", TextField(placeholder=hint, id="participant", select_on_focus=False))
+            labels = condition_labels(self._current.conditions)
+            yield from self._row("condition", ChoiceField(tuple(labels), "", id="condition", labels=labels))
             with VerticalScroll(id="report", can_focus=False):
                 yield self.changes
                 yield self.findings
@@ -163,10 +201,16 @@ class SettingsScreen(SingleDismissModal[tuple[Scenario, SessionOptions] | None])
         lines = [f"  {what}: {before or '-'} → {after or '-'}" for what, before, after in self._differences(chosen)]
         of = participant_text(self._store)
         ends = f"Applying ends the session{f' of {of}' if of else ''} and starts a new one"
-        who = " · ".join(filter(None, (chosen.participant, chosen.condition))) or "nobody named"
-        begins = f"for {who}; its memory begins with the start values."
+        begins = f"for {self._who(chosen)}; its memory begins with the start values"
+        condition = self._in_file.conditions.get(chosen.condition)
+        begins += "." if condition is None else f", and the condition {clean(condition_sentence(condition))}."
         head = "Nothing is changed yet." if not lines else "Not applied yet:"
         self.changes.update("\n".join([head, *lines, f"{ends} {begins}"]))
+
+    def _who(self, chosen: SessionOptions) -> str:
+        conditions = self._in_file.conditions
+        condition = condition_labels(conditions).get(chosen.condition, "") if chosen.condition else ""
+        return clean(" · ".join(filter(None, (chosen.participant, condition))) or "nobody named")
 
     def _differences(self, chosen: SessionOptions) -> list[tuple[str, str, str]]:
         """What is chosen that is not so now: name, now, then."""
@@ -198,7 +242,7 @@ class SettingsScreen(SingleDismissModal[tuple[Scenario, SessionOptions] | None])
             mode=self.query_one("#mode", ChoiceField).value,
             paths={kind: value for kind, value in paths.items() if value},
             participant=self.query_one("#participant", TextField).value.strip(),
-            condition=self.query_one("#condition", TextField).value.strip(),
+            condition=self.query_one("#condition", ChoiceField).value,
             seed=None,
         )
 
@@ -221,6 +265,8 @@ class SettingsScreen(SingleDismissModal[tuple[Scenario, SessionOptions] | None])
                 self.query_one(f"#{kind}", TextField).value = found.paths[kind]
             self.query_one("#robot", ChoiceField).set_words(found.robots, found.robot)
             self.query_one("#mode", ChoiceField).set_words(MODES, found.mode)
+            labels = condition_labels(found.conditions)
+            self.query_one("#condition", ChoiceField).set_words(tuple(labels), "", labels)
         if self._apply_next:
             self._apply()
 
@@ -249,14 +295,15 @@ class SettingsScreen(SingleDismissModal[tuple[Scenario, SessionOptions] | None])
         found = await asyncio.to_thread(self._launcher.load_scenario, settings)
         if isinstance(found, ScenarioProblems):
             self.findings.update("\n".join(["refused; nothing has changed:", *found.lines]))
-        elif problem := condition_problem(found, settings.condition):
-            self.findings.update(f"refused; nothing has changed:\n{problem}")
+        elif problems := start_problems(found, settings):
+            self.findings.update(clean("\n".join(["refused; nothing has changed:", *problems])))
         else:
             self.findings.update("")
             self._confirm(found, settings)
 
     def _confirm(self, scenario: Scenario, settings: SessionOptions) -> None:
-        who = " · ".join(filter(None, (settings.participant, settings.condition))) or "nobody named"
+        condition = condition_label(scenario, settings.condition)
+        who = " · ".join(filter(None, (settings.participant, condition))) or "nobody named"
         robot = scenario.robot.title or scenario.robot.name
         then = f"Then a new one starts for {who}: {scenario.title} · {scenario.mode.upper()} · robot {robot}"
         question = end_session_dialog(self._store, clean(then))

@@ -145,7 +145,7 @@ def next_filler_name(store: Store) -> str | None:
 
 def _filler_offer(store: Store) -> StyledLine:
     """`2.1 s since the cue: , says R_Filler_Hm`, once that is due, nothing runs, and it could be said."""
-    since = filler_due(store.view.cue, store.now(), store.scenario.fillers.offer_after)
+    since = filler_due(store.cue_clock, store.now(), store.scenario.fillers.offer_after)
     filler = next_filler_name(store)
     if since is None or filler is None or store.view.running or store.blocked_reason("start"):
         return ()

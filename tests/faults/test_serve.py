@@ -244,8 +244,40 @@ def killed(study: Path, *arguments: object) -> Path:
     return record
 
 
+CONDITIONS = '[conditions.calm]\nmemory = { name = "you" }\n[conditions.loud]\nmemory = { name = "YOU" }\n'
+
+
+def test_what_a_condition_sets_is_recorded_recovered_and_replayed(root: Path) -> None:
+    study = folder(root / "study", CONDITIONS)
+    for arguments, sentence in (
+        (["--condition", "calmm"], "did you mean `calm`?"),
+        (["--condition", "calm", "--set", 'name="Anna"'], "`name` cannot be set beside the condition `calm`"),
+        (["--condition", "calm", "--set", 'name="Anna"', "--new"], "which says what it is"),
+    ):
+        refused = engine("serve", study, *arguments)
+        assert refused.returncode == 2 and sentence in refused.stderr
+    assert not (root / "sessions").exists() or not list((root / "sessions").iterdir()), "nothing was begun"
+    record = killed(study, "--participant", "P07", "--condition", "loud")
+    again = Serving(study, "--participant", "P07", "--condition", "loud", "--recover")
+    assert again.record == record and again.end() == 0
+    found = [json.loads(line) for line in (record / JOURNAL).read_bytes().splitlines()]
+    written = [(line["value"], line["source"]) for line in found if line.get("kind") == "memory"]
+    assert written == [("Anna", "file"), ("YOU", "condition")], "once, and never again"
+    assert [line["condition"] for line in found if line.get("kind") == "session"] == ["loud"] * 3
+    assert engine("replay", record).stdout.startswith("identical")
+
+
+def test_no_session_begins_in_a_name_alone(root: Path) -> None:
+    """What scenarios of earlier versions list: they load, with a warning, and run without a condition."""
+    study = folder(root / "study", '[study]\nconditions = ["calm", "loud"]\n')
+    refused = engine("serve", study, "--participant", "P08", "--condition", "loud")
+    assert refused.returncode == 2 and "under [conditions.loud] what it sets" in refused.stderr
+    assert engine("check", study).returncode == 0
+    assert Serving(study, "--participant", "P08").end() == 0
+
+
 def test_nobody_s_session_goes_on_as_somebody_else_s(root: Path) -> None:
-    study = folder(root / "study")
+    study = folder(root / "study", CONDITIONS)
     record = killed(study, "--participant", "P07", "--condition", "calm")
     for arguments in (["--participant", "P08", "--recover"], ["--condition", "loud", "--recover"]):
         refused = engine("serve", study, *arguments)

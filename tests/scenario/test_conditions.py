@@ -93,6 +93,14 @@ FINDINGS: dict[str, tuple[str, list[tuple[str, str]]]] = {
         '[conditions.A]\nlabel_only = true\nlabel = "a\\u202e"',
         [("3:9 wrong-value", "cannot be shown")],
     ),
+    "two that look the same": (
+        '[conditions.A]\nlabel_only = true\nlabel = "blue"\n[conditions.B]\nlabel_only = true\nlabel = "blue"\n'
+        "[conditions.blue]\nlabel_only = true",
+        [
+            ("4:13 duplicate-name", "the conditions `A` and `B` as the same, `blue`"),
+            ("7:13 duplicate-name", "the conditions `A` and `blue` as the same"),
+        ],
+    ),
     "names that are none": (
         '[conditions." A"]\nlabel_only = true\n[conditions.""]\nlabel_only = true\n[conditions."\\u0007"]\n'
         "label_only = true",
@@ -203,3 +211,19 @@ def test_private_keys_are_whole_and_known(tmp_path: Path) -> None:
 
 def test_the_usual_condition_sets_nothing() -> None:
     assert Condition().memory == {} and not Condition().label_only
+
+
+def test_the_factors_of_a_study_that_a_scenario_reads_are_known(tmp_path: Path) -> None:
+    """Their names the study knows, not the scenario: none is reported. What has a fallback is not missed."""
+    body = "".join(
+        f'<transition cond="{condition}" target="S"/>'
+        for condition in ("session.factors.pace = 'slow'", "session.factors.gaze = session.factors.voice")
+    )
+    texts = SPEECH.replace("Hello", "{items[0].word} {session.factors.form} {session.factors.place|here}")
+    result = loaded(
+        tmp_path,
+        {**files(""), "rules/s.xml": rule(f'<State id="S">{body}</State>', name="T"), "acts/a.xml": act(texts)},
+    )
+    assert found(result) == [] and result.scenario is not None
+    assert result.scenario.factors_read == {"pace", "gaze", "voice", "form"}
+    assert scenario_of(tmp_path / "other", "").factors_read == frozenset()

@@ -9,8 +9,15 @@ import pytest
 from msgspec.structs import replace
 
 from rise_engine.scenario import load
+from rise_engine.scenario.model import Condition, Mode
 from rise_engine.scenario.scenario_toml import TOP_KEYS
-from rise_engine.scenario.study import condition_problem, study_conditions
+from rise_engine.scenario.study import (
+    condition_label,
+    condition_memory,
+    condition_problem,
+    condition_sentence,
+    study_conditions,
+)
 from tests.scenario.folders import SPEECH, act, found, loaded, rule
 
 GREETING = Path(__file__).parents[2] / "scenarios" / "greeting"
@@ -20,22 +27,74 @@ GREETING = Path(__file__).parents[2] / "scenarios" / "greeting"
     ("study", "condition", "problem"),
     [
         ({}, "", ""),
-        ({}, "anything", ""),
-        ({"conditions": "A"}, "anything", ""),
         ({"conditions": ["A", "B"]}, "", ""),
-        ({"conditions": ["A", "B"]}, "B", ""),
+        (
+            {},
+            "calm",
+            "no conditions, and 'calm' alone would change nothing that the robot does; in scenario.toml, write",
+        ),
+        ({"conditions": "A"}, "A", "write under [conditions.A] what it sets"),
+        (
+            {"conditions": ["A", "B"]},
+            "B",
+            "the condition `B` is only a name; in scenario.toml, write under [conditions.B]",
+        ),
         ({"conditions": ["hesitation", "no hesitation"]}, "hesitaton", "did you mean `hesitation`?"),
         ({"conditions": ["A", "B"]}, "C", "it has `A`, `B`"),
         ({"conditions": ["A", 2]}, "2", "it has `A`"),
     ],
 )
-def test_a_condition_is_one_of_the_study_s(study: dict[str, object], condition: str, problem: str) -> None:
+@pytest.mark.parametrize("mode", ["debug", "real"])
+def test_no_session_begins_in_a_name(study: dict[str, object], condition: str, problem: str, mode: Mode) -> None:
+    """As scenarios of earlier versions have them. Without a condition they run as they did."""
     scenario = load(GREETING).scenario
     assert scenario is not None
-    scenario = replace(scenario, study=study)
+    scenario = replace(scenario, study=study, mode=mode)
     found = condition_problem(scenario, condition)
     assert problem in found and bool(problem) == bool(found)
     assert all(isinstance(one, str) for one in study_conditions(scenario))
+
+
+CONDITIONS = {
+    "A": Condition({"x": 1, "form": {"kind": "short"}}, label="blue"),
+    "B": Condition({"x": 2, "long": "y" * 50}),
+    "light": Condition(label_only=True),
+}
+
+
+@pytest.mark.parametrize(
+    ("mode", "condition", "problem"),
+    [
+        ("debug", "A", ""),
+        ("real", "light", ""),
+        ("debug", "", ""),
+        ("real", "", "a real session is run in a condition of the study: name one of `A`, `B`, `light`"),
+        ("real", "a", "this study has no condition 'a'; did you mean `A`?"),
+        ("debug", "zzzz", "it has `A`, `B`, `light`"),
+    ],
+)
+def test_a_session_is_run_in_a_condition_of_the_scenario(mode: Mode, condition: str, problem: str) -> None:
+    scenario = load(GREETING).scenario
+    assert scenario is not None
+    scenario = replace(scenario, conditions=CONDITIONS, mode=mode)
+    found = condition_problem(scenario, condition)
+    assert problem in found and bool(problem) == bool(found)
+    assert study_conditions(scenario) == ("A", "B", "light")
+
+
+def test_what_a_condition_sets_and_how_it_is_called() -> None:
+    scenario = load(GREETING).scenario
+    assert scenario is not None
+    scenario = replace(scenario, conditions=CONDITIONS)
+    assert condition_memory(scenario, "A") == {"x": 1, "form": {"kind": "short"}}
+    assert (
+        condition_memory(scenario, "light") == condition_memory(scenario, "") == condition_memory(scenario, "?") == {}
+    )
+    assert [condition_label(scenario, name) for name in ("A", "B", "", "?")] == ["blue", "B", "", "?"]
+    sentences = [condition_sentence(condition) for condition in CONDITIONS.values()]
+    assert sentences[0] == 'sets x = 1, form = {"kind": "short"}'
+    assert sentences[1] == f'sets x = 2, long = "{"y" * 38}…'
+    assert sentences[2].startswith("sets nothing: what it stands for lies outside")
 
 
 @pytest.mark.parametrize(

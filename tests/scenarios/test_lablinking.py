@@ -94,7 +94,7 @@ def test_the_pause_inside_an_instruction_is_longer_during_noise(play: Play) -> N
 
 
 def test_without_hesitation_only_the_record_shows_the_noise(play: Play) -> None:
-    session = play("lablinking", "--set", "hesitation=false")
+    session = play("lablinking", "--condition", "no hesitation")
     assert session.values("distraction") == [False, True, False]
     assert "R_Hesitation" not in session.acts()
     assert set(session.values("pause_ms")) == {600}

@@ -198,7 +198,7 @@ def test_a_repair_that_fails_changes_nothing(made: Made) -> None:
         (b"\0" * 5000, "holds nothing"),
         (
             with_checksum(msgspec.json.encode(JournalHeader(FORMAT + 1, "rise-tui 9"))),
-            r"newer version \(rise-tui 9, format 2",
+            rf"newer version \(rise-tui 9, format {FORMAT + 1}",
         ),
         (encode_header("x"), "no input"),
         (
@@ -239,7 +239,7 @@ def test_a_journal_that_may_not_be_read(made: Made) -> None:
 @pytest.mark.parametrize(
     ("old", "new", "says"),
     [
-        ("format = 1", "format = 2", "newer version"),
+        (f"format = {FORMAT}", f"format = {FORMAT + 1}", "newer version"),
         ("seed = 7", "seed = 8", r"journal.jsonl:3: record 1 .*`seed` is 7, but the replay gives 8"),
         ('mode = "debug"', 'mode = "real"', "`mode` is"),
         ('mode = "debug"', 'mode = "dream"', "cannot be read"),

@@ -11,9 +11,7 @@ from rise_engine.kernel.inputs import AnyInput, SessionEnded, SessionStarted
 from rise_engine.session.folder import JOURNAL, SessionInfo, _write_info
 from rise_engine.session.journal_format import encode_header, encode_input
 from rise_engine.study.model import Study
-from rise_engine.study.plan import make_plan
-from rise_engine.study.plan_file import plan_text, text_hash, write_plan
-from rise_engine.study.study_log import LockedLog
+from rise_engine.study.planning import plan_study
 from rise_engine.study.study_toml import load_study
 
 DESIGN = """title = "Hesitation"
@@ -63,16 +61,8 @@ def write_study(folder: Path, design: str = DESIGN, people: str = HEAD + PEOPLE,
     loaded = load_study(folder)
     assert loaded.study is not None, loaded.diagnostics
     if plan:
-        plan_study(loaded.study)
+        plan_study(loaded.study, loaded.scenarios)
     return loaded.study
-
-
-def plan_study(study: Study) -> None:
-    """Make the plan, as `rise-engine study plan` does."""
-    folder, text = Path(study.folder), plan_text(study, make_plan(study))
-    write_plan(folder, text)
-    with LockedLog(folder) as log:
-        log.append("planned", study_hash=study.hash, design_hash=study.design_hash, plan_hash=text_hash(text))
 
 
 def session_folder(folder: Path, started: SessionStarted, *, mode: str = "real") -> Path:

@@ -12,6 +12,8 @@ from textual.geometry import Region
 
 from rise_engine.kernel.records import CueRecord, RobotRecord, SessionRecord
 from rise_engine.protocol.client import Heartbeat, JournalStatus
+from rise_engine.scenario.model import Condition
+from rise_tui.model.session_summary import session_title
 from rise_tui.model.status import status_line
 from rise_tui.model.store import Store
 from rise_tui.rendering.text import line_width, plain_text
@@ -99,6 +101,41 @@ def test_the_condition_is_there_whatever_else_is_to_be_said(width: int) -> None:
     late_cue(store)
     assert ("P07 · no hesitation" in text(store, width)) is (width >= 80)
     assert "P07" in text(store, width) and "cue 2.2 s" in text(store, width)
+
+
+@pytest.mark.parametrize(
+    ("participant", "condition", "widths"),
+    [
+        ("P07", "no hesitation", (80, 100, 120, 200)),
+        ("P07", "hesitation+negation+slow", (100, 120, 200)),
+        ("Participant0123", "hesitation with filler", (100, 120, 200)),
+        ("", "hesitation with filler", (80, 100, 120, 200)),
+    ],
+)
+def test_long_names_are_whole_where_there_is_room(participant: str, condition: str, widths: tuple[int, ...]) -> None:
+    whole = " · ".join(filter(None, (participant, condition)))
+    for width in WIDTHS[1:]:
+        store = made(participant=participant, condition=condition)
+        shown = text(store, width)
+        assert (f" {whole} " in shown) is (width in widths), shown
+        late_cue(store)
+        assert (f" {whole} " in text(store, width)) is (width in widths), "also while a cue is counted"
+
+
+def test_names_that_begin_alike_stay_apart() -> None:
+    """Both keep a part of the room, and what differs is mostly at their ends."""
+    names = ["hesitation with filler and gaze 1", "hesitation with filler and gaze 2"]
+    shown = [text(made(participant="Participant0123", condition=name), 80) for name in names]
+    assert shown[0] != shown[1] and all("0123 · hesi" in each for each in shown)
+    assert "P07 · hesitatio…nd gaze 1 " in text(made(condition=names[0]), 80), "what P07 leaves is the condition's"
+
+
+def test_the_condition_is_shown_by_its_label() -> None:
+    conditions = {"hesitation": Condition({"hesitation": True}, label="blue"), "calm": Condition(label_only=True)}
+    for condition, shown in (("hesitation", "blue"), ("calm", "calm"), ("gone", "gone")):
+        store = made(FakeClient(replace(demo(), conditions=conditions)), condition=condition)
+        assert text(store, 120).startswith(f" P07 · {shown}  Demo study ")
+        assert session_title(store) == f"P07 · {shown} · Demo study"
 
 
 @pytest.mark.parametrize(("width", "stopped"), [(80, False), (100, False), (120, True), (200, True)])

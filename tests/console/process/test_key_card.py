@@ -59,7 +59,7 @@ def test_the_card_has_every_key_and_fits_a_terminal(folder: str, tmp_path: Path)
 def test_the_authors_own_words_are_on_the_card_with_what_they_stand_for() -> None:
     card = [line for section in sections(lablinking()) for line in text_lines("x", (section,))]
     assert any(line.split() == ["n", "next", "(Next)"] for line in card)
-    assert any(line.split() == ["b", "no", "hesitation", "(hesitation", "=", "false)"] for line in card)
+    assert any(line.split() == ["u", "understood", "(understood", "=", "true)"] for line in card)
 
 
 def lablinking() -> Scenario:

@@ -6,8 +6,8 @@ import pytest
 from msgspec.structs import replace
 
 from rise_engine.kernel.records import CueRecord
-from rise_engine.kernel.view import CueView
 from rise_tui.model.cue import counts_tenths, cue_line, filler_due, seconds_since_cue
+from rise_tui.model.voice import CueClock
 from rise_tui.rendering.text import plain_text
 from tests.console.conftest import Console, console
 from tests.console.fake import FakeClient, demo
@@ -17,8 +17,8 @@ FILLER = "startCommunicationRobotAct", "Filler"
 # --- pure -----------------------------------------------------------------------------------------------------------
 
 
-def cue(answered: float | None = None, filled: float | None = None) -> CueView:
-    return CueView(100.0, "wizard:anna", filled, answered)
+def cue(answered: float | None = None, filled: float | None = None, said: bool = True) -> CueClock:
+    return CueClock(100.0, answered, said, filled)
 
 
 @pytest.mark.parametrize(
@@ -43,6 +43,7 @@ def test_an_answer_shows_for_a_while_how_long_it_took() -> None:
     assert plain_text(cue_line(cue(answered=101.3), 101.3)) == "✓ answered 1.3 s"
     assert plain_text(cue_line(cue(answered=101.3), 106.0, short=True)) == "✓ 1.3 s"
     assert cue_line(cue(answered=101.3), 106.4) == ()
+    assert cue_line(cue(answered=101.3, said=False), 106.0) == (("✗ not said", "fault"),)
 
 
 def test_nothing_is_counted_without_a_cue_after_its_answer_and_when_nobody_answers_at_all() -> None:
@@ -58,7 +59,7 @@ def test_nothing_is_counted_without_a_cue_after_its_answer_and_when_nobody_answe
     ("of", "now", "expected"),
     [(cue(), 100.5, True), (cue(), 109.9, True), (cue(), 110.1, False), (cue(101.0), 101.5, False), (None, 1.0, False)],
 )
-def test_only_what_counts_tenths_ticks(of: CueView | None, now: float, expected: bool) -> None:
+def test_only_what_counts_tenths_ticks(of: CueClock | None, now: float, expected: bool) -> None:
     assert counts_tenths(of, now) is expected
 
 
@@ -75,7 +76,7 @@ def test_only_what_counts_tenths_ticks(of: CueView | None, now: float, expected:
         (None, 1.0, 1.5, None),
     ],
 )
-def test_when_a_filler_is_due(of: CueView | None, now: float, offer_after: float, due: float | None) -> None:
+def test_when_a_filler_is_due(of: CueClock | None, now: float, offer_after: float, due: float | None) -> None:
     assert filler_due(of, now, offer_after) == due
 
 

@@ -13,7 +13,8 @@ from textual.widgets import Button
 from rise_engine.kernel.records import SessionRecord
 from rise_engine.protocol.client import Client, EngineGone
 from rise_engine.protocol.session_options import SessionOptions
-from rise_engine.scenario.model import Scenario
+from rise_engine.protocol.session_start import first_input
+from rise_engine.scenario.model import Condition, Scenario
 from rise_tui.config.launch import ScenarioProblems, load_scenario, read_summary
 from rise_tui.config.paths import expand_home
 from rise_tui.model.key_action import HELD_KEY_SECONDS
@@ -222,15 +223,95 @@ async def test_a_new_session_does_not_keep_the_label_of_the_one_before(size: tup
         assert "P07 · calm" in said and "Then a new one starts for P08" in said
 
 
-async def test_a_condition_that_the_study_does_not_have_is_refused_before_anything_ends() -> None:
-    client = FakeClient(replace(demo(), study={"conditions": ["calm", "loud"]}))
+CONDITIONS = {
+    "calm": Condition({"voice": "low", "pause": 2}, label="blue"),
+    "loud": Condition({"voice": "high"}),
+    "light": Condition(label_only=True),
+}
+
+
+async def test_a_condition_is_chosen_among_those_that_there_are_and_what_it_sets_is_shown() -> None:
+    client = FakeClient(replace(demo(), conditions=CONDITIONS))
     async with console(client=client) as it:
         screen = await settings_of(it)
-        assert screen.query_one("#condition", TextField).placeholder == "calm or loud"
-        screen.query_one("#condition", TextField).value = "lou"
+        field = screen.query_one("#condition", ChoiceField)
+        assert [str(button.label) for button in field.query(Button)] == ["● none", "○ blue", "○ loud", "○ light"]
+        assert "for nobody named; its memory begins with the start values." in str(screen.changes.content)
+        field.focus()
+        for word, shown in (
+            (
+                "calm",
+                'for blue; its memory begins with the start values, and the condition sets voice = "low", pause = 2.',
+            ),
+            ("loud", 'for loud; its memory begins with the start values, and the condition sets voice = "high".'),
+            (
+                "light",
+                "for light; its memory begins with the start values, and the condition sets nothing: what it stands",
+            ),
+        ):
+            await it.press("right")
+            await it.until(lambda shown=shown: shown in str(screen.changes.content))
+            assert screen.chosen_options().condition == word
+        await it.press("left", "left", "left")
+        assert screen.chosen_options().condition == ""
+
+
+async def test_a_real_session_needs_a_condition_and_is_refused_without_before_anything_ends() -> None:
+    client = FakeClient(replace(demo(), conditions=CONDITIONS))
+    async with console(client=client) as it:
+        screen = await settings_of(it)
+        object.__setattr__(it.launcher, "load_scenario", lambda _: replace(client.scenario, mode="real"))
         screen.query_one("#apply", Button).press()
-        await it.until(lambda: "no condition 'lou'" in str(screen.findings.content))
-        assert client.closed == []
+        await it.until(lambda: "a real session is run in a condition" in str(screen.findings.content))
+        assert "`calm`, `loud`, `light`" in str(screen.findings.content) and client.closed == []
+
+
+async def test_the_memory_follows_the_condition_that_is_chosen_not_the_one_before() -> None:
+    """What was said at the start, of the condition before, is not taken along."""
+    client = FakeClient(replace(demo(), conditions=CONDITIONS))
+    client.emit(SessionRecord(0, 0.0, "", status="started", participant="P07", condition="calm"))
+    async with console(client=client) as it:
+        screen = await settings_of(it)
+        assert screen.chosen_options().condition == ""
+        screen.query_one("#condition", ChoiceField).focus()
+        await it.press("right", "right")
+        chosen = screen.chosen_options()
+        assert (chosen.condition, chosen.first_tasks) == ("loud", ())
+        assert first_input(client.scenario, chosen).memory == {"voice": "high"}
+
+
+@pytest.mark.parametrize("size", [(80, 24), (200, 50)])
+async def test_many_conditions_with_long_names_are_shown_one_at_a_time(size: tuple[int, int]) -> None:
+    names = [f"hesitation with filler and gaze, level {number}" for number in range(1, 7)]
+    client = FakeClient(replace(demo(), conditions={name: Condition({"level": name[-1]}) for name in names}))
+    async with console(client=client, size=size) as it:
+        screen = await settings_of(it)
+        field = screen.query_one("#condition", ChoiceField)
+        field.focus()
+        labels = [str(button.label) for button in field.query(Button)]
+        assert labels == ["‹ none ›  1 of 7"]
+        await it.press("right", "right")
+        assert [str(button.label) for button in field.query(Button)] == [f"‹ {names[1]} ›  3 of 7"]
+        assert screen.chosen_options().condition == names[1]
+        button = field.query_one(Button)
+        assert button.region.right <= screen.query_one("#box").region.right
+        for _ in range(5):
+            button.press()
+            await it.pilot.pause()
+        assert screen.chosen_options().condition == "", "after the last one comes the first"
+
+
+async def test_another_folder_has_its_own_conditions(tmp_path: Path) -> None:
+    other = a_scenario(tmp_path / "other", "[conditions.A]\nmemory = { x = 1 }\n[conditions.B]\nlabel_only = true\n")
+    async with console() as it:
+        screen = await settings_of(it)
+        field = screen.query_one("#condition", ChoiceField)
+        assert "no [conditions.NAME]" in str(field.query_one(Button).label)
+        screen.query_one("#folder", TextField).value = other
+        await it.until(lambda: [each.name for each in field.query(Button)] == ["", "A", "B"])
+        field.focus()
+        await it.press("right")
+        await it.until(lambda: "the condition sets x = 1." in str(screen.changes.content))
 
 
 async def test_a_home_folder_that_nobody_has_can_be_typed() -> None:

@@ -68,7 +68,7 @@ class Words:
         if not self.replacements:
             raise WordError("say which words are to go: --replace Maria=NAME1")
         ordered = sorted(self.replacements, key=lambda each: -len(each.word))  # `Anna Berg` before `Anna`
-        patterns = [_word_pattern(each.word, match_case=match_case) for each in ordered]
+        patterns = [word_pattern(each.word, match_case=match_case) for each in ordered]
         before, after = (_BEFORE, _AFTER) if whole_words else ("", f"[{_MARKS}]*")
         self._names = [each.name for each in ordered]
         self._pattern = re.compile("|".join(f"({before}{each}{after})" for each in patterns))
@@ -138,7 +138,8 @@ class Words:
         return value
 
 
-def _word_pattern(word: str, *, match_case: bool) -> str:
+def word_pattern(word: str, *, match_case: bool = False) -> str:
+    """A regular expression for a word, however it is written."""
     parts = []
     for part in word.split():
         parts.append("".join(_character_pattern(character, match_case=match_case) for character in part))
