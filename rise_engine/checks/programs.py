@@ -11,11 +11,11 @@ import os
 import selectors
 import signal
 import subprocess
-import time
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from pathlib import Path
 from threading import Event
+from time import monotonic
 from typing import IO
 
 from msgspec import Struct
@@ -65,7 +65,7 @@ def run_program(
     :param given: what it can read from standard input, at most what a pipe holds (64 KiB on Linux, 16 KiB elsewhere).
     :param cancelled: set by another thread when nobody waits any more.
     """
-    until = time.monotonic() + limit
+    until = monotonic() + limit
     try:
         process = subprocess.Popen(
             arguments,
@@ -100,7 +100,7 @@ def run_program(
 
 
 def _may_go_on(until: float, cancelled: Event | None) -> bool:
-    return time.monotonic() < until and not (cancelled is not None and cancelled.is_set())
+    return monotonic() < until and not (cancelled is not None and cancelled.is_set())
 
 
 class _Pipes:
