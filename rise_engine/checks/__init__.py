@@ -18,9 +18,9 @@ from rise_engine.checks.outcome import (
     kept_check,
     skipped_check,
 )
-from rise_engine.checks.programs import program_problem
 from rise_engine.checks.runner import append_checked, limit_seconds, report_check, run_check
 from rise_engine.study.check_kinds import AUTOMATIC
+from rise_engine.study.check_programs import program_problem
 from rise_engine.study.checked import (
     PendingCheck,
     check_text,

@@ -17,8 +17,10 @@ from rise_engine.checks.outcome import Finding
 from rise_engine.nearest_name import did_you_mean
 from rise_engine.scenario import load
 from rise_engine.study.model import Participant, ParticipantStanding, SessionEntry, Study
+from rise_engine.study.planning import last_planned
 from rise_engine.study.quantities import parse_size
 from rise_engine.study.study_log import LogEntry
+from rise_engine.study.study_scenarios import scenario_folder
 
 DEFAULT_SPACE = 1_000_000_000
 """Bytes that must be free where `disk` does not say how many."""
@@ -163,21 +165,23 @@ def look_at_participant(
     return Finding(True, f"{name}, run {standing.next_run} of {standing.runs}{attempt}")
 
 
-def look_at_scenario(folder: Path, study: Study, log: Sequence[LogEntry], robot: str | None) -> Finding:
+def look_at_scenario(folder: Path, study: Study, log: Sequence[LogEntry]) -> Finding:
     """Whether the scenario is the one that the plan was made with (blocking: it is read).
 
     :param folder: of the scenario that will run.
     :param study: whose plan.
     :param log: what study.jsonl says; the last `planned` counts, with `scenarios`: hashes by folder.
-    :param robot: another one than the scenario's.
     """
-    planned = next((each for each in reversed(log) if each.kind == "planned"), None)
+    planned = last_planned(log)
     if planned is None:
         return Finding(False, reason="there is no plan yet: rise-engine study plan")
-    hashes = planned.get("scenarios")
-    name = os.path.relpath(folder, study.folder)
-    known = hashes.get(name) if isinstance(hashes, Mapping) else None
-    loaded = load(folder, robot=robot)
+    hashes = dict(planned.get("scenarios") or {})
+    where = os.path.normpath(folder)
+    name = next(
+        (each for each in hashes if scenario_folder(study, each) == where), os.path.relpath(where, study.folder)
+    )
+    known = hashes.get(name)
+    loaded = load(folder, robot=study.robot or None)  # as the plan did, whatever robot today's session has
     if loaded.scenario is None:
         return Finding(False, reason=f"the scenario `{name}` has errors: {loaded.errors[0]}")
     made = planned.at[:10]

@@ -9,21 +9,20 @@ from __future__ import annotations
 import errno
 import os
 import selectors
-import shutil
 import signal
 import subprocess
-import time
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from pathlib import Path
 from threading import Event
+from time import monotonic
 from typing import IO
 
 from msgspec import Struct
 
 from rise_engine.checks.outcome import CheckContext, Finding
-from rise_engine.nearest_name import did_you_mean
-from rise_engine.text import clean, escape_surrogates
+from rise_engine.study.check_programs import program_problem
+from rise_engine.text import clean
 
 TICK_SECONDS = 0.05
 """How often it is looked whether the program has ended although something still holds its output open."""
@@ -66,7 +65,7 @@ def run_program(
     :param given: what it can read from standard input, at most what a pipe holds (64 KiB on Linux, 16 KiB elsewhere).
     :param cancelled: set by another thread when nobody waits any more.
     """
-    until = time.monotonic() + limit
+    until = monotonic() + limit
     try:
         process = subprocess.Popen(
             arguments,
@@ -101,7 +100,7 @@ def run_program(
 
 
 def _may_go_on(until: float, cancelled: Event | None) -> bool:
-    return time.monotonic() < until and not (cancelled is not None and cancelled.is_set())
+    return monotonic() < until and not (cancelled is not None and cancelled.is_set())
 
 
 class _Pipes:
@@ -196,61 +195,6 @@ def first_line(output: bytes) -> str:
     for line in output.decode("utf-8", "replace").splitlines():
         if text := clean(line).strip():
             return text if len(text) <= SHOWN_CHARACTERS else f"{text[: SHOWN_CHARACTERS - 1]}…"
-    return ""
-
-
-def program_problem(arguments: Sequence[str], folder: str | Path) -> str:
-    """Why a program of a study cannot be started, in a sentence; empty: it can, as far as one can see without doing so.
-
-    :param arguments: the check's `run`.
-    :param folder: the study's.
-    """
-    if not arguments or not arguments[0]:
-        return "`run` names no program"
-    name, folder = arguments[0], Path(folder)
-    if any("\0" in argument for argument in arguments):
-        return "a program and its arguments cannot have a NUL in them"
-    if "/" not in name:
-        if shutil.which(name) is not None:
-            return ""
-        if (folder / name).is_file():
-            return f"{name} lies in the study's folder, and is no program of this computer: write ./{name}"
-        return f"there is no program {name} on this computer"
-    path = folder / name
-    if not path.exists():
-        near = did_you_mean(path.name, _names_in(path.parent), limit=0)
-        return f"there is no program {name} in the study's folder{near}"
-    if not path.is_file():
-        return f"{name} is no program but a folder"
-    if not os.access(path, os.X_OK):
-        return f"{name} may not be executed: chmod +x {escape_surrogates(str(path))}"
-    return _interpreter_problem(name, path)
-
-
-def _names_in(folder: Path) -> list[str]:
-    with suppress(OSError):
-        return sorted(each.name for each in folder.iterdir())
-    return []
-
-
-def _interpreter_problem(name: str, path: Path) -> str:
-    """What is wrong with the first line of a script; empty: nothing, or it is no script."""
-    try:
-        with path.open("rb") as file:
-            head = file.read(256)
-    except OSError as error:
-        return f"{name} cannot be read: {error.strerror or error}"
-    if not head:
-        return f"{name} is empty"
-    first, end, _ = head.partition(b"\n")
-    if not first.startswith(b"#!"):
-        return ""
-    if end and first.endswith(b"\r"):
-        return f"{name} has line ends of Windows, which hide its interpreter: save it with line ends of Unix"
-    words = first[2:].split()
-    interpreter = words[0].decode("utf-8", "replace") if words else ""
-    if not interpreter or not Path(interpreter).exists():
-        return f"the first line of {name} names an interpreter that is not there: {clean(interpreter) or 'none'}"
     return ""
 
 

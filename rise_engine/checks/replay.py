@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 from contextlib import suppress
+from datetime import datetime
 from pathlib import Path
 
 from rise_engine.checks.outcome import Finding
-from rise_engine.session.folder import JOURNAL, SessionError, read_info
+from rise_engine.session.folder import JOURNAL, SessionError, has_begun, read_info
 from rise_engine.session.lock import is_journal_locked
 from rise_engine.session.replay import compare_replay
 from rise_engine.text import pluralize
@@ -32,11 +33,10 @@ def look_at_last_session(sessions: Path) -> Finding:
 
 def last_session(sessions: Path) -> Path | None:
     """The session that began last and does not run; None: there is none."""
-    found: list[tuple[str, Path]] = []
+    found: list[tuple[datetime, Path]] = []
     with suppress(OSError):
         for folder in sessions.iterdir():
-            journal = folder / JOURNAL
-            with suppress(SessionError):
-                if journal.is_file() and journal.stat().st_size and not is_journal_locked(journal):
-                    found.append((read_info(folder).started, folder))
+            if has_begun(folder) and not is_journal_locked(folder / JOURNAL):
+                with suppress(SessionError, ValueError):
+                    found.append((datetime.fromisoformat(read_info(folder).started), folder))
     return max(found)[1] if found else None

@@ -16,6 +16,7 @@ from rise_engine.checks.programs import look_with_program
 from rise_engine.errors import RiseError
 from rise_engine.kernel.inputs import CheckReport
 from rise_engine.kernel.records import ENGINE
+from rise_engine.scenario.model import Json
 from rise_engine.study.model import StudyCheck
 from rise_engine.study.sessions import SESSIONS
 from rise_engine.study.state import StudyState, read_state
@@ -104,7 +105,7 @@ def _look_at_participant(context: CheckContext, state: StudyState) -> Finding:
 
 
 def _look_at_scenario(context: CheckContext, state: StudyState) -> Finding:
-    return automatic.look_at_scenario(Path(context.scenario), state.study, state.log, context.robot)
+    return automatic.look_at_scenario(Path(context.scenario), state.study, state.log)
 
 
 _LookAtStudy: TypeAlias = Callable[[CheckContext, StudyState], Finding]
@@ -146,7 +147,7 @@ def append_checked(check: StudyCheck, context: CheckContext, report: CheckReport
     :param report: what came of it.
     :raises rise_engine.study.study_log.StudyLogError: it cannot be written.
     """
-    fields = {
+    fields: dict[str, Json] = {
         "id": report.id,
         "when": check.when,
         "text": report.text,
@@ -154,10 +155,10 @@ def append_checked(check: StudyCheck, context: CheckContext, report: CheckReport
         "value": report.value,
         "reason": report.reason,
         "source": report.source,
-        "participant": context.participant,
-        "run": context.run,
         "purpose": context.purpose,
     }
+    if check.valid is None:  # what stays good for others too is nobody's: it outlives a participant who withdraws
+        fields |= {"participant": context.participant, "run": context.run}
     if context.session:
         fields["session"] = context.session
     with LockedLog(Path(context.study.folder), context.now) as log:

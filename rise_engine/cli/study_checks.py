@@ -31,6 +31,7 @@ from rise_engine.checks import (
 )
 from rise_engine.errors import RiseError
 from rise_engine.kernel.inputs import CheckReport
+from rise_engine.kernel.records import ENGINE
 from rise_engine.nearest_name import did_you_mean
 from rise_engine.study.checked import made_after
 from rise_engine.study.model import Purpose, Study, StudyCheck
@@ -247,55 +248,48 @@ class _Gathering:
     def gather(self, pending: PendingCheck) -> CheckReport | None:
         """Make one check; None when nothing has come of it."""
         check = pending.check
-        if pending.good_since and check.id not in self._chosen.reasons:
-            outcome = kept_check(pending)
-            self._show(check, outcome)
-            return report_check(outcome)
-        outcome_or_none, by = self._make(check)
-        if outcome_or_none is None:
-            return None
-        report = report_check(outcome_or_none, by)
-        append_checked(check, self._context, report)
-        return report
-
-    def _make(self, check: StudyCheck) -> tuple[CheckOutcome | None, str]:
-        """What came of it, and by whom."""
         reason = self._chosen.reasons.get(check.id)
         if reason is not None:
-            outcome = skipped_check(check, reason)
+            return self._keep(check, skipped_check(check, reason), self._person)
+        if pending.good_since:
+            outcome = kept_check(pending)
             self._show(check, outcome)
-            return outcome, self._person
+            return report_check(outcome)  # it stands in the log already
         if is_answered_by_person(check) and not self._terminal.answers and check.id not in self._chosen.confirmed:
             # The robot is not made to speak where nobody says that it was heard.
             if self._miss(check, f"{check.id}: nobody has confirmed “{check_text(check)}”"):
                 self._to_confirm.append(check.id)
-            return None, ""
+            return None
+        return self._make(check)
+
+    def _make(self, check: StudyCheck) -> CheckReport:
+        """Look, and where somebody can answer, until it is well, skipped, or left."""
         while True:
             outcome, by = self._look(check)
-            self._show(check, outcome)
+            report = self._keep(check, outcome, by)
             if outcome.result == "passed" or not (check.blocks and self._binding):
-                return outcome, by
-            if not self._terminal.answers:
-                if self._miss(check, f"{check.id}: {outcome.found or outcome.text}") and self._may_skip(check):
-                    self._to_skip.append(check.id)
-                return outcome, by
-            report = report_check(outcome, by)
-            choice = self._ask_on(check)
+                return report
+            choice = self._ask_on(check) if self._terminal.answers else None
             if choice is None:
                 self._miss(check, f"{check.id}: {outcome.found or outcome.text}")
-                return outcome, by
-            append_checked(check, self._context, report)
+                if self._may_skip(check):
+                    self._to_skip.append(check.id)
+                return report
             if choice:
-                skipped = skipped_check(check, choice, outcome)
-                self._show(check, skipped)
-                return skipped, self._person
+                return self._keep(check, skipped_check(check, choice, outcome), self._person)
+
+    def _keep(self, check: StudyCheck, outcome: CheckOutcome, by: str) -> CheckReport:
+        self._show(check, outcome)
+        report = report_check(outcome, by)
+        append_checked(check, self._context, report)
+        return report
 
     def _look(self, check: StudyCheck) -> tuple[CheckOutcome, str]:
         if check.run or check.auto in _SLOW:
             self._terminal.show(f"         {check.id}: {check_text(check)} ...")
         outcome = asyncio.run(run_check(check, self._context))
         if outcome.result != "asked":
-            return outcome, "engine"
+            return outcome, ENGINE
         if check.id in self._chosen.confirmed:
             return answer_check(outcome, True, CONFIRMED if check.auto else ""), self._person
         return self._ask(outcome), self._person
@@ -348,4 +342,5 @@ class _Gathering:
     def _show(self, check: StudyCheck, outcome: CheckOutcome) -> None:
         is_harmless = outcome.result == "failed" and not (check.blocks and self._binding)
         mark = "warning" if is_harmless else _MARKS[outcome.result]
-        self._terminal.show(f"{mark:8} {outcome.id}: {clean(outcome.found or outcome.text)}")
+        found = outcome.reason if outcome.result == "skipped" else outcome.found
+        self._terminal.show(f"{mark:8} {outcome.id}: {clean(found or outcome.text)}")

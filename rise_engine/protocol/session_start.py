@@ -10,6 +10,7 @@ from rise_engine.nearest_name import did_you_mean
 from rise_engine.protocol.session_options import SessionOptions
 from rise_engine.scenario.model import Scenario
 from rise_engine.scenario.study import condition_memory, condition_problem
+from rise_engine.session.pseudonyms import pseudonym_problem
 
 
 def start_problems(scenario: Scenario, options: SessionOptions) -> list[str]:
@@ -17,8 +18,9 @@ def start_problems(scenario: Scenario, options: SessionOptions) -> list[str]:
 
     :param scenario: the one that the options name, in their mode.
     """
-    if problem := condition_problem(scenario, options.condition):
-        return [problem]
+    pseudonym = pseudonym_problem(options.participant) if scenario.mode == "real" else ""
+    if problems := [*filter(None, (pseudonym, condition_problem(scenario, options.condition)))]:
+        return problems
     return set_conflicts(scenario, first_input(scenario, options), options.first_tasks)
 
 

@@ -83,7 +83,8 @@ def due_after_checks(study: Study, sessions: Iterable[SessionEntry], entries: It
     after = [check for check in study.checks if check.when == "after"]
     made = made_after(entries)
     return [
-        f"{session.participant}, session {session.folder}: {check_text(check)} ({check.id}) is not confirmed yet"
+        f"{session.participant}: nobody has confirmed “{check_text(check)}” "
+        f"(check {check.id}, session {session.folder})"
         for session in sessions
         if session.status == "ended" and session.purpose == "counted"
         for check in after

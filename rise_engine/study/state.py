@@ -12,6 +12,7 @@ from pathlib import Path
 from types import TracebackType
 
 from msgspec import Struct
+from msgspec.structs import replace
 
 from rise_engine.errors import RiseError
 from rise_engine.scenario.model import Json
@@ -21,6 +22,7 @@ from rise_engine.study.model import Participant, ParticipantState, Slot, Study, 
 from rise_engine.study.participants import load_participants
 from rise_engine.study.plan_file import read_plan
 from rise_engine.study.planning import last_planned, plan_problem
+from rise_engine.study.retention import due_retention
 from rise_engine.study.sessions import MissingEntry, StudySession, missing_entries, read_sessions
 from rise_engine.study.standing import Places, places_of, study_standing
 from rise_engine.study.study_log import LockedLog, LogEntry, read_log
@@ -108,7 +110,9 @@ def read_state(folder: Path) -> StudyState:
     :raises rise_engine.study.study_log.StudyLogError: its log cannot be read.
     """
     files = _read_files(folder)
-    return _state(files, read_log(folder))
+    state = _state(files, read_log(folder))
+    due = due_retention(state.study, state.sessions, datetime.now().astimezone().date())
+    return replace(state, standing=replace(state.standing, due=(*state.standing.due, *due))) if due else state
 
 
 class OpenStudy:

@@ -10,11 +10,9 @@ from pathlib import Path
 from typing import Any
 
 from rise_engine.checks import CheckContext
-from rise_engine.scenario import load
 from rise_engine.study.model import Study, StudyCheck
-from rise_engine.study.plan import make_plan
-from rise_engine.study.plan_file import plan_text, text_hash, write_plan
-from rise_engine.study.study_log import LockedLog, LogEntry
+from rise_engine.study.planning import plan_study
+from rise_engine.study.study_log import LogEntry
 from rise_engine.study.study_toml import load_study
 from tests.engine.processes import folder
 
@@ -116,16 +114,10 @@ def real_study(path: Path, checks: str, *, robot: str = "generic") -> Study:
 
     :param checks: the `[[check]]` tables.
     """
-    made = folder(path / "scenario", f'robot = "{robot}"\n')
+    folder(path / "scenario", f'robot = "{robot}"\n')
     (path / "study.toml").write_text(DESIGN + checks)
     (path / "participants.csv").write_text(PEOPLE)
     loaded = load_study(path)
     assert loaded.study is not None, [str(each) for each in loaded.diagnostics]
-    text = plan_text(loaded.study, make_plan(loaded.study))
-    write_plan(path, text)
-    scenario = load(made, mode="real").scenario
-    assert scenario is not None
-    with LockedLog(path, lambda: NOW - timedelta(days=1)) as log:
-        fields = {"study_hash": loaded.study.hash, "design_hash": loaded.study.design_hash}
-        log.append("planned", **fields, plan_hash=text_hash(text), scenarios={"scenario": scenario.hash})
+    plan_study(loaded.study, loaded.scenarios)
     return loaded.study

@@ -215,23 +215,21 @@ def test_scenario_as_it_was_planned(tmp_path: Path) -> None:
     scenario = load(made).scenario
     assert scenario is not None
     log = planned(scenario=scenario.hash)
-    assert look_at_scenario(made, study(tmp_path), log, None) == Finding(True, "`scenario` is as it was on 2026-11-10")
+    assert look_at_scenario(made, study(tmp_path), log) == Finding(True, "`scenario` is as it was on 2026-11-10")
     (made / "acts" / "greet.xml").write_text((made / "acts" / "greet.xml").read_text().replace("Hello", "Hi"))
-    found = look_at_scenario(made, study(tmp_path), log, None)
+    found = look_at_scenario(made, study(tmp_path), log)
     assert not found.passed
     assert found.reason == (
         "the scenario `scenario` was changed since the plan was made on 2026-11-10; put it back as it was"
     )
     (made / "acts" / "greet.xml").write_text("<Dialog>")
-    assert look_at_scenario(made, study(tmp_path), log, None).reason.startswith(
-        "the scenario `scenario` has errors: acts/"
-    )
+    assert look_at_scenario(made, study(tmp_path), log).reason.startswith("the scenario `scenario` has errors: acts/")
 
 
 def test_scenario_without_a_plan_or_of_another_one(tmp_path: Path) -> None:
     made = folder(tmp_path / "scenario")
-    assert look_at_scenario(made, study(tmp_path), [], None).reason == "there is no plan yet: rise-engine study plan"
-    assert look_at_scenario(made, study(tmp_path), planned(other="x"), None).reason == (
+    assert look_at_scenario(made, study(tmp_path), []).reason == "there is no plan yet: rise-engine study plan"
+    assert look_at_scenario(made, study(tmp_path), planned(other="x")).reason == (
         "the plan of 2026-11-10 does not know the scenario `scenario`; make it again "
         "(rise-engine study plan --again REASON)"
     )

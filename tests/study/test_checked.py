@@ -95,7 +95,7 @@ def test_what_nobody_has_looked_at_afterwards_is_due() -> None:
         checked("debrief", "passed", NOW, when="after", session="one"),
         checked("debrief", "failed", NOW, when="after", session="two"),
     ]
-    sentence = "P07, session two: Participant was debriefed (debrief) is not confirmed yet"
+    sentence = "P07: nobody has confirmed “Participant was debriefed” (check debrief, session two)"
     assert due_after_checks(LAB, sessions, log) == [sentence]
     log.append(checked("debrief", "skipped", NOW, when="after", session="two", reason="left in a hurry"))
     assert due_after_checks(LAB, sessions, log) == []
