@@ -379,6 +379,12 @@ def test_no_study(tmp_path: Path, command: str) -> None:
     assert f"there is no folder {tmp_path}/x" in study(command, f"{tmp_path}/x").output
 
 
+def test_a_study_is_no_scenario(tmp_path: Path) -> None:
+    result = CliRunner().invoke(main, ["check", str(study_folder(tmp_path))])
+    assert result.exit_code == 2
+    assert "is a study, not a scenario: its commands are those of `rise-engine study`" in result.output
+
+
 def test_every_command_is_in_the_reference() -> None:
     page = (Path(__file__).parents[2] / "docs" / "reference" / "rise-engine.md").read_text(encoding="utf-8")
     assert [name for name in STUDY if f"study {name}" not in page] == []
