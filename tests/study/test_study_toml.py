@@ -385,8 +385,8 @@ def test_a_design_that_is_too_large(tmp_path: Path, kind: str, more: str, senten
 def test_a_plan_that_is_too_large(tmp_path: Path) -> None:
     toml = DESIGN.replace("n = 8", "n = 9000").replace("block =", "spare = 2\nblock =")
     assert found(tmp_path, toml) == [
-        "study.toml:4:1: error out-of-range: the plan would have 54,000 rows, for 9000 participants in each stratum and "
-        "the spare ones; at most 50,000 can be planned"
+        "study.toml:4:1: error out-of-range: the plan would have 54,000 rows, for 9000 participants in each stratum "
+        "and the spare ones; at most 50,000 can be planned"
     ]
 
 
