@@ -24,6 +24,7 @@
       MemoryFileNotEditable       The file is not what a scenario's memory is
       MemoryNotWritable           The start values cannot be written
       MissingValueError           A memory key without value was needed to fill a template
+      NewStudyError               A study could not be made
       NoSuchPath                  The value has no such part
       NodeError                   The node cannot do what it is for
       NotAdmitted                 Somebody cannot attach
@@ -31,6 +32,7 @@
       OutputError                 Standard output cannot be written
       ParameterError              A value that an action's parameter cannot take
         OutOfRangeError           A number beyond the smallest or the largest that a parameter can have
+      PlanError                   The plan cannot be written
       PortError                   Something cannot be had from this transport
       RegistryError               The folder or the name under which a session is reached cannot be used
       Rejected                    The session did not accept what was asked for
@@ -44,6 +46,7 @@
       SessionGoneError            No session answers
       SnapshotError               A snapshot does not fit the scenario that it is to go on with
       StudyCopyError              A study could not be copied
+      StudyLogError               The study's log cannot be read or written
       TaskFileError               A task file with mistakes
       TemplateError               A template that cannot be read
       UnknownActError             There is no such act

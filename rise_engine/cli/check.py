@@ -50,8 +50,8 @@ def check_report(folder: str, *, robot: str | None, mode: str | None, as_json: b
     errors = sum(diagnostic.severity == "error" for diagnostic in diagnostics)
     warnings = len(diagnostics) - errors
     if as_json:
-        rows = [_diagnostic_row(diagnostic) for diagnostic in diagnostics]
-        silenced_rows = [{**_diagnostic_row(each.diagnostic), "reason": each.reason} for each in silenced]
+        rows = [diagnostic_row(diagnostic) for diagnostic in diagnostics]
+        silenced_rows = [{**diagnostic_row(each.diagnostic), "reason": each.reason} for each in silenced]
         write_json({"errors": errors, "warnings": warnings, "findings": rows, "silenced": silenced_rows})
     else:
         for diagnostic in diagnostics:
@@ -101,7 +101,8 @@ def explain_act_report(folder: str, act: str, *, robot: str | None, mode: str | 
     return 0
 
 
-def _diagnostic_row(diagnostic: Diagnostic) -> dict[str, Any]:
+def diagnostic_row(diagnostic: Diagnostic) -> dict[str, Any]:
+    """A finding as `--json` has it."""
     return {
         "file": diagnostic.location.file,
         "line": diagnostic.location.line,

@@ -20,9 +20,11 @@ from rise_engine.exit_status import INTERRUPTED
 
 _SCENARIO = "rise_engine.cli.scenario_commands"
 _SESSION = "rise_engine.cli.session_commands"
+_STUDY = "rise_engine.cli.study_commands"
 _COMMANDS = {
     **dict.fromkeys(("check", "doctor", "eval", "expand", "new", "robots", "schema"), _SCENARIO),
     **dict.fromkeys(("export", "replay", "run", "serve", "sessions", "stop"), _SESSION),
+    "study": _STUDY,
 }
 """Each command's name, and the module where it is the value of `COMMANDS`."""
 

@@ -1,19 +1,15 @@
 """Reading the tables of a scenario, `tables/*.csv` (docs/reference/scenario.md, "Tables").
 
-Each is read-only memory: a list of objects, one for each row. Python's csv module reads the values; what it cannot say
-is where they stand, which is found again here when there is something to say about one.
+Each is read-only memory: a list of objects, one for each row.
 """
 
 from __future__ import annotations
 
-import csv
-import re
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 
-from msgspec import Struct
-
 from rise_engine.nearest_name import did_you_mean
+from rise_engine.scenario.csv_reader import MAX_CHARACTERS, SEPARATORS, SHOWN, CsvReader, TableRecord
 from rise_engine.scenario.diagnostics import Diagnostics
 from rise_engine.scenario.draft import ScenarioDraft
 from rise_engine.scenario.memory import is_writable_key
@@ -21,30 +17,11 @@ from rise_engine.scenario.model import Json, SourceLocation, Table
 from rise_engine.scenario.source_files import FileReader, SourceFile
 from rise_engine.scenario.table_settings import TableSettings, read_table_settings
 from rise_engine.scenario.table_values import ColumnType, convert_value, guess_type, has_comma_numbers
-from rise_engine.text import match_end
 
 TABLES_FOLDER = "tables"
 MAX_TABLE_BYTES = 2_000_000
 MAX_ROWS = 10_000
-MAX_COLUMNS = 200
-MAX_CHARACTERS = 10_000
-"""Of one value."""
-SEPARATORS = (",", ";", "\t")
 _KINDS: dict[ColumnType, str] = {"text": "a text", "number": "a number", "bool": "true or false"}
-_SHOWN = {",": "comma", ";": "semicolon", "\t": "tab", "|": "vertical line"}
-_EXCEL_FIRST_LINE = re.compile(r"sep=(.)\r?\n")
-_TO_SEPARATOR = re.compile(r'"(?:[^"]|"")*"?|[^"]')
-_BLANKS = re.compile(" *")
-
-
-class TableRecord(Struct, frozen=True):
-    """One line of a table, or several when a value goes over their ends."""
-
-    start: int
-    """Its offset in the file."""
-    end: int
-    values: list[str]
-    """Without blanks around them."""
 
 
 def read_tables(files: FileReader, draft: ScenarioDraft, diagnostics: Diagnostics) -> None:
@@ -94,17 +71,14 @@ _ENCODING_REMEDY = (
 )
 
 
-class _TableReader:
+class _TableReader(CsvReader):
     def __init__(
         self, source: SourceFile, name: str, settings: TableSettings, draft: ScenarioDraft, diagnostics: Diagnostics
     ) -> None:
-        self.source = source
+        super().__init__(source, diagnostics, settings.separator)
         self.name = name
         self.draft = draft
         self.settings = settings
-        self.diagnostics = diagnostics
-        self.separator = settings.separator or ","
-        self.problems = 0
 
     def read(self) -> Table | None:
         """The table, or None after findings."""
@@ -129,116 +103,20 @@ class _TableReader:
         values = [list(row) for row in zip(*by_column, strict=True)]
         return Table(self.name, tuple(columns), values, self.source.location(start))
 
-    def has_problems(self) -> bool:
-        return self.problems > 0
-
-    def report(self, offset: int, message: str) -> None:
-        self.problems += 1
-        self.diagnostics.error("table-form", self.source.location(offset), message)
+    def read_header(self, header: TableRecord, rows: Sequence[TableRecord]) -> list[str]:
+        """The names of the columns that are used."""
+        names = super().read_header(header, rows)
+        if len(names) == 1 and (other := next((each for each in (*SEPARATORS, "|") if each in names[0]), None)):
+            message = (
+                f"there is one column only; if a {SHOWN[other]} stands between the values, write "
+                f"separator = {_quote(other)} into tables/{self.name}.toml"
+            )
+            self.report(header.start, message)
+        return names
 
     def report_value(self, offset: int, message: str) -> None:
         self.problems += 1
         self.diagnostics.error("table-value", self.source.location(offset), message)
-
-    def find_separator(self) -> int:
-        """Find out what stands between the values; returns where the first row begins."""
-        text = self.source.text
-        excel = _EXCEL_FIRST_LINE.match(text)
-        if excel is not None:
-            self.separator = self.settings.separator or excel.group(1)
-        elif not self.settings.separator:
-            end = text.find("\n")
-            line = text[: end if end >= 0 else len(text)]
-            pieces = (found.group() for found in _TO_SEPARATOR.finditer(line))
-            self.separator = next((piece for piece in pieces if piece in SEPARATORS), ",")
-        return excel.end() if excel is not None else 0
-
-    def read_records(self, start: int) -> Iterator[TableRecord]:
-        """The rows that have a value, the header among them."""
-        lines = self.source.text[start:].split("\n")
-        ends = [start]
-        for line in lines:
-            ends.append(ends[-1] + len(line) + 1)
-        reader = csv.reader(
-            (f"{line}\n" for line in lines), delimiter=self.separator, skipinitialspace=True, strict=True
-        )
-        while True:
-            first = reader.line_num
-            try:
-                values = next(reader, None)
-            except csv.Error as error:
-                self.report_syntax(error, ends[first], ends[reader.line_num])
-                return
-            if values is None:
-                return
-            values = [value.strip().replace("\r\n", "\n") for value in values]
-            if any(values):
-                yield TableRecord(ends[first], ends[reader.line_num], values)
-
-    def report_syntax(self, error: csv.Error, start: int, end: int) -> None:
-        """What the csv module could not read."""
-        text = self.source.text[start:end]
-        shown = _SHOWN.get(self.separator, f"`{self.separator}`")
-        if "new-line" in str(error):
-            message = "a carriage return alone ends no line; save the file with the line ends of Windows or Unix"
-            self.report(start + max(0, text.find("\r")), message)
-        elif "limit" in str(error):
-            self.report(
-                start, f"a value has more than {MAX_CHARACTERS:,} characters; is a quotation mark never closed?"
-            )
-        else:
-            starts, bad = find_values(text, self.separator)
-            if bad is not None:
-                message = (
-                    f"behind a closing quotation mark stands a {shown} or the end of the line; within a value in "
-                    'quotation marks, a quotation mark is written twice: ""'
-                )
-                self.report(start + bad, message)
-            else:
-                self.report(start + starts[-1], "this quotation mark is never closed")
-
-    def value_at(self, row: TableRecord, at: int) -> int:
-        """Where the value of a column stands in the file; behind the row, when it has none."""
-        starts, _ = find_values(self.source.text[row.start : row.end], self.separator)
-        return row.start + starts[min(at, len(starts) - 1)]
-
-    def read_header(self, header: TableRecord, rows: Sequence[TableRecord]) -> list[str]:
-        names = header.values
-        used = _count_used(names)
-        for row in rows:  # a column without name and values is what Excel leaves of a deleted one
-            used = max(used, _count_used(row.values[: len(names)]))
-        if used > MAX_COLUMNS:
-            self.report(header.start, f"a table has at most {MAX_COLUMNS} columns; this one has {used}")
-            return names[:used]
-        first: dict[str, int] = {}
-        for at, name in enumerate(names[:used]):
-            if not name:
-                self.report(self.value_at(header, at), f"column {at + 1} has values and no name")
-            elif name in first:
-                self.report(self.value_at(header, at), f"column {first[name] + 1} is called `{name}` already")
-            first.setdefault(name, at)
-        if used == 1 and (other := next((each for each in (*SEPARATORS, "|") if each in names[0]), None)):
-            message = (
-                f"there is one column only; if a {_SHOWN[other]} stands between the values, write "
-                f"separator = {_quote(other)} into tables/{self.name}.toml"
-            )
-            self.report(header.start, message)
-        return names[:used]
-
-    def check_length(self, row: TableRecord, count: int) -> bool:
-        """Whether a row has a value for each column, and none beside."""
-        values = row.values
-        beside = next((at for at in range(count, len(values)) if values[at]), None)
-        if beside is not None:
-            message = (
-                f"this row has a value more than the header has names ({count}); a value with a "
-                f"{_SHOWN.get(self.separator, self.separator)} in it stands in quotation marks"
-            )
-            self.report(self.value_at(row, beside), message)
-        elif len(values) < count:
-            end = row.start + len(self.source.text[row.start : row.end].rstrip("\r\n"))
-            self.report(end, f"this row has {len(values)} values, and the header {count} names")
-        return not self.has_problems()
 
     def read_column(self, name: str, at: int, rows: Sequence[TableRecord]) -> list[Json]:
         """The values of one column, all of one type; null where there is none."""
@@ -269,42 +147,6 @@ class _TableReader:
         location = self.source.location(self.value_at(row, at))
         self.draft.memory_key_locations[f"{self.name}.{name}"] = location
         self.diagnostics.warning("decimal-comma", location, message)
-
-
-def _count_used(values: Sequence[str]) -> int:
-    """How many there are up to the last one that is not empty."""
-    return next((at + 1 for at in range(len(values) - 1, -1, -1) if values[at]), 0)
-
-
-def find_values(text: str, separator: str) -> tuple[list[int], int | None]:
-    """Where the values of one row begin in its text, and where something stands that cannot be there."""
-    starts: list[int] = []
-    at = line_end = 0
-    while True:
-        at = match_end(_BLANKS, text, at)
-        starts.append(at)
-        if text.startswith('"', at):
-            at = _closing_quote(text, at + 1)
-            if at < 0:
-                return starts, None
-            if text[at : at + 1] not in ("", "\r", "\n", separator):
-                return starts, at
-        else:
-            if line_end <= at:
-                line_end = text.find("\n", at)
-                line_end = line_end if line_end >= 0 else len(text)
-            found = text.find(separator, at, line_end)
-            at = found if found >= 0 else line_end
-        if text[at : at + 1] != separator:
-            return starts, None
-        at += 1
-
-
-def _closing_quote(text: str, at: int) -> int:
-    """Behind the quotation mark that closes a value; -1 when there is none."""
-    while (at := text.find('"', at)) >= 0 and text.startswith('"', at + 1):
-        at += 2
-    return at + 1 if at >= 0 else -1
 
 
 def _quote(separator: str) -> str:

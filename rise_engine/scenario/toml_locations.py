@@ -175,6 +175,8 @@ class _Locator:
     def __init__(self, text: str) -> None:
         self.text = text
         self.found: dict[KeyPath, tuple[int, int]] = {}
+        self.lengths: dict[KeyPath, int] = {}
+        """How many tables each `[[list]]` has so far."""
 
     def locate_all(self) -> dict[KeyPath, tuple[int, int]]:
         table: KeyPath = ()
@@ -182,10 +184,12 @@ class _Locator:
         while position < len(self.text):
             if self.text.startswith("[", position):
                 opening = position
+                is_list = self.text.startswith("[[", position)
                 while self.text.startswith("[", position):
                     position += 1
-                position, table = self.read_key(match_end(_SPACE, self.text, position), (), opening)
+                position, named = self.read_key(match_end(_SPACE, self.text, position), (), opening)
                 position = match_end(_SPACE, self.text, position)
+                table = self.enter_table(named, opening, is_list=is_list)
                 while self.text.startswith("]", position):
                     position += 1
             else:
@@ -195,6 +199,18 @@ class _Locator:
                 following = position + 1
             position = following
         return self.found
+
+    def enter_table(self, named: KeyPath, opening: int, *, is_list: bool) -> KeyPath:
+        """The path of the table that a header begins: in a `[[list]]`, its number is a part of it."""
+        path: KeyPath = ()
+        for at, part in enumerate(named, start=1):
+            path = (*path, part)
+            if is_list and at == len(named):
+                self.lengths[path] = self.lengths.get(path, 0) + 1
+            if path in self.lengths:
+                path = (*path, str(self.lengths[path] - 1))
+        self.found.setdefault(path, (opening, opening))
+        return path
 
     def read_key(self, position: int, path: KeyPath, value_at: int) -> tuple[int, KeyPath]:
         """A dotted key: each part is noted. Returns the offset behind it and the whole path."""

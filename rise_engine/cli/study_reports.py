@@ -1,0 +1,114 @@
+"""What `rise-engine study check` and `study plan` print."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+from shlex import quote
+
+from rise_engine.cli.arguments import exit_with_usage
+from rise_engine.cli.check import diagnostic_row
+from rise_engine.cli.terminal import write_json
+from rise_engine.exit_status import OK, REFUSED
+from rise_engine.study.design import cells, runs
+from rise_engine.study.model import Study
+from rise_engine.study.participants import load_participants
+from rise_engine.study.plan_file import PlanError
+from rise_engine.study.planning import plan_study
+from rise_engine.study.review import StudyReview, review_study
+from rise_engine.study.study_log import StudyLogError
+from rise_engine.study.study_toml import STUDY_FILE, is_study, load_study
+from rise_engine.text import pluralize
+
+
+def resolve_study_folder(folder: str) -> Path:
+    """The folder of a study, given as itself or as its study.toml; ends the program if it is none."""
+    path = Path(folder)
+    path = path.parent if path.name == STUDY_FILE else path
+    if is_study(path):
+        return path
+    if path.is_dir():
+        problem = f"there is no {STUDY_FILE} in {'this folder' if folder == '.' else folder}"
+    else:
+        problem = f"there is no folder {folder}"
+    return exit_with_usage(f"{problem}; `rise-engine study new DIR` makes a study")
+
+
+def check_report(folder: str, *, as_json: bool) -> int:
+    """Print everything that is wrong with a study, and what is to be done next.
+
+    :param folder: the study's.
+    :param as_json: as one document.
+    :return: the exit status, 1 when something is an error.
+    """
+    path = resolve_study_folder(folder)
+    review = review_study(path)
+    errors = len(review.errors)
+    warnings = len(review.diagnostics) - errors
+    if as_json:
+        rows = [diagnostic_row(diagnostic) for diagnostic in review.diagnostics]
+        left_out = list(review.left_out)
+        write_json({"errors": errors, "warnings": warnings, "findings": rows, "not_looked_at": left_out})
+        return REFUSED if errors else OK
+    for diagnostic in review.diagnostics:
+        print(str(diagnostic))
+    for name in review.left_out:
+        print(f"{name} was not looked at: {STUDY_FILE} says what stands in it, and has errors there")
+    found = f"{pluralize(errors, 'error')}, {pluralize(warnings, 'warning')}" if review.diagnostics else "no findings"
+    print(f"{found}{f' ({_contents_text(review.study, review)})' if review.study is not None else ''}")
+    if review.study is not None and not errors:
+        print(_next_step(review, path))
+    return REFUSED if errors else OK
+
+
+def _contents_text(study: Study, review: StudyReview) -> str:
+    parts = [pluralize(len(study.factors), "factor")]
+    if (number := len(cells(study))) > 1:
+        parts.append(pluralize(number, "cell"))
+    if (number := len(runs(study))) > 1:
+        parts.append(f"{number} runs each")
+    parts.append(f"{study.n} wanted")
+    without = sum(not all(each.consent.get(name) for name in study.consent) for each in review.participants)
+    parts.append(
+        f"{len(review.participants)} in participants.csv{f', {without} of them without consent' * bool(without)}"
+    )
+    if review.slots:
+        parts.append(f"a plan with {pluralize(len(review.slots), 'slot')}")
+    return ", ".join(parts)
+
+
+def _next_step(review: StudyReview, path: Path) -> str:
+    """What somebody does next."""
+    where = quote(str(path))
+    if not review.is_planned:
+        return f"next: make the plan   rise-engine study plan {where}"
+    if not review.participants:
+        return "next: write a line for each participant into participants.csv"
+    return f"next: run it           rise-tui --config {where}"
+
+
+def plan_report(folder: str, *, again: str | None) -> int:
+    """Make the plan, or a new one, and print what was done and the proof of its balance.
+
+    :param folder: the study's.
+    :param again: why there is to be a new one; None: the first.
+    :return: the exit status, 1 when no plan can be made.
+    """
+    path = resolve_study_folder(folder)
+    loaded = load_study(path)
+    for diagnostic in loaded.diagnostics:
+        print(str(diagnostic), file=sys.stderr)
+    if loaded.study is None:
+        print("error: nothing is planned as long as the study has errors", file=sys.stderr)
+        return REFUSED
+    participants = load_participants(loaded.study).participants
+    try:
+        made = plan_study(loaded.study, loaded.scenarios, participants, again=again)
+    except (PlanError, StudyLogError) as error:
+        print(f"error: {error}", file=sys.stderr)
+        return REFUSED
+    print(made.sentence)
+    print()
+    for line in made.balance.lines:
+        print(line)
+    return OK

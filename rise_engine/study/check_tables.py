@@ -1,0 +1,107 @@
+"""Reading `[[check]]` of study.toml."""
+
+from __future__ import annotations
+
+import re
+
+from rise_engine.nearest_name import did_you_mean, in_backquotes
+from rise_engine.scenario.toml_tables import TomlTable
+from rise_engine.study.check_kinds import AUTOMATIC
+from rise_engine.study.model import StudyCheck
+from rise_engine.study.quantities import parse_length, parse_size
+
+_KEYS = ("id", "ask", "auto", "run", "when", "min", "every", "blocks")
+_WAYS = ("ask", "auto", "run")
+_ID = re.compile(r"[A-Za-z][A-Za-z0-9_-]*\Z")
+_FORM = 'a check has exactly one of ask = "...", auto = "..." and run = ["..."]'
+
+
+def read_checks(study: TomlTable) -> tuple[StudyCheck, ...]:
+    """Every check of a study, in the order in which they are made."""
+    listed = study.values.get("check", [])
+    if not isinstance(listed, list) or not all(isinstance(each, dict) for each in listed):
+        study.report_key("wrong-type", "each check is a table of its own: [[check]], with two brackets", "check")
+        return ()
+    checks: list[StudyCheck] = []
+    for number, values in enumerate(listed):
+        table = TomlTable(study.file, ("check", str(number)), values, study.diagnostics)
+        check = _read_check(table)
+        if check.id and any(each.id == check.id for each in checks):
+            table.report_value("duplicate-name", "id", f"another check is called `{check.id}`")
+        checks.append(check)
+    return tuple(checks)
+
+
+def _read_check(table: TomlTable) -> StudyCheck:
+    table.report_unknown_keys(_KEYS)
+    given = [way for way in _WAYS if way in table.values]
+    misspelt = any(did_you_mean(key, _WAYS, limit=0) for key in table.values if key not in _KEYS)
+    if len(given) != 1 and not (misspelt and not given):
+        table.report_key("check-form", _FORM)
+    auto = _read_auto(table)
+    when = table.read("when", str, "before", form=': "before" or "after" the session')
+    if when not in ("before", "after"):
+        table.report_value("wrong-value", "when", f'`when` is "before" or "after" the session, not `{when}`')
+    ask = table.read("ask", str, "", form=': a sentence that somebody confirms: ask = "The lamp is on"').strip()
+    if "ask" in table.values and isinstance(table.values["ask"], str) and not ask:
+        table.report_value("missing-value", "ask", "`ask` is empty; write a sentence that somebody confirms")
+    return StudyCheck(
+        id=_read_id(table),
+        when="after" if when == "after" else "before",
+        ask=ask,
+        auto=auto,
+        run=_read_run(table),
+        minimum=_read_minimum(table, auto),
+        valid=_read_every(table),
+        blocks=table.read("blocks", bool, True),
+    )
+
+
+def _read_id(table: TomlTable) -> str:
+    identity: str = table.read("id", str, "", form=': id = "lights"')
+    if "id" not in table.values:
+        if not any(did_you_mean(key, ("id",), limit=0) for key in table.values if key not in _KEYS):
+            table.report_key("missing-value", 'this check has no `id`; write id = "..."')
+    elif isinstance(table.values["id"], str) and not _ID.match(identity):
+        message = f"an `id` has letters, digits, `_` and `-`, and begins with a letter, not `{identity}`"
+        table.report_value("bad-name", "id", message)
+    return identity
+
+
+def _read_auto(table: TomlTable) -> str:
+    auto: str = table.read("auto", str, "", form=': auto = "robot"')
+    if "auto" in table.values and isinstance(table.values["auto"], str) and auto not in AUTOMATIC:
+        near = did_you_mean(auto, AUTOMATIC, limit=0) or f"; there are {in_backquotes(AUTOMATIC)}"
+        table.report_value("unknown-name", "auto", f"there is no automatic check `{auto}`{near}")
+        return ""
+    return auto
+
+
+def _read_run(table: TomlTable) -> tuple[str, ...]:
+    if isinstance(table.values.get("run"), str):
+        table.report_value("wrong-type", "run", '`run` is a program and its arguments: run = ["./check.sh", "fast"]')
+        return ()
+    run = table.read_texts("run", ())
+    if "run" in table.values and table.values["run"] == []:
+        table.report_value("missing-value", "run", "`run` is empty; name a program")
+    return run
+
+
+def _read_minimum(table: TomlTable, auto: str) -> str:
+    text: str = table.read("min", str, "", form=': min = "20 GB"')
+    if "min" in table.values and auto != "disk" and (auto or "auto" not in table.values):
+        table.report_key("check-form", '`min` says how much room there must be; it goes with auto = "disk"', "min")
+    elif text and parse_size(text) is None:
+        table.report_value("wrong-value", "min", f"`{text}` is no size; write 20 GB or 500 MB")
+    return text
+
+
+def _read_every(table: TomlTable) -> float | None:
+    text = table.read("every", str, None, form=': every = "30 d"')
+    if text is None:
+        return None
+    seconds = parse_length(text)
+    if seconds is None or seconds <= 0:
+        table.report_value("wrong-value", "every", f"`{text}` is no length of time; write 8 h, 30 d or 1 y")
+        return None
+    return seconds

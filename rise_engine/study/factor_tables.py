@@ -1,0 +1,148 @@
+"""Reading `[factors.NAME]` of study.toml."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Collection
+
+from msgspec.json import encode
+
+from rise_engine.nearest_name import did_you_mean, nearest_name
+from rise_engine.scenario.toml_tables import TomlTable
+from rise_engine.study.model import Factor, FactorKind, Level
+
+_FACTOR_KEYS = ("kind", "levels", "labels", "label_only")
+_LEVEL_KEYS = ("memory", "scenario")
+_NAME = re.compile(r"[A-Za-z][A-Za-z0-9_]*\Z")
+_LEVEL = re.compile(r"[A-Za-z0-9_-]+\Z")
+_LEVELS_FORM = "`levels` is a table: levels.yes.memory = { hesitation = true }"
+
+
+def read_factors(table: TomlTable, reserved: Collection[str]) -> tuple[Factor, ...]:
+    """Every factor, in the order of the file.
+
+    :param table: `[factors]`.
+    :param reserved: names that none can have, because plan.csv has another column of that name.
+    """
+    factors: list[Factor] = []
+    for name, values in table.values.items():
+        if not _NAME.match(name):
+            message = f"a factor is called with letters, digits and `_`, beginning with a letter, not `{name}`"
+            table.report_key("bad-name", message, name)
+        elif name in reserved:
+            table.report_key("bad-name", f"plan.csv has a column `{name}` of another meaning", name)
+        if not isinstance(values, dict):
+            table.report_key("wrong-type", f"a factor is a table: [factors.{name}]", name)
+            continue
+        factors.append(_read_factor(TomlTable(table.file, (*table.path, name), values, table.diagnostics)))
+    _check_overlaps(table, factors)
+    return tuple(factors)
+
+
+def _read_factor(table: TomlTable) -> Factor:
+    table.report_unknown_keys(_FACTOR_KEYS)
+    labels = _read_labels(table)
+    levels = _read_levels(table, labels)
+    if not table.read("label_only", bool, False) and not _has_unknown_keys(table):
+        _check_difference(table, levels)
+    return Factor(table.name, _read_kind(table), levels)
+
+
+def _is_misspelt(table: TomlTable, key: str) -> bool:
+    """Whether a key is there in another spelling, which is told already."""
+    return any(nearest_name(name, (key,)) for name in table.values if name not in _FACTOR_KEYS)
+
+
+def _has_unknown_keys(table: TomlTable) -> bool:
+    """Whether something that a level sets may stand under a misspelt key."""
+    levels = table.values.get("levels", {})
+    values = levels.values() if isinstance(levels, dict) else ()
+    return any(isinstance(each, dict) and each.keys() - set(_LEVEL_KEYS) for each in values)
+
+
+def _read_kind(table: TomlTable) -> FactorKind:
+    form = '`kind` is "between" (one level for each participant) or "within" (every participant has every level)'
+    value = table.values.get("kind")
+    if value is None:
+        if not _is_misspelt(table, "kind"):
+            table.report_key("missing-value", f"`kind` is missing; {form}")
+    elif value not in ("between", "within"):
+        near = did_you_mean(value, ("between", "within"), limit=0) if isinstance(value, str) else ""
+        table.report_value("wrong-value", "kind", f"{form}{near}")
+    return "within" if value == "within" else "between"
+
+
+def _read_labels(table: TomlTable) -> dict[str, str]:
+    inner = table.section("labels")
+    return {name: inner.read(name, str, "", form=f': {name} = "A"') for name in inner.values}
+
+
+def _read_levels(table: TomlTable, labels: dict[str, str]) -> tuple[Level, ...]:
+    inner = table.subtable("levels", _LEVELS_FORM)
+    if inner is None:
+        return ()
+    names = list(inner.values)
+    if len(names) < 2 and not (not names and _is_misspelt(table, "levels")):
+        what = f"has only the level `{names[0]}`" if names else "has no levels"
+        table.report_key(
+            "missing-value", f"`{table.name}` {what}; a factor has two or more: levels.NAME.memory = {{ ... }}"
+        )
+    for name in labels:
+        if name not in names:
+            near = did_you_mean(name, names)
+            table.report_key("unknown-name", f"`{table.name}` has no level `{name}`{near}", "labels", name)
+    return tuple(_read_level(inner, name, labels.get(name, "")) for name in names)
+
+
+def _read_level(levels: TomlTable, name: str, label: str) -> Level:
+    if not _LEVEL.match(name):
+        message = f"a level is called with letters, digits, `_` and `-`, not `{name}`; `labels` can be any text"
+        levels.report_key("bad-name", message, name)
+    values = levels.values[name]
+    if not isinstance(values, dict):
+        levels.report_value(
+            "wrong-type", name, f"a level is a table: levels.{name}.memory = {{ key = true }}, or levels.{name} = {{}}"
+        )
+        return Level(name, label=label)
+    table = TomlTable(levels.file, (*levels.path, name), values, levels.diagnostics)
+    table.report_unknown_keys(_LEVEL_KEYS)
+    memory = table.read("memory", dict, {}, form=": memory = { key = true }")
+    scenario = table.read("scenario", str, "", form=': scenario = "scenario-babble"')
+    if "scenario" in values and isinstance(values["scenario"], str) and not scenario.strip():
+        table.report_value("missing-value", "scenario", "`scenario` is empty; name a folder, or leave it out")
+    return Level(name, memory, scenario.strip(), label)
+
+
+def _check_difference(table: TomlTable, levels: tuple[Level, ...]) -> None:
+    """Levels between which the robot knows no difference: then the condition would be a label."""
+    for at, level in enumerate(levels):
+        same = next((each for each in levels[:at] if what_it_does(each) == what_it_does(level)), None)
+        if same is not None:
+            message = (
+                f"the robot does the same in `{same.name}` and `{level.name}`: give them other memory values or "
+                "another scenario; or write label_only = true, if what differs is done by people"
+            )
+            table.report_key("same-level", message, "levels", level.name)
+
+
+def what_it_does(level: Level) -> tuple[str, bytes]:
+    """What two levels have in common in which the robot does the same; `1` and `true` are not the same."""
+    return level.scenario, encode(level.memory, order="sorted")
+
+
+def _check_overlaps(table: TomlTable, factors: list[Factor]) -> None:
+    """What two factors both set: nobody could say which of them holds."""
+    setters: dict[str, str] = {}
+    for factor in factors:
+        keys = dict.fromkeys(key for level in factor.levels for key in level.memory)
+        for key in keys:
+            other = setters.setdefault(key, factor.name)
+            if other != factor.name:
+                level = next(each.name for each in factor.levels if key in each.memory)
+                message = f"the factor `{other}` sets `{key}` too; a memory value belongs to one factor"
+                table.report_key("set-twice", message, factor.name, "levels", level, "memory", key)
+    choosers = [factor for factor in factors if any(level.scenario for level in factor.levels)]
+    for factor in choosers[1:]:
+        level = next(each.name for each in factor.levels if each.scenario)
+        message = f"the factor `{choosers[0].name}` chooses the scenario too; only one factor can"
+        table.report_key("set-twice", message, factor.name, "levels", level, "scenario")

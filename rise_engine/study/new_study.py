@@ -1,0 +1,247 @@
+"""A new study's folder: study.toml with comments, participants.csv, and copies of its scenarios."""
+
+from __future__ import annotations
+
+import json
+import shutil
+from collections.abc import Iterable, Mapping
+from pathlib import Path
+from tempfile import mkdtemp
+
+from msgspec import Struct
+
+from rise_engine.errors import RiseError
+from rise_engine.scenario.diagnostics import Diagnostic
+from rise_engine.scenario.model import Json
+from rise_engine.scenario.toml_tables import quote_toml_key
+from rise_engine.session.disk import error_message
+from rise_engine.study.model import Level, Study, StudyCheck
+from rise_engine.study.participants import PARTICIPANTS_FILE, header_line
+from rise_engine.study.study_toml import STUDY_FILE, load_study
+
+
+class NewStudyError(RiseError):
+    """A study could not be made; the text says why, and nothing of it is there."""
+
+
+class NewStudy(Struct, frozen=True):
+    """What somebody said of a new study."""
+
+    study: Study
+    """Its folder is not used; scenarios are named as they are called in the study."""
+    sources: dict[str, Path]
+    """From where each scenario is copied, by the name that it has in the study."""
+    label_only: frozenset[str] = frozenset()
+    """Factors whose levels differ in what people do."""
+
+
+def write_new_study(folder: Path, new: NewStudy, *, accept_errors: bool = False) -> list[Diagnostic]:
+    """Write a study into a new or empty folder, whole or not at all; returns what is wrong with it.
+
+    :param folder: where.
+    :param new: what.
+    :param accept_errors: write also a study with errors, which somebody can mend who has answered many questions.
+    :raises NewStudyError: there is something in the folder, or it cannot be written, or the study has errors.
+    """
+    if problem := folder_problem(folder):
+        raise NewStudyError(problem)
+    folder = folder.resolve()
+    for source in new.sources.values():
+        if folder.is_relative_to(source.resolve()):
+            raise NewStudyError(f"{folder} lies in the scenario {source}, which is to be copied into it")
+    try:
+        folder.parent.mkdir(parents=True, exist_ok=True)
+        made = Path(mkdtemp(prefix=f".{folder.name}.", dir=folder.parent))
+    except OSError as error:
+        raise NewStudyError(f"{folder} cannot be made: {error_message(error)}") from None
+    try:
+        _fill(made, new)
+        loaded = load_study(made)
+        if loaded.study is None and not accept_errors:
+            raise NewStudyError("\n".join(("the study would have errors:", *map(str, loaded.errors))))
+        made.rename(folder)  # an empty folder of that name is replaced
+        return loaded.errors
+    except OSError as error:
+        raise NewStudyError(f"{error.filename or folder} cannot be written: {error_message(error)}") from None
+    finally:  # also when somebody interrupts it
+        shutil.rmtree(made, ignore_errors=True)
+
+
+def folder_problem(folder: Path) -> str:
+    """Why no study can be made there, or empty."""
+    try:
+        if folder.is_dir():
+            return f"{folder} is not empty; name a new folder" if any(folder.iterdir()) else ""
+    except OSError as error:
+        return f"{folder} cannot be read: {error_message(error)}"
+    return f"{folder} is no folder" if folder.exists() or folder.is_symlink() else ""
+
+
+def _fill(folder: Path, new: NewStudy) -> None:
+    for name, source in new.sources.items():
+        _copy_scenario(source, folder / name)
+    (folder / STUDY_FILE).write_text(study_toml_text(new), encoding="utf-8")
+    (folder / PARTICIPANTS_FILE).write_text(f"{header_line(new.study)}\n", encoding="utf-8")
+    for name in (STUDY_FILE, PARTICIPANTS_FILE):
+        (folder / name).chmod(0o600)
+
+
+def _copy_scenario(source: Path, to: Path) -> None:
+    """Every file but hidden ones; not their permissions, because the copy is to be changed."""
+    to.mkdir()
+    for path in sorted(source.iterdir()):
+        if path.name.startswith("."):
+            continue
+        if path.is_dir():
+            _copy_scenario(path, to / path.name)
+        elif path.is_file():
+            shutil.copyfile(path, to / path.name)
+
+
+def study_toml_text(new: NewStudy) -> str:
+    """study.toml with comments that say what can be changed."""
+    study = new.study
+    lines = [
+        "# The design of this study. You change it here; `rise-engine study check` says in",
+        "# words what is wrong with it. Once there is a plan, what the plan is made of stays:",
+        "# seed, n, scenario, factors, assignment, strata. Everything else can change.",
+        "",
+        f"title    = {_text(study.title)}",
+        f"id       = {_text(study.id)}  # letters and digits: a part of file names",
+        f"seed     = {study.seed}  # the plan is drawn from it; any whole number",
+        f"n        = {study.n}  # complete participants that you want",
+        f"scenario = {_text(study.scenario)}  # the folder with acts and rules",
+        f"mode     = {_text(study.mode)}  # real: with the robot; debug: everything is simulated, and nothing counts",
+        *([f"robot    = {_text(study.robot)}"] if study.robot else []),
+        "",
+        *_factor_lines(new),
+        *_assignment_lines(study),
+        *_consent_lines(study),
+        *_check_lines(study.checks),
+        *_participants_lines(study),
+    ]
+    return "\n".join(lines) + "\n"
+
+
+def _factor_lines(new: NewStudy) -> Iterable[str]:
+    yield "# What you vary. between: each participant has one level. within: everybody has every"
+    yield "# level, each in a session of its own. A level is what the robot does in it: memory"
+    yield "# values that are set before anything runs, or another scenario."
+    if not new.study.factors:
+        yield "# [factors.hesitation]"
+        yield '# kind = "between"'
+        yield "# levels.yes.memory = { hesitation = true }"
+        yield "# levels.no.memory = { hesitation = false }"
+    for factor in new.study.factors:
+        yield f"[factors.{factor.name}]"
+        yield f"kind = {_text(factor.kind)}"
+        if factor.name in new.label_only:
+            yield "label_only = true  # what differs is done by people"
+        for level in factor.levels:
+            yield _level_line(level)
+        labels = {level.name: level.label for level in factor.levels if level.label}
+        if labels:
+            yield f"labels = {_table(labels)}"
+        yield ""
+    if not new.study.factors:
+        yield ""
+
+
+def _level_line(level: Level) -> str:
+    key = f"levels.{quote_toml_key(level.name)}"
+    values: dict[str, Json] = {}
+    if level.memory:
+        values["memory"] = level.memory
+    if level.scenario:
+        values["scenario"] = level.scenario
+    if len(values) == 1:
+        name, value = next(iter(values.items()))
+        return f"{key}.{name} = {_value(value)}"
+    return f"{key} = {_table(values)}"
+
+
+def _assignment_lines(study: Study) -> Iterable[str]:
+    settings = study.assignment
+    yield "[assignment]"
+    if any(factor.kind == "between" for factor in study.factors):
+        yield "# blocks: in each block, every cell comes equally often, as often as one of the numbers in"
+        yield "# `block`, which is drawn. Others: minimise, random, list (plan.csv is yours)."
+        yield f"between = {_text(settings.between)}"
+        yield f"block   = {_value(list(settings.block))}"
+    if settings.strata:
+        yield f"strata  = {_value(list(settings.strata))}  # columns of participants.csv; balanced in each"
+    if any(factor.kind == "within" for factor in study.factors):
+        yield "# williams: every level comes at every place, and behind every other one, equally often."
+        yield "# Others: latin, all, fixed, random."
+        yield f"within  = {_text(settings.within)}"
+    yield f"spare   = {settings.spare:g}  # rows of the plan beyond n, for those who drop out"
+    yield f"hidden  = {_value(settings.hidden)}  # true: nobody sees the condition before the session begins"
+    yield ""
+    if study.strata:
+        yield "[strata]"
+        for column, values in study.strata.items():
+            yield f"{column} = {_value(list(values))}"
+        yield ""
+
+
+def _consent_lines(study: Study) -> Iterable[str]:
+    yield "[consent]"
+    columns = ", ".join(f"consent_{name}" for name in study.consent)
+    why = f"  # without a date in {columns} no session with them begins" if columns else ""
+    yield f"needed = {_value(list(study.consent))}{why}"
+    yield ""
+
+
+def _check_lines(checks: Iterable[StudyCheck]) -> Iterable[str]:
+    yield "# What is looked at before and after each session, in this order. `ask`: somebody confirms"
+    yield '# it. `auto`: the program does it. run = ["./check.sh"]: a program of yours does it. What'
+    yield "# fails keeps the session from beginning, unless blocks = false stands there."
+    for check in checks:
+        yield "[[check]]"
+        yield f"id = {_text(check.id)}"
+        if check.ask:
+            yield f"ask = {_text(check.ask)}"
+        if check.auto:
+            yield f"auto = {_text(check.auto)}"
+        if check.minimum:
+            yield f"min = {_text(check.minimum)}"
+        if check.when == "after":
+            yield 'when = "after"'
+        yield ""
+
+
+def _participants_lines(study: Study) -> Iterable[str]:
+    yield f"# {PARTICIPANTS_FILE} has a line for each participant. You write it, with an editor or a"
+    yield "# spreadsheet; the program only reads it. Its columns:"
+    yield "#   participant    a pseudonym of letters and digits, as P01; who that is, is written elsewhere"
+    for column, values in study.strata.items():
+        yield f"#   {column:<14} {' or '.join(values)}"
+    for name in study.consent:
+        yield f"#   {f'consent_{name}':<14} the day on which they consented, as 2026-11-21; empty: not yet"
+    yield "#   status         empty or invited; excluded: they do not count, and their slot is free again"
+    yield "#   comment        what you want; no names, no mail addresses"
+    yield "# Further columns: [participants]"
+    yield '#                  columns = ["age"]'
+    example = {"participant": "P01", **{column: values[0] for column, values in study.strata.items()}}
+    example |= {f"consent_{name}": "2026-11-21" for name in study.consent}
+    columns = header_line(study).split(",")
+    yield f"# So that a line is: {','.join(example.get(column, '') for column in columns)}"
+
+
+def _text(text: str) -> str:
+    return json.dumps(text, ensure_ascii=False)
+
+
+def _value(value: Json) -> str:
+    """A value in TOML, in one line."""
+    if isinstance(value, Mapping):
+        return _table(value)
+    if isinstance(value, list):
+        return f"[{', '.join(map(_value, value))}]"
+    return json.dumps(value, ensure_ascii=False)
+
+
+def _table(values: Mapping[str, Json]) -> str:
+    if not values:
+        return "{}"
+    return f"{{ {', '.join(f'{quote_toml_key(key)} = {_value(value)}' for key, value in values.items())} }}"

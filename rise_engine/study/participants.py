@@ -1,0 +1,167 @@
+"""Reading participants.csv: who takes part, under which pseudonym (docs/reference/study.md). Nothing here writes it."""
+
+from __future__ import annotations
+
+import re
+from contextlib import suppress
+from datetime import date, datetime
+from pathlib import Path
+
+from msgspec import Struct
+
+from rise_engine.nearest_name import did_you_mean, in_backquotes, limited_comparisons, nearest_name
+from rise_engine.scenario.diagnostics import Diagnostic, Diagnostics
+from rise_engine.scenario.model import SourceLocation
+from rise_engine.study.csv_table import CsvRow, CsvTable, read_csv
+from rise_engine.study.model import Participant, Study
+from rise_engine.study.personal_data import WHY, mail_address_in, personal_column
+
+PARTICIPANTS_FILE = "participants.csv"
+STATUSES = ("invited", "excluded")
+CONSENT_PREFIX = "consent_"
+_PSEUDONYM = re.compile(r"[A-Za-z0-9]+\Z")
+_ISO_DATE = re.compile(r"\d{4}-\d{2}-\d{2}\Z", re.ASCII)
+_OTHER_DATES = ("%d.%m.%Y", "%d.%m.%y", "%Y/%m/%d", "%Y%m%d", "%d-%m-%Y")
+
+
+class ParticipantsLoad(Struct, frozen=True):
+    """What came of reading participants.csv."""
+
+    participants: tuple[Participant, ...]
+    """In the order of the file; rows with errors among them as far as they could be understood."""
+    diagnostics: list[Diagnostic]
+
+    @property
+    def errors(self) -> list[Diagnostic]:
+        return [diagnostic for diagnostic in self.diagnostics if diagnostic.severity == "error"]
+
+
+def load_participants(study: Study) -> ParticipantsLoad:
+    """Read and check a study's participants.
+
+    :param study: the study, which says the columns and their values.
+    :return: whoever is in the file, and everything that is wrong with it. A file that is not there is an error, too.
+    """
+    diagnostics = Diagnostics()
+    folder = Path(study.folder)
+    if not (folder / PARTICIPANTS_FILE).exists():
+        message = f"there is no {PARTICIPANTS_FILE} beside study.toml; its first line is {header_line(study)}"
+        diagnostics.error("unreadable", SourceLocation(PARTICIPANTS_FILE), message)
+        return ParticipantsLoad((), diagnostics.sorted())
+    with limited_comparisons():
+        table = read_csv(folder, PARTICIPANTS_FILE, diagnostics)
+        participants = _ParticipantsReader(study, table).read() if table is not None else ()
+    return ParticipantsLoad(participants, diagnostics.sorted())
+
+
+def columns_of(study: Study) -> list[str]:
+    """The columns that participants.csv has, as far as the study says them."""
+    consents = [f"{CONSENT_PREFIX}{name}" for name in study.consent]
+    return ["participant", *study.strata, *consents, "status", "comment", *study.columns]
+
+
+def header_line(study: Study) -> str:
+    """The first line of participants.csv."""
+    return ",".join(columns_of(study))
+
+
+class _ParticipantsReader:
+    def __init__(self, study: Study, table: CsvTable) -> None:
+        self.study = study
+        self.table = table
+        self.diagnostics = table.diagnostics
+
+    def read(self) -> tuple[Participant, ...]:
+        self.check_columns()
+        seen: dict[str, int] = {}
+        return tuple(self.read_row(row, seen) for row in self.table.rows)
+
+    def check_columns(self) -> None:
+        study, table = self.study, self.table
+        personal = [column for column in table.columns if personal_column(column)]
+        for column in personal:
+            message = f"the column `{column}` seems to hold {personal_column(column)}: {WHY}"
+            self.diagnostics.error("personal-data", table.column_location(column), message)
+        needed = ["participant", *study.strata, *(f"{CONSENT_PREFIX}{name}" for name in study.consent)]
+        missing = [column for column in needed if column not in table.columns]
+        further = [
+            column
+            for column in table.columns
+            if column.startswith(CONSENT_PREFIX) and nearest_name(column, missing) is None  # another consent
+        ]
+        remedy = "; write it into study.toml if it is meant: [participants] columns = [...]"
+        table.check_columns(needed, ["status", "comment", *study.columns, *further, *personal], remedy)
+
+    def read_row(self, row: CsvRow, seen: dict[str, int]) -> Participant:
+        values = row.values
+        name = values.get("participant", "")
+        line = self.table.location(row, "participant").line
+        for column, value in values.items():
+            if mail := mail_address_in(value):
+                self.table.report(row, column, "personal-data", f"`{mail}` looks like a mail address: {WHY}")
+        self.check_name(row, name, line, seen)
+        status = values.get("status", "")
+        if status not in ("", *STATUSES):
+            near = did_you_mean(status, STATUSES, limit=0)
+            message = f"`status` is {in_backquotes(STATUSES)} or empty, not `{status}`{near}"
+            self.table.report(row, "status", "wrong-value", message)
+        return Participant(
+            participant=name,
+            strata={column: self.read_stratum(row, column, status) for column in self.study.strata},
+            consent={
+                column.removeprefix(CONSENT_PREFIX): self.read_date(row, column)
+                for column in self.table.columns
+                if column.startswith(CONSENT_PREFIX)
+            },
+            status=status,
+            comment=values.get("comment", ""),
+            line=line,
+        )
+
+    def check_name(self, row: CsvRow, name: str, line: int, seen: dict[str, int]) -> None:
+        if "participant" not in self.table.columns:
+            return
+        if not name:
+            message = "this row has no participant: a pseudonym of letters and digits, as P07"
+            self.table.report(row, "participant", "missing-value", message)
+        elif mail_address_in(name):
+            return
+        elif not _PSEUDONYM.match(name):
+            message = f"a pseudonym has letters and digits only (A-Z, a-z, 0-9), as P07, not `{name}`: {WHY}"
+            self.table.report(row, "participant", "bad-name", message)
+        elif (before := seen.setdefault(name.casefold(), line)) != line:
+            message = f"`{name}` stands in line {before} already; upper and lower case are no difference"
+            self.table.report(row, "participant", "duplicate-name", message)
+
+    def read_stratum(self, row: CsvRow, column: str, status: str) -> str:
+        value = row.values.get(column, "")
+        known = self.study.strata[column]
+        if column not in self.table.columns or value in known or (not value and status == "excluded"):
+            return value
+        near = did_you_mean(value, known, limit=0) if value else ""
+        what = f"not `{value}`{near}" if value else "and must be there: the plan is balanced in it"
+        self.table.report(row, column, "wrong-value", f"`{column}` is one of {in_backquotes(known)}, {what}")
+        return value
+
+    def read_date(self, row: CsvRow, column: str) -> str:
+        value = row.values.get(column, "")
+        if not value:
+            return ""
+        if _ISO_DATE.match(value):
+            with suppress(ValueError):
+                return date.fromisoformat(value).isoformat()
+        meant = _other_date(value)
+        message = f"`{value}` is no date; write {meant or 'year-month-day, as 2026-11-21'}"
+        if meant:
+            message = f"dates are written year-month-day: `{meant}`, not `{value}` (Excel changes them; format the "
+            message += "column as text)"
+        self.table.report(row, column, "wrong-value", message)
+        return ""
+
+
+def _other_date(text: str) -> str:
+    """The ISO date that somebody meant who wrote it otherwise, or empty."""
+    for form in _OTHER_DATES:
+        with suppress(ValueError):
+            return datetime.strptime(text, form).date().isoformat()
+    return ""

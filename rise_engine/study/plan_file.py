@@ -1,0 +1,270 @@
+"""plan.csv: written once, never over another one, and read with every fault of one that somebody edited."""
+
+from __future__ import annotations
+
+import csv
+import errno
+import io
+import os
+from collections import Counter
+from collections.abc import Sequence
+from contextlib import suppress
+from hashlib import sha256
+from pathlib import Path
+
+from msgspec import Struct
+
+from rise_engine.errors import RiseError
+from rise_engine.nearest_name import did_you_mean, in_backquotes, limited_comparisons
+from rise_engine.scenario.diagnostics import Diagnostic, Diagnostics
+from rise_engine.session.disk import Disk, error_message
+from rise_engine.study.chance import SEEDS
+from rise_engine.study.csv_table import CsvRow, CsvTable, read_csv
+from rise_engine.study.design import factors_of, runs
+from rise_engine.study.model import Slot, Study
+from rise_engine.study.plan import slot_seed
+
+PLAN_FILE = "plan.csv"
+NEW_PLAN_FILE = "plan.csv.new"
+"""A plan that is written and has not its place yet."""
+_NO_LINKS = (errno.EPERM, errno.EOPNOTSUPP, errno.ENOSYS, errno.EACCES, errno.EMLINK)
+
+
+class PlanError(RiseError):
+    """The plan cannot be written; the text says why."""
+
+
+class PlanLoad(Struct, frozen=True):
+    """What came of reading plan.csv."""
+
+    slots: tuple[Slot, ...] | None
+    """None: there is no plan, or it has errors."""
+    diagnostics: list[Diagnostic]
+    hash: str = ""
+    """SHA-256 of the file; empty where there is none."""
+
+    @property
+    def errors(self) -> list[Diagnostic]:
+        return [diagnostic for diagnostic in self.diagnostics if diagnostic.severity == "error"]
+
+
+def columns_of_plan(study: Study) -> list[str]:
+    """The columns of a study's plan, in the order in which they are written."""
+    strata = () if study.assignment.between == "minimise" else study.assignment.strata
+    return ["slot", *strata, *(factor.name for factor in factors_of(study, "between")), "order", "seed"]
+
+
+def plan_text(study: Study, slots: Sequence[Slot]) -> str:
+    """What stands in plan.csv."""
+    text = io.StringIO()
+    writer = csv.writer(text, lineterminator="\n")
+    columns = columns_of_plan(study)
+    writer.writerow(columns)
+    for slot in slots:
+        values = {"slot": slot.slot, **slot.strata, **slot.levels, "order": " ".join(slot.order), "seed": slot.seed}
+        writer.writerow([values.get(column, "") for column in columns])
+    return text.getvalue()
+
+
+def text_hash(text: str) -> str:
+    """SHA-256 of a text in UTF-8, as of a file with it."""
+    return sha256(text.encode()).hexdigest()
+
+
+def write_new_plan(folder: Path, text: str, disk: Disk | None = None) -> None:
+    """Write a plan beside the one there may be; `put_new_plan` gives it its place.
+
+    :param folder: the study's.
+    :param text: what stands in it.
+    :param disk: for tests that let it fail.
+    :raises PlanError: it cannot be written.
+    """
+    disk = disk or Disk()
+    new = folder / NEW_PLAN_FILE
+    try:
+        new.unlink(missing_ok=True)  # of a program that was ended while it wrote
+        descriptor = disk.open(new, create=True)
+        try:
+            disk.write(descriptor, text.encode(), 0)
+            disk.sync(descriptor)
+        finally:
+            disk.close(descriptor)
+        disk.sync_folder(folder)
+    except OSError as error:
+        with suppress(OSError):
+            new.unlink(missing_ok=True)
+        raise PlanError(f"{new} cannot be written: {error_message(error)}") from None
+
+
+def put_new_plan(folder: Path, disk: Disk | None = None) -> None:
+    """Make the new plan plan.csv, whole or not at all, and never over another one.
+
+    :param folder: the study's.
+    :param disk: for tests that let it fail.
+    :raises PlanError: there is one already, or it cannot be renamed.
+    """
+    disk = disk or Disk()
+    new, path = folder / NEW_PLAN_FILE, folder / PLAN_FILE
+    try:
+        _name_without_replacing(new, path)
+        disk.sync_folder(folder)
+    except FileExistsError:
+        raise PlanError(f"{path} exists already; a plan is never overwritten") from None
+    except OSError as error:
+        raise PlanError(f"{path} cannot be written: {error_message(error)}") from None
+
+
+def _name_without_replacing(new: Path, path: Path) -> None:
+    """Give a file another name, unless another one has it."""
+    try:
+        os.link(new, path)
+    except OSError as error:
+        if error.errno not in _NO_LINKS or path.exists():
+            raise
+        new.rename(path)  # file systems without links, as exFAT
+    else:
+        new.unlink()
+
+
+def set_plan_aside(folder: Path) -> str:
+    """Give plan.csv another name, beside it, so that a new one can be put in its place; returns that name.
+
+    :param folder: the study's.
+    :raises PlanError: it cannot be renamed.
+    """
+    number = 1
+    while (aside := folder / f"plan-{number}.csv").exists():
+        number += 1
+    try:
+        (folder / PLAN_FILE).rename(aside)
+    except OSError as error:
+        raise PlanError(f"{folder / PLAN_FILE} cannot be renamed to {aside.name}: {error_message(error)}") from None
+    return aside.name
+
+
+def plan_hash(folder: Path, name: str = PLAN_FILE) -> str:
+    """SHA-256 of a plan's file; empty where there is none.
+
+    :raises PlanError: it cannot be read.
+    """
+    try:
+        return sha256((folder / name).read_bytes()).hexdigest()
+    except FileNotFoundError:
+        return ""
+    except OSError as error:
+        raise PlanError(f"{folder / name} cannot be read: {error.strerror or error}") from None
+
+
+def read_plan(study: Study, only: frozenset[int] | None = None) -> PlanLoad:
+    """Read and check plan.csv.
+
+    :param study: the study, which says its columns, levels and runs.
+    :param only: the slots that are looked at; None: all of them.
+    :return: the rows in their order, or everything that is wrong with them. No file is no finding.
+    """
+    folder = Path(study.folder)
+    if not (folder / PLAN_FILE).exists():
+        return PlanLoad(None, [])
+    diagnostics = Diagnostics()
+    with limited_comparisons():
+        table = read_csv(folder, PLAN_FILE, diagnostics)
+        slots = _PlanReader(study, table).read(only) if table is not None else []
+    found = diagnostics.sorted()
+    digest = sha256((folder / PLAN_FILE).read_bytes()).hexdigest() if table is not None else ""
+    return PlanLoad(None if diagnostics.errors else tuple(slots), found, digest)
+
+
+class _PlanReader:
+    def __init__(self, study: Study, table: CsvTable) -> None:
+        self.study = study
+        self.table = table
+        self.is_list = study.assignment.between == "list"
+        self.runs = runs(study)
+        self.numbers: dict[int, int] = {}
+        """The line of each slot so far."""
+
+    def read(self, only: frozenset[int] | None) -> list[Slot]:
+        columns = columns_of_plan(self.study)
+        optional = ["slot", "seed", *(["order"] if self.runs == [""] else [])] if self.is_list else []
+        needed = [column for column in columns if column not in optional]
+        known = ", ".join(columns)
+        self.table.check_columns(needed, optional, f"; the columns of this study's plan are {known}")
+        rows = list(enumerate(self.table.rows, start=1))
+        if only is not None:
+            rows = [(at, row) for at, row in rows if row.values.get("slot", str(at)) in map(str, only)]
+        slots = [self.read_row(row, at) for at, row in rows]
+        if not slots:
+            location = self.table.column_location("")
+            self.table.diagnostics.error(
+                "missing-value", location, "this plan has no rows; each is what a participant gets"
+            )
+        return slots
+
+    def read_row(self, row: CsvRow, at: int) -> Slot:
+        study = self.study
+        number = self.read_number(row, "slot", at, 1)
+        line = self.table.location(row, "slot").line
+        if number is not None and (before := self.numbers.setdefault(number, line)) != line:
+            self.table.report(row, "slot", "duplicate-name", f"the slot {number} stands in line {before} already")
+        number = number or at
+        seed = self.read_number(row, "seed", slot_seed(study, number), 0)
+        strata = () if study.assignment.between == "minimise" else study.assignment.strata
+        levels = {
+            factor.name: self.read_name(row, factor.name, tuple(level.name for level in factor.levels))
+            for factor in factors_of(study, "between")
+        }
+        return Slot(
+            slot=number,
+            strata={column: self.read_name(row, column, study.strata[column]) for column in strata},
+            levels={} if study.assignment.between == "minimise" else levels,
+            order=self.read_order(row),
+            seed=seed if seed is not None else 0,
+        )
+
+    def read_number(self, row: CsvRow, column: str, otherwise: int, least: int) -> int | None:
+        """A whole number; the usual one where a list has no such column; None after a finding."""
+        if column not in self.table.columns:
+            return otherwise
+        text = row.values[column]
+        if text.isascii() and text.isdigit() and len(text) < 16 and least <= int(text) < SEEDS:
+            return int(text)
+        self.table.report(row, column, "wrong-value", f"`{column}` is a whole number from {least} on, not `{text}`")
+        return None
+
+    def read_name(self, row: CsvRow, column: str, known: tuple[str, ...]) -> str:
+        """A level or the value of a stratum."""
+        name = row.values.get(column, "")
+        if column not in self.table.columns:
+            return name
+        is_factor = column not in self.study.strata
+        if is_factor and self.study.assignment.between == "minimise":
+            if name:
+                message = f"`{column}` is empty here: with `minimise` it is drawn when somebody takes the slot"
+                self.table.report(row, column, "wrong-value", message)
+        elif name not in known:
+            near = did_you_mean(name, known, limit=0) if name else ""
+            message = f"`{column}` is one of {in_backquotes(known)}, not `{name}`{near}"
+            self.table.report(row, column, "wrong-value", message)
+        return name
+
+    def read_order(self, row: CsvRow) -> tuple[str, ...]:
+        text = row.values.get("order", "")
+        if self.runs == [""]:
+            if text:
+                message = "`order` is empty in this study: it has no within factor"
+                self.table.report(row, "order", "wrong-value", message)
+            return ("",)
+        named = text.split()
+        if "order" not in self.table.columns or Counter(named) == Counter(self.runs):
+            return tuple(named)
+        unknown = next((name for name in named if name not in self.runs), None)
+        twice = next((name for name in named if named.count(name) > 1), None)
+        if unknown is not None:
+            problem = f"there is no `{unknown}`{did_you_mean(unknown, self.runs, limit=0)}"
+        elif twice is not None:
+            problem = f"`{twice}` stands there {named.count(twice)} times"
+        else:
+            problem = f"{in_backquotes(run for run in self.runs if run not in named)} is missing"
+        message = f"`order` has each of {in_backquotes(self.runs)} once, with blanks between them: {problem}"
+        self.table.report(row, "order", "wrong-value", message)
+        return tuple(named)

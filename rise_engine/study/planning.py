@@ -1,0 +1,284 @@
+"""Making a study's plan: once, and anew only with a reason; study.jsonl says which plan holds.
+
+The new plan is written beside the old one, then the log says its hash, then it is given its place. Whoever is killed in
+between is finished by the next `rise-engine study plan`: the log's hash tells which of the files is meant.
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+
+from msgspec import Struct
+
+from rise_engine import __version__
+from rise_engine.nearest_name import in_backquotes
+from rise_engine.scenario.model import Json, Scenario
+from rise_engine.study.balance import Balance, prove_balance
+from rise_engine.study.design import changed_parts, design_of
+from rise_engine.study.model import Participant, Slot, Study
+from rise_engine.study.plan import make_plan
+from rise_engine.study.plan_file import (
+    NEW_PLAN_FILE,
+    PLAN_FILE,
+    PlanError,
+    plan_hash,
+    plan_text,
+    put_new_plan,
+    read_plan,
+    set_plan_aside,
+    text_hash,
+    write_new_plan,
+)
+from rise_engine.study.study_log import LockedLog, LogEntry
+from rise_engine.study.study_scenarios import scenario_folder
+
+_WITHDRAWN = "withdrawn:"
+"""What stands in the log in the place of somebody's pseudonym who has withdrawn begins so."""
+
+
+class MadePlan(Struct, frozen=True):
+    """What came of making a plan."""
+
+    slots: tuple[Slot, ...]
+    balance: Balance
+    sentence: str
+    """What was done."""
+
+
+def plan_study(
+    study: Study,
+    scenarios: Mapping[str, Scenario],
+    participants: Sequence[Participant] = (),
+    *,
+    again: str | None = None,
+) -> MadePlan:
+    """Make the plan of a study, or say that there is one.
+
+    Who holds a slot keeps it, row and number, also in a new plan: their cell and their order are what they have
+    begun with. All other rows are made anew, and their numbers begin behind every slot that was ever taken.
+
+    :param study: the study.
+    :param scenarios: those that it names, by their absolute folder: the log says their hashes.
+    :param participants: of participants.csv, which may exclude somebody.
+    :param again: why there is to be a new plan; None: there is to be the first one.
+    :raises PlanError: there is another plan, or none can be made; a sentence for each problem.
+    :raises rise_engine.study.study_log.StudyLogError: the log cannot be read or written.
+    """
+    folder = Path(study.folder)
+    with LockedLog(folder) as log:
+        entries = log.entries()
+        planned = last_planned(entries)
+        if planned is not None and _finish(folder, planned):
+            return _read(
+                study, "The plan was made, and now it is in its place: an earlier command had been ended before."
+            )
+        if again is not None:
+            return _plan_again(study, scenarios, participants, log, again)
+        if planned is not None:
+            return _keep(study, planned)
+        return _plan_first(study, scenarios, log)
+
+
+def last_planned(entries: Sequence[LogEntry]) -> LogEntry | None:
+    """The entry of the plan that holds; None: there is none yet."""
+    return next((each for each in reversed(entries) if each.kind == "planned"), None)
+
+
+def held_slots(entries: Sequence[LogEntry], participants: Sequence[Participant]) -> dict[int, str]:
+    """Who holds which slot: who took it last, and is neither excluded nor has withdrawn."""
+    out = {each.participant for each in participants if each.status == "excluded"}
+    out |= {str(each.get("participant")) for each in entries if each.kind == "excluded"}
+    out |= {
+        str(each.get("participant"))
+        for each in entries
+        if each.kind == "outcome" and each.get("status") == "excluded" and each.get("purpose", "counted") == "counted"
+    }
+    holders = {int(each.get("slot") or 0): str(each.get("participant")) for each in entries if each.kind == "taken"}
+    return {
+        slot: name
+        for slot, name in sorted(holders.items())
+        if slot and name not in out and not name.startswith(_WITHDRAWN)
+    }
+
+
+def scenario_hashes(study: Study, scenarios: Mapping[str, Scenario]) -> dict[str, str]:
+    """The hash of every scenario of a study, by the folder as study.toml names it."""
+    names = dict.fromkeys([study.scenario, *(level.scenario for each in study.factors for level in each.levels)])
+    found = {name: scenarios.get(scenario_folder(study, name)) for name in names if name}
+    return {name: scenario.hash for name, scenario in found.items() if scenario is not None}
+
+
+def _plan_first(study: Study, scenarios: Mapping[str, Scenario], log: LockedLog) -> MadePlan:
+    folder = Path(study.folder)
+    is_list = study.assignment.between == "list"
+    present = plan_hash(folder)
+    if is_list:
+        if not present:
+            raise PlanError(f'with between = "list" you write {PLAN_FILE} yourself, and there is none in {folder}')
+        made = _read(study, f"Your {PLAN_FILE} is the plan now.")
+        log.append("planned", **_entry_fields(study, scenarios, made.slots, present))
+        return made
+    slots = make_plan(study)
+    text = plan_text(study, slots)
+    if present and present != text_hash(text):
+        raise PlanError(
+            f"{folder / PLAN_FILE} exists, and this program has not made it. If it is meant, write between = "
+            f'"list" under [assignment]; if not, move it away'
+        )
+    if not present:
+        write_new_plan(folder, text)
+    log.append("planned", **_entry_fields(study, scenarios, slots, text_hash(text)))
+    if not present:
+        put_new_plan(folder)
+    return MadePlan(slots, prove_balance(study, slots), f"Made {folder / PLAN_FILE}.")
+
+
+def _plan_again(
+    study: Study, scenarios: Mapping[str, Scenario], participants: Sequence[Participant], log: LockedLog, reason: str
+) -> MadePlan:
+    folder, entries = Path(study.folder), log.entries()
+    planned = last_planned(entries)
+    if planned is None:
+        raise PlanError("there is no plan yet that could be made again; leave --again away")
+    holders = held_slots(entries, participants)
+    if study.assignment.between == "list":
+        return _take_list_again(study, scenarios, log, holders, reason)
+    if planned.get("design_hash") == study.design_hash and plan_hash(folder) == planned.get("plan_hash"):
+        raise PlanError("nothing that the plan is made of has changed in study.toml: the plan stays as it is")
+    held = _held_rows(study, planned, holders)
+    taken = [int(each.get("slot") or 0) for each in entries if each.kind == "taken"]
+    slots = make_plan(study, held, max(taken, default=0) + 1)
+    text = plan_text(study, slots)
+    write_new_plan(folder, text)
+    fields = _entry_fields(study, scenarios, slots, text_hash(text))
+    log.append("planned", **fields, reason=reason, kept=[slot.slot for slot in held])
+    aside = _put_in_place(folder)
+    changed = changed_parts(planned.get("design") or {}, study)
+    sentence = f"Made a new {folder / PLAN_FILE}; changed in study.toml: {', '.join(changed) or 'nothing'}."
+    sentence += f" The plan before is {aside}." if aside else ""
+    if held:
+        names = ", ".join(holders[slot.slot] for slot in held)
+        sentence += f" Who holds a slot keeps it, with cell and order: {names}."
+        if any(part.startswith("factors.") or part == "scenario" for part in changed):
+            sentence += " NOTE: what a condition does has changed, and they may have begun with what it did before."
+    return MadePlan(slots, prove_balance(study, slots), sentence)
+
+
+def _take_list_again(
+    study: Study, scenarios: Mapping[str, Scenario], log: LockedLog, holders: Mapping[int, str], reason: str
+) -> MadePlan:
+    made = _read(study, f"Your {PLAN_FILE} is the plan now.")
+    present = plan_hash(Path(study.folder))
+    if (planned := last_planned(log.entries())) is not None and planned.get("plan_hash") == present:
+        raise PlanError(f"{PLAN_FILE} has not changed: the plan stays as it is")
+    _refuse_lost(holders, made.slots)
+    fields = _entry_fields(study, scenarios, made.slots, present)
+    log.append("planned", **fields, reason=reason, kept=list(holders))
+    return made
+
+
+def _held_rows(study: Study, planned: LogEntry, holders: Mapping[int, str]) -> tuple[Slot, ...]:
+    """The rows that participants hold, as the plan before has them, if they fit into the new design."""
+    if not holders:
+        return ()
+    if plan_hash(Path(study.folder)) != planned.get("plan_hash"):
+        raise PlanError(
+            f"{PLAN_FILE} is not the file that was planned with, and participants hold slots in it; put it back first"
+        )
+    loaded = read_plan(study, frozenset(holders))
+    if loaded.errors:
+        names = ", ".join(dict.fromkeys(holders.values()))
+        raise PlanError(
+            "\n".join(
+                (
+                    f"the rows of those who hold a slot ({names}) do not fit into the new design. Who has begun keeps "
+                    "their conditions: put the design back, exclude them (`rise-engine study exclude`), or make a new "
+                    "study in another folder",
+                    *map(str, loaded.errors),
+                )
+            )
+        )
+    slots = loaded.slots or ()
+    _refuse_lost(holders, slots)
+    return slots
+
+
+def _refuse_lost(holders: Mapping[int, str], slots: Sequence[Slot]) -> None:
+    there = {slot.slot for slot in slots}
+    if lost := [f"{name} (slot {slot})" for slot, name in holders.items() if slot not in there]:
+        raise PlanError(f"{PLAN_FILE} has no row for {', '.join(lost)}, who hold a slot; put it back")
+
+
+def _keep(study: Study, planned: LogEntry) -> MadePlan:
+    """The plan that there is, if it is still the one that was made, and of this design."""
+    folder = Path(study.folder)
+    present, date = plan_hash(folder), planned.at[:10]
+    again = "or make a new plan: rise-engine study plan --again REASON"
+    if not present:
+        if study.assignment.between == "list" or text_hash(text := plan_text(study, make_plan(study))) != planned.get(
+            "plan_hash"
+        ):
+            raise PlanError(f"{folder / PLAN_FILE}, planned on {date}, is gone; put it back, {again}")
+        write_new_plan(folder, text)
+        put_new_plan(folder)
+        return _read(study, f"{folder / PLAN_FILE} was gone; it is made again, the same as on {date}.")
+    if problem := plan_problem(study, planned, present):
+        raise PlanError(problem)
+    return _read(study, f"The plan was made on {date}, and nothing has changed since.")
+
+
+def plan_problem(study: Study, planned: LogEntry, present: str) -> str:
+    """Why the plan that lies there does not hold, or empty.
+
+    :param study: the study as it is now.
+    :param planned: the log's last entry of a plan.
+    :param present: the hash of plan.csv; empty: there is none.
+    """
+    date = planned.at[:10]
+    again = "make a new plan: rise-engine study plan --again REASON"
+    if not present:
+        return f"{PLAN_FILE}, planned on {date}, is gone; put it back"
+    if planned.get("design_hash") != study.design_hash:
+        parts = in_backquotes(changed_parts(planned.get("design") or {}, study))
+        return f"since the plan was made on {date}, {parts} of study.toml changed. Put it back, or {again}"
+    if planned.get("plan_hash") != present:
+        return f"{PLAN_FILE} was changed after it was planned on {date}; put it back, or {again}"
+    return ""
+
+
+def _read(study: Study, sentence: str) -> MadePlan:
+    loaded = read_plan(study)
+    if loaded.slots is None:
+        raise PlanError("\n".join(map(str, loaded.errors)))
+    return MadePlan(loaded.slots, prove_balance(study, loaded.slots), sentence)
+
+
+def _finish(folder: Path, planned: LogEntry) -> bool:
+    """Give a plan its place that the log knows already; whether there was one without."""
+    if plan_hash(folder) == planned.get("plan_hash") or plan_hash(folder, NEW_PLAN_FILE) != planned.get("plan_hash"):
+        return False
+    _put_in_place(folder)
+    return True
+
+
+def _put_in_place(folder: Path) -> str:
+    """Make the new plan plan.csv; returns what the one before is called now, empty without one."""
+    aside = set_plan_aside(folder) if os.path.lexists(folder / PLAN_FILE) else ""
+    put_new_plan(folder)
+    return aside
+
+
+def _entry_fields(
+    study: Study, scenarios: Mapping[str, Scenario], slots: Sequence[Slot], digest: str
+) -> dict[str, Json]:
+    return {
+        "study_hash": study.hash,
+        "design": design_of(study),
+        "design_hash": study.design_hash,
+        "plan_hash": digest,
+        "scenarios": scenario_hashes(study, scenarios),
+        "slots": len(slots),
+        "program": __version__,
+    }

@@ -1,0 +1,146 @@
+"""Everything that is wrong with a study, at once: over its files, its scenarios and its log."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Mapping
+from pathlib import Path
+
+from msgspec import Struct
+
+from rise_engine.scenario.diagnostics import Diagnostic, Diagnostics
+from rise_engine.scenario.model import Scenario, SourceLocation
+from rise_engine.study.model import Participant, Slot, Study
+from rise_engine.study.participants import PARTICIPANTS_FILE, ParticipantsLoad, load_participants
+from rise_engine.study.plan_file import NEW_PLAN_FILE, PLAN_FILE, PlanLoad, plan_hash, read_plan
+from rise_engine.study.planning import held_slots, last_planned, plan_problem, scenario_hashes
+from rise_engine.study.study_log import LOG_FILE, LogEntry, StudyLogError, read_log
+from rise_engine.study.study_toml import StudyLoad, load_study
+
+_OF_PARTICIPANTS = frozenset({"strata", "consent", "participants"})
+_OF_PLAN = frozenset({"strata", "factors", "assignment"})
+"""Tables of study.toml by which another file is read: errors in them would be told twice."""
+
+
+class StudyReview(Struct, frozen=True):
+    """What was found in a study."""
+
+    study: Study | None
+    """None: it cannot be used."""
+    diagnostics: list[Diagnostic]
+    """Of study.toml, the scenarios, the participants, the plan and the log, each in reading order."""
+    participants: tuple[Participant, ...] = ()
+    slots: tuple[Slot, ...] = ()
+    is_planned: bool = False
+    """Whether study.jsonl knows a plan."""
+    left_out: tuple[str, ...] = ()
+    """Files that were not looked at, because study.toml has errors in what they are read by."""
+
+    @property
+    def errors(self) -> list[Diagnostic]:
+        return [diagnostic for diagnostic in self.diagnostics if diagnostic.severity == "error"]
+
+
+def review_study(folder: str | os.PathLike[str]) -> StudyReview:
+    """Read and check everything that a study consists of; nothing is changed.
+
+    :param folder: the study's, or its study.toml.
+    """
+    loaded = load_study(folder)
+    study = loaded.draft
+    if study is None:
+        return StudyReview(None, loaded.diagnostics)
+    found = list(loaded.diagnostics)
+    left_out: list[str] = []
+    people = ParticipantsLoad((), [])
+    if loaded.unsure & _OF_PARTICIPANTS:
+        left_out.append(PARTICIPANTS_FILE)
+    else:
+        people = load_participants(study)
+        found += people.diagnostics
+    plan = PlanLoad(None, [])
+    if loaded.unsure & _OF_PLAN:
+        left_out += [PLAN_FILE] if (Path(study.folder) / PLAN_FILE).exists() else []
+    else:
+        plan = read_plan(study)
+        found += plan.diagnostics
+    entries, of_log = _review_log(loaded, people, plan, left_out)
+    found += of_log
+    return StudyReview(
+        study=loaded.study,
+        diagnostics=found,
+        participants=people.participants,
+        slots=plan.slots or (),
+        is_planned=last_planned(entries) is not None,
+        left_out=tuple(left_out),
+    )
+
+
+def _review_log(
+    loaded: StudyLoad, people: ParticipantsLoad, plan: PlanLoad, left_out: list[str]
+) -> tuple[list[LogEntry], list[Diagnostic]]:
+    study = loaded.draft
+    assert study is not None
+    diagnostics = Diagnostics()
+    folder = Path(study.folder)
+    try:
+        entries = read_log(folder, diagnostics)
+    except StudyLogError as error:
+        diagnostics.error("unreadable", SourceLocation(LOG_FILE), str(error))
+        return [], diagnostics.sorted()
+    planned = last_planned(entries)
+    if not loaded.unsure & _OF_PLAN:
+        _check_plan(study, planned, plan, diagnostics)
+    if planned is not None:
+        _check_scenarios(study, loaded.scenarios, planned, diagnostics)
+    if PARTICIPANTS_FILE not in left_out and not people.errors:
+        _check_holders(entries, people.participants, plan.slots, diagnostics)
+    return entries, diagnostics.sorted()
+
+
+def _check_plan(study: Study, planned: LogEntry | None, plan: PlanLoad, diagnostics: Diagnostics) -> None:
+    folder, location = Path(study.folder), SourceLocation(PLAN_FILE)
+    present = plan_hash(folder)
+    if planned is None:
+        if present:
+            message = f"{LOG_FILE} does not know this plan; `rise-engine study plan` looks at it and takes it up"
+            diagnostics.error("not-planned", location, message)
+    elif present != planned.get("plan_hash") and plan_hash(folder, NEW_PLAN_FILE) == planned.get("plan_hash"):
+        message = "a new plan was made and has not its place yet: `rise-engine study plan` puts it there"
+        diagnostics.error("not-planned", location, message)
+    elif problem := plan_problem(study, planned, present):
+        diagnostics.error("plan-changed", location, problem)
+    if plan.slots is not None and len(plan.slots) < study.n:
+        message = f"the plan has {len(plan.slots)} rows for n = {study.n} participants"
+        diagnostics.warning("short-plan", location, message)
+
+
+def _check_scenarios(
+    study: Study, scenarios: Mapping[str, Scenario], planned: LogEntry, diagnostics: Diagnostics
+) -> None:
+    before = dict(planned.get("scenarios") or {})
+    for name, digest in scenario_hashes(study, scenarios).items():
+        if name in before and before[name] != digest:
+            message = f"this scenario was changed after the plan was made on {planned.at[:10]}"
+            diagnostics.warning("scenario-changed", SourceLocation(name), message)
+
+
+def _check_holders(
+    entries: list[LogEntry],
+    participants: tuple[Participant, ...],
+    slots: tuple[Slot, ...] | None,
+    diagnostics: Diagnostics,
+) -> None:
+    """Does whoever holds a slot still stand in participants.csv, in the slot's stratum?"""
+    by_name = {each.participant: each for each in participants}
+    rows = {slot.slot: slot for slot in slots or ()}
+    for slot, name in held_slots(entries, participants).items():
+        participant, row = by_name.get(name), rows.get(slot)
+        if participant is None:
+            message = f"`{name}` holds slot {slot} and has no row here any more"
+            diagnostics.error("lost-participant", SourceLocation(PARTICIPANTS_FILE), message)
+        elif row is not None and any(participant.strata.get(key) != value for key, value in row.strata.items()):
+            stratum = ", ".join(f"{key} {value}" for key, value in row.strata.items())
+            message = f"`{name}` took slot {slot} as {stratum}, and is in another stratum now"
+            location = SourceLocation(PARTICIPANTS_FILE, participant.line)
+            diagnostics.warning("stratum-changed", location, message)

@@ -1,0 +1,294 @@
+"""study.jsonl: what happened to a study, one JSON object a line, appended and never changed (docs/reference/study.md).
+
+Whoever writes holds the file's lock, so that two programs that begin a session at once see what the other one did.
+A program that was killed while it wrote leaves half a line: the next one that writes sets it aside, in a file of its
+own, and what it did not say is found again in the folders of the sessions.
+"""
+
+from __future__ import annotations
+
+import errno
+import fcntl
+import os
+import time
+from collections.abc import Callable, Sequence
+from contextlib import suppress
+from datetime import datetime
+from pathlib import Path
+from types import TracebackType
+from typing import Any, Literal, TypeAlias
+
+from msgspec import Struct
+
+from rise_engine.errors import RiseError
+from rise_engine.json_codec import JsonError, decode, encode
+from rise_engine.scenario.diagnostics import Diagnostics
+from rise_engine.scenario.model import Json, SourceLocation
+from rise_engine.session.disk import Disk, error_message
+
+LOG_FILE = "study.jsonl"
+SET_ASIDE_FILE = "study.jsonl.torn"
+"""Half lines that a killed program left in the log."""
+EntryKind: TypeAlias = Literal[
+    "planned", "taken", "session", "checked", "outcome", "excluded", "withdrawn", "redacted", "exported"
+]
+WAIT_SECONDS, TRY_SECONDS = 10.0, 0.01
+"""How long somebody waits for another program that writes just now. That takes milliseconds."""
+_NO_LOCKS = (errno.ENOLCK, errno.EOPNOTSUPP, errno.ENOSYS, errno.EINVAL)
+
+
+class StudyLogError(RiseError):
+    """The study's log cannot be read or written; the text says why."""
+
+
+class LogEntry(Struct, frozen=True):
+    """One line of the log."""
+
+    kind: str
+    """An EntryKind; a newer program may write others."""
+    at: str
+    """When it was written, ISO 8601 with offset."""
+    fields: dict[str, Json]
+    """What else it says."""
+    line: int
+    """Where it stands, from 1."""
+
+    def get(self, name: str, otherwise: Any = None) -> Any:
+        """A field's value, or `otherwise`."""
+        return self.fields.get(name, otherwise)
+
+
+def read_log(folder: Path, diagnostics: Diagnostics | None = None) -> list[LogEntry]:
+    """Every entry of a study's log, in its order; none where there is no log.
+
+    A torn last line is left out, with a warning: the next program that writes sets it aside. Other lines that are no
+    entry are left out with an error.
+
+    :param folder: the study's.
+    :param diagnostics: what is wrong goes there; without, nobody is told.
+    :raises StudyLogError: it cannot be read.
+    """
+    try:
+        data = (folder / LOG_FILE).read_bytes()
+    except FileNotFoundError:
+        return []
+    except OSError as error:
+        raise StudyLogError(f"{folder / LOG_FILE} cannot be read: {error.strerror or error}") from None
+    entries, problems, torn = _parse(data)
+    if diagnostics is not None:
+        for line, problem in problems:
+            diagnostics.error("log-line", SourceLocation(LOG_FILE, line), problem)
+        if torn:
+            line = data[: len(data) - len(torn)].count(b"\n") + 1
+            message = "the last line is torn: a program was ended while it wrote it; the next session sets it aside"
+            diagnostics.warning("log-torn", SourceLocation(LOG_FILE, line), message)
+    return entries
+
+
+def _parse(data: bytes) -> tuple[list[LogEntry], list[tuple[int, str]], bytes]:
+    """The entries, what is wrong with other lines, and the torn end."""
+    *lines, rest = data.split(b"\n")
+    entries: list[LogEntry] = []
+    problems: list[tuple[int, str]] = []
+    for number, line in enumerate(lines, start=1):
+        if not line.strip():
+            continue
+        entry = _parse_line(line, number)
+        if isinstance(entry, str):
+            problems.append((number, entry))
+        else:
+            entries.append(entry)
+    if rest and isinstance(whole := _parse_line(rest, len(lines) + 1), LogEntry):  # only its end of line is missing
+        entries.append(whole)
+        rest = b""
+    return entries, problems, rest
+
+
+def _parse_line(line: bytes, number: int) -> LogEntry | str:
+    """The entry of a line, or why it is none."""
+    try:
+        values = decode(line.decode())
+    except UnicodeDecodeError:
+        return "this line is no UTF-8; it was changed by another program: put the line back as it was"
+    except JsonError as error:
+        return f"this line is no JSON ({error}); it was changed by another program: put the line back as it was"
+    if not isinstance(values, dict) or not all(isinstance(values.get(key), str) for key in ("kind", "at")):
+        return "this line is no entry: an object with `kind` and `at`"
+    return LogEntry(values.pop("kind"), values.pop("at"), values, number)
+
+
+class LockedLog:
+    """The log of a study while nobody else can write it; to be held for milliseconds.
+
+    Within `with LockedLog(folder) as log:`, `log.entries()` is all there is, and `log.append` writes. A log that is
+    not there yet is made.
+
+    >>> import tempfile
+    >>> folder = Path(tempfile.mkdtemp())
+    >>> with LockedLog(folder) as log:
+    ...     entry = log.append("taken", slot=1, participant="P01")
+    >>> read_log(folder)[0].get("participant")
+    'P01'
+    """
+
+    def __init__(self, folder: Path, now: Callable[[], datetime] | None = None, disk: Disk | None = None) -> None:
+        """
+        :param folder: the study's.
+        :param now: the time of day, with its zone; the computer's without.
+        :param disk: for tests that let it fail.
+        """
+        self.folder = folder
+        self.path = folder / LOG_FILE
+        self._now = now or (lambda: datetime.now().astimezone())
+        self._disk = disk or Disk()
+        self._descriptor = -1
+        self._end = 0
+        self._entries: list[LogEntry] = []
+        self._lines = 0
+
+    def __enter__(self) -> LockedLog:
+        """
+        :raises StudyLogError: it cannot be read or locked, or a line in it is none: a slot could be taken twice.
+        """
+        self._lock()
+        try:
+            self._read()
+        except OSError as error:
+            self._close()
+            raise StudyLogError(f"{self.path} cannot be used: {error_message(error)}") from None
+        except BaseException:
+            self._close()
+            raise
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self._close()
+
+    def entries(self) -> list[LogEntry]:
+        """Everything that stands in the log, also what was appended just now."""
+        return list(self._entries)
+
+    def append(self, kind: EntryKind, **fields: Json) -> LogEntry:
+        """Write an entry; it survives a power cut when this returns.
+
+        :param kind: what happened.
+        :param fields: what else is to be known of it.
+        :raises StudyLogError: it cannot be written; then nothing of it is there.
+        """
+        at = self._now().isoformat(timespec="milliseconds")
+        data = encode({"kind": kind, "at": at, **fields}) + b"\n"
+        try:
+            self._disk.write(self._descriptor, data, self._end)
+            self._disk.sync(self._descriptor)
+        except OSError as error:
+            self._cut_off()
+            raise StudyLogError(f"{self.path} cannot be written: {error_message(error)}") from None
+        self._end += len(data)
+        self._lines += 1
+        entry = LogEntry(kind, at, fields, self._lines)
+        self._entries.append(entry)
+        return entry
+
+    def rewrite(self, entries: Sequence[LogEntry]) -> None:
+        """Put other entries in the place of all: for what somebody has a right to be forgotten in.
+
+        :param entries: all that is to stand there, in order; their lines are counted anew.
+        :raises StudyLogError: it cannot be written; then everything is as before.
+        """
+        data = b"".join(encode({"kind": each.kind, "at": each.at, **each.fields}) + b"\n" for each in entries)
+        new = self.path.with_name(f"{LOG_FILE}.new")
+        descriptor = -1
+        try:
+            new.unlink(missing_ok=True)
+            descriptor = self._disk.open(new, create=True)
+            _try_lock(descriptor)  # before anybody else can know of it
+            self._disk.write(descriptor, data, 0)
+            self._disk.sync(descriptor)
+            new.replace(self.path)
+            self._disk.sync_folder(self.folder)
+        except OSError as error:
+            if descriptor >= 0:
+                os.close(descriptor)
+            raise StudyLogError(f"{self.path} cannot be written: {error_message(error)}") from None
+        before, self._descriptor = self._descriptor, descriptor
+        os.close(before)
+        self._end = len(data)
+        self._entries = _parse(data)[0]
+        self._lines = len(self._entries)
+
+    def _lock(self) -> None:
+        end = time.monotonic() + WAIT_SECONDS
+        while True:
+            try:
+                descriptor = os.open(self.path, os.O_RDWR | os.O_CREAT | os.O_CLOEXEC, 0o600)
+            except OSError as error:
+                raise StudyLogError(f"{self.path} cannot be opened: {error_message(error)}") from None
+            try:
+                if _try_lock(descriptor) and os.path.samestat(os.fstat(descriptor), self.path.stat()):
+                    self._descriptor = descriptor
+                    return
+            except FileNotFoundError:  # somebody moved it just now
+                pass
+            except OSError as error:
+                os.close(descriptor)
+                raise StudyLogError(f"{self.path} cannot be locked: {error_message(error)}") from None
+            os.close(descriptor)
+            if time.monotonic() > end:
+                raise StudyLogError(f"another program has locked {self.path} for {WAIT_SECONDS:g} s; try again")
+            time.sleep(TRY_SECONDS)
+
+    def _read(self) -> None:
+        size = os.fstat(self._descriptor).st_size
+        data = os.pread(self._descriptor, size, 0)
+        self._entries, problems, torn = _parse(data)
+        if problems:
+            line, problem = problems[0]
+            raise StudyLogError(f"{self.path}:{line}: {problem}")
+        self._end = size
+        if torn:
+            self._set_aside(torn)
+        elif data and not data.endswith(b"\n"):
+            self._disk.write(self._descriptor, b"\n", self._end)
+            data += b"\n"
+            self._end += 1
+        self._lines = data[: self._end].count(b"\n")
+        if not data:
+            self._disk.sync_folder(self.folder)  # so that the name of a new log survives too
+
+    def _set_aside(self, torn: bytes) -> None:
+        """Keep half a line where it is in nobody's way, and cut it off."""
+        aside = os.open(
+            self.path.with_name(SET_ASIDE_FILE), os.O_WRONLY | os.O_CREAT | os.O_APPEND | os.O_CLOEXEC, 0o600
+        )
+        try:
+            os.write(aside, torn + b"\n")
+            os.fsync(aside)
+        finally:
+            os.close(aside)
+        self._end -= len(torn)
+        os.ftruncate(self._descriptor, self._end)
+        self._disk.sync(self._descriptor)
+
+    def _cut_off(self) -> None:
+        """Take away what was written of an entry that could not be written whole."""
+        with suppress(OSError):  # then it is a torn line, which the next program sets aside
+            os.ftruncate(self._descriptor, self._end)
+
+    def _close(self) -> None:
+        descriptor, self._descriptor = self._descriptor, -1
+        if descriptor >= 0:
+            os.close(descriptor)
+
+
+def _try_lock(descriptor: int) -> bool:
+    """Whether the lock was to be had; where a file system has none, whoever asks has it."""
+    try:
+        fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except OSError as error:
+        if error.errno in (errno.EAGAIN, errno.EACCES):
+            return False
+        if error.errno not in _NO_LOCKS:
+            raise
+    return True

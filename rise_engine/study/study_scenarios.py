@@ -1,0 +1,68 @@
+"""The scenarios of a study: loaded as its sessions will load them, their findings told with their folder."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+
+from msgspec.structs import replace
+
+from rise_engine.nearest_name import did_you_mean
+from rise_engine.scenario import load
+from rise_engine.scenario.diagnostics import Diagnostic
+from rise_engine.scenario.file_names import SCENARIO_FILE
+from rise_engine.scenario.model import Scenario
+from rise_engine.scenario.toml_tables import TomlTable
+from rise_engine.study.model import Study
+
+
+def scenario_folder(study: Study, named: str = "") -> str:
+    """The absolute folder of a scenario that the study names; of its own without a name."""
+    return os.path.normpath(Path(study.folder) / (named or study.scenario))
+
+
+def load_scenarios(study: Study, table: TomlTable) -> tuple[dict[str, Scenario], list[Diagnostic]]:
+    """Load every scenario that a study names.
+
+    :param study: the study, as it was read.
+    :param table: its study.toml; what names no scenario is told there.
+    :return: those without errors by their absolute folder; and every finding in them, their files named from the
+        study's folder on.
+    """
+    named: dict[str, tuple[str, ...]] = {}
+    if _is_used(study):
+        named[study.scenario] = ("scenario",)
+    for factor in study.factors:
+        for level in factor.levels:
+            if level.scenario:
+                named.setdefault(level.scenario, ("factors", factor.name, "levels", level.name, "scenario"))
+    scenarios: dict[str, Scenario] = {}
+    findings: list[Diagnostic] = []
+    for name, keys in named.items():
+        folder = Path(scenario_folder(study, name))
+        if not folder.is_dir():
+            message = f"there is no folder `{name}` in the study{did_you_mean(name, _folders(study))}"
+            table.diagnostics.error("no-scenario", table.value_location(*keys), message)
+            continue
+        loaded = load(folder, robot=study.robot or None, mode=study.mode)
+        findings += [_from_study(diagnostic, name) for diagnostic in loaded.diagnostics]
+        if loaded.scenario is not None:
+            scenarios[str(folder)] = loaded.scenario
+    return scenarios, findings
+
+
+def _is_used(study: Study) -> bool:
+    """Whether some session runs the study's own scenario: not where a factor chooses one in each of its levels."""
+    return not any(factor.levels and all(level.scenario for level in factor.levels) for factor in study.factors)
+
+
+def _folders(study: Study) -> list[str]:
+    """The scenarios that lie in the study's folder."""
+    return sorted(file.parent.name for file in Path(study.folder).glob(f"*/{SCENARIO_FILE}"))
+
+
+def _from_study(diagnostic: Diagnostic, name: str) -> Diagnostic:
+    location = diagnostic.location
+    if Path(location.file).is_absolute():
+        return diagnostic
+    return replace(diagnostic, location=replace(location, file=f"{name.rstrip('/')}/{location.file}"))
