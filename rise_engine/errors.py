@@ -3,6 +3,10 @@
     RiseError
       BehaviorError               A behaviour that cannot be read
       BridgeError                 The connection cannot be had
+      CannotBegin                 The session cannot begin
+      CannotJudge                 Nothing was written
+      CannotLook                  The robot cannot be looked for
+      ChecksRefused               The session cannot begin
       ClipboardTooLarge           It does not fit on a clipboard
       DriverError                 No usable driver of that name is installed
       EndRefused                  This client may not end the session
@@ -43,16 +47,19 @@
       SessionError                A session's folder cannot be used
         HeldElsewhereError        Another computer had the session last
         JournalLockedError        An engine runs the session
+        RedactionRefused          Nothing was changed
       SessionGoneError            No session answers
       SnapshotError               A snapshot does not fit the scenario that it is to go on with
       StudyCopyError              A study could not be copied
       StudyLogError               The study's log cannot be read or written
+      StudyUnusable               The study cannot be used
       TaskFileError               A task file with mistakes
       TemplateError               A template that cannot be read
       UnknownActError             There is no such act
       UnusableArgument            Something on the command line cannot be used
       UnusableMemoryError         `--memory` cannot be read
       WebError                    Nothing is served
+      WordError                   A word cannot be replaced like this
       XmlNameError                A character that no XML name can have
 
 What is wrong with the files of a scenario is no error but a list of findings (`rise_engine.scenario.load`). Most are a

@@ -1,1 +1,50 @@
-"""Checks before and after a session of a study: what is looked at, and what came of it (docs/reference/study.md)."""
+"""The checks of a study: what is looked at before and after each session (docs/how-to/check-before-a-session.md).
+
+    for pending in pending_checks(study, "before", read_log(folder), now):
+        outcome = kept_check(pending) if pending.good_since else await run_check(pending.check, context)
+        if outcome.result == "asked":
+            outcome = answer_check(outcome, yes=ask_somebody(outcome.question))
+
+Consoles and commands show and ask; what is looked at, and what it means, is here alone.
+"""
+
+from __future__ import annotations
+
+from rise_engine.checks.outcome import (
+    CheckContext,
+    CheckOutcome,
+    Finding,
+    answer_check,
+    kept_check,
+    skipped_check,
+)
+from rise_engine.checks.runner import append_checked, limit_seconds, report_check, run_check
+from rise_engine.study.check_kinds import AUTOMATIC
+from rise_engine.study.check_programs import program_problem
+from rise_engine.study.checked import (
+    PendingCheck,
+    check_text,
+    due_after_checks,
+    pending_checks,
+    skip_problem,
+)
+
+__all__ = [
+    "AUTOMATIC",
+    "CheckContext",
+    "CheckOutcome",
+    "Finding",
+    "PendingCheck",
+    "answer_check",
+    "append_checked",
+    "check_text",
+    "due_after_checks",
+    "kept_check",
+    "limit_seconds",
+    "pending_checks",
+    "program_problem",
+    "report_check",
+    "run_check",
+    "skip_problem",
+    "skipped_check",
+]

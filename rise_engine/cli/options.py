@@ -29,6 +29,21 @@ _BEGIN = (
     click.option("--rule", "rules", metavar="NAME", multiple=True, help="Start an interaction rule. Repeatable."),
     click.option("--act", "acts", metavar="NAME", multiple=True, help="Start an act. Repeatable."),
 )
+_STUDY_OPTIONS = (
+    click.option(
+        "--study",
+        metavar="STUDY",
+        type=click.Path(),
+        help="A session of this study, in the place of DIR (--participant).",
+    ),
+    click.option(
+        "--run",
+        "run_number",
+        metavar="N",
+        type=click.IntRange(min=1),
+        help="Which of the participant's runs; else the next.",
+    ),
+)
 _SESSION_OPTIONS = (
     ROBOT,
     MODE,
@@ -51,6 +66,11 @@ def begin_options(command: Command) -> Command:
 def session_options(command: Command) -> Command:
     """How a session runs: `robot`, `mode`, `participant`, `condition`, `ros`, `faults`."""
     return _add_options(command, _SESSION_OPTIONS)
+
+
+def study_options(command: Command) -> Command:
+    """Which session of a study: `study`, `run_number`."""
+    return _add_options(command, _STUDY_OPTIONS)
 
 
 def _add_options(command: Command, options: tuple[Callable[[Command], Command], ...]) -> Command:

@@ -22,7 +22,7 @@ from rise_engine.cli.task_file import TaskFileError, TaskFileReader, TimedTask, 
 from rise_engine.engine.clock import RealClock, SessionClock, VirtualClock
 from rise_engine.engine.drivers import make_robot, open_bridge, simulated_robot_warning
 from rise_engine.engine.engine import Engine
-from rise_engine.kernel.inputs import Note
+from rise_engine.kernel.inputs import Note, SessionStarted
 from rise_engine.kernel.records import AnyRecord, TaskRecord
 from rise_engine.ports.bridge import Bridge
 from rise_engine.protocol.session_options import SessionOptions
@@ -53,6 +53,8 @@ class RunOptions(Struct, frozen=True):
     json: bool = False
     strict: bool = False
     """Whether a task that was rejected or aborted shows in the exit status."""
+    started: SessionStarted | None = None
+    """The first input, for a session of a study."""
 
     @property
     def seed(self) -> int:
@@ -78,7 +80,7 @@ class _HeadlessSession:
         self.options = options
         scenario = options.scenario
         robot = make_robot(scenario.robot, scenario.mode, clock, options.seed, options.session.faults, bridge)
-        self.started = first_input(scenario, options.session)
+        self.started = options.started or first_input(scenario, options.session)
         self.engine = Engine(
             scenario,
             robot,

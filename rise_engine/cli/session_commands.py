@@ -19,18 +19,21 @@ from rise_engine.cli.arguments import (
     tasks_at_start,
 )
 from rise_engine.cli.check import load_or_refuse
-from rise_engine.cli.options import FOLDER, JSON, SESSION, begin_options, session_options
+from rise_engine.cli.options import FOLDER_OR_NONE, JSON, SESSION, begin_options, session_options, study_options
 from rise_engine.cli.replay import export_report, play_report, replay_report
 from rise_engine.cli.run import RunOptions
 from rise_engine.cli.run import run as run_session
-from rise_engine.cli.sessions import print_sessions, stop_session
+from rise_engine.cli.sessions import print_recorded, print_sessions, stop_session
 from rise_engine.cli.startup_messages import print_startup
+from rise_engine.cli.study_checks import CheckOptions, check_options
+from rise_engine.cli.study_session import rehearsed_session, study_session
 from rise_engine.engine.drivers import DriverError, RobotOptionsError
 from rise_engine.ports.bridge import BridgeError, RosConnection, RosTransport
 from rise_engine.protocol.session_options import SessionOptions
 from rise_engine.protocol.session_start import start_problems
 from rise_engine.scenario.model import Scenario
 from rise_engine.server.process import serve as serve_session
+from rise_engine.session.levels import LEVELS, ExportLevel
 
 LATEST = 30 * 86_400.0
 """Seconds: the latest --until."""
@@ -39,7 +42,8 @@ FASTEST = 1e6
 
 
 @click.command()
-@FOLDER
+@FOLDER_OR_NONE
+@study_options
 @begin_options
 @click.option("--tasks", metavar="FILE|-", help="Tasks, one JSON object per line; - is standard input.")
 @click.option("--speed", metavar="N|max", default="1", help="How many times faster; max: virtual time.")
@@ -49,12 +53,16 @@ FASTEST = 1e6
     default="idle",
     help="When to end; idle: when nothing happens by itself any more.",
 )
-@click.option("--seed", type=click.IntRange(min=0), default=0, help="For everything picked at random. Default: 0.")
+@click.option(
+    "--seed", type=click.IntRange(min=0), help="For everything picked at random. Default: 0; with --study, the plan's."
+)
 @session_options
 @click.option("--json", "as_json", is_flag=True, help="Print the records, one JSON object per line.")
 @click.option("--strict", is_flag=True, help="Exit with 3 when a task was rejected or aborted.")
 def run(
-    folder: str,
+    folder: str | None,
+    study: str | None,
+    run_number: int | None,
     settings: tuple[str, ...],
     rules: tuple[str, ...],
     acts: tuple[str, ...],
@@ -68,6 +76,8 @@ def run(
     """Run the scenario in DIR without a screen.
 
     First every --set, then every --rule, every --act, and the tasks by their time.
+
+    With --study, the session that the participant would have now, in debug mode: it takes no slot and keeps nothing.
 
     \b
     What --fault understands (simulated robot only; @N: only the N-th of that action):
@@ -86,14 +96,19 @@ def run(
     end = None
     if until != "idle":
         end = parse_number("--until", until, "a number of seconds, 0 or more, up to 2592000 (30 days), or idle", LATEST)
-    options = _make_options(resolve_scenario(folder), pace, **session)
+    if study is not None:
+        options, started = rehearsed_session(_make_options("", pace, **session), study, folder, run_number or 0)
+    else:
+        options, started = _make_options(_needed_scenario(folder, run_number), pace, **session), None
     try:
         scenario = _load_or_exit(options)
         options = replace(options, first_tasks=tasks_at_start(scenario, settings, rules, acts))
-        if problems := start_problems(scenario, options):
+        if started is None and (problems := start_problems(scenario, options)):
             raise UnusableArgument("\n".join(f"error: {problem}" for problem in problems))
         script, stream = read_tasks_option(tasks, virtual=virtual)
-        run_options = RunOptions(scenario, options, script, stream, virtual, until=end, json=as_json, strict=strict)
+        run_options = RunOptions(
+            scenario, options, script, stream, virtual, until=end, json=as_json, strict=strict, started=started
+        )
         sys.exit(run_session(run_options))
     except BridgeError as error:
         for line in error.lines:
@@ -111,7 +126,12 @@ def run(
 
 
 @click.command()
-@FOLDER
+@FOLDER_OR_NONE
+@study_options
+@click.option("--pilot", is_flag=True, help="With --study: with a participant, and it does not count.")
+@click.option("--training", is_flag=True, help="With --study: without a participant, to practise; it does not count.")
+@check_options
+@click.option("--wizard", metavar="NAME", default="", help="Who begins it; stands in the session's folder.")
 @click.option("--name", metavar="NAME", help="Of the session's socket; without it, made from DIR.")
 @begin_options
 @click.option("--recover", is_flag=True, help="Go on with the latest session of DIR that did not end, if there is one.")
@@ -133,7 +153,13 @@ def run(
     help="Read acts, rules or memory from another PATH in the scenario's folder (memory=pilot.json). Repeatable.",
 )
 def serve(
-    folder: str,
+    folder: str | None,
+    study: str | None,
+    run_number: int | None,
+    pilot: bool,
+    training: bool,
+    confirmed: tuple[str, ...],
+    skipped: tuple[str, ...],
     name: str | None,
     settings: tuple[str, ...],
     rules: tuple[str, ...],
@@ -148,6 +174,9 @@ def serve(
 ) -> None:
     """Run a session of the scenario in DIR, for consoles to attach to (`rise-tui`). It needs no terminal.
 
+    With --study STUDY --participant P07 it is the next session of that participant: the plan gives scenario, condition,
+    memory and seed, and the study's log gets what becomes of it.
+
     It ends when a console ends it, with `rise-engine stop`, or by SIGTERM or SIGINT: first the robot stops.
 
     Exit status: 0; 1 scenario refused; 2 wrong usage; 3 a session of DIR is running already; 4 an earlier one did not
@@ -156,16 +185,20 @@ def serve(
     pace = parse_number("--speed", speed, "a number above 0, up to 1000000", FASTEST, least_excluded=True)
     if (recover or which is not None) and new:
         exit_with_usage("say either --recover or --new")
-    folder = resolve_scenario(folder)
+    if study is None:
+        folder = _needed_scenario(folder, run_number, pilot, training, confirmed, skipped)
     if here and not recover and which is None:
         exit_with_usage("--here goes with --recover or --session")
     options = replace(
-        _make_options(folder, pace, **session),
+        _make_options(folder or "", pace, **session),
         paths=parse_paths(paths),
         socket_name=name,
         unfinished=which or ("recover" if recover else "new" if new else "ask"),
         from_other_computer=here,
     )
+    if study is not None:
+        checks = CheckOptions(confirmed, skipped)
+        options = study_session(options, study, folder, run_number or 0, pilot=pilot, training=training, checks=checks)
     if settings or rules or acts:
         scenario = _load_or_exit(options)
         try:
@@ -173,7 +206,16 @@ def serve(
         except UnusableArgument as error:
             click.echo(str(error), err=True)
             sys.exit(exit_status.USAGE)
-    sys.exit(serve_session(options, lambda message: print_startup(message, folder)))
+    sys.exit(serve_session(options, lambda message: print_startup(message, study or options.folder)))
+
+
+def _needed_scenario(folder: str | None, *of_study: object) -> str:
+    """The scenario of a session that is of no study. Ends the program if none is named."""
+    if folder is None:
+        exit_with_usage("say what to run: DIR, a scenario's folder, or --study STUDY --participant ID")
+    if any(of_study):
+        exit_with_usage("--run, --pilot, --training, --confirm and --skip-check go with --study")
+    return resolve_scenario(folder)
 
 
 def _make_options(folder: str, speed: float, *, ros: RosTransport, **session: Any) -> SessionOptions:
@@ -191,9 +233,19 @@ def _load_or_exit(options: SessionOptions) -> Scenario:
 
 
 @click.command()
+@click.argument("where", metavar="[STUDY|DIR]", type=click.Path(), required=False)
+@click.option("--all", "everything", is_flag=True, help="Also those that have ended.")
 @JSON
-def sessions(as_json: bool) -> None:
-    """List the sessions that run on this machine."""
+def sessions(where: str | None, everything: bool, as_json: bool) -> None:
+    """List the sessions that run on this machine, and those that did not end.
+
+    With STUDY, a scenario's DIR or a folder with sessions: every session that was recorded there, also those that have
+    ended, with participant, condition, outcome, length and mode. So with --all, for the folder where sessions lie.
+
+    Exit status: 0; 1 when they cannot be listed; 2 when there is no such folder.
+    """
+    if where is not None or everything:
+        sys.exit(print_recorded(where, as_json=as_json))
     sys.exit(print_sessions(as_json=as_json))
 
 
@@ -236,14 +288,24 @@ def replay_session(session: str, scenario: str | None, as_json: bool, speed: str
 @SESSION
 @click.option("--format", type=click.Choice(["csv", "jsonl"]), required=True, help="A table, or one JSON per record.")
 @click.option("-o", "--output", metavar="FILE", type=click.Path(), help="A new file. Default: standard output.")
-def export(session: str, format: Literal["csv", "jsonl"], output: str | None) -> None:
+@click.option(
+    "--level",
+    type=click.Choice(LEVELS),
+    default="full",
+    show_default=True,
+    help="How much is told. shared: for other researchers; public: for everybody.",
+)
+@click.option("--private", metavar="KEY", multiple=True, help="A memory key that is private, too. Repeatable.")
+def export(
+    session: str, format: Literal["csv", "jsonl"], output: str | None, level: ExportLevel, private: tuple[str, ...]
+) -> None:
     """Write the records of SESSION, for analysis. Also of one that is running, torn or damaged.
 
     SESSION is a session's folder, or its name in the sessions folder ($RISE_SESSIONS, or ~/rise-sessions).
 
     Exit status: 0; 1 when something could not be read, and the rest was exported; 2 when nothing was.
     """
-    sys.exit(export_report(session, format, output))
+    sys.exit(export_report(session, format, output, level, private))
 
 
 COMMANDS = {"export": export, "replay": replay_session, "run": run, "serve": serve, "sessions": sessions, "stop": stop}

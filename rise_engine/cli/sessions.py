@@ -8,10 +8,11 @@ import sys
 import time
 from pathlib import Path
 
+from rise_engine.cli.session_list import list_sessions, session_lines, sessions_json
 from rise_engine.cli.terminal import write_json
 from rise_engine.cli.unfinished import unfinished_lines, unfinished_sessions
 from rise_engine.client.running_sessions import all_running_sessions, sessions_on_other_computers
-from rise_engine.exit_status import FAILED, NO_SUCH_SESSION, OK
+from rise_engine.exit_status import FAILED, NO_SUCH_SESSION, OK, USAGE
 from rise_engine.protocol.messages import SessionSummary
 from rise_engine.protocol.registry import (
     RegistryError,
@@ -23,6 +24,9 @@ from rise_engine.protocol.registry import (
     socket_path,
 )
 from rise_engine.session.folder import running_sessions
+from rise_engine.study.sessions import SESSIONS
+from rise_engine.study.study_log import StudyLogError
+from rise_engine.study.study_toml import is_study
 from rise_engine.text import clean
 
 END_SECONDS = 20.0
@@ -48,6 +52,25 @@ def print_sessions(*, as_json: bool) -> int:
         print(clean(line), file=sys.stderr)
     for line in unfinished_lines(unfinished_sessions(found)):
         print(clean(line), file=sys.stderr)
+    return OK
+
+
+def print_recorded(where: str | None, *, as_json: bool) -> int:
+    """Print every session that was recorded: of a study, of a scenario, in a folder, or (None) in that where sessions
+    lie; the exit status."""
+    if where is not None and not Path(where).is_dir():
+        print(f"error: there is no folder {where}", file=sys.stderr)
+        return USAGE
+    try:
+        found = list_sessions(None if where is None else Path(where))
+    except StudyLogError as error:
+        return _print_error(str(error))
+    if as_json:
+        write_json(sessions_json(found))
+    elif found:
+        print("\n".join(clean(line) for line in session_lines(found)))
+    else:
+        print("no session was recorded here", file=sys.stderr)
     return OK
 
 
@@ -78,7 +101,9 @@ def _find_session(which: str | None) -> str:
     if which is not None and Path(which).is_dir():
         if (name := session_name(which)) in running_names():
             return name
-        holders = running_sessions(str(Path(which).absolute())).values()
+        root = Path(which) / SESSIONS if is_study(which) else None
+        scenario = str(Path(which).absolute()) if root is None else None
+        holders = running_sessions(scenario, root).values()
         return next(
             (each.socket for each in holders if each is not None and each.is_this_computer), ""
         ) or find_running(name)

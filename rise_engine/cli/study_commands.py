@@ -9,6 +9,7 @@ import click
 
 from rise_engine.cli.arguments import exit_with_usage
 from rise_engine.cli.options import JSON, MODE
+from rise_engine.cli.study_day_commands import exclude, next_participant, outcome, status
 from rise_engine.cli.study_new import USUAL_CHECKS, NewStudyOptions, new_report
 from rise_engine.cli.study_reports import check_report, plan_report
 from rise_engine.scenario.model import Mode
@@ -80,8 +81,12 @@ def new(folder: str, mode: Mode | None, **options: Any) -> None:
 
 STUDY: dict[str, click.Command] = {
     "check": check,
+    "exclude": exclude,
     "new": new,
+    "next": next_participant,
+    "outcome": outcome,
     "plan": plan,
+    "status": status,
 }
 """Every command of `rise-engine study`, by its name."""
 

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from msgspec import Struct
 
-from rise_engine.kernel.inputs import Submit
+from rise_engine.kernel.inputs import CheckReport, Submit
+from rise_engine.kernel.records import Purpose
 from rise_engine.ports.bridge import RosConnection
 
 
@@ -12,7 +13,7 @@ class SessionOptions(Struct, frozen=True):
     """What to run; None and empty: as the scenario says. A session that goes on keeps its own, but for its folder."""
 
     folder: str
-    """The scenario's."""
+    """The scenario's; with a study, which says it, empty."""
     robot: str | None = None
     mode: str | None = None
     """`debug` or `real`."""
@@ -32,6 +33,8 @@ class SessionOptions(Struct, frozen=True):
     """One of the scenario's conditions, whose memory values the session begins with; empty: none."""
     wizard: str = ""
     """Who begins it, for the session's folder."""
+    login: str = ""
+    """Whose account it is: who begins it when nobody is named, in debug mode only."""
     first_tasks: tuple[Submit, ...] = ()
     """Submitted at the beginning of a new session."""
     socket_name: str | None = None
@@ -41,3 +44,11 @@ class SessionOptions(Struct, frozen=True):
     or the path of the session to recover. With a participant or a condition, only a session of theirs is recovered."""
     from_other_computer: bool = False
     """To go on with a session that another computer had last, on a file system that does not tell of its locks."""
+    study: str = ""
+    """The study's folder; empty: the session is of no study. Its plan gives scenario, condition, memory and seed."""
+    run: int = 0
+    """Which of the participant's runs; 0: the next."""
+    purpose: Purpose = "counted"
+    """Why a session of a study is run; in debug mode it is always `debug`."""
+    checks: tuple[CheckReport, ...] = ()
+    """What came of the study's checks: the first inputs after the start."""

@@ -6,16 +6,17 @@ it, and opens its journal. What is in the way is a `ServeRefused`, with the exit
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
-from contextlib import suppress
+from collections.abc import Callable
+from contextlib import ExitStack, suppress
 from pathlib import Path
 from random import SystemRandom
+
+from msgspec.structs import replace
 
 from rise_engine import exit_status
 from rise_engine.engine.clock import RealClock
 from rise_engine.engine.drivers import DriverError, RobotOptionsError, make_robot, open_bridge
 from rise_engine.engine.engine import versions
-from rise_engine.errors import RiseError
 from rise_engine.kernel.inputs import SessionStarted
 from rise_engine.ports.bridge import Bridge, BridgeError, RosConnection
 from rise_engine.ports.robot import Robot
@@ -25,13 +26,14 @@ from rise_engine.protocol.session_start import first_input, set_conflicts, start
 from rise_engine.scenario import load
 from rise_engine.scenario.model import Scenario
 from rise_engine.server.hub import SessionHub
-from rise_engine.server.spawn import EngineRefused, ReportStartup, StartupProgress
+from rise_engine.server.refusal import ServeRefused as ServeRefused
+from rise_engine.server.spawn import ReportStartup, StartupProgress
+from rise_engine.server.study_session import StudyPreparation, study_of_session
 from rise_engine.session.folder import (
     JOURNAL,
     SessionError,
     belongs_to,
     create_session,
-    describe_session,
     find_session,
     find_unfinished,
     mark_abandoned,
@@ -42,26 +44,9 @@ from rise_engine.session.folder import (
 )
 from rise_engine.session.journal import Journal
 from rise_engine.session.lock import JournalLock, JournalLockedError, one_at_a_time, running_message
+from rise_engine.session.pseudonyms import pseudonym_problem
 from rise_engine.session.recovery import RecoveredSession, recover
-
-
-class ServeRefused(RiseError):
-    """Nothing is served."""
-
-    def __init__(
-        self,
-        code: int,
-        *lines: str,
-        unfinished: Sequence[Path] = (),
-        others: Sequence[Path] = (),
-        socket: str = "",
-    ) -> None:
-        super().__init__("\n".join(lines))
-        self.report = EngineRefused(code, list(lines), _describe_all(unfinished), _describe_all(others), socket)
-
-
-def _describe_all(folders: Sequence[Path]) -> list[tuple[str, str]]:
-    return [(str(folder), describe_session(folder)) for folder in folders]
+from rise_engine.study.study_log import StudyLogError
 
 
 class SessionPreparation:
@@ -74,13 +59,15 @@ class SessionPreparation:
         :param report: gets sentences about how far a recovery is.
         :raises ServeRefused: nothing was started; what was locked is released.
         """
-        self.options = options
+        self.options = options = _with_study_of_session(options)
+        self.study = StudyPreparation(options) if options.study else None
+        """Of a session of a study."""
         self.recovered: RecoveredSession | None = None
         self.started = SessionStarted()
         """The first input of a new session."""
         self.lock: JournalLock | None = None
         """Of the journal of a session that goes on, until that is open."""
-        self.name = options.socket_name or session_name(Path(options.folder))
+        self.name = options.socket_name or session_name(Path(options.study or options.folder))
         self.name_lock = self._acquire_name()
         try:
             unfinished = self._choose_unfinished()
@@ -98,6 +85,8 @@ class SessionPreparation:
             lock = acquire_lock(self.name)
         except RegistryError as error:
             raise ServeRefused(exit_status.FAILED, str(error)) from None
+        if lock is None and self.study is not None:
+            self.study.refuse_running()
         if lock is None:
             raise ServeRefused(
                 exit_status.ALREADY_RUNNING, f"a session of this scenario is running already: {self.name}"
@@ -113,7 +102,9 @@ class SessionPreparation:
     def _choose_unfinished(self) -> Path | None:
         """The folder of the session that is to go on; None for a new session."""
         options = self.options
-        self._refuse_if_running()
+        if self.study is not None:
+            return self.study.choose()
+        self._refuse_if_running(options.folder)
         if options.unfinished not in ("ask", "new", "recover"):
             try:
                 folder = find_session(options.unfinished)
@@ -143,12 +134,12 @@ class SessionPreparation:
             )
         return theirs[0] if theirs else None
 
-    def _refuse_if_running(self) -> None:
+    def _refuse_if_running(self, scenario_folder: str) -> None:
         """One session of a scenario at a time, whoever's environment its engine has, unless somebody gave it a name."""
         if self.options.socket_name is not None:
             return
-        for folder, holder in running_sessions(str(Path(self.options.folder).absolute())).items():
-            socket = holder.socket if holder is not None and holder.is_this_computer else ""
+        for folder, holder in running_sessions(str(Path(scenario_folder).absolute())).items():
+            socket = holder.socket if holder is not None and holder.is_this_computer and self.study is None else ""
             raise ServeRefused(exit_status.ALREADY_RUNNING, running_message(folder, holder), socket=socket)
 
     def _check_participant(self, folder: Path) -> None:
@@ -161,14 +152,23 @@ class SessionPreparation:
 
     def _load_scenario(self) -> None:
         options = self.options
-        loaded = load(options.folder, robot=options.robot, mode=options.mode, paths=options.paths)
+        folder, robot, mode, seed = options.folder, options.robot, options.mode, options.seed
+        if self.study is not None and (plan := self.study.plan) is not None:
+            folder, mode, seed = plan.run.scenario, plan.mode, plan.seed
+            robot = robot or self.study.state.study.robot or None
+        loaded = load(folder, robot=robot, mode=mode, paths=options.paths)
         if loaded.scenario is None:
             raise ServeRefused(exit_status.REFUSED, *map(str, loaded.diagnostics))
         self.scenario: Scenario = loaded.scenario
-        if problems := start_problems(self.scenario, options):
+        if self.scenario.mode == "real" and (problem := pseudonym_problem(options.participant)):
+            raise ServeRefused(exit_status.USAGE, f"error: {problem}")
+        if self.study is not None:
+            self.started = self.study.first_input()
+        elif problems := start_problems(self.scenario, options):
             raise ServeRefused(exit_status.USAGE, *(f"error: {problem}" for problem in problems))
-        self.started = first_input(self.scenario, options)
-        self.seed = options.seed if options.seed is not None else SystemRandom().randrange(2**31)
+        else:
+            self.started = first_input(self.scenario, options)
+        self.seed = seed if seed is not None else SystemRandom().randrange(2**31)
         self.speed, self.faults, self.ros = options.speed, options.faults, options.ros
         self._files = loaded.files
 
@@ -191,21 +191,34 @@ class SessionPreparation:
                 )
                 self.lock = None  # it is the journal's now
                 return journal
-            root = sessions_folder()
-            with suppress(OSError):
-                root.mkdir(0o700, parents=True, exist_ok=True)
-            with one_at_a_time(root):
-                self._refuse_if_running()
-                self._make_folder()
-                return Journal(self.folder / JOURNAL, changed=changed, now=now)
+            return self._begin(changed, now)
         except OSError as error:
             raise ServeRefused(exit_status.NOT_WRITTEN, f"the journal cannot be opened: {error}") from None
-        except SessionError as error:
+        except (SessionError, StudyLogError) as error:
             raise ServeRefused(exit_status.NOT_WRITTEN, str(error)) from None
 
-    def _make_folder(self) -> None:
+    def _begin(self, changed: Callable[[], None], now: Callable[[], float]) -> Journal:
+        """Make the new session's folder and journal, and what the study's log says of it."""
+        root = sessions_folder() if self.study is None else self.study.root
+        with suppress(OSError):
+            root.mkdir(0o700, parents=True, exist_ok=True)
+        with ExitStack() as stack:
+            log = self.study.open_for_beginning(stack) if self.study is not None else None
+            stack.enter_context(one_at_a_time(root))
+            self._refuse_if_running(self.scenario.folder)
+            self._make_folder(root)
+            journal = Journal(self.folder / JOURNAL, changed=changed, now=now)
+            if self.study is not None and log is not None:
+                try:
+                    self.study.note_begun(log, self.folder, read_info(self.folder))
+                except BaseException:
+                    journal.close()
+                    raise
+            return journal
+
+    def _make_folder(self, root: Path) -> None:
         self.folder = create_session(
-            sessions_folder(),
+            root,
             self.scenario,
             self._files,
             seed=self.seed,
@@ -213,9 +226,8 @@ class SessionPreparation:
             faults=self.faults,
             connection=self.ros,
             versions=versions(),
-            participant=self.options.participant,
-            condition=self.options.condition,
-            wizard=self.options.wizard,
+            begun=self.started,
+            wizard=self.options.wizard or (self.options.login if self.scenario.mode == "debug" else ""),
         )
 
     def _recover(self, folder: Path, report: ReportStartup) -> None:
@@ -224,7 +236,7 @@ class SessionPreparation:
 
         try:
             with one_at_a_time(folder.parent):
-                self._refuse_if_running()
+                self._refuse_if_running(read_info(folder).scenario_folder)
                 self.lock = JournalLock(folder / JOURNAL, here=self.options.from_other_computer)
             self.recovered = recover(folder, lock=self.lock, on_progress=on_progress)
         except JournalLockedError as error:
@@ -253,3 +265,14 @@ class SessionPreparation:
             raise ServeRefused(exit_status.REFUSED, f"error: {error}") from None
         except RobotOptionsError as error:
             raise ServeRefused(exit_status.USAGE, f"error: {error}") from None
+
+
+def _with_study_of_session(options: SessionOptions) -> SessionOptions:
+    """A session of a study that is named goes on as one, also when nobody named the study."""
+    if options.study or options.unfinished in ("ask", "new", "recover"):
+        return options
+    try:
+        study = study_of_session(find_session(options.unfinished))
+    except SessionError:
+        return options
+    return options if study is None else replace(options, study=str(study))

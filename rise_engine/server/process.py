@@ -105,6 +105,8 @@ class _SessionProcess:
             _notify_systemd("STOPPING=1")
             await server.close()
             recorded = await asyncio.to_thread(journal.close, RECORD_SECONDS)
+            if prepared.study is not None:
+                await asyncio.to_thread(prepared.study.note_ended)
         if engine.failure is not None:
             return exit_status.FAILED
         return exit_status.OK if recorded and not self.unrecorded else exit_status.NOT_WRITTEN
@@ -145,10 +147,15 @@ class _SessionProcess:
         recovered = self.prepared.recovered
         if recovered is not None:
             engine.resume()
+            if self.prepared.study is not None:
+                for report in self.prepared.study.unrecorded_checks(self.prepared.folder, recovered.view):
+                    engine.post(report)
             for sentence in recovered.report:
                 engine.post(Note(text=sentence))
             return
         engine.start()
+        for report in self.prepared.options.checks:
+            engine.post(report)
         warning = simulated_robot_warning(engine.scenario.robot, engine.scenario.mode)
         for sentence in (*filter(None, [warning]), *start_remarks(engine.scenario, self.prepared.started)):
             engine.post(Note(text=sentence))

@@ -44,6 +44,23 @@ class Disk:
             os.close(descriptor)
 
 
+def write_private_file(path: Path, data: bytes) -> None:
+    """Write a file that only its owner can read, durably, whatever the umask says. Raises OSError."""
+    descriptor = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_TRUNC | os.O_CLOEXEC, 0o600)
+    with os.fdopen(descriptor, "wb") as file:
+        os.fchmod(file.fileno(), 0o600)  # one that was there keeps its mode otherwise
+        file.write(data)
+        file.flush()
+        os.fsync(file.fileno())
+
+
+def make_private_folder(path: Path) -> None:
+    """Make a folder, and those that it lies in, for their owner alone. Raises OSError."""
+    if not path.is_dir():
+        make_private_folder(path.parent)
+        path.mkdir(0o700, exist_ok=True)
+
+
 _MESSAGES = {
     errno.ENOSPC: "the disk is full",
     errno.EDQUOT: "your disk quota is used up",

@@ -8,15 +8,20 @@ from __future__ import annotations
 
 import csv
 from codecs import getwriter
+from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Any, BinaryIO, Literal, TypeAlias
 
 import msgspec
 
+from rise_engine.json_codec import encode
 from rise_engine.kernel.records import AnyRecord, SessionRecord
 from rise_engine.session.folder import INFO, JOURNAL, SessionError, read_info
 from rise_engine.session.journal_format import encode_record
 from rise_engine.session.journal_reader import JournalContents, read_journal
+from rise_engine.session.levels import ExportLevel, LevelFilter
+from rise_engine.session.private_values import PrivateValues
+from rise_engine.session.replay import load_session_scenario
 
 ExportFormat: TypeAlias = Literal["jsonl", "csv"]
 
@@ -68,12 +73,28 @@ class SessionExport:
     1
     """
 
-    def __init__(self, folder: Path) -> None:
-        """Read the session in `folder`. Raises SessionError when nothing can be read."""
-        self.name = folder.resolve().name
+    def __init__(
+        self,
+        folder: Path,
+        *,
+        level: ExportLevel = "full",
+        private: Iterable[str] = (),
+        wizards: Mapping[str, str] | None = None,
+    ) -> None:
+        """Read the session in `folder`.
+
+        `level`: how much is told (`rise_engine.session.levels`). `private`: further private memory keys, beside those
+        that the session's scenario names. `wizards`: what to call each at the other levels.
+
+        Raises SessionError when nothing can be read, and, for less than everything, when the session's scenario cannot:
+        it says which keys are private.
+        """
         contents = self._contents = read_journal(folder / JOURNAL)
         self.problems = _describe_unreadable(contents)
         """What could not be read, in sentences."""
+        self._filter = LevelFilter(level, _private_values(folder, level, private), wizards)
+        self.name = self._filter.session_name(folder.resolve().name)
+        self._filter.note(contents.read_records())
         self.mode = ""
         if (folder / INFO).exists():
             try:
@@ -95,7 +116,7 @@ class SessionExport:
             self._write_table(out)
         else:
             for record in self._contents.read_records():
-                out.write(encode_record(record) + b"\n")
+                out.write(self._line(record) + b"\n")
         out.flush()
 
     def _write_table(self, out: BinaryIO) -> None:
@@ -104,10 +125,26 @@ class SessionExport:
         for record in self._contents.read_records():
             rows.writerow(self._row(record))
 
+    def _line(self, record: AnyRecord) -> bytes:
+        line = encode_record(record)
+        return line if self._filter.level == "full" else encode(self._filter.apply(msgspec.json.decode(line)))
+
     def _row(self, record: AnyRecord) -> list[str]:
-        values: dict[str, Any] = msgspec.json.decode(encode_record(record))
+        values: dict[str, Any] = self._filter.apply(msgspec.json.decode(encode_record(record)))
         values["session"], values["mode"] = self.name, self.mode
         return [table_cell(values.get(column)) for column in COLUMNS]
+
+
+def _private_values(folder: Path, level: ExportLevel, private: Iterable[str]) -> PrivateValues | None:
+    if level == "full":
+        return None
+    try:
+        scenario = load_session_scenario(folder, read_info(folder), [])
+    except SessionError as error:
+        raise SessionError(
+            f"nobody can say which memory keys are private: {error}. Only --level full can be exported"
+        ) from None
+    return PrivateValues(scenario, private)
 
 
 def table_cell(value: Any) -> str:

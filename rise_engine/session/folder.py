@@ -1,11 +1,12 @@
 """A session's folder: what it ran, kept beside what happened.
 
-    2026-11-21_141503_lablinking_debug/
-        session.toml     what ran: scenario and its hash, mode, robot, seed, speed, versions, machine
+    2026-11-21_141503_P07_lablinking_real/
+        session.toml     what ran: who, scenario and its hash, mode, robot, seed, speed, versions, machine
         scenario/        a copy of every file that was read, the robot's profile included
         journal.jsonl    what happened (rise_engine.session.journal_format)
 
-Folders lie in `$RISE_SESSIONS`, or else in `~/rise-sessions`. None is ever written over.
+Folders lie in `$RISE_SESSIONS`, or else in `~/rise-sessions`; those of a study lie in its `sessions`. None is ever
+written over.
 """
 
 from __future__ import annotations
@@ -16,7 +17,7 @@ import platform
 import re
 import tomllib
 import unicodedata
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from contextlib import suppress
 from datetime import datetime
 from pathlib import Path
@@ -26,18 +27,22 @@ import msgspec
 from msgspec import Struct, field
 from msgspec.structs import asdict, replace
 
+from rise_engine.kernel.inputs import SessionStarted
+from rise_engine.kernel.records import Purpose
 from rise_engine.nearest_name import did_you_mean
 from rise_engine.ports.bridge import RosConnection, RosTransport
 from rise_engine.scenario import load
 from rise_engine.scenario.file_names import DEFAULT_PATHS
 from rise_engine.scenario.model import Scenario
+from rise_engine.session.disk import make_private_folder, write_private_file
 from rise_engine.session.errors import SessionError as SessionError
 from rise_engine.session.journal_format import FORMAT
-from rise_engine.session.lock import LockHolder, is_journal_locked, read_holder, user_name
+from rise_engine.session.lock import LockHolder, forget_holder, is_journal_locked, read_holder, user_name
 from rise_engine.text import escape_all_surrogates, restore_all_surrogates
 
 _ANY_CONNECTION = RosConnection()
 INFO, JOURNAL, SCENARIO_COPY = "session.toml", "journal.jsonl", "scenario"
+_ABANDONED = "abandoned"
 
 
 class SessionInfo(Struct, frozen=True):
@@ -64,6 +69,16 @@ class SessionInfo(Struct, frozen=True):
     condition: str = ""
     wizard: str = ""
     """Who began it, as consoles name themselves (`anna`); empty: a program, or an older version."""
+    study: str = ""
+    """The study's id; empty: the session is of no study."""
+    study_hash: str = ""
+    slot: int = 0
+    """The row of the study's plan; 0: the session takes none."""
+    run: int = 0
+    attempt: int = 0
+    purpose: Purpose | Literal[""] = ""
+    """These are as in `rise_engine.kernel.records.SessionRecord`."""
+    factors: dict[str, Any] = field(default_factory=dict)
     versions: dict[str, str] = field(default_factory=dict)
     machine: dict[str, str] = field(default_factory=dict)
 
@@ -114,38 +129,51 @@ def create_session(
     participant: str = "",
     condition: str = "",
     wizard: str = "",
+    begun: SessionStarted | None = None,
     versions: Mapping[str, str],
 ) -> Path:
-    """Make the folder of a new session, without its journal. `files` as `LoadResult.files`. Raises SessionError."""
+    """Make the folder of a new session, without its journal. `files` as `LoadResult.files`. Raises SessionError.
+
+    `begun`: the first input of a session of a study; participant and condition are taken from it, too.
+    """
     started = datetime.now().astimezone()
+    begun = begun or SessionStarted(participant=participant, condition=condition)
+    real = scenario.mode == "real"  # what is about people who run it stays out of what is about participants
     info = SessionInfo(
         title=scenario.title,
         mode=scenario.mode,
         robot=scenario.robot.name,
         seed=seed,
         scenario_hash=scenario.hash,
-        scenario_folder=scenario.folder,
+        scenario_folder=_without_home(scenario.folder) if real else scenario.folder,
         started=started.isoformat(timespec="milliseconds"),
         speed=speed,
         faults=faults,
         ros=connection.transport,
         ros_args=connection.arguments,
-        participant=participant,
-        condition=condition,
+        participant=begun.participant,
+        condition=begun.condition,
         wizard=wizard,
+        study=begun.study,
+        study_hash=begun.study_hash,
+        slot=begun.slot or 0,
+        run=begun.run,
+        attempt=begun.attempt,
+        purpose=begun.purpose,
+        factors=dict(begun.factors),
         versions=dict(versions),
-        machine={"host": platform.node(), "system": platform.platform(), "user": user_name()},
+        machine={"system": platform.platform()} if real else _machine(),
     )
-    name = f"{started:%Y-%m-%d_%H%M%S}_{_slug(scenario.title)}_{scenario.mode}"
+    name = _folder_name(started, begun, scenario)
     try:
         root.mkdir(0o700, parents=True, exist_ok=True)
         folder = _make_folder(root, name)
         for relative_path, data in files.items():
             path = folder / SCENARIO_COPY / relative_path
-            path.parent.mkdir(0o700, parents=True, exist_ok=True)
-            path.write_bytes(data)
+            make_private_folder(path.parent)
+            write_private_file(path, data)
         (folder / SCENARIO_COPY).mkdir(0o700, exist_ok=True)
-        (folder / INFO).write_text(_info_toml(info), encoding="utf-8")
+        _write_info(folder / INFO, info)
     except OSError as error:
         raise SessionError(f"the session's folder cannot be made in {root}: {error.strerror or error}") from None
     return folder
@@ -163,7 +191,8 @@ def read_info(folder: Path) -> SessionInfo:
                 f"{path} was written by a newer version (format {found}; this one reads up to format {FORMAT}): "
                 "install that version"
             )
-        return msgspec.convert(restore_all_surrogates(values), SessionInfo)
+        info = msgspec.convert(restore_all_surrogates(values), SessionInfo)
+        return replace(info, scenario_folder=os.path.expanduser(info.scenario_folder))  # noqa: PTH111  # it may be empty
     except FileNotFoundError:
         raise SessionError(f"{folder} is no session: it has no {INFO}") from None
     except (OSError, ValueError, msgspec.ValidationError) as error:
@@ -199,30 +228,44 @@ def has_ended(folder: Path) -> bool:
         return False
 
 
-def find_unfinished(scenario_folder: str | None = None) -> list[Path]:
-    """Sessions of a scenario, or of all, that did not end in order and that no engine runs, the latest first."""
+def find_unfinished(scenario_folder: str | None = None, root: Path | None = None) -> list[Path]:
+    """Sessions of a scenario, or of all, that did not end in order and that no engine runs, the latest first.
+
+    `root`: the folder in which they lie, as a study's `sessions`; without it, that of `sessions_folder`.
+    """
     return [
         folder
-        for folder, runs in _not_ended(scenario_folder)
-        if not runs and _has_begun(folder) and not (folder / "abandoned").exists()
+        for folder, runs in _not_ended(scenario_folder, [root or sessions_folder()])
+        if not runs and has_begun(folder) and not is_abandoned(folder)
     ]
 
 
-def running_sessions(scenario_folder: str | None = None) -> dict[Path, LockHolder | None]:
+def running_sessions(scenario_folder: str | None = None, root: Path | None = None) -> dict[Path, LockHolder | None]:
     """Sessions of a scenario, or of all, that an engine runs, the latest first, and who says that it does.
 
-    Wherever that engine has its socket: asked is the lock of the journal.
+    Wherever that engine has its socket: asked is the lock of the journal. `root` as in `find_unfinished`; without it,
+    the sessions of the study in which the scenario's folder lies count, too.
     """
-    return {folder: read_holder(folder) for folder, runs in _not_ended(scenario_folder) if runs}
+    roots = [root] if root is not None else [sessions_folder(), *_study_sessions(scenario_folder)]
+    return {folder: read_holder(folder) for folder, runs in _not_ended(scenario_folder, roots) if runs}
 
 
-def _not_ended(scenario_folder: str | None) -> list[tuple[Path, bool]]:
+def _study_sessions(scenario_folder: str | None) -> list[Path]:
+    """Where the sessions of a study lie whose scenario this is."""
+    if scenario_folder is None:
+        return []
+    around = list(Path(os.path.realpath(scenario_folder)).parents)[:3]
+    return [folder / "sessions" for folder in around if (folder / "study.toml").is_file()]
+
+
+def _not_ended(scenario_folder: str | None, roots: Iterable[Path]) -> list[tuple[Path, bool]]:
     """The latest first, and whether an engine runs each."""
     found: list[tuple[Path, bool]] = []
     folders: list[Path] = []
     where = os.path.realpath(scenario_folder) if scenario_folder is not None else None
-    with suppress(OSError):
-        folders = [Path(entry.path) for entry in os.scandir(sessions_folder()) if entry.is_dir()]
+    for root in roots:
+        with suppress(OSError):
+            folders += [Path(entry.path) for entry in os.scandir(root) if entry.is_dir()]
     for folder in folders:
         # The cheapest question first: after a year there are hundreds, and nearly all have ended.
         if has_ended(folder):
@@ -245,10 +288,12 @@ def describe_session(folder: Path) -> str:
     except (SessionError, OSError, ValueError) as error:
         return f"{folder.name} cannot be described: {error}"
     who = [f"{what} {name}" for what in ("participant", "condition") if (name := getattr(info, what))]
+    if info.run:
+        who.append(f"run {info.run}, attempt {info.attempt}" if info.attempt > 1 else f"run {info.run}")
     by = f" by {info.wizard}" if info.wizard else ""
     return (
         f"{', '.join([f'{info.title} ({info.mode}, {info.robot})', *who])}, "
-        f"begun {began:%Y-%m-%d %H:%M}{by}, ran {_duration_text(last - began.timestamp())}, last record {end:%H:%M:%S}"
+        f"begun {began:%Y-%m-%d %H:%M}{by}, ran {duration_text(last - began.timestamp())}, last record {end:%H:%M:%S}"
     )
 
 
@@ -262,14 +307,15 @@ def participant_text(participant: str, condition: str) -> str:
     return ", ".join(filter(None, (participant, condition and f"condition {condition}"))) or "nobody named"
 
 
-def _duration_text(seconds: float) -> str:
+def duration_text(seconds: float) -> str:
+    """A length of time in words: `40 s`, `12 min`, `1 h 5 min`."""
     minutes = round(max(0.0, seconds) / 60)
     if minutes < 1:
         return f"{max(0, round(seconds))} s"
     return f"{minutes} min" if minutes < 60 else f"{minutes // 60} h {minutes % 60} min"
 
 
-def _has_begun(folder: Path) -> bool:
+def has_begun(folder: Path) -> bool:
     """Whether anything happened in it."""
     try:
         with (folder / JOURNAL).open("rb") as file:
@@ -280,7 +326,13 @@ def _has_begun(folder: Path) -> bool:
 
 def mark_abandoned(folder: Path) -> None:
     """Nobody is asked again whether an unfinished session is to be recovered. It can still be, by name."""
-    (folder / "abandoned").touch()
+    (folder / _ABANDONED).touch(0o600)
+    forget_holder(folder)
+
+
+def is_abandoned(folder: Path) -> bool:
+    """Whether somebody has chosen not to go on with it."""
+    return (folder / _ABANDONED).exists()
 
 
 def _is_session(path: Path) -> bool:
@@ -298,9 +350,33 @@ def _make_folder(root: Path, name: str) -> Path:
     raise SessionError(f"{root} has too many sessions of one second")
 
 
-def _slug(title: str) -> str:
-    plain = unicodedata.normalize("NFKD", title).encode("ascii", "ignore").decode()
-    return re.sub(r"[^A-Za-z0-9]+", "-", plain).strip("-").lower()[:40] or "session"
+def _folder_name(started: datetime, begun: SessionStarted, scenario: Scenario) -> str:
+    """Date, participant, scenario, mode; and for what does not count although it ran in real mode, why it was run."""
+    rehearsal = begun.purpose if begun.purpose in ("pilot", "training") else ""
+    parts = (_ascii_name(begun.participant), _ascii_name(scenario.title).lower() or "session", scenario.mode, rehearsal)
+    return "_".join((f"{started:%Y-%m-%d_%H%M%S}", *filter(None, parts)))
+
+
+def _ascii_name(text: str) -> str:
+    plain = unicodedata.normalize("NFKD", text).encode("ascii", "ignore").decode()
+    return re.sub(r"[^A-Za-z0-9]+", "-", plain).strip("-")[:40]
+
+
+def _write_info(path: Path, info: SessionInfo) -> None:
+    """Whole or not at all: whoever looks at a study believes it."""
+    new = path.with_name(f"{path.name}.new")
+    write_private_file(new, _info_toml(info).encode("utf-8"))
+    new.replace(path)
+
+
+def _machine() -> dict[str, str]:
+    return {"host": platform.node(), "system": platform.platform(), "user": user_name()}
+
+
+def _without_home(folder: str) -> str:
+    """A path in which the login of its owner does not stand, as far as that is their home; `read_info` undoes it."""
+    home = str(Path.home())
+    return f"~{folder[len(home) :]}" if home != "/" and folder.startswith(f"{home}/") else folder
 
 
 def _info_toml(info: SessionInfo) -> str:

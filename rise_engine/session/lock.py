@@ -26,7 +26,7 @@ from weakref import WeakSet
 import msgspec
 from msgspec import Struct
 
-from rise_engine.session.disk import error_message
+from rise_engine.session.disk import error_message, write_private_file
 from rise_engine.session.errors import SessionError
 
 HOLDER_FILE = "engine.json"
@@ -114,7 +114,7 @@ class JournalLock:
         holder = LockHolder(os.getpid(), platform.node(), user_name(), now, socket)
         new_note = self._note.with_name(f"{HOLDER_FILE}.new")
         with suppress(OSError):  # a full disk, say: it can be locked all the same
-            new_note.write_bytes(msgspec.json.format(msgspec.json.encode(holder), indent=2) + b"\n")
+            write_private_file(new_note, msgspec.json.format(msgspec.json.encode(holder), indent=2) + b"\n")
             new_note.replace(self._note)
 
     @contextmanager
@@ -179,6 +179,15 @@ def read_holder(folder: Path) -> LockHolder | None:
         return msgspec.json.decode((folder / HOLDER_FILE).read_bytes(), type=LockHolder)
     except (OSError, msgspec.DecodeError, UnicodeDecodeError):
         return None
+
+
+def forget_holder(folder: Path) -> None:
+    """Remove the note of an engine that has gone: it names a user and a computer. Not while somebody has the session,
+    and not where only the note says who may have it."""
+    holder = read_holder(folder)
+    if holder is not None and holder.is_this_computer and not is_journal_locked(folder / "journal.jsonl"):
+        with suppress(OSError):
+            (folder / HOLDER_FILE).unlink()
 
 
 def running_message(folder: Path, holder: LockHolder | None) -> str:

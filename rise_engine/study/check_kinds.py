@@ -4,13 +4,16 @@ from __future__ import annotations
 
 AUTOMATIC: dict[str, str] = {
     "robot": "the robot answers and offers every action that the scenario uses",
-    "disk": "there is room for the session (`min` says how much)",
-    "clock": "this computer's clock is set by a time server",
-    "sound": "the robot says a word, and somebody has heard it",
-    "consent": "everything in `[consent] needed` has a date",
-    "participant": "the participant is in participants.csv, is not excluded, and has not done this run",
+    "disk": "there is room for the session",
+    "clock": "this computer's clock is right",
+    "sound": "the robot says a word, and somebody hears it",
+    "consent": "the participant has consented",
+    "participant": "the participant may take part now",
     "scenario": "the scenario is the one that the plan was made with",
     "wizard": "the wizard has given a name",
     "replay": "the last session replays identically",
 }
-"""Each automatic check and what it finds out."""
+"""Each automatic check and what it looks at, in words that stand on screens and in records."""
+OF_THE_PARTICIPANT = frozenset({"consent", "participant"})
+"""Those about one participant: that they passed for another one says nothing (so `every` is not for them), and nobody
+can skip them in a session that counts."""

@@ -3,21 +3,29 @@
 from __future__ import annotations
 
 import re
+from pathlib import Path
 
 from rise_engine.nearest_name import did_you_mean, in_backquotes
 from rise_engine.scenario.toml_tables import TomlTable
-from rise_engine.study.check_kinds import AUTOMATIC
+from rise_engine.study.check_kinds import AUTOMATIC, OF_THE_PARTICIPANT
+from rise_engine.study.check_programs import program_problem
 from rise_engine.study.model import StudyCheck
 from rise_engine.study.quantities import parse_length, parse_size
 
-_KEYS = ("id", "ask", "auto", "run", "when", "min", "every", "blocks")
+_KEYS = ("id", "ask", "auto", "run", "when", "min", "every", "blocks", "limit")
 _WAYS = ("ask", "auto", "run")
 _ID = re.compile(r"[A-Za-z][A-Za-z0-9_-]*\Z")
+_LONGEST_LIMIT = 3600.0
+"""Seconds."""
 _FORM = 'a check has exactly one of ask = "...", auto = "..." and run = ["..."]'
 
 
-def read_checks(study: TomlTable) -> tuple[StudyCheck, ...]:
-    """Every check of a study, in the order in which they are made."""
+def read_checks(study: TomlTable, folder: Path) -> tuple[StudyCheck, ...]:
+    """Every check of a study, in the order in which they are made.
+
+    :param study: the whole study.toml.
+    :param folder: the study's, where its own programs lie.
+    """
     listed = study.values.get("check", [])
     if not isinstance(listed, list) or not all(isinstance(each, dict) for each in listed):
         study.report_key("wrong-type", "each check is a table of its own: [[check]], with two brackets", "check")
@@ -26,6 +34,8 @@ def read_checks(study: TomlTable) -> tuple[StudyCheck, ...]:
     for number, values in enumerate(listed):
         table = TomlTable(study.file, ("check", str(number)), values, study.diagnostics)
         check = _read_check(table)
+        if check.run and (problem := program_problem(check.run, folder)):
+            study.diagnostics.warning("no-program", table.value_location("run"), problem)
         if check.id and any(each.id == check.id for each in checks):
             table.report_value("duplicate-name", "id", f"another check is called `{check.id}`")
         checks.append(check)
@@ -52,8 +62,9 @@ def _read_check(table: TomlTable) -> StudyCheck:
         auto=auto,
         run=_read_run(table),
         minimum=_read_minimum(table, auto),
-        valid=_read_every(table),
+        valid=_read_every(table, auto),
         blocks=table.read("blocks", bool, True),
+        limit=_read_limit(table),
     )
 
 
@@ -96,12 +107,30 @@ def _read_minimum(table: TomlTable, auto: str) -> str:
     return text
 
 
-def _read_every(table: TomlTable) -> float | None:
+def _read_every(table: TomlTable, auto: str) -> float | None:
     text = table.read("every", str, None, form=': every = "30 d"')
     if text is None:
         return None
     seconds = parse_length(text)
     if seconds is None or seconds <= 0:
         table.report_value("wrong-value", "every", f"`{text}` is no length of time; write 8 h, 30 d or 1 y")
+        return None
+    if auto in OF_THE_PARTICIPANT:
+        message = f'`every` does not go with auto = "{auto}": that one participant passed says nothing about the next'
+        table.report_key("check-form", message, "every")
+        return None
+    return seconds
+
+
+def _read_limit(table: TomlTable) -> float | None:
+    text = table.read("limit", str, None, form=': limit = "2 min"')
+    if text is None:
+        return None
+    seconds = parse_length(text)
+    if seconds is None or not 0 < seconds <= _LONGEST_LIMIT:
+        table.report_value("wrong-value", "limit", f"`{text}` is no limit of a check; write 30 s or 2 min, up to 1 h")
+        return None
+    if "ask" in table.values:
+        table.report_key("check-form", "`limit` goes with auto and run: who is asked may take their time", "limit")
         return None
     return seconds

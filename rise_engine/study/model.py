@@ -73,6 +73,8 @@ class StudyCheck(Struct, frozen=True):
     """Seconds that a passed check stays good (`every = "30 d"`); None: it is made for each session."""
     blocks: bool = True
     """Whether the session cannot begin when it failed, unless somebody skips it with a reason."""
+    limit: float | None = None
+    """Seconds that it may take (`limit = "2min"`); None: as usual for its kind (`rise_engine.checks.limit_seconds`)."""
 
 
 class Study(Struct, frozen=True):
@@ -221,7 +223,7 @@ class CellStanding(Struct, frozen=True):
     open: int
     """Participants who hold a slot in it and are not complete."""
     planned: int
-    """Rows within the first `n` of the plan's."""
+    """Rows within the first `n` of their stratum: so many, if all came from it; 0 where cells are drawn."""
 
 
 class StudyStanding(Struct, frozen=True):

@@ -170,6 +170,10 @@ class LockedLog:
         """Everything that stands in the log, also what was appended just now."""
         return list(self._entries)
 
+    def now_text(self) -> str:
+        """This moment, as entries have it."""
+        return self._now().isoformat(timespec="milliseconds")
+
     def append(self, kind: EntryKind, **fields: Json) -> LogEntry:
         """Write an entry; it survives a power cut when this returns.
 
@@ -177,7 +181,7 @@ class LockedLog:
         :param fields: what else is to be known of it.
         :raises StudyLogError: it cannot be written; then nothing of it is there.
         """
-        at = self._now().isoformat(timespec="milliseconds")
+        at = self.now_text()
         data = encode({"kind": kind, "at": at, **fields}) + b"\n"
         try:
             self._disk.write(self._descriptor, data, self._end)

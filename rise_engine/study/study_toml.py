@@ -169,7 +169,7 @@ class _StudyReader:
             assignment=assignment,
             strata=strata,
             consent=self.read_consent(),
-            checks=read_checks(table),
+            checks=read_checks(table, folder),
             columns=self.read_columns(strata),
             wizards=self.read_wizards(),
             retention=self.read_retention(),

@@ -15,7 +15,7 @@ from rise_engine.protocol.registry import RegistryError, ask_summary
 from rise_engine.protocol.session_options import SessionOptions
 from rise_tui.cli.options import CommandLine
 from rise_tui.cli.process_launcher import process_launcher
-from rise_tui.cli.terminal import login_name
+from rise_tui.cli.terminal import UNNAMED, login_name
 from rise_tui.config.display import choose_theme, detect_colors
 from rise_tui.config.keymap import KeyFile
 from rise_tui.config.paths import PREFERENCES_NAME, state_folder
@@ -57,7 +57,7 @@ def _run_console(
         settings=settings,
         wizard=wizard,
         theme=choose_theme(options.display, detect_colors(options.display, os.environ), kept.theme),
-        launcher=process_launcher(wizard, options.role),
+        launcher=process_launcher(wizard, options.role, is_named=options.wizard is not None),
         notice=notice,
         keys=keys,
         in_browser=options.in_browser,
@@ -76,14 +76,20 @@ def wizard_name(options: CommandLine, session: str) -> tuple[str, str]:
     """The name of whoever sits here, and what there is to say about it.
 
     A wizard who comes back to a session and says no name is who this user's console was before: sessions belong to one
-    user of the machine, and whoever held control last is who has lost a console.
+    user of the machine, and whoever held control last is who has lost a console. Otherwise it is the login, and in a
+    real session, whose record is about a participant, no name at all.
     """
-    if options.wizard is not None or options.observe:
-        return options.wizard or login_name(), ""
+    if options.wizard is not None:
+        return options.wizard, ""
     try:
         found = ask_summary(session)
     except RegistryError:  # attaching says it
         found = None
+    if found is not None and found.mode == "real" and (options.observe or found.wizard in ("", UNNAMED["wizard"])):
+        nobody = UNNAMED[options.role]
+        return nobody, f"the record calls you {nobody}; to be named in it: rise-tui --wizard NAME"
+    if options.observe:
+        return login_name(), ""
     login = login_name()
     if found is None or found.wizard in ("", login):
         return login, ""

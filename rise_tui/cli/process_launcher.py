@@ -13,6 +13,7 @@ from rise_engine.protocol.registry import running_names, session_name
 from rise_engine.protocol.session_options import SessionOptions
 from rise_engine.scenario.model import Scenario
 from rise_engine.server.spawn import EngineRefused, EngineStarted, start_engine
+from rise_tui.cli.terminal import UNNAMED
 from rise_tui.config.launch import Launcher, RecoveredClient, ReportProgress, startup_notice
 from rise_tui.config.settings import engine_options, scenario_path
 
@@ -20,15 +21,19 @@ ENGINE_EXIT_SECONDS = 10.0
 """Seconds that an engine which has just ended may take to put its record away and let go of its name."""
 
 
-def process_launcher(who: str, role: Role) -> Launcher:
-    """For the next session, after the running one has ended; and for this one, after its engine has gone."""
+def process_launcher(who: str, role: Role, *, is_named: bool = True) -> Launcher:
+    """For the next session, after the running one has ended; and for this one, after its engine has gone.
+
+    `is_named`: whether somebody has said that name; a login is not written into the record of a real session.
+    """
 
     def start(scenario: Scenario, settings: SessionOptions) -> Client:
         until = monotonic() + ENGINE_EXIT_SECONDS
+        name = who if is_named or scenario.mode != "real" else UNNAMED[role]
         while True:
-            found = start_engine(replace(engine_options(settings, settings.seed, "ask"), wizard=who))
+            found = start_engine(replace(engine_options(settings, settings.seed, "ask"), wizard=name))
             if not isinstance(found, EngineRefused):
-                return SocketClient(found.name, who, role, scenario=scenario, resync=True)
+                return SocketClient(found.name, name, role, scenario=scenario, resync=True)
             if found.code != ALREADY_RUNNING or monotonic() > until:
                 break
             sleep(0.1)

@@ -101,7 +101,8 @@ def _serve_browsers(options: CommandLine) -> NoReturn:
 def _arguments_in_browser(name: str, options: CommandLine) -> list[str]:
     """How the console of a browser is started."""
     display = options.display
-    given = ["--session", name, "--observe", "--in-browser", "--wizard", options.wizard or login_name()]
+    given = ["--session", name, "--observe", "--in-browser"]
+    given += ["--wizard", options.wizard] if options.wizard is not None else []
     given += ["--colors", display.colors, "--mouse", "on" if display.mouse else "off", "--fps", str(display.fps)]
     given += ["--theme", display.theme] if display.theme else []
     given += ["--keys", options.keys] if options.keys is not None else []
@@ -142,7 +143,8 @@ def _run(options: CommandLine, settings: SessionOptions, keys: KeyFile | None) -
     wanted = engine_options(settings, options.seed, options.unfinished)
     wanted = replace(
         wanted,
-        wizard=options.wizard or login_name(),
+        wizard=options.wizard or "",
+        login=login_name(),
         from_other_computer=options.here,
         first_tasks=_first_inputs(options),
     )

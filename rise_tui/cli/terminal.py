@@ -7,6 +7,7 @@ import sys
 import termios
 from contextlib import suppress
 from getpass import getuser
+from typing import Final
 
 import click
 
@@ -49,6 +50,10 @@ class ProgressLine:
         """Take the line away."""
         if self._is_shown:
             click.echo("\r\x1b[2K", nl=False)
+
+
+UNNAMED: Final = {"wizard": "wizard", "observer": "observer"}
+"""Who sits at the console of a real session, when nobody has said it: a login is a person's name, often enough."""
 
 
 def login_name() -> str:

@@ -7,6 +7,7 @@ from pathlib import Path
 
 from rise_adapters.ros2.transport.port import Message
 from rise_engine.server.hub import SessionHub
+from rise_engine.session.private_values import PrivateValues
 from rise_engine.text import escape_surrogates
 
 TOPIC = "/diagnostics"
@@ -20,12 +21,13 @@ LAG_WARN, LAG_ERROR = 0.05, 0.5
 """Seconds that the engine's loop may be late: a key that takes longer than the first is felt."""
 
 
-def session_statuses(hub: SessionHub, lag: tuple[float, float], ros: Message) -> list[Message]:
+def session_statuses(hub: SessionHub, lag: tuple[float, float], ros: Message, private: PrivateValues) -> list[Message]:
     """One DiagnosticStatus for each part of the session.
 
     `lag`: seconds that the loop was late at most, lately and ever. `ros`: the status of the connection to ROS itself.
+    `private`: what stays out of it.
     """
-    return [_session_status(hub), _robot_status(hub), _journal_status(hub), _lag_status(hub, *lag), ros]
+    return [_session_status(hub, private), _robot_status(hub), _journal_status(hub), _lag_status(hub, *lag), ros]
 
 
 def make_status(hub: SessionHub, name: str, level: int, message: str, values: Mapping[str, object]) -> Message:
@@ -39,7 +41,7 @@ def make_status(hub: SessionHub, name: str, level: int, message: str, values: Ma
     }
 
 
-def _session_status(hub: SessionHub) -> Message:
+def _session_status(hub: SessionHub, private: PrivateValues) -> Message:
     engine, view = hub.engine, hub.view
     scenario = engine.scenario
     level, message = OK, "running" if view.running else "idle"
@@ -60,7 +62,7 @@ def _session_status(hub: SessionHub) -> Message:
         "scenario_hash": scenario.hash,
         "seconds": f"{max(engine.clock.now(), 0.0):.1f}",
         "records": view.seq,
-        "acts running": ", ".join(running[:20]),
+        "acts running": private.hide_value(", ".join(running[:20])),
         "acts waiting": len(view.waiting),
         "rules running": ", ".join(view.running_rules()[:20]),
         "control": view.control or "nobody",

@@ -28,6 +28,7 @@ from rise_engine.kernel.records import TaskRecord
 from rise_engine.lag_meter import LagMeter
 from rise_engine.protocol import client as client_protocol
 from rise_engine.server.hub import SessionHub
+from rise_engine.session.private_values import PrivateValues
 from rise_engine.time_slicer import TimeSlicer
 
 _LOG = logging.getLogger(__name__)
@@ -62,10 +63,13 @@ class RosSessionInterface:
         """Of the records that were never published, those that were noted."""
         self._closed = False
         self._slicer = TimeSlicer(self._work, SLICE_SECONDS)
-        self._topics = RecordTopics(transport, hub, self._client.source, rosout=rosout)
+        self._private = PrivateValues(hub.engine.scenario)
+        for key, entry in hub.view.memory.items():  # of a session that goes on
+            self._private.note_memory(key, entry.value)
+        self._topics = RecordTopics(transport, hub, self._client.source, self._private, rosout=rosout)
         self._lag = LagMeter(self._loop)
         self._diagnostics = transport.publisher(diagnostics.TOPIC, diagnostics.TYPE, QoS())
-        self._memory = MemoryService(transport, hub)
+        self._memory = MemoryService(transport, hub, self._private)
         self._tasks = DomainTaskServer(transport, hub, self._client, self._topics, self._slicer.wake)
         hub.subscribe(self._take_update)
         hub.engine.on_ended(self._end_goals)
@@ -96,6 +100,7 @@ class RosSessionInterface:
         """Every record; in the engine's step."""
         if self._closed or isinstance(update, client_protocol.JournalStatus | client_protocol.Heartbeat):
             return
+        update = self._private.hide(update)  # whoever listens on ROS is not the wizard
         if isinstance(update, TaskRecord):
             self._tasks.take_record(update)
         self._topics.enqueue(update)
@@ -124,7 +129,9 @@ class RosSessionInterface:
             self._hub.submit(self._client, Note(text=text), _ignore)
 
     def _publish_diagnostics(self) -> None:
-        statuses = diagnostics.session_statuses(self._hub, (self._lag.recent, self._lag.max), self.status())
+        statuses = diagnostics.session_statuses(
+            self._hub, (self._lag.recent, self._lag.max), self.status(), self._private
+        )
         try:
             self._diagnostics.publish({"header": make_header(time_ns()), "status": statuses})
         except PortError as error:

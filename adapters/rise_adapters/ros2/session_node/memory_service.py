@@ -8,6 +8,7 @@ from rise_adapters.ros2.transport.port import Message, PortError, SendReply, Tra
 from rise_engine.expression import lookup
 from rise_engine.json_codec import encode
 from rise_engine.server.hub import SessionHub
+from rise_engine.session.private_values import PrivateValues
 
 _LOG = logging.getLogger(__name__)
 
@@ -19,8 +20,10 @@ _JSON_TYPES = {"{": "object", "[": "array", '"': "string", "t": "boolean", "f": 
 class MemoryService:
     """Answers from the view of the session, so it never waits for the engine."""
 
-    def __init__(self, transport: Transport, hub: SessionHub) -> None:
-        """Raises PortError when the transport does not have the type."""
+    def __init__(self, transport: Transport, hub: SessionHub, private: PrivateValues) -> None:
+        """`private`: of what is in it, `{key}` is all that anybody gets. Raises PortError when the transport does not
+        have the type."""
+        self._private = private
         self._hub = hub
         self._service = transport.serve(GET_MEMORY, GET_MEMORY_TYPE, self._take_request)
 
@@ -33,6 +36,7 @@ class MemoryService:
         found, value = lookup(memory, request["request_by_key"])
         response: Message = {"found": found}
         if found:
+            value = self._private.read(request["request_by_key"], value)
             text = encode(value).decode()
             response |= {"value": text, "type": _JSON_TYPES.get(text[0], "number")}
         try:

@@ -16,6 +16,7 @@ from rise_engine.kernel.records import AnyRecord, RuleRecord, TaskRecord
 from rise_engine.kernel.view import RuleView
 from rise_engine.server.hub import SessionHub
 from rise_engine.session.journal_format import encode_record
+from rise_engine.session.private_values import PrivateValues
 from rise_engine.text import escape_all_surrogates
 
 _LOG = logging.getLogger(__name__)
@@ -41,8 +42,12 @@ REPEATED_STATUS = "repeated"
 class RecordTopics:
     """Publishes records. `enqueue` is quick and may be called in a step of the engine; `publish_next` does the work."""
 
-    def __init__(self, transport: Transport, hub: SessionHub, source: str, *, rosout: bool = True) -> None:
-        """`source`: of tasks whose `ref` is the id of a DomainTask goal. Raises PortError."""
+    def __init__(
+        self, transport: Transport, hub: SessionHub, source: str, private: PrivateValues, *, rosout: bool = True
+    ) -> None:
+        """`source`: of tasks whose `ref` is the id of a DomainTask goal. `private`: what stays out of what is refused;
+        the records that come have gone through it. Raises PortError."""
+        self._private = private
         self.dropped = 0
         """Records that were never published, because too many were waiting."""
         self.error = ""
@@ -80,7 +85,8 @@ class RecordTopics:
         """Tell of a task that was rejected before it came to the record. Its `ref` is the goal's id, if it was one."""
         wall = datetime.now().astimezone().isoformat()
         what = (task.function, task.behavior, task.calling_type, self._source)
-        self.enqueue(TaskRecord(_NO_SEQ, 0.0, wall, 0, *what, "REJECTED", reason, ref=task.ref))
+        refused = TaskRecord(_NO_SEQ, 0.0, wall, 0, *what, "REJECTED", reason, ref=task.ref)
+        self.enqueue(self._private.hide(refused))
 
     def publish_next(self) -> bool:
         """Publish one of those that wait; false when nothing did."""

@@ -1,0 +1,117 @@
+"""What a check is made for, and what comes of it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from datetime import datetime
+from typing import Literal, TypeAlias
+
+from msgspec import Struct
+from msgspec.structs import replace
+
+from rise_engine.ports.bridge import RosConnection
+from rise_engine.scenario.model import Mode
+from rise_engine.study.checked import PendingCheck, check_text
+from rise_engine.study.model import Purpose, Study, StudyCheck
+
+NO = "somebody answered no"
+"""Why an asked check failed, when nobody said more."""
+
+
+def local_now() -> datetime:
+    """The time of this computer, with its zone."""
+    return datetime.now().astimezone()
+
+
+class CheckContext(Struct, frozen=True):
+    """The session that checks are made for."""
+
+    study: Study
+    participant: str
+    scenario: str
+    """Absolute folder of what will run."""
+    mode: Mode
+    purpose: Purpose = "counted"
+    run: int = 0
+    robot: str | None = None
+    """Another robot than the scenario's."""
+    wizard: str = ""
+    """Who will hold control, as consoles name them (`anna`)."""
+    ros: RosConnection = RosConnection()
+    session: str = ""
+    """Of a check after a session: the name of its folder."""
+    now: Callable[[], datetime] = local_now
+
+
+class Finding(Struct, frozen=True):
+    """What an automatic check or a program has found."""
+
+    passed: bool
+    value: str = ""
+    """What was found, in a few words: `34.1 GB free`."""
+    reason: str = ""
+    """Why it failed, in a sentence, which goes on after the value."""
+    question: str = ""
+    """What a person has to say before it has passed; empty: nothing."""
+
+
+OutcomeResult: TypeAlias = Literal["passed", "failed", "skipped", "asked"]
+
+
+class CheckOutcome(Struct, frozen=True):
+    """What has come of one check."""
+
+    id: str
+    text: str
+    """What was looked at."""
+    result: OutcomeResult
+    """asked: somebody has to answer `question` (`answer_check`)."""
+    value: str = ""
+    reason: str = ""
+    question: str = ""
+
+    @property
+    def found(self) -> str:
+        """What was found and why it failed or was skipped, in a line; empty: there is nothing more to say."""
+        return ": ".join(filter(None, (self.value, self.reason)))
+
+
+def make_outcome(check: StudyCheck, finding: Finding) -> CheckOutcome:
+    """The outcome of a check that has found this."""
+    result: OutcomeResult = "failed" if not finding.passed else "asked" if finding.question else "passed"
+    return CheckOutcome(check.id, check_text(check), result, finding.value, finding.reason, finding.question)
+
+
+def answer_check(outcome: CheckOutcome, yes: bool, comment: str = "") -> CheckOutcome:
+    """What becomes of a check by somebody's answer.
+
+    :param outcome: whose result is `asked`.
+    :param yes: whether it is as `question` says.
+    :param comment: what they say about it: with a yes a value (`23 °C`), with a no the reason.
+    """
+    comment = " ".join(comment.split())
+    if yes:
+        value = ", ".join(filter(None, (outcome.value, comment)))
+        return replace(outcome, result="passed", value=value, question="")
+    return replace(outcome, result="failed", reason=comment or NO, question="")
+
+
+def skipped_check(check: StudyCheck, reason: str, found: CheckOutcome | None = None) -> CheckOutcome:
+    """A check that somebody skips. Whether they may says `skip_problem`.
+
+    :param check: which.
+    :param reason: why, in their words.
+    :param found: what had come of it before, which stays in the record.
+    """
+    reason = " ".join(reason.split())
+    value = ""
+    if found is not None and found.result == "failed":
+        value = f"failed before: {found.reason or found.value}"
+    return CheckOutcome(check.id, check_text(check), "skipped", value, reason)
+
+
+def kept_check(pending: PendingCheck) -> CheckOutcome:
+    """One that passed earlier and is still good."""
+    since = datetime.fromisoformat(pending.good_since)
+    value = f"good since {since:%Y-%m-%d %H:%M}" + (f": {pending.value}" if pending.value else "")
+    return CheckOutcome(pending.check.id, check_text(pending.check), "passed", value)

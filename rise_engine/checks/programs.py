@@ -1,0 +1,215 @@
+"""Programs of a study that look at something, `run = ["./check-tracker.sh"]`, and children of our own that do.
+
+A program gets no shell, no input and a limit. It is the leader of a process group of its own, all of which is ended at
+the limit, or when whoever waits for it gives up. Everything here blocks; `rise_engine.checks.background` calls it.
+"""
+
+from __future__ import annotations
+
+import errno
+import os
+import selectors
+import signal
+import subprocess
+from collections.abc import Mapping, Sequence
+from contextlib import suppress
+from pathlib import Path
+from threading import Event
+from time import monotonic
+from typing import IO
+
+from msgspec import Struct
+
+from rise_engine.checks.outcome import CheckContext, Finding
+from rise_engine.study.check_programs import program_problem
+from rise_engine.text import clean
+
+TICK_SECONDS = 0.05
+"""How often it is looked whether the program has ended although something still holds its output open."""
+GRACE_SECONDS = 1.0
+"""Between the request to end (SIGTERM) and the end (SIGKILL)."""
+KEPT_BYTES = 65_536
+"""Of what a program writes; the rest is read and dropped, so that it does not stand still."""
+SHOWN_CHARACTERS = 200
+"""Of a line that becomes the value of a check."""
+
+
+class ProgramEnd(Struct, frozen=True):
+    """How a program has ended."""
+
+    status: int | None
+    """The exit status; negative: the signal that ended it; None: it did not end in time, or was given up."""
+    output: bytes = b""
+    errors: bytes = b""
+    problem: str = ""
+    """Why it could not be started, in a sentence."""
+
+
+def run_program(
+    arguments: Sequence[str],
+    folder: Path,
+    limit: float,
+    *,
+    environment: Mapping[str, str] | None = None,
+    given: bytes = b"",
+    cancelled: Event | None = None,
+) -> ProgramEnd:
+    """Run a program and wait (blocking) for its end, for `limit` seconds at most and a little longer.
+
+    What it has left running when it ends by itself goes on: it may have started what it looks at.
+
+    :param arguments: the program and its arguments; a path is relative to the folder.
+    :param folder: where it runs.
+    :param limit: seconds after which its process group is ended.
+    :param environment: added to this process' own.
+    :param given: what it can read from standard input, at most what a pipe holds (64 KiB on Linux, 16 KiB elsewhere).
+    :param cancelled: set by another thread when nobody waits any more.
+    """
+    until = monotonic() + limit
+    try:
+        process = subprocess.Popen(
+            arguments,
+            cwd=folder,
+            env={**os.environ, **(environment or {})},
+            stdin=subprocess.PIPE if given else subprocess.DEVNULL,
+            stdout=subprocess.PIPE,
+            stderr=subprocess.PIPE,
+            start_new_session=True,
+        )
+    except (OSError, ValueError) as error:
+        return ProgramEnd(None, problem=_start_problem(arguments[0], folder, error))
+    if process.stdin is not None:
+        with suppress(OSError):
+            process.stdin.write(given)
+            process.stdin.close()
+    assert process.stdout is not None and process.stderr is not None
+    pipes = _Pipes(process.stdout, process.stderr)
+    try:
+        while not pipes.all_closed and process.poll() is None and _may_go_on(until, cancelled):
+            pipes.read(TICK_SECONDS)
+        while process.poll() is None and _may_go_on(until, cancelled):  # it has closed its output, and still runs
+            with suppress(subprocess.TimeoutExpired):
+                process.wait(TICK_SECONDS)
+        status = process.poll()
+        if status is None:
+            _end_group(process)
+        pipes.read_rest()
+        return ProgramEnd(status, bytes(pipes.kept[0]), bytes(pipes.kept[1]))
+    finally:
+        pipes.close()
+
+
+def _may_go_on(until: float, cancelled: Event | None) -> bool:
+    return monotonic() < until and not (cancelled is not None and cancelled.is_set())
+
+
+class _Pipes:
+    """What a program writes, as far as it is kept."""
+
+    def __init__(self, *streams: IO[bytes]) -> None:
+        self._streams = streams
+        self.kept = [bytearray() for _ in streams]
+        self._selector = selectors.DefaultSelector()
+        for index, stream in enumerate(streams):
+            os.set_blocking(stream.fileno(), False)
+            self._selector.register(stream, selectors.EVENT_READ, index)
+
+    @property
+    def all_closed(self) -> bool:
+        return not self._selector.get_map()
+
+    def read(self, timeout: float) -> bool:
+        """Read what is there, or wait for it; whether there was anything."""
+        events = self._selector.select(timeout)
+        for key, _ in events:
+            with suppress(BlockingIOError):
+                chunk = os.read(key.fd, KEPT_BYTES)
+                kept = self.kept[key.data]
+                kept += chunk[: KEPT_BYTES - len(kept)]
+                if not chunk:
+                    self._selector.unregister(key.fileobj)
+        return bool(events)
+
+    def read_rest(self) -> None:
+        """What lies in the pipes when the program has ended; what others still write to them is theirs."""
+        for _ in range(64):
+            if self.all_closed or not self.read(0):
+                return
+
+    def close(self) -> None:
+        self._selector.close()
+        for stream in self._streams:
+            stream.close()
+
+
+def _end_group(process: subprocess.Popen[bytes]) -> None:
+    """End a program with all that it has started: asked first, then by force."""
+    _signal_group(process.pid, signal.SIGTERM)
+    with suppress(subprocess.TimeoutExpired):
+        process.wait(GRACE_SECONDS)
+    _signal_group(process.pid, signal.SIGKILL)  # also those of the group that did not listen
+    with suppress(subprocess.TimeoutExpired):  # a process that hangs in the kernel is left to it
+        process.wait(GRACE_SECONDS)
+
+
+def _signal_group(group: int, number: signal.Signals) -> None:
+    with suppress(ProcessLookupError, PermissionError):
+        os.killpg(group, number)
+
+
+# --- the programs of a study ----------------------------------------------------------------------------------------
+
+
+def look_with_program(
+    arguments: Sequence[str], context: CheckContext, limit: float, cancelled: Event | None = None
+) -> Finding:
+    """What a study's own program finds (blocking): exit status 0 is passed, its first line the value."""
+    study = context.study
+    if problem := program_problem(arguments, study.folder):
+        return Finding(False, reason=problem)
+    environment = {
+        "RISE_PARTICIPANT": context.participant,
+        "RISE_RUN": str(context.run) if context.run else "",
+        "RISE_STUDY": study.id,
+    }
+    end = run_program(arguments, Path(study.folder), limit, environment=environment, cancelled=cancelled)
+    name = arguments[0]
+    value = first_line(end.output)
+    if end.problem:
+        return Finding(False, reason=end.problem)
+    if end.status is None:
+        return Finding(False, value, f"{name} did not end within {limit:g} s, and was ended")
+    if end.status == 0:
+        return Finding(True, value)
+    how = (
+        f"{name} ended with exit status {end.status}" if end.status > 0 else f"{_signal_name(-end.status)} ended {name}"
+    )
+    said = first_line(end.errors)
+    if value or not said:
+        return Finding(False, value, how if value else f"{how}, and it said nothing")
+    return Finding(False, reason=f"{how}: {said}")
+
+
+def first_line(output: bytes) -> str:
+    """The first line that says anything, safe to show; empty: there is none."""
+    for line in output.decode("utf-8", "replace").splitlines():
+        if text := clean(line).strip():
+            return text if len(text) <= SHOWN_CHARACTERS else f"{text[: SHOWN_CHARACTERS - 1]}…"
+    return ""
+
+
+def _start_problem(name: str, folder: Path, error: OSError | ValueError) -> str:
+    """Why the system did not start it."""
+    if isinstance(error, ValueError):
+        return f"{name} cannot be started: {error}"
+    if not folder.is_dir():
+        return f"{name} cannot be started: there is no folder {folder}"
+    if error.errno == errno.ENOEXEC:
+        return f"{name} cannot be started: its first line must name an interpreter, such as #!/bin/sh"
+    return f"{name} cannot be started: {error.strerror or error}"
+
+
+def _signal_name(number: int) -> str:
+    with suppress(ValueError):
+        return signal.Signals(number).name
+    return f"signal {number}"

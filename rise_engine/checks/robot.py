@@ -1,0 +1,207 @@
+"""The robot: whether it answers and offers what the scenario needs, and whether it can be heard."""
+
+from __future__ import annotations
+
+import asyncio
+from collections.abc import AsyncIterator
+from contextlib import asynccontextmanager
+
+from msgspec.structs import replace
+
+from rise_engine.checks.child import ChildRequest
+from rise_engine.checks.outcome import Finding
+from rise_engine.engine.clock import RealClock
+from rise_engine.engine.drivers import (
+    SIMULATED,
+    DriverError,
+    RobotOptionsError,
+    driver_name_for,
+    make_robot,
+    open_bridge,
+    profile_problems,
+)
+from rise_engine.engine.engine import Engine
+from rise_engine.errors import RiseError
+from rise_engine.kernel.inputs import RobotChanged, Submit
+from rise_engine.kernel.records import FINAL, AnyRecord, TaskRecord
+from rise_engine.kernel.speech import SPEECH, why_not_speak
+from rise_engine.ports.bridge import BridgeError
+from rise_engine.ports.robot import Robot, RobotReport
+from rise_engine.scenario import load
+from rise_engine.scenario.model import RobotProfile, Scenario
+from rise_engine.text import pluralize
+
+ANSWER_SECONDS = 30.0
+"""For which a robot is waited for."""
+SETTLE_SECONDS = 1.0
+"""For which it goes on once it is connected: a second program of the same name may appear, or a part go again."""
+WORD_SECONDS = 40.0
+"""For which the end of the word is waited for."""
+_WORDS = """
+    ar مرحبا  cs Ahoj  da Hej  de Hallo  el Γεια  en Hello  es Hola  fi Hei  fr Bonjour  he שלום  hi नमस्ते  it Ciao
+    ja こんにちは  ko 안녕하세요  nb Hei  nl Hallo  pl Cześć  pt Olá  ru Здравствуйте  sv Hej  tr Merhaba  zh 你好
+"""
+WORDS = dict(zip(_WORDS.split()[::2], _WORDS.split()[1::2], strict=True))
+"""What the robot says to be heard, by the scenario's language."""
+
+
+class CannotLook(RiseError):
+    """The robot cannot be looked for; the text says why."""
+
+
+async def look_at_robot(request: ChildRequest) -> Finding:
+    """Whether the scenario's robot answers, and offers every action that the scenario uses. Nothing is sent to it."""
+    try:
+        scenario = _load(request)
+        needed = needed_actions(scenario)
+        profile = narrow_profile(scenario.robot, needed)
+        if problems := profile_problems(profile, scenario.mode):
+            return Finding(False, reason="; ".join(problems))
+        changes = _RobotChanges()
+        async with _connected_robot(request, scenario, profile) as (robot, _):
+            robot.connect(changes.take)
+            found = await changes.wait()
+    except CannotLook as error:
+        return Finding(False, reason=str(error))
+    if found is None:
+        return Finding(False, reason=f"{profile.title} did not answer within {ANSWER_SECONDS:g} s")
+    if found.status != "connected":
+        return Finding(False, reason=found.detail or f"{profile.title} is {found.status}")
+    what = found.detail or f"{profile.title} is connected"
+    return Finding(True, what if _is_simulated(scenario) else f"{what}: {pluralize(len(needed), 'action')} offered")
+
+
+async def say_word(request: ChildRequest) -> Finding:
+    """Let the robot say a word, in a session of its own that nothing is kept of; a person says whether it was heard."""
+    try:
+        scenario = _load(request)
+        if why := why_not_speak(scenario):
+            return Finding(False, reason=why)
+        if _is_simulated(scenario):
+            return Finding(True, "the robot is simulated: there is nothing to hear")
+        word = word_for(scenario.language)
+        # Of the robot only its voice is needed: that its arms are not there yet is another check's concern.
+        profile = narrow_profile(scenario.robot, frozenset({_sent_as(scenario.robot, SPEECH)}))
+        async with _connected_robot(request, scenario, profile) as (robot, clock):
+            ended = await _say(replace(scenario, robot=profile), robot, clock, word)
+    except CannotLook as error:
+        return Finding(False, reason=str(error))
+    if ended is None:
+        return Finding(False, reason=f"the robot did not come to the end of “{word}” within {WORD_SECONDS:g} s")
+    if ended.status != "SUCCEEDED":
+        return Finding(False, reason=f"the robot could not say “{word}”: {ended.reason or ended.status}")
+    return Finding(True, f"the robot said “{word}”", question=f"The robot said “{word}”, and it was heard")
+
+
+def word_for(language: str) -> str:
+    """The word for a scenario's language; the English one where the scenario names none, or one that is not known."""
+    return WORDS.get(language.lower().partition("-")[0], WORDS["en"])
+
+
+def needed_actions(scenario: Scenario) -> frozenset[str]:
+    """The robot's actions that a scenario can use, free speech of a wizard among them.
+
+    An action that the engine does itself is none of the robot's; one that the robot does as another one is that one.
+    """
+    used = {call.type for act in scenario.acts.values() for action in act.actions for call in action.calls}
+    if not why_not_speak(scenario):
+        used.add(SPEECH)
+    actions = scenario.robot.actions
+    sent = {_sent_as(scenario.robot, name) for name in used if name in actions and not actions[name].engine}
+    return frozenset(name for name in sent if name in actions and actions[name].supported)
+
+
+def narrow_profile(profile: RobotProfile, needed: frozenset[str]) -> RobotProfile:
+    """The profile of a robot that can do nothing else: what else is missing of it hinders nobody."""
+    actions = {
+        name: spec if name in needed or spec.engine or spec.substitute is not None else replace(spec, supported=False)
+        for name, spec in profile.actions.items()
+    }
+    return replace(profile, actions=actions)
+
+
+def _sent_as(profile: RobotProfile, action: str) -> str:
+    spec = profile.actions.get(action)
+    return spec.substitute if spec is not None and spec.substitute is not None else action
+
+
+def _is_simulated(scenario: Scenario) -> bool:
+    return driver_name_for(scenario.robot, scenario.mode) == SIMULATED
+
+
+def _load(request: ChildRequest) -> Scenario:
+    loaded = load(request.scenario, robot=request.robot, mode=request.mode)
+    if loaded.scenario is None:
+        raise CannotLook(f"the scenario has errors: {loaded.errors[0]}")
+    robot = loaded.scenario.robot
+    if request.mode == "real" and robot.driver == SIMULATED:
+        raise CannotLook(
+            f"the robot {robot.name} is only simulated, and the mode is real: no robot would move; "
+            "name the real one (`robot` in study.toml or scenario.toml)"
+        )
+    return loaded.scenario
+
+
+class _RobotChanges:
+    """What a robot says of its link."""
+
+    def __init__(self) -> None:
+        self.last: RobotChanged | None = None
+        self._changed = asyncio.Event()
+
+    def take(self, report: RobotReport) -> None:
+        if isinstance(report, RobotChanged):
+            self.last = report
+            self._changed.set()
+
+    async def wait(self) -> RobotChanged | None:
+        """How the link stands once it has stood for a moment; None: nothing was said."""
+        loop = asyncio.get_running_loop()
+        until = loop.time() + ANSWER_SECONDS
+        while (left := until - loop.time()) > 0:
+            self._changed.clear()
+            settled = self.last is not None
+            try:
+                await asyncio.wait_for(self._changed.wait(), SETTLE_SECONDS if settled else left)
+            except TimeoutError:
+                return self.last
+        return self.last
+
+
+@asynccontextmanager
+async def _connected_robot(
+    request: ChildRequest, scenario: Scenario, profile: RobotProfile
+) -> AsyncIterator[tuple[Robot, RealClock]]:
+    """The robot as a session would have it, not connected yet, and its clock. Raises CannotLook."""
+    clock = RealClock(asyncio.get_running_loop())
+    try:
+        bridge = await open_bridge(request.ros, profile, scenario.mode)
+    except BridgeError as error:
+        raise CannotLook("; ".join(error.lines)) from None
+    try:
+        robot = make_robot(profile, scenario.mode, clock, seed=0, bridge=bridge)
+        try:
+            yield robot, clock
+        finally:
+            robot.close()
+    except (DriverError, RobotOptionsError) as error:
+        raise CannotLook(str(error)) from None
+    finally:
+        if bridge is not None:
+            await bridge.close()
+
+
+async def _say(scenario: Scenario, robot: Robot, clock: RealClock, word: str) -> TaskRecord | None:
+    """The last record of the task that says the word; None: it did not end."""
+    ended: asyncio.Future[TaskRecord] = asyncio.get_running_loop().create_future()
+
+    def take(record: AnyRecord) -> None:
+        if isinstance(record, TaskRecord) and record.function == "say" and record.status in FINAL and not ended.done():
+            ended.set_result(record)
+
+    engine = Engine(scenario, robot, clock, seed=0, sinks=(take,))
+    engine.start()
+    engine.accept(Submit(function="say", behavior=word))
+    done, _ = await asyncio.wait({ended}, timeout=WORD_SECONDS)
+    engine.end_now("the word was said" if done else "the word did not end")
+    return ended.result() if done else None

@@ -1,0 +1,165 @@
+"""Making one check, of whatever kind: one call, with a limit, which never blocks and never raises for what it finds."""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Callable
+from pathlib import Path
+from threading import Event
+from typing import TypeAlias
+
+from rise_engine.checks import automatic
+from rise_engine.checks.background import call_in_background
+from rise_engine.checks.child import KINDS, ChildRequest, look_in_child
+from rise_engine.checks.outcome import CheckContext, CheckOutcome, Finding, make_outcome
+from rise_engine.checks.programs import look_with_program
+from rise_engine.errors import RiseError
+from rise_engine.kernel.inputs import CheckReport
+from rise_engine.kernel.records import ENGINE
+from rise_engine.scenario.model import Json
+from rise_engine.study.model import StudyCheck
+from rise_engine.study.sessions import SESSIONS
+from rise_engine.study.state import StudyState, read_state
+from rise_engine.study.study_log import LockedLog
+
+_LOG = logging.getLogger(__name__)
+
+PROGRAM_SECONDS = 30.0
+LIMITS = {"robot": 60.0, "sound": 90.0, "replay": 300.0}
+OTHER_SECONDS = 15.0
+"""For what only looks at files."""
+
+
+def limit_seconds(check: StudyCheck) -> float:
+    """How long a check may take: as study.toml says (`limit`), or as usual for its kind."""
+    if check.limit is not None:
+        return check.limit
+    return LIMITS.get(check.auto, OTHER_SECONDS) if check.auto else PROGRAM_SECONDS
+
+
+async def run_check(check: StudyCheck, context: CheckContext) -> CheckOutcome:
+    """Make a check. Nothing blocks the loop, and it takes its limit and some seconds at most.
+
+    :param check: which.
+    :param context: the session that it is made for.
+    :return: passed or failed; or `asked`, when somebody has to answer `question`: at once for a check that asks, after
+        the word for `sound`.
+    :raises asyncio.CancelledError: whoever waits was cancelled; what it had started is ended first.
+    """
+    if check.ask:
+        return make_outcome(check, Finding(True, question=check.ask))
+    limit = limit_seconds(check)
+
+    def work(cancelled: Event) -> Finding:
+        return _look(check, context, limit, cancelled)
+
+    try:
+        # Programs and children keep the limit themselves, so that what they said until then is told.
+        finding = await call_in_background(work, limit + 1.0)
+    except TimeoutError:
+        finding = Finding(False, reason=f"there was no answer within {limit:g} s")
+    except RiseError as error:
+        finding = Finding(False, reason=str(error))
+    except Exception as error:  # a check that fails is a failed check
+        _LOG.exception("the check %s failed", check.id)
+        finding = Finding(False, reason=f"the check itself failed ({type(error).__name__}: {error})")
+    return make_outcome(check, finding)
+
+
+def _look(check: StudyCheck, context: CheckContext, limit: float, cancelled: Event) -> Finding:
+    study = context.study
+    sessions = Path(study.folder) / SESSIONS
+    if check.run:
+        return look_with_program(check.run, context, limit, cancelled)
+    if check.auto in KINDS:
+        request = ChildRequest(
+            check.auto, context.scenario, context.robot, context.mode, context.ros, sessions=str(sessions)
+        )
+        return look_in_child(request, limit, cancelled)
+    match check.auto:
+        case "disk":
+            return automatic.look_at_disk(sessions, check.minimum)
+        case "wizard":
+            return automatic.look_at_wizard(context.wizard, study.wizards)
+    look = _OF_THE_STUDY.get(check.auto)
+    if look is None:
+        return Finding(False, reason=f"this version cannot look at {check.auto!r}")
+    return look(context, read_state(Path(study.folder)))
+
+
+def _look_at_clock(context: CheckContext, state: StudyState) -> Finding:
+    sessions = [each.entry for each in state.sessions]
+    return automatic.look_at_clock(context.now(), state.log, sessions, automatic.is_clock_synchronised())
+
+
+def _look_at_consent(context: CheckContext, state: StudyState) -> Finding:
+    name = context.participant
+    participant = next((each for each in state.participants if each.participant == name), None)
+    return automatic.look_at_consent(state.study.consent, participant, name, context.now().date())
+
+
+def _look_at_participant(context: CheckContext, state: StudyState) -> Finding:
+    name = context.participant
+    standing = next((each for each in state.standing.participants if each.participant == name), None)
+    return automatic.look_at_participant(name, state.participants, standing, context.run)
+
+
+def _look_at_scenario(context: CheckContext, state: StudyState) -> Finding:
+    return automatic.look_at_scenario(Path(context.scenario), state.study, state.log)
+
+
+_LookAtStudy: TypeAlias = Callable[[CheckContext, StudyState], Finding]
+_OF_THE_STUDY: dict[str, _LookAtStudy] = {
+    "clock": _look_at_clock,
+    "consent": _look_at_consent,
+    "participant": _look_at_participant,
+    "scenario": _look_at_scenario,
+}
+
+
+# --- what is kept of it ---------------------------------------------------------------------------------------------
+
+
+def report_check(outcome: CheckOutcome, source: str = ENGINE) -> CheckReport:
+    """What the session is told of a check.
+
+    :param outcome: a final one, not `asked`.
+    :param source: who answered or skipped it: `wizard:anna`; the program's own word without.
+    :raises ValueError: nobody has answered it yet.
+    """
+    if outcome.result == "asked":
+        raise ValueError(f"{outcome.id} has not been answered")
+    return CheckReport(
+        id=outcome.id,
+        text=outcome.text,
+        result=outcome.result,
+        value=outcome.value,
+        reason=outcome.reason,
+        source=source,
+    )
+
+
+def append_checked(check: StudyCheck, context: CheckContext, report: CheckReport) -> None:
+    """Write what came of a check to study.jsonl (blocking), also when no session begins after it.
+
+    :param check: which.
+    :param context: the session that it was made for.
+    :param report: what came of it.
+    :raises rise_engine.study.study_log.StudyLogError: it cannot be written.
+    """
+    fields: dict[str, Json] = {
+        "id": report.id,
+        "when": check.when,
+        "text": report.text,
+        "result": report.result,
+        "value": report.value,
+        "reason": report.reason,
+        "source": report.source,
+        "purpose": context.purpose,
+    }
+    if check.valid is None:  # what stays good for others too is nobody's: it outlives a participant who withdraws
+        fields |= {"participant": context.participant, "run": context.run}
+    if context.session:
+        fields["session"] = context.session
+    with LockedLog(Path(context.study.folder), context.now) as log:
+        log.append("checked", **fields)

@@ -1,0 +1,148 @@
+"""What `rise-engine redact` does and prints."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+
+import click
+
+from rise_engine.cli.options import JSON, SESSION
+from rise_engine.cli.terminal import write_json
+from rise_engine.errors import RiseError
+from rise_engine.exit_status import OK, PARTIAL, REFUSED, USAGE
+from rise_engine.session.errors import SessionError
+from rise_engine.session.folder import find_session
+from rise_engine.session.redaction import RedactionRefused, RedactionReport, redact
+from rise_engine.session.suggestions import suggest_words
+from rise_engine.study.study_log import LockedLog, StudyLogError, read_log
+from rise_engine.study.traces import study_of_session
+from rise_engine.text import clean, pluralize
+from rise_engine.words import WordError, Words, parse_replacement
+
+
+@click.command("redact")
+@SESSION
+@click.option(
+    "--replace", "replacements", metavar="WORD=NAME", multiple=True, help="What is to go, and what stands there then."
+)
+@click.option("--suggest", is_flag=True, help="List words that could be names, and change nothing.")
+@click.option("--whole-words", is_flag=True, help="Leave a word where it is only a part of a longer one.")
+@click.option("--match-case", is_flag=True, help="Only as it is written, in upper and lower case.")
+@click.option("--try", "try_only", is_flag=True, help="Say what would be done, and change nothing.")
+@click.option("--by", metavar="NAME", default="", help="Who does it; stands in session.toml. Default: nobody is named.")
+@click.option(
+    "--here", is_flag=True, help="Also when another computer had the session, and nobody sees if it still has."
+)
+@JSON
+def redact_session(
+    session: str,
+    replacements: tuple[str, ...],
+    suggest: bool,
+    whole_words: bool,
+    match_case: bool,
+    try_only: bool,
+    by: str,
+    here: bool,
+    as_json: bool,
+) -> None:
+    """Take words out of the record of SESSION, for ever, such that it still replays.
+
+    SESSION is a session's folder, or its name in the sessions folder ($RISE_SESSIONS, or ~/rise-sessions).
+
+    \b
+      rise-engine redact SESSION --suggest
+      rise-engine redact SESSION --replace Maria=NAME1 --replace "Anna Berg=NAME2"
+
+    A word goes from the inputs and the records of the journal and from session.toml, in upper and lower case and also
+    within longer words. Refused, and nothing changed, when the words decide what happened: then the session would not
+    replay. The old journal is overwritten. Words of the scenario are the scenario's, and stay; that is said.
+
+    Exit status: 0 done; 1 refused, or the words still stand somewhere; 2 wrong usage.
+    """
+    try:
+        folder = find_session(session)
+        if suggest:
+            sys.exit(_print_suggestions(folder, as_json=as_json))
+        words = Words(map(parse_replacement, replacements), whole_words=whole_words, match_case=match_case)
+    except (SessionError, WordError) as error:
+        sys.exit(_print_error(error, USAGE))
+    try:
+        report = redact(folder, words, by=by, here=here, try_only=try_only)
+    except RedactionRefused as error:
+        sys.exit(_print_error(error, REFUSED))
+    except SessionError as error:
+        sys.exit(_print_error(error, REFUSED))
+    if as_json:
+        write_json(report)
+    else:
+        _print_lines(_report_lines(report, try_only=try_only, whole_words=whole_words))
+    if try_only:
+        sys.exit(OK)
+    exports = _note_in_study(folder, report)
+    if exports and not as_json:
+        _print_lines(["exports of this session that were made before, delete them or make them again:", *exports])
+    sys.exit(PARTIAL if report.remains or exports else OK)
+
+
+def _report_lines(report: RedactionReport, *, try_only: bool, whole_words: bool) -> list[str]:
+    if not report.lines and not report.info_lines:
+        lines = ["nothing was changed: the words stand in nothing that people said or typed"]
+    elif try_only:
+        lines = [
+            f"would change {pluralize(report.lines, 'line')} of the journal, and it would replay; nothing was done"
+        ]
+    else:
+        lines = [f"changed {pluralize(report.lines, 'line')} of the journal, and it replays: identical"]
+    if report.info_lines and not try_only:
+        lines.append(f"changed {pluralize(report.info_lines, 'line')} of session.toml")
+    if report.longer_words:
+        longer = ", ".join(f"{word} ({count})" for word, count in list(report.longer_words.items())[:12])
+        said = "left within longer words" if whole_words else "within longer words, too"
+        lines.append(f"{said}: {longer}")
+    lines += [f"erased {name}, which a recovery had kept of the old journal" for name in report.erased]
+    if report.remains:
+        lines.append("the words still stand in:")
+        lines += [f"  {each}" for each in report.remains]
+    return lines
+
+
+def _note_in_study(folder: Path, report: RedactionReport) -> list[str]:
+    """Note it in the study's log, when the session is of one; exports of the session that were made before."""
+    study = study_of_session(folder)
+    if study is None or not (report.lines or report.info_lines):
+        return []
+    try:
+        with LockedLog(study) as log:
+            log.append("redacted", session=folder.name, lines=report.lines)
+        exported = [each for each in read_log(study) if each.kind == "exported"]
+    except StudyLogError as error:
+        _print_lines([f"warning: it could not be noted in the study: {error}"])
+        return []
+    return [f"  {each.get('path')}" for each in exported if folder.name in (each.get("sessions") or [])]
+
+
+def _print_suggestions(folder: Path, *, as_json: bool) -> int:
+    found = suggest_words(folder)
+    if as_json:
+        write_json(found)
+    elif not found:
+        _print_lines(["no word was found that could be a name; look through the notes all the same"])
+    else:
+        width = min(30, max(len(each.word) for each in found))
+        _print_lines([f"{each.word:{width}}  {each.count:>3}  {each.why}" for each in found])
+        _print_lines(["", "Which of them are names, only people know: rise-engine redact SESSION --replace WORD=NAME1"])
+    return OK
+
+
+def _print_lines(lines: Sequence[str]) -> None:
+    sys.stdout.write("".join(f"{clean(line)}\n" for line in lines))
+
+
+def _print_error(error: RiseError, status: int) -> int:
+    sys.stderr.write(clean(f"error: {error}") + "\n")
+    return status
+
+
+COMMANDS = {"redact": redact_session}

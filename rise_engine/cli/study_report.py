@@ -1,0 +1,120 @@
+"""How a study stands, in lines for a terminal and as JSON."""
+
+from __future__ import annotations
+
+import shlex
+from collections.abc import Sequence
+from typing import Any
+
+import msgspec
+
+from rise_engine.study.begin import BeginRequest, CannotBegin, plan_session
+from rise_engine.study.model import ParticipantStanding, ParticipantState, SessionEntry
+from rise_engine.study.standing import when_text
+from rise_engine.study.state import StudyState
+
+_STATES: dict[ParticipantState, str] = {
+    "no-consent": "no consent",
+    "to-judge": "to judge",
+    "to-go-on": "to go on",
+}
+"""Where the words differ from the state's name."""
+
+
+def status_lines(state: StudyState) -> list[str]:
+    """The study, its participants, its cells, its rehearsals, what is due, and who is next."""
+    study, standing = state.study, state.standing
+    lines = [f"{study.title} ({study.id}): {standing.complete} of {standing.wanted} participants are complete", ""]
+    rows = [["", "state", "slot", "runs", "last session", ""]]
+    rows += [_participant_row(each) for each in standing.participants]
+    lines += table_lines(rows) if standing.participants else ["  participants.csv has no participants yet"]
+    if standing.cells:
+        lines += ["", "cells of the plan", *table_lines(_cell_rows(state))]
+    if standing.rehearsals:
+        counts: dict[str, int] = {}
+        for each in standing.rehearsals:
+            counts[each.purpose] = counts.get(each.purpose, 0) + 1
+        lines += ["", "not counted: " + ", ".join(f"{number} {purpose}" for purpose, number in counts.items())]
+    if standing.due:
+        lines += ["", "to do", *(f"  {each}" for each in standing.due)]
+    return [*lines, "", *next_lines(state)]
+
+
+def status_json(state: StudyState) -> dict[str, Any]:
+    """The same as a document."""
+    study = state.study
+    built: dict[str, Any] = msgspec.to_builtins(state.standing)
+    return {"id": study.id, "title": study.title, "folder": study.folder, "mode": study.mode, **built}
+
+
+def next_lines(state: StudyState) -> list[str]:
+    """Who is next and with which commands, or that nobody is."""
+    following = next_json(state)
+    if not following["participant"]:
+        reasons = [each for each in state.standing.due if each]
+        return ["nobody is next" + (f": {reasons[0]}" if reasons else "")]
+    where, participant = shlex.quote(state.study.folder), following["participant"]
+    return [
+        f"next: {following['sentence']}",
+        f"  rise-tui --config {where}",
+        f"  rise-engine serve --study {where} --participant {participant}",
+    ]
+
+
+def next_json(state: StudyState) -> dict[str, Any]:
+    """Who is next, as a document; its `participant` is empty when nobody is."""
+    name = state.standing.next
+    found: dict[str, Any] = {"participant": name, "sentence": "", "run": None, "attempt": None, "slot": None}
+    if not name:
+        return found
+    try:
+        plan = plan_session(state, BeginRequest(name, mode="real", checks=None))
+    except CannotBegin as error:
+        return {**found, "participant": "", "sentence": str(error)}
+    standing = next(each for each in state.standing.participants if each.participant == name)
+    sentence = f"{name}, run {plan.run.run} of {standing.runs}, slot {plan.slot}"
+    if plan.attempt > 1:
+        sentence += f", attempt {plan.attempt}"
+    if plan.run.condition and not state.study.assignment.hidden:
+        sentence += f", condition {plan.run.condition}"
+        found["condition"] = plan.run.condition
+    return {**found, "sentence": sentence, "run": plan.run.run, "attempt": plan.attempt, "slot": plan.slot}
+
+
+def _participant_row(standing: ParticipantStanding) -> list[str]:
+    done = len({each.run for each in standing.sessions if each.outcome == "complete"})
+    last = standing.sessions[-1] if standing.sessions else None
+    return [
+        standing.participant,
+        _STATES.get(standing.state, standing.state),
+        "" if standing.slot is None else str(standing.slot),
+        f"{done} of {standing.runs}",
+        _last_text(last),
+        standing.why if standing.state not in ("running", "unfinished", "to-judge") else "",  # the last session says it
+    ]
+
+
+def _last_text(last: SessionEntry | None) -> str:
+    if last is None:
+        return ""
+    attempt = f", attempt {last.attempt}" if last.attempt > 1 else ""
+    return f"{when_text(last.started)}, run {last.run}{attempt}, {last.outcome or last.status}"
+
+
+def _cell_rows(state: StudyState) -> list[list[str]]:
+    """Without the planned number where nobody knows how many come of each stratum."""
+    cells = state.standing.cells
+    columns = list(cells[0].strata)
+    known = not columns and any(each.planned for each in cells)
+    rows = [[*columns, "condition", "complete", "open", *(["planned"] if known else [])]]
+    for each in cells:
+        planned = [str(each.planned)] if known else []
+        condition = each.condition or "(one)"
+        rows.append([*each.strata.values(), condition, str(each.complete), str(each.open), *planned])
+    return rows
+
+
+def table_lines(rows: Sequence[Sequence[str]]) -> list[str]:
+    """Rows of text with their columns below one another."""
+    widths = [max(len(row[at]) for row in rows) for at in range(len(rows[0]))]
+    return ["  " + "  ".join(map(str.ljust, row, widths)).rstrip() for row in rows]

@@ -1,0 +1,141 @@
+"""`serve --study` and `run --study`: which session of a study is meant, asked before anything starts."""
+
+from __future__ import annotations
+
+import shlex
+import sys
+from pathlib import Path
+from typing import NoReturn
+
+import click
+from msgspec.structs import replace
+
+from rise_engine import exit_status
+from rise_engine.checks import CheckContext
+from rise_engine.cli.arguments import exit_with_usage
+from rise_engine.cli.study_checks import CheckOptions, ChecksRefused, gather_check_reports
+from rise_engine.cli.study_reports import resolve_study_folder
+from rise_engine.kernel.inputs import CheckReport, SessionStarted
+from rise_engine.kernel.records import Purpose
+from rise_engine.protocol.session_options import SessionOptions
+from rise_engine.study.begin import BeginRequest, CannotBegin, SessionPlan, plan_session
+from rise_engine.study.state import StudyState, StudyUnusable, read_state
+from rise_engine.study.study_log import StudyLogError
+from rise_engine.text import clean
+
+
+def study_session(
+    options: SessionOptions,
+    study: str,
+    folder: str | None,
+    run: int,
+    *,
+    pilot: bool,
+    training: bool,
+    checks: CheckOptions,
+) -> SessionOptions:
+    """The options of a session of a study that is served. Ends the program, with every reason, if it cannot begin.
+
+    :param options: what the command line says, without the study.
+    :param study: the study's folder, as somebody wrote it.
+    :param folder: the scenario's, if somebody named one.
+    :param run: which of the participant's runs; 0: the next.
+    :param checks: what it says about the study's checks, which are made here.
+    """
+    if folder is not None:
+        exit_with_usage("a session of a study has the study's scenario: say either DIR or --study")
+    if pilot and training:
+        exit_with_usage("say either --pilot or --training")
+    purpose: Purpose = "pilot" if pilot else "training" if training else "counted"
+    where = resolve_study_folder(study).absolute()
+    options = replace(options, study=str(where), run=run, purpose=purpose)
+    state = _read_or_exit(where)
+    recovers = state.state_of(options.participant) == "unfinished" or purpose != "counted"
+    if options.unfinished not in ("ask", "new") and (recovers or options.unfinished != "recover"):
+        return options
+    # What can be known before the checks is said before somebody makes them.
+    plan = _plan_or_exit(state, options, may_be_unfinished=True)
+    if plan is None:
+        return options
+    return replace(options, folder=plan.run.scenario, checks=_check_or_exit(state, plan, options, checks))
+
+
+def _check_or_exit(
+    state: StudyState, plan: SessionPlan, options: SessionOptions, checks: CheckOptions
+) -> tuple[CheckReport, ...]:
+    context = CheckContext(
+        state.study,
+        plan.participant,
+        plan.run.scenario,
+        plan.mode,
+        plan.purpose,
+        plan.run.run,
+        robot=options.robot or state.study.robot or None,
+        wizard=options.wizard,
+        ros=options.ros,
+    )
+    try:
+        return gather_check_reports(context, checks)
+    except ChecksRefused as error:
+        _exit_refused([*(f"error: {line}" for line in error.lines), *error.hints, "nothing was started"])
+
+
+def rehearsed_session(
+    options: SessionOptions, study: str, folder: str | None, run: int
+) -> tuple[SessionOptions, SessionStarted]:
+    """The options and the first input of a session that `run` plays: in debug mode, so it takes no row. Ends the
+    program, with every reason, if there is no such session.
+
+    Parameters as of `study_session`.
+    """
+    if folder is not None:
+        exit_with_usage("a session of a study has the study's scenario: say either DIR or --study")
+    if options.mode == "real":
+        exit_with_usage(
+            "`run` keeps nothing, so it is always in debug mode with --study; for a real one: serve --study"
+        )
+    state = _read_or_exit(resolve_study_folder(study).absolute())
+    seed = options.seed
+    plan = _plan_or_exit(state, replace(options, mode="debug", run=run, seed=None))
+    assert plan is not None
+    robot = options.robot or state.study.robot or None
+    scenario, chosen = plan.run.scenario, plan.seed if seed is None else seed
+    return replace(options, folder=scenario, mode="debug", robot=robot, seed=chosen), plan.first_input(state.study)
+
+
+def _read_or_exit(folder: Path) -> StudyState:
+    try:
+        return read_state(folder)
+    except StudyUnusable as error:
+        _exit_refused(error.lines)
+    except StudyLogError as error:
+        _exit_refused([f"error: {error}"])
+
+
+def _plan_or_exit(state: StudyState, options: SessionOptions, *, may_be_unfinished: bool = False) -> SessionPlan | None:
+    """What the session is; None: the participant's last one did not end, and the engine says what can be done."""
+    request = BeginRequest(
+        participant=options.participant,
+        run=options.run,
+        purpose=options.purpose,
+        condition=options.condition,
+        mode="debug" if options.mode == "debug" else None if options.mode is None else "real",
+        checks=None,
+        seed=options.seed,
+    )
+    try:
+        return plan_session(state, request)
+    except CannotBegin as error:
+        if may_be_unfinished and error.unfinished is not None:
+            return None
+        lines = [f"error: {sentence}" for sentence in error.sentences]
+        if state.state_of(options.participant) == "to-judge":
+            command = f"rise-engine study outcome {shlex.quote(state.study.folder)} {options.participant}"
+            lines.append(f"  {command} complete | aborted | excluded")
+        _exit_refused(lines)
+
+
+def _exit_refused(lines: list[str]) -> NoReturn:
+    for line in lines:
+        click.echo(clean(line), err=True)
+    sys.exit(exit_status.REFUSED)

@@ -1,0 +1,83 @@
+"""What `rise-engine study withdraw` does and prints."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+
+import click
+
+from rise_engine.errors import RiseError
+from rise_engine.exit_status import OK, PARTIAL, REFUSED, USAGE
+from rise_engine.study.study_log import LOG_FILE, StudyLogError
+from rise_engine.study.traces import STUDY_FILE
+from rise_engine.study.withdrawal import WithdrawalError, WithdrawalPlan, plan_withdrawal
+from rise_engine.study.withdrawal import withdraw as withdraw_participant
+from rise_engine.text import clean, pluralize
+
+
+@click.command("withdraw")
+@click.argument("folder", metavar="STUDY", type=click.Path())
+@click.argument("participant", metavar="PARTICIPANT")
+@click.option("--yes", is_flag=True, help="Do not ask. It cannot be undone.")
+def withdraw(folder: str, participant: str, yes: bool) -> None:
+    """Erase everything about PARTICIPANT from STUDY, because they have withdrawn their consent.
+
+    Their session folders, the recordings that these have registered, and what was exported of them with `export -o` are
+    erased. In study.jsonl a salted hash takes the place of the pseudonym, and their slot is free. What cannot be
+    reached from here is listed. It cannot be undone; when it was interrupted, say it again.
+
+    Exit status: 0 done; 1 refused, or they are still named in the study's folder; 2 wrong usage.
+    """
+    study = Path(folder)
+    if not ((study / STUDY_FILE).is_file() or (study / LOG_FILE).is_file()):
+        sys.exit(_print_error(f"{folder} is no study: it has no {STUDY_FILE}", USAGE))
+    try:
+        plan = plan_withdrawal(study, participant)
+        _print_lines(_plan_lines(plan))
+        if not yes:
+            _ask(participant)
+        report = withdraw_participant(study, participant)
+    except (WithdrawalError, StudyLogError) as error:
+        sys.exit(_print_error(error, REFUSED))
+    lines = [f"{participant} has withdrawn: {pluralize(len(report.erased), 'thing')} erased; their slot is free"]
+    if report.make_again:
+        lines += ["exports that held others too are erased; make them again:", *_indent(report.make_again)]
+    if report.remains:
+        lines += ["still named in the study's folder:", *_indent(report.remains)]
+    lines += ["what this program cannot reach, and somebody has to see to:", *_indent(report.beyond)]
+    _print_lines(lines)
+    sys.exit(PARTIAL if report.remains else OK)
+
+
+def _plan_lines(plan: WithdrawalPlan) -> list[str]:
+    lines = [f"of {plan.participant} these are erased, for ever:"]
+    lines += _indent([f"session {name}" for name in plan.sessions])
+    lines += _indent([f"recording {path}" for path in plan.recordings])
+    for path, others in plan.exports.items():
+        lines += _indent([f"export {path}" + (f", which also holds {', '.join(others)}" if others else "")])
+    return [*lines, *_indent(["what study.jsonl says about them, but for a salted hash"])]
+
+
+def _ask(participant: str) -> None:
+    """Ends the program unless somebody types the pseudonym."""
+    if not sys.stdin.isatty():
+        sys.exit(_print_error("nobody can be asked here; say --yes to do it. Nothing was erased", USAGE))
+    typed = click.prompt("To do it, type the pseudonym", default="", show_default=False)
+    if typed.strip() != participant:
+        sys.exit(_print_error("that is another one; nothing was erased", REFUSED))
+
+
+def _indent(lines: Sequence[str]) -> list[str]:
+    return [f"  {line}" for line in lines]
+
+
+def _print_lines(lines: Sequence[str]) -> None:
+    sys.stdout.write("".join(f"{clean(line)}\n" for line in lines))
+    sys.stdout.flush()
+
+
+def _print_error(error: RiseError | str, status: int) -> int:
+    sys.stderr.write(clean(f"error: {error}") + "\n")
+    return status

@@ -1,0 +1,121 @@
+"""How much of a session an export tells: everything, what can be shared with other researchers, or what can be public.
+
+full     everything, as it was recorded
+shared   no time of day and no date, no notes and no reasons that people typed, `{person_name}` for private keys,
+         speech that used them as its act has it, W1, W2, ... for wizards, no paths of recordings
+public   as shared, and of what wizards said freely only how many words it had
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterable, Mapping
+from typing import Any, Literal, TypeAlias
+
+from rise_engine.kernel.records import AnyRecord
+from rise_engine.kernel.speech import SAY
+from rise_engine.session.private_values import NAMES_FIELDS, PrivateValues
+from rise_engine.text import pluralize
+
+ExportLevel: TypeAlias = Literal["full", "shared", "public"]
+LEVELS: tuple[ExportLevel, ...] = ("full", "shared", "public")
+_STARTED = re.compile(r"^\d{4}-\d{2}-\d{2}_\d{6}_")
+_PERSON = re.compile(r"^(wizard|observer):(.*)$", re.DOTALL)
+_NOBODY = frozenset({"command-line"})
+_TYPED = {"note": "text", "cue": "text", "check": "reason", "outcome": "reason", "recording": "reason"}
+"""By kind of record, the field into which people type; of the last three only when a person is the source."""
+_PROGRAMS_TYPE = frozenset({"check", "outcome", "recording"})
+
+
+class LevelFilter:
+    """What a session's records become at a level. First `note` every record, then `apply` to each."""
+
+    def __init__(
+        self, level: ExportLevel, private: PrivateValues | None, wizards: Mapping[str, str] | None = None
+    ) -> None:
+        """`private`: of the session's scenario; needed for all but `full`. `wizards`: what to call each, by name."""
+        self.level = level
+        self._private = private
+        self._people: dict[str, str] = {}
+        self._given = dict(wizards or {})
+        self._names: re.Pattern[str] | None = None
+
+    def session_name(self, folder: str) -> str:
+        """The session's name in a table: without its date, unless everything is told."""
+        return folder if self.level == "full" else _STARTED.sub("", folder)
+
+    def note(self, records: Iterable[AnyRecord]) -> None:
+        """Take in everything: what is private, and who the people are."""
+        if self._private is None or self.level == "full":
+            return
+        for record in records:
+            self._private.note(record)
+            for name in ("source", "by", "holder"):
+                if found := _PERSON.match(str(getattr(record, name, None) or "")):
+                    self._note_person(found[1], found[2].partition("#")[0])
+        if self._people:
+            longest = sorted(self._people, key=len, reverse=True)
+            self._names = re.compile(rf"(?<!\w)(?:{'|'.join(map(re.escape, longest))})(?!\w)(?:#\d+)?")
+
+    def apply(self, values: dict[str, Any]) -> dict[str, Any]:
+        """A record as JSON has it, at this level."""
+        if self._private is None or self.level == "full":
+            return values
+        kind = values["kind"]
+        typed = _TYPED.get(kind, "")
+        if typed and (kind not in _PROGRAMS_TYPE or _PERSON.match(values.get("source") or "")) and values[typed]:
+            values = {**values, typed: _count_words("note" if kind == "note" else "free text", values[typed])}
+        if kind == "recording":
+            values = {**values, "path": ""}
+        if self.level == "public":
+            values = _without_free_speech(values)
+        values = self._private.hide_fields(values)
+        hidden = {name: self._hide_people(name, each) for name, each in values.items()}
+        return {**hidden, "wall": ""}
+
+    def _note_person(self, role: str, name: str) -> None:
+        if not name or name in _NOBODY or name in self._people:
+            return
+        letter = "W" if role == "wizard" else "O"
+        numbers = (f"{letter}{number}" for number in range(1, 10_000))
+        taken = {*self._people.values(), *self._given.values()}
+        self._people[name] = self._given.get(name) or next(each for each in numbers if each not in taken)
+
+    def _hide_people(self, field: str, value: Any) -> Any:
+        if isinstance(value, str) and field in ("source", "by", "holder"):
+            if found := _PERSON.match(value):
+                name, mark, number = found[2].partition("#")
+                return f"{found[1]}:{self._people.get(name, name)}{mark}{number}"
+            return value
+        if field in NAMES_FIELDS or self._names is None:
+            return value
+        return self._replace_people(value)
+
+    def _replace_people(self, value: Any) -> Any:
+        if isinstance(value, str) and self._names is not None:
+            return self._names.sub(lambda found: self._people[found[0].partition("#")[0]], value)
+        if isinstance(value, list):
+            return [self._replace_people(each) for each in value]
+        if isinstance(value, dict):
+            return {key: self._replace_people(each) for key, each in value.items()}
+        return value
+
+
+def _without_free_speech(values: dict[str, Any]) -> dict[str, Any]:
+    match values["kind"]:
+        case "task" if values["function"] == SAY:
+            return {**values, "behavior": _count_words("free speech", values["behavior"])}
+        case "task" if values["status"] == "REJECTED" and _PERSON.match(values["source"]):
+            counted = _count_words("free text", values["behavior"])
+            return {**values, "behavior": counted, "reason": "rejected"}
+        case "action" if values["act"] == SAY:
+            parameters = {
+                name: _count_words("free speech", each) if isinstance(each, str) else each
+                for name, each in values["parameters"].items()
+            }
+            return {**values, "parameters": parameters}
+    return values
+
+
+def _count_words(what: str, text: str) -> str:
+    return f"[{what}, {pluralize(len(text.split()), 'word')}]"

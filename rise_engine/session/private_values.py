@@ -1,0 +1,221 @@
+"""What private memory keys hold, kept out of records that are given to others: `{person_name}` stands there instead.
+
+Two nets. By structure: the key's own records, conditions that read it, and every action whose act fills it in, which is
+shown as the act has it. By value: wherever a value that the key has had stands in a text, as a whole or as a name out
+of it. A number is only looked for as a word of its own.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterable, Iterator
+from typing import Any, TypeVar
+
+import msgspec
+
+from rise_engine.expression import Assignment, ExpressionError
+from rise_engine.kernel.records import AnyRecord, MemoryRecord
+from rise_engine.kernel.speech import SAY
+from rise_engine.scenario.model import ActionCall, Scenario
+from rise_engine.scenario.template import spoken_text
+from rise_engine.words import word_pattern
+
+WITHIN_WORDS = 3
+"""Letters that a value has at least, for it to be looked for within longer words, too (`Anna` in `Annas`)."""
+NAMES_FIELDS = frozenset(
+    {
+        *("kind", "seq", "t", "wall", "status", "id", "function", "calling_type", "source", "position", "ref", "task"),
+        *("act", "action", "type", "sent_as", "name", "state", "previous", "priority", "rule", "taken_by", "key"),
+        *(
+            "deleted",
+            "created",
+            "by",
+            "holder",
+            "mark",
+            "scenario",
+            "scenario_hash",
+            "mode",
+            "robot",
+            "seed",
+            "versions",
+        ),
+        *("participant", "condition", "study", "study_hash", "slot", "run", "attempt", "purpose", "factors"),
+    }
+)
+"""Fields of records that hold what the scenario, the study or the program calls something, and no text."""
+_QUOTED = re.compile(r"`[^`]*`|'[^']*'")
+_NAME = re.compile(r"[^\W\d_][^\W_]*(?:[-'’][^\W_]+)*")
+
+Kind = TypeVar("Kind", bound=AnyRecord)
+
+
+class PrivateValues:
+    """Follows what private keys hold, and hides it."""
+
+    def __init__(self, scenario: Scenario, private: Iterable[str] = ()) -> None:
+        """`private`: further keys, beside those that the scenario names."""
+        self._scenario = scenario
+        self.keys = scenario.private | frozenset(private)
+        self._slots = {key: f"{{{key}}}" for key in self.keys}
+        self._values: dict[str, str] = {}
+        self._pattern: re.Pattern[str] | None = None
+        self._order: list[str] = []
+        for key in sorted(self.keys & scenario.memory.keys()):
+            self._note_value(key, scenario.memory[key])
+
+    def note(self, record: AnyRecord) -> None:
+        """Take in what a record says that a private key holds."""
+        if self.keys and isinstance(record, MemoryRecord):
+            self.note_memory(record.key, record.value)
+            self.note_memory(record.key, record.old)
+
+    def note_memory(self, key: str, value: Any) -> None:
+        """Take in what a memory key holds, which may be private."""
+        if (head := _head(key)) in self.keys:
+            self._note_value(head, value)
+
+    def read(self, key: str, value: Any) -> Any:
+        """What somebody may see who asks for a memory key."""
+        return self.hide_value(self._read_value(key, value))
+
+    def hide(self, record: Kind) -> Kind:
+        """A record as others may see it; the same one when there is nothing to hide."""
+        if not self.keys:
+            return record
+        self.note(record)
+        values: dict[str, Any] = msgspec.to_builtins(record)
+        hidden = self.hide_fields(values)
+        return record if hidden == values else msgspec.convert(hidden, type(record))
+
+    def hide_fields(self, values: dict[str, Any]) -> dict[str, Any]:
+        """As `hide`, for a record as JSON has it."""
+        if not self.keys:
+            return values
+        match values["kind"]:
+            case "memory" if (key := _head(values["key"])) in self.keys:
+                slot = self._slots[key]
+                return {**values, **{name: slot for name in ("value", "old") if values[name] is not None}}
+            case "condition":
+                values = {
+                    **values,
+                    "values": {name: self._read_value(name, each) for name, each in values["values"].items()},
+                }
+            case "action":
+                values = {**values, "parameters": self._parameters(values)}
+            case "task" if values["function"] == "assignValue":
+                values = self._assignment(values)
+            case "note" if values["source"] == "engine":
+                values = {**values, "text": _QUOTED.sub(self._quoted, values["text"])}
+        return {name: each if name in NAMES_FIELDS else self.hide_value(each) for name, each in values.items()}
+
+    def hide_value(self, value: Any) -> Any:
+        """A JSON value in whose texts no value of a private key stands."""
+        if self._values and isinstance(value, str):
+            if self._pattern is None:
+                self._pattern = self._make_pattern()
+            return self._pattern.sub(lambda found: self._order[(found.lastindex or 1) - 1], value)
+        if isinstance(value, list | tuple):
+            return [self.hide_value(each) for each in value]
+        if isinstance(value, dict):
+            return {self.hide_value(key): self.hide_value(each) for key, each in value.items()}
+        return value
+
+    def is_hidden(self, key: str) -> bool:
+        """Whether a memory key, or one in its value, is private."""
+        return _head(key) in self.keys
+
+    # --- by structure ---
+
+    def _read_value(self, name: str, value: Any) -> Any:
+        return self._slots[head] if value is not None and (head := _head(name)) in self.keys else value
+
+    def _parameters(self, values: dict[str, Any]) -> dict[str, Any]:
+        """Of an action: those that a private key fills are shown as the act has them."""
+        parameters: dict[str, Any] = values["parameters"]
+        act = self._scenario.acts.get(values["act"]) if values["act"] != SAY else None
+        action = next((each for each in act.actions if each.id == values["action"]), None) if act is not None else None
+        if action is None:
+            return parameters
+        calls = [call for call in action.calls if call.type == values["type"] and self._fills(call)]
+        if not calls:
+            return parameters
+        call = next((each for each in calls if _could_be(each, parameters)), calls[0])
+        return {
+            name: call.parameters[name].text
+            if name in call.parameters and any(self.is_hidden(slot.key) for slot in call.parameters[name].slots)
+            else value
+            for name, value in parameters.items()
+        }
+
+    def _fills(self, call: ActionCall) -> bool:
+        return any(self.is_hidden(slot.key) for each in call.parameters.values() for slot in each.slots)
+
+    def _assignment(self, values: dict[str, Any]) -> dict[str, Any]:
+        """`person_name = "Anna"`: also when it could not be read, and so never became a value."""
+        behavior: str = values["behavior"]
+        named = [key for key in sorted(self.keys) if re.search(rf"(?<![\w.]){re.escape(key)}(?!\w)", behavior)]
+        if not named:
+            return values
+        try:
+            assignments = Assignment.parse_all(behavior)
+        except ExpressionError:
+            hidden = "; ".join(f"{key} = {self._slots[key]}" for key in named)
+            return {**values, "behavior": hidden, "reason": "it could not be read" if values["reason"] else ""}
+        written = [
+            f"{each.key} = {self._slots[_head(each.key)]}" if _head(each.key) in self.keys else each.text
+            for each in assignments
+        ]
+        reason = _QUOTED.sub("`…`", values["reason"])
+        return {**values, "behavior": "; ".join(written), "reason": reason}
+
+    def _quoted(self, found: re.Match[str]) -> str:
+        """What the engine quotes in a note may be what somebody typed before it was known to be private."""
+        return found[0] if found[0][1:-1] in self._scenario.known_keys else "`…`"
+
+    # --- by value ---
+
+    def _note_value(self, key: str, value: Any) -> None:
+        for text in _texts(value):
+            text = " ".join(text.split())
+            names = [each for each in _NAME.findall(text) if each[0].isupper() and len(each) >= WITHIN_WORDS]
+            for each in (text, *names):
+                if len(each) > 1 and any(map(str.isalnum, each)) and each not in self._values:
+                    self._values[each] = self._slots[key]
+                    self._pattern = None
+
+    def _make_pattern(self) -> re.Pattern[str]:
+        ordered = sorted(self._values, key=len, reverse=True)
+        self._order = [self._values[each] for each in ordered]
+        parts = []
+        for each in ordered:
+            within = len(each) >= WITHIN_WORDS and any(map(str.isalpha, each))
+            before, after = ("", "") if within else (r"(?<![\w.])", r"(?![\w]|\.\d)")
+            parts.append(f"({before}{word_pattern(each)}{after})")
+        return re.compile("|".join(parts))
+
+
+def _head(key: str) -> str:
+    """The whole memory key that `key`, with its parts, belongs to."""
+    return key.partition(".")[0].partition("[")[0]
+
+
+def _texts(value: Any) -> Iterator[str]:
+    """Everything in a value that could be said; `true` and `false` say nothing of anybody."""
+    if isinstance(value, dict):
+        for each in value.values():
+            yield from _texts(each)
+    elif isinstance(value, list | tuple):
+        for each in value:
+            yield from _texts(each)
+    elif value is not None and not isinstance(value, bool):
+        yield spoken_text(value)
+
+
+def _could_be(call: ActionCall, parameters: dict[str, Any]) -> bool:
+    """Whether an action's parameters can have come of this call."""
+    for name, template in call.parameters.items():
+        if name in parameters and isinstance(parameters[name], str) and template.parts:
+            pattern = "".join(re.escape(each) if isinstance(each, str) else ".*" for each in template.parts)
+            if not re.fullmatch(pattern, parameters[name], re.DOTALL):
+                return False
+    return True

@@ -1,0 +1,377 @@
+"""Redaction: words leave a session's record, and the session still replays.
+
+The words go from the inputs; a fresh kernel makes the records of what is left, and each must be the old one without the
+words. So a word that decides anything (a condition, the length of a text) is noticed at the first record that differs,
+and then nothing is changed. The new journal is written beside the old one, replayed once more as it stands there, and
+only then put in its place; the old bytes are overwritten. Nothing of them is kept.
+"""
+
+from __future__ import annotations
+
+import os
+import re
+from collections import Counter, deque
+from collections.abc import Iterator
+from contextlib import suppress
+from datetime import datetime
+from pathlib import Path
+from typing import Any, get_args
+
+import msgspec
+from msgspec import Struct, field
+
+from rise_engine.kernel import Kernel
+from rise_engine.kernel.inputs import AnyInput, TaskFunction
+from rise_engine.kernel.records import AnyRecord
+from rise_engine.session.disk import Disk, error_message
+from rise_engine.session.erasure import erase_file, has_other_names, overwrite
+from rise_engine.session.errors import SessionError
+from rise_engine.session.folder import INFO, JOURNAL, SCENARIO_COPY, SessionInfo, read_info
+from rise_engine.session.journal_format import InputLine, JournalHeader, encode_input, encode_record, with_checksum
+from rise_engine.session.journal_reader import JournalContents, read_journal
+from rise_engine.session.lock import HOLDER_FILE, JournalLock
+from rise_engine.session.replay import Replay, compare_replay, load_session_scenario, require_inputs
+from rise_engine.words import WordError, Words
+
+NEW_SUFFIX = ".redacting"
+"""Of the new files, until they are put in place. They hold none of the words."""
+_KEPT_BY_RECOVERY = re.compile(r"journal\.(torn-\d+|damaged-\d+\.jsonl)")
+_OWN_WORDS: frozenset[str] = frozenset({*get_args(TaskFunction), "None", "Blocking", "Interrupt"})
+_FIXED_FIELDS = frozenset({"input", "n", "t", "versions", "study_hash", "purpose", "status", "result", "mark"})
+"""Of inputs: what the program says, not people."""
+_OWN_SOURCES = frozenset({"engine", "file", "study", "condition"})
+_REDACTED_LINE = re.compile(r"^redacted = \[(.*)\]$")
+_BY = re.compile(r'(?<=by = )"(?:[^"\\]|\\.)*"')
+_INFO_FIELDS = frozenset({"participant", "condition", "wizard", "scenario_folder", "ros_args"})
+"""Of session.toml: what is people's. The title and the robot are the scenario's, which is not changed."""
+_INFO_TABLES = frozenset({"[machine]", "[factors]", "[memory]"})
+BLOCK = 1_000_000
+
+
+class RedactionReport(Struct):
+    """What redacting a session has done, or would do."""
+
+    lines: int = 0
+    """Of the journal that are others now."""
+    info_lines: int = 0
+    """Of session.toml."""
+    longer_words: dict[str, int] = field(default_factory=dict)
+    """Longer words of the inputs in which one of the words stood, and how often."""
+    erased: list[str] = field(default_factory=list)
+    """Files beside the journal that held the words and are gone."""
+    remains: list[str] = field(default_factory=list)
+    """Where the words still stand, in sentences."""
+
+
+class RedactionRefused(SessionError):
+    """Nothing was changed; the text says why."""
+
+
+def redact(
+    folder: Path,
+    words: Words,
+    *,
+    by: str = "",
+    here: bool = False,
+    try_only: bool = False,
+    disk: Disk | None = None,
+) -> RedactionReport:
+    """Replace words in the record of the session in `folder`: in its journal and its session.toml.
+
+    `by`: who does it, for session.toml. `here`: a person has decided that another computer, which had the session
+    last, does not run it any more. `try_only`: nothing is changed. `disk`: what writes, for tests.
+
+    Raises SessionError, and then the session is as it was: it runs (JournalLockedError), its journal is torn or
+    damaged, the words decide what happened (RedactionRefused, with the place), or the disk does not take it.
+    """
+    disk = disk or Disk()
+    read_info(folder)  # whether it is a session at all
+    lock = JournalLock(folder / JOURNAL, here=here)
+    try:
+        return _Redaction(folder, words, disk, lock).run(by, try_only=try_only)
+    except WordError as error:
+        raise RedactionRefused(f"{error}. Nothing was changed") from None
+    except OSError as error:
+        raise SessionError(f"{folder} cannot be redacted: {error_message(error)}") from None
+    finally:
+        lock.release()
+
+
+class _Redaction:
+    """One redaction of a session whose journal is locked."""
+
+    def __init__(self, folder: Path, words: Words, disk: Disk, lock: JournalLock) -> None:
+        self._folder = folder
+        self._words = words
+        self._disk = disk
+        self._lock = lock
+        self._path = folder / JOURNAL
+        self._new = folder / (JOURNAL + NEW_SUFFIX)
+        self._new_info = folder / (INFO + NEW_SUFFIX)
+        self._report = RedactionReport()
+        self._longer: Counter[str] = Counter()
+
+    def run(self, by: str, *, try_only: bool) -> RedactionReport:
+        for path in (self._new, self._new_info):
+            path.unlink(missing_ok=True)  # of one that was interrupted
+        contents = read_journal(self._path)
+        self._refuse_damaged(contents)
+        info = read_info(self._folder)
+        try:
+            self._write_journal(contents, info)
+            self._prove_replay(info)
+            changed = self._write_info(by)
+            self._report.longer_words = dict(self._longer.most_common())
+            if try_only:
+                return self._report
+            if self._report.lines:
+                self._put_in_place(self._new, self._path)
+            if changed:
+                self._put_in_place(self._new_info, self._folder / INFO)
+            self._erase_kept_files()
+            self._report.remains += find_words(self._folder, self._words)
+            return self._report
+        finally:
+            for path in (self._new, self._new_info):
+                path.unlink(missing_ok=True)
+
+    def _refuse_damaged(self, contents: JournalContents) -> None:
+        if contents.torn and not contents.ended:
+            raise RedactionRefused(
+                f"{self._path} is torn at its end: recover the session first (rise-engine serve --session "
+                f"{self._folder.name}), and end it; nothing was changed"
+            )
+        if contents.torn or contents.damaged or contents.gaps or contents.header is None:
+            raise RedactionRefused(
+                f"{self._path} is damaged, so nobody can prove that it still says what happened without the words. "
+                "Nothing was changed; what can be read can be exported, and the folder can be deleted"
+            )
+        require_inputs(self._path, contents)
+
+    # --- the journal ---
+
+    def _write_journal(self, contents: JournalContents, info: SessionInfo) -> None:
+        """The new one, beside the old one. Raises RedactionRefused at the first record that differs."""
+        notes: list[str] = []
+        kernel = Kernel(load_session_scenario(self._folder, info, notes), info.seed)
+        descriptor = self._disk.open(self._new, create=True)
+        try:
+            size, block = 0, bytearray()
+            for line in self._new_lines(contents, kernel):
+                block += line
+                if len(block) >= BLOCK:
+                    self._disk.write(descriptor, bytes(block), size)
+                    size += len(block)
+                    block.clear()
+            self._disk.write(descriptor, bytes(block), size)
+            self._disk.sync(descriptor)
+        finally:
+            self._disk.close(descriptor)
+
+    def _new_lines(self, contents: JournalContents, kernel: Kernel) -> Iterator[bytes]:
+        made: deque[AnyRecord] = deque()
+        cause = 0
+        for number, line, found in contents.lines():
+            if isinstance(found, JournalHeader):
+                yield line + b"\n"
+            elif isinstance(found, InputLine):
+                if made:
+                    raise self._difference(number, f"record {made[0].seq} is not there")
+                cause = found.n
+                input = self._new_input(line, found.input)
+                try:
+                    records, _ = kernel.handle(input)
+                except Exception as error:  # what the kernel never met before must not leave a trace of the words
+                    raise self._difference(number, f"input {cause} cannot be carried out ({error})") from error
+                made.extend(records)
+                yield self._changed(line, encode_input(found.n, input) if input is not found.input else line + b"\n")
+            else:
+                if not made or made[0].seq != found.seq:
+                    raise self._difference(number, f"record {found.seq} would not be there (of input {cause})")
+                record = made.popleft()
+                record.wall = found.wall
+                self._compare(number, cause, found, record)
+                old, new = encode_record(found), encode_record(record)
+                yield self._changed(line, line + b"\n" if old == new else with_checksum(new))
+
+    def _changed(self, before: bytes, after: bytes) -> bytes:
+        if after[:-1] != before:
+            self._report.lines += 1
+        return after
+
+    def _new_input(self, line: bytes, input: AnyInput) -> AnyInput:
+        text = line.decode()
+        if not self._words.may_find(text):
+            return input
+        body: dict[str, Any] = msgspec.json.decode(msgspec.json.encode(input))
+        replaced = {name: self._new_value(name, value) for name, value in body.items()}
+        if replaced == body:
+            return input
+        try:
+            return msgspec.convert(replaced, type(input))
+        except msgspec.ValidationError as error:
+            raise RedactionRefused(f"an input would not be one any more ({error}). Nothing was changed") from None
+
+    def _new_value(self, name: str, value: Any) -> Any:
+        if name in _FIXED_FIELDS or (name in ("function", "calling_type") and value in _OWN_WORDS):
+            return value
+        if name in ("source", "by", "holder") and isinstance(value, str):
+            kind, colon, who = value.partition(":")
+            if colon or value in _OWN_SOURCES:
+                return kind + colon + self._words.replace(who)
+        self._longer.update(_longer_words_in(value, self._words))
+        return self._words.replace_in(value)
+
+    def _compare(self, number: int, cause: int, before: AnyRecord, after: AnyRecord) -> None:
+        old: dict[str, Any] = msgspec.json.decode(encode_record(before))
+        new: dict[str, Any] = msgspec.json.decode(encode_record(after))
+        if old == new:
+            return
+        mask = self._words.mask
+        for name in dict.fromkeys([*old, *new]):
+            if name not in old or name not in new or mask(old[name]) != mask(new[name]):
+                raise self._difference(
+                    number,
+                    f"`{name}` of record {before.seq} ({before.__struct_config__.tag}, of input {cause}) differs",
+                )
+
+    def _difference(self, line: int, what: str) -> RedactionRefused:
+        """Why nothing was changed: the words decide something, or the session never replayed."""
+        with suppress(SessionError):
+            comparison = compare_replay(self._folder)
+            if not comparison.identical:
+                return RedactionRefused(
+                    "the session does not replay as it is, with this version of the program "
+                    f"({comparison.difference}); redact it with the version that wrote it. Nothing was changed"
+                )
+        sentence = f"{JOURNAL}:{line}: without the words {what}: they decide what happened, so the session would not "
+        sentence += "replay. Nothing was changed"
+        if longer := sorted(self._longer):
+            sentence += (
+                f". They also stand within longer words ({', '.join(longer[:8])}): --whole-words leaves those as they "
+                "are"
+            )
+        return RedactionRefused(sentence + ". What must not be kept and cannot be redacted has to be deleted")
+
+    def _prove_replay(self, info: SessionInfo) -> None:
+        """Raises RedactionRefused unless what stands in the new file now replays identically."""
+        contents = read_journal(self._new)
+        replay = Replay(Kernel(load_session_scenario(self._folder, info, []), info.seed), contents)
+        for _ in replay.steps():
+            pass
+        if replay.difference is not None or replay.missing or contents.damaged or contents.torn:
+            raise RedactionRefused(f"the new journal does not replay ({replay.difference}). Nothing was changed")
+
+    # --- session.toml ---
+
+    def _write_info(self, by: str) -> bool:
+        """The new one, beside the old one; false when nothing changes in the session at all."""
+        table, lines = "", []
+        for line in (self._folder / INFO).read_text(encoding="utf-8").split("\n"):
+            table = line if line.startswith("[") else table
+            key = line.partition(" =")[0]
+            theirs = line.startswith("#") or (table in _INFO_TABLES if table else key in _INFO_FIELDS)
+            new = self._words.replace(line) if theirs else line
+            if _REDACTED_LINE.match(line):
+                new = _BY.sub(lambda found: self._words.replace(found[0]), line)
+            self._report.info_lines += new != line
+            lines.append(new)
+        if not self._report.lines and not self._report.info_lines:
+            return False
+        now = datetime.now().astimezone().isoformat(timespec="seconds")
+        entry = f'{{at = "{now}", by = {msgspec.json.encode(by).decode()}, lines = {self._report.lines}}}'
+        at = next((index for index, line in enumerate(lines) if line.startswith("[")), len(lines))
+        for index, line in enumerate(lines[:at]):
+            if found := _REDACTED_LINE.match(line):
+                lines[index] = f"redacted = [{', '.join(filter(None, (found[1], entry)))}]"
+                break
+        else:
+            while at and not lines[at - 1].strip():
+                at -= 1
+            lines.insert(at, f"redacted = [{entry}]")
+        data = "\n".join(lines).encode()
+        descriptor = self._disk.open(self._new_info, create=True)
+        try:
+            self._disk.write(descriptor, data, 0)
+            self._disk.sync(descriptor)
+        finally:
+            self._disk.close(descriptor)
+        return True
+
+    # --- into place ---
+
+    def _put_in_place(self, new: Path, path: Path) -> None:
+        """Atomically; then the old bytes are overwritten."""
+        kept = has_other_names(path)
+        before = os.open(path, os.O_RDWR | os.O_CLOEXEC)
+        try:
+            if path == self._path:
+                with self._lock.move_to(new):
+                    os.replace(new, path)  # noqa: PTH105  # as the other system calls here
+            else:
+                os.replace(new, path)  # noqa: PTH105
+            self._disk.sync_folder(self._folder)
+            if kept:
+                self._report.remains.append(
+                    f"{path.name} has another name elsewhere on this disk (a hard link, as backups make them): "
+                    "the old bytes stay there"
+                )
+                return
+            with suppress(OSError):  # a best effort: they have no name any more
+                overwrite(before, self._disk)
+        finally:
+            os.close(before)
+
+    def _erase_kept_files(self) -> None:
+        """What a recovery kept beside the journal is of the old one."""
+        for path in sorted(self._folder.iterdir()):
+            if _KEPT_BY_RECOVERY.fullmatch(path.name) and path.is_file() and self._stands_in(path):
+                erase_file(path, self._disk)
+                self._report.erased.append(path.name)
+
+    # --- what remains ---
+
+    def _stands_in(self, path: Path) -> bool:
+        return any(self._words.find(line) for line in path.read_bytes().decode("utf-8", "replace").splitlines())
+
+
+def find_words(folder: Path, words: Words) -> list[str]:
+    """Where the words stand in a session's folder, its name included, in sentences: file, lines, whose text it is."""
+    found = []
+    if words.find(folder.name):
+        found.append(f"the folder's own name ({folder.name}): rename the folder")
+    for path in sorted(folder.rglob("*")):
+        if not path.is_file() or path.is_symlink() or path.name in (HOLDER_FILE, "clock"):
+            continue
+        if path.name.endswith(NEW_SUFFIX):
+            continue
+        lines = path.read_bytes().decode("utf-8", "replace").splitlines()
+        places = [number for number, line in enumerate(lines, 1) if words.find(line)]
+        name = path.relative_to(folder)
+        if not places:
+            if words.find(str(name)):
+                found.append(f"the name of {name}")
+            continue
+        where = ", ".join(map(str, places[:5])) + (f" and {len(places) - 5} more" if len(places) > 5 else "")
+        found.append(f"{name}, line{'s' if len(places) > 1 else ''} {where}{_whose(name)}")
+    return found
+
+
+def _whose(name: Path) -> str:
+    if name.parts[0] == SCENARIO_COPY:
+        return ": the scenario's own words, which are not changed"
+    if name.name in (JOURNAL, INFO):
+        return ": what the scenario or this program says itself"
+    return ": not a file of the record"
+
+
+def _longer_words_in(value: Any, words: Words) -> Iterator[str]:
+    if isinstance(value, str):
+        yield from words.longer_words(value)
+    elif isinstance(value, list):
+        for each in value:
+            yield from _longer_words_in(each, words)
+    elif isinstance(value, dict):
+        for key, each in value.items():
+            yield from words.longer_words(key)
+            yield from _longer_words_in(each, words)

@@ -1,0 +1,320 @@
+"""Who begins which session of a study: from what was asked for to what the plan gives them, or why not.
+
+`plan_session` decides and writes nothing. `SessionPlan` says what the session is, down to its first input; whoever
+begins it writes `taken`, the folder and `session` under the log's lock (`rise_engine.server.study_session`).
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+from datetime import datetime
+
+from msgspec import Struct
+from msgspec.structs import replace
+
+from rise_engine.errors import RiseError
+from rise_engine.kernel.inputs import CheckReport, SessionStarted
+from rise_engine.nearest_name import did_you_mean
+from rise_engine.scenario.model import Mode
+from rise_engine.study.checked import check_text, skip_problem, still_good
+from rise_engine.study.model import (
+    Participant,
+    ParticipantStanding,
+    PlannedRun,
+    Purpose,
+    SessionEntry,
+    Slot,
+    Study,
+)
+from rise_engine.study.plan import parse_condition, planned_run, runs_of
+from rise_engine.study.standing import BEGINNABLE, missing_consent, when_text
+from rise_engine.study.state import StudyState
+
+WITH_PERSON: frozenset[Purpose] = frozenset({"counted", "pilot"})
+"""Sessions in which a person takes part, who must have consented."""
+
+
+class CannotBegin(RiseError):
+    """The session cannot begin; one sentence for each reason, all that hold at once."""
+
+    def __init__(self, *sentences: str, running: bool = False, unfinished: SessionEntry | None = None) -> None:
+        super().__init__("\n".join(sentences))
+        self.sentences = sentences
+        self.running = running
+        """Whether a session of the study runs."""
+        self.unfinished = unfinished
+        """The participant's session that did not end, when nothing else is in the way."""
+
+
+class BeginRequest(Struct, frozen=True):
+    """What somebody asks for."""
+
+    participant: str = ""
+    run: int = 0
+    """0: the next."""
+    purpose: Purpose = "counted"
+    condition: str = ""
+    """For a rehearsal, which; else it must be theirs."""
+    mode: Mode | None = None
+    """None: the study's."""
+    checks: tuple[CheckReport, ...] | None = ()
+    """What came of the study's checks; None: they are still to be made, and not asked for."""
+    seed: int | None = None
+
+
+class SessionPlan(Struct, frozen=True):
+    """A session of a study, before there is a folder of it."""
+
+    participant: str
+    purpose: Purpose
+    mode: Mode
+    run: PlannedRun
+    slot: int | None
+    """The row that it holds; None: it takes none."""
+    attempt: int
+    seed: int
+    takes_slot: bool = False
+    """Whether the row is taken only now."""
+    drawn: dict[str, str] = {}
+    """The between levels, where they are drawn when the row is taken."""
+
+    def first_input(self, study: Study) -> SessionStarted:
+        """The session's first input, without versions."""
+        return SessionStarted(
+            participant=self.participant,
+            condition=self.run.condition,
+            factors=dict(self.run.factors),
+            study=study.id,
+            study_hash=study.hash,
+            slot=self.slot,
+            run=self.run.run,
+            attempt=self.attempt,
+            purpose=self.purpose,
+            memory=dict(self.run.memory),
+        )
+
+
+def plan_session(state: StudyState, request: BeginRequest) -> SessionPlan:
+    """Decide what the session is.
+
+    :param state: the study as it stands, read under the lock by who is going to begin it.
+    :param request: what was asked for.
+    :raises CannotBegin: with all reasons.
+    """
+    study = state.study
+    mode = request.mode or study.mode
+    purpose = "debug" if mode == "debug" else request.purpose
+    request = replace(request, mode=mode, purpose=purpose)
+    if purpose == "counted":
+        return _plan_counted(state, request)
+    return _plan_rehearsal(state, request)
+
+
+def running_problem(state: StudyState, participant: str) -> str:
+    """That a session of the study runs, and whose; or empty."""
+    running = next((each.entry for each in state.sessions if each.entry.status == "running"), None)
+    if running is None:
+        return ""
+    whose = "their own session" if running.participant == participant else f"the session of {running.participant}"
+    if not running.participant:
+        whose = "another session of this study"
+    return f"{whose} is running (run {running.run}, begun {when_text(running.started)}): end it first"
+
+
+def _plan_counted(state: StudyState, request: BeginRequest) -> SessionPlan:
+    study, name = state.study, request.participant
+    problems = list(state.problems)
+    participant = _find_participant(state, name, problems)
+    if running := running_problem(state, name):
+        problems.append(running)
+    if request.seed is not None:
+        problems.append("a session that counts has the plan's seed: give none")
+    if request.checks is not None:
+        problems += check_problems(state, request.checks)
+    standing = next((each for each in state.standing.participants if each.participant == name), None)
+    if participant is None or standing is None:
+        raise CannotBegin(*problems, running=bool(running))
+    if standing.state == "unfinished" and not problems:
+        unfinished = next(each for each in standing.sessions if each.status == "unfinished")
+        raise CannotBegin(_hindrance(state, standing), unfinished=unfinished)
+    if standing.state not in BEGINNABLE:
+        if standing.state != "running":
+            problems.append(_hindrance(state, standing))
+    elif missing := missing_consent(study, participant):
+        problems.append(f"{name} has not consented: {' and '.join(missing)} of participants.csv has no date")
+    planned = _planned_run(state, participant, standing, request, problems) if state.plan else None
+    if problems or planned is None:
+        raise CannotBegin(*dict.fromkeys(problems), running=bool(running))
+    run, drawn = planned
+    if request.condition and request.condition != run.condition:
+        raise CannotBegin(
+            f"{request.condition!r} is not the condition of {name} in run {run.run}: the plan gives it, so leave "
+            "--condition away"
+        )
+    return SessionPlan(
+        participant=name,
+        purpose="counted",
+        mode=request.mode or study.mode,
+        run=run,
+        slot=run.slot,
+        attempt=standing.next_attempt,
+        seed=run.seed,
+        takes_slot=standing.slot is None,
+        drawn=drawn if standing.slot is None else {},
+    )
+
+
+def _planned_run(
+    state: StudyState,
+    participant: Participant,
+    standing: ParticipantStanding,
+    request: BeginRequest,
+    problems: list[str],
+) -> tuple[PlannedRun, dict[str, str]] | None:
+    """What the plan gives them, and the levels that are drawn for it; None, with the problem, when it gives nothing."""
+    if standing.state not in BEGINNABLE:
+        return None
+    row = state.row_for(participant)
+    if row is None:
+        problems.append(f"{participant.participant} gets no row: {standing.why}")
+        return None
+    levels = state.levels_of(row, participant)
+    runs = runs_of(state.study, row, levels)
+    number = request.run or standing.next_run or 1
+    if not 1 <= number <= len(runs):
+        problems.append(f"{participant.participant} has no run {number}: {_run_count(len(runs))}")
+        return None
+    if number != standing.next_run:
+        done = any(each.run == number and each.outcome == "complete" for each in standing.sessions)
+        which = f"has done run {number} before" if done else f"cannot have run {number} yet"
+        problems.append(f"{participant.participant} {which}: the next one is run {standing.next_run}")
+        return None
+    return runs[number - 1], {} if row.levels else levels
+
+
+def _run_count(runs: int) -> str:
+    return "every participant has one" if runs == 1 else f"every participant has {runs}"
+
+
+def _find_participant(state: StudyState, name: str, problems: list[str]) -> Participant | None:
+    known = [each.participant for each in state.participants]
+    if not name:
+        nexts = f"; the next one is {state.standing.next}" if state.standing.next else ""
+        problems.append(f"say who takes part{nexts}")
+        return None
+    found = next((each for each in state.participants if each.participant == name), None)
+    if found is None:
+        near = did_you_mean(name, known) or "; add a line for them"
+        problems.append(f"there is no participant {name!r} in participants.csv{near}")
+    return found
+
+
+def _hindrance(state: StudyState, standing: ParticipantStanding) -> str:
+    """Why somebody cannot begin, in a sentence."""
+    name = standing.participant
+    reason = f": {standing.why}" if standing.why else ""
+    match standing.state:
+        case "excluded":
+            return f"{name} is excluded{reason}"
+        case "withdrawn":
+            return f"{name} has withdrawn"
+        case "complete":
+            runs = "every run" if standing.runs > 1 else "the session"
+            return f"{name} has done {runs} before, last {when_text(standing.sessions[-1].started)}"
+        case "unfinished":
+            return f"a session of {name} did not end ({standing.why}): go on with it, or give it up"
+        case "to-judge":
+            what = f"a session of {name} is not judged yet ({standing.why})"
+            return f"{what}: say whether it is complete, aborted or excluded"
+        case _:
+            return f"{name} has not consented{reason}"
+
+
+def check_problems(state: StudyState, reports: Sequence[CheckReport]) -> list[str]:
+    """What must be looked at before a session that counts, and was not, or failed.
+
+    :param reports: what came of the checks; the last one of an id counts.
+    """
+    study = state.study
+    given = {each.id: each for each in reports}
+    known = [check.id for check in study.checks]
+    problems = [f"the study has no check {id!r}{did_you_mean(id, known)}" for id in given if id not in known]
+    now = datetime.now().astimezone()
+    for check in study.checks:
+        report = given.get(check.id)
+        if check.when != "before" or not check.blocks:
+            continue
+        if report is None:
+            if not still_good(check, state.log, now).good_since:
+                problems.append(f"the check `{check.id}` was not made: {check_text(check)}")
+        elif report.result == "failed":
+            reason = f": {report.reason or report.value}" if report.reason or report.value else ""
+            problems.append(f"the check `{check.id}` failed{reason}")
+        elif report.result == "skipped" and (problem := skip_problem(check, "counted", report.reason)):
+            problems.append(problem)
+    return problems
+
+
+def _plan_rehearsal(state: StudyState, request: BeginRequest) -> SessionPlan:
+    """What does not count takes no row, and runs as the row that the participant would get, or as was asked for."""
+    study, name = state.study, request.participant
+    problems: list[str] = []
+    if running := running_problem(state, name):
+        problems.append(running)
+    participant: Participant | None = None
+    if request.purpose in WITH_PERSON:
+        participant = _find_participant(state, name, problems)
+        if participant is not None and (missing := missing_consent(study, participant)):
+            problems.append(f"{name} has not consented: {' and '.join(missing)} of participants.csv has no date")
+    else:
+        participant = next((each for each in state.participants if each.participant == name), None)
+        if name and not re.fullmatch(r"[A-Za-z0-9]+", name):
+            problems.append(f"{name!r} is no pseudonym: letters and digits")
+    run = _rehearsed_run(state, participant, request, problems)
+    if problems or run is None:
+        raise CannotBegin(*dict.fromkeys(problems), running=bool(running))
+    sessions = [each for each in state.standing.rehearsals if (each.participant, each.run) == (name, run.run)]
+    return SessionPlan(
+        participant=name,
+        purpose=request.purpose,
+        mode=request.mode or study.mode,
+        run=run,
+        slot=None,
+        attempt=1 + max((each.attempt for each in sessions), default=0),
+        seed=run.seed if request.seed is None else request.seed,
+    )
+
+
+def _rehearsed_run(
+    state: StudyState, participant: Participant | None, request: BeginRequest, problems: list[str]
+) -> PlannedRun | None:
+    study = state.study
+    if request.condition:
+        return _run_of_condition(study, request, problems)
+    row = state.row_for(participant) if participant is not None else next(iter(state.plan), None)
+    row = row or next(iter(state.plan), None)
+    if row is None:
+        if study.factors:
+            problems.append("there is no plan yet: say which condition (--condition), or make the plan")
+            return None
+        row = Slot(0, {}, {}, ("",), 0)
+    runs = runs_of(study, row, state.levels_of(row, participant))
+    number = request.run or _next_run(state, request.participant) or 1
+    if not 1 <= number <= len(runs):
+        problems.append(f"there is no run {number}: {_run_count(len(runs))}")
+        return None
+    return runs[number - 1]
+
+
+def _next_run(state: StudyState, participant: str) -> int | None:
+    return next((each.next_run for each in state.standing.participants if each.participant == participant), None)
+
+
+def _run_of_condition(study: Study, request: BeginRequest, problems: list[str]) -> PlannedRun | None:
+    """A run of the condition that was asked for."""
+    try:
+        return planned_run(study, parse_condition(study, request.condition), run=request.run or 1)
+    except ValueError as error:
+        problems.append(str(error))
+        return None

@@ -1,0 +1,101 @@
+"""Which checks of a study are still to be made, which can be skipped, and which are due: pure, from what was found
+earlier."""
+
+from __future__ import annotations
+
+import shlex
+from collections.abc import Iterable, Sequence
+from datetime import datetime, timedelta
+from typing import Literal
+
+from msgspec import Struct
+
+from rise_engine.study.check_kinds import AUTOMATIC, OF_THE_PARTICIPANT
+from rise_engine.study.model import Purpose, SessionEntry, Study, StudyCheck
+from rise_engine.study.study_log import LogEntry
+
+
+class PendingCheck(Struct, frozen=True):
+    """A check that belongs to a session, and whether it has to be made for it."""
+
+    check: StudyCheck
+    good_since: str = ""
+    """When it passed, ISO 8601, if that is still good (`every`); empty: it has to be made."""
+    value: str = ""
+    """What was found then."""
+
+
+def check_text(check: StudyCheck) -> str:
+    """What is looked at, as people and records have it: the sentence, what the program does, or the command."""
+    if check.ask:
+        return check.ask
+    return AUTOMATIC.get(check.auto, check.auto) if check.auto else shlex.join(check.run)
+
+
+def pending_checks(
+    study: Study, when: Literal["before", "after"], earlier: Sequence[LogEntry], now: datetime
+) -> tuple[PendingCheck, ...]:
+    """The checks before or after a session, in the order of the file, with those that are still good (`still_good`).
+
+    :param study: whose checks.
+    :param when: which of them.
+    :param earlier: what study.jsonl says, in its order.
+    :param now: aware of its time zone.
+    """
+    return tuple(still_good(check, earlier, now) for check in study.checks if check.when == when)
+
+
+def still_good(check: StudyCheck, earlier: Sequence[LogEntry], now: datetime) -> PendingCheck:
+    """A check with `every` is still good when it passed last within that time, and looked at the same then. What was
+    skipped since changes nothing; a failure since does. That one participant has consented says nothing about the next.
+
+    :return: with `good_since`, if it is.
+    """
+    made = (
+        entry
+        for entry in reversed(earlier)
+        if entry.kind == "checked" and entry.get("id") == check.id and entry.get("result") != "skipped"
+    )
+    last = next(made, None) if check.valid is not None and check.auto not in OF_THE_PARTICIPANT else None
+    if check.valid is None or last is None or last.get("result") != "passed" or last.get("text") != check_text(check):
+        return PendingCheck(check)
+    try:
+        age = now - datetime.fromisoformat(last.at)
+    except (ValueError, TypeError):  # not a time, or one without its zone: somebody wrote it by hand
+        return PendingCheck(check)
+    if not timedelta(0) <= age <= timedelta(seconds=check.valid):
+        return PendingCheck(check)
+    return PendingCheck(check, last.at, str(last.get("value", "")))
+
+
+def skip_problem(check: StudyCheck, purpose: Purpose, reason: str) -> str:
+    """Why a check cannot be skipped with that reason, as a sentence; empty: it can."""
+    if check.auto in OF_THE_PARTICIPANT and purpose == "counted":
+        what = "consent" if check.auto == "consent" else "whether the participant may take part"
+        return f"{check.id}: {what} cannot be skipped in a session that counts"
+    if not reason.strip():
+        return f"{check.id}: who skips a check says why"
+    return ""
+
+
+def due_after_checks(study: Study, sessions: Iterable[SessionEntry], entries: Iterable[LogEntry]) -> list[str]:
+    """What nobody has looked at after a session that counts, a sentence for each. It is only said: no data is lost."""
+    after = [check for check in study.checks if check.when == "after"]
+    made = made_after(entries)
+    return [
+        f"{session.participant}: nobody has confirmed “{check_text(check)}” "
+        f"(check {check.id}, session {session.folder})"
+        for session in sessions
+        if session.status == "ended" and session.purpose == "counted"
+        for check in after
+        if (session.folder, check.id) not in made
+    ]
+
+
+def made_after(entries: Iterable[LogEntry]) -> frozenset[tuple[str, str]]:
+    """What was looked at after sessions and has not failed: the session's folder, and the check's id."""
+    return frozenset(
+        (str(entry.get("session")), str(entry.get("id")))
+        for entry in entries
+        if entry.kind == "checked" and entry.get("when") == "after" and entry.get("result") != "failed"
+    )

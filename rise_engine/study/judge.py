@@ -1,0 +1,148 @@
+"""What people say about a session afterwards: how it counts, and that somebody does not take part any more."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from rise_engine.errors import RiseError
+from rise_engine.kernel.inputs import OutcomeReport
+from rise_engine.kernel.records import OutcomeStatus
+from rise_engine.nearest_name import did_you_mean
+from rise_engine.session.folder import mark_abandoned
+from rise_engine.study.sessions import StudySession, outcome_fields, read_verdict
+from rise_engine.study.standing import describe_entry
+from rise_engine.study.state import OpenStudy, StudyState
+
+COMMAND_LINE = "command-line"
+"""Who says it, where nobody gives a name."""
+
+
+class CannotJudge(RiseError):
+    """Nothing was written; the text says why, a sentence a line."""
+
+
+def judge_session(
+    open: OpenStudy,
+    participant: str,
+    status: OutcomeStatus,
+    reason: str = "",
+    *,
+    session: str = "",
+    source: str = COMMAND_LINE,
+) -> StudySession:
+    """Write how a session counts that ended without outcome, whose engine has gone, or that was judged wrongly.
+
+    :param open: the study, locked.
+    :param participant: whose session.
+    :param status: how it counts.
+    :param reason: why; needed unless it is complete and nobody has judged it yet.
+    :param session: the name of its folder; empty: the one without outcome, or else their last one.
+    :param source: who says it.
+    :return: the session as it was before.
+    :raises CannotJudge: with every reason why not.
+    :raises rise_engine.study.study_log.StudyLogError: it cannot be written.
+    """
+    target = session_to_judge(open.state, participant, session)
+    problems = _outcome_problems(open.state, target, status, reason)
+    if problems:
+        raise CannotJudge("\n".join(problems))
+    report = OutcomeReport(status=status, reason=reason.strip(), source=source)
+    open.log.append("outcome", **outcome_fields(target.entry, report, read_verdict(target.path).seconds))
+    if target.left_open:
+        mark_abandoned(target.path)
+    return target
+
+
+def exclude_participant(open: OpenStudy, participant: str, reason: str, *, source: str = COMMAND_LINE) -> int | None:
+    """Write that somebody does not count any more; their row goes to the next of their stratum.
+
+    :param open: the study, locked.
+    :param participant: who.
+    :param reason: why.
+    :param source: who says it.
+    :return: the row that is free now; None: they held none.
+    :raises CannotJudge: with every reason why not.
+    :raises rise_engine.study.study_log.StudyLogError: it cannot be written.
+    """
+    state = open.state
+    _check_known(state, participant)
+    problems: list[str] = []
+    if not reason.strip():
+        problems.append("say why they are excluded: the report of the study tells it")
+    if participant in state.places.withdrawn:
+        problems.append(f"{participant} has withdrawn")
+    elif participant in state.places.excluded:
+        problems.append(f"{participant} is excluded already: {state.places.excluded[participant]}")
+    if _of(state, participant, "running"):
+        problems.append(f"a session of {participant} is running: end it first")
+    if problems:
+        raise CannotJudge("\n".join(problems))
+    slot = state.places.slots.get(participant)
+    open.log.append("excluded", participant=participant, slot=slot, reason=reason.strip(), source=source)
+    return slot
+
+
+def session_to_judge(state: StudyState, participant: str, name: str = "") -> StudySession:
+    """The session that somebody means: the one of that name; without it, the one without outcome, or else the last.
+
+    :raises CannotJudge: there is none, or it never counts.
+    """
+    _check_known(state, participant)
+    theirs = [each for each in state.sessions if each.entry.participant == participant]
+    counted = [each for each in theirs if each.entry.purpose == "counted"]
+    if name:
+        found = next((each for each in theirs if each.name == name), None)
+        if found is None:
+            near = did_you_mean(name, [each.name for each in theirs])
+            raise CannotJudge(f"{participant} has no session {name}{near}")
+        if found not in counted:
+            raise CannotJudge(f"{name} is a {found.entry.purpose} session: it never counts and needs no outcome")
+        return found
+    if not counted:
+        rehearsed = "; those that they had do not count" if theirs else ""
+        raise CannotJudge(f"{participant} has had no session yet{rehearsed}")
+    return next((each for each in counted if each.entry.outcome is None), counted[-1])
+
+
+def _outcome_problems(state: StudyState, session: StudySession, status: OutcomeStatus, reason: str) -> list[str]:
+    entry = session.entry
+    problems: list[str] = []
+    if entry.status == "running":
+        return [f"{describe_entry(entry)}, is running: end it first, it asks for the outcome"]
+    if entry.outcome == status:
+        problems.append(f"{describe_entry(entry)}, is {status} already")
+    if not reason.strip() and (status != "complete" or entry.outcome is not None):
+        what = "changed" if entry.outcome is not None else status
+        problems.append(f"say why it is {what}: --reason")
+    if entry.outcome is not None:
+        problems += _correction_problems(state, session)
+    elif entry.participant in state.places.withdrawn:
+        problems.append(f"{entry.participant} has withdrawn")
+    return problems
+
+
+def _correction_problems(state: StudyState, session: StudySession) -> Sequence[str]:
+    """Why a judged session cannot be judged anew: what came after it rests on how it was judged."""
+    entry = session.entry
+    counted = [
+        each
+        for each in state.sessions
+        if (each.entry.participant, each.entry.purpose) == (entry.participant, "counted")
+    ]
+    if counted and counted[-1].name != session.name:
+        return [f"{describe_entry(entry)}, is not their last: the sessions after it rest on how it was judged"]
+    taker = next((name for name, slot in state.places.slots.items() if slot == entry.slot), entry.participant)
+    if taker != entry.participant:
+        return [f"slot {entry.slot} was given to {taker} since {entry.participant} was excluded"]
+    return []
+
+
+def _check_known(state: StudyState, participant: str) -> None:
+    known = dict.fromkeys(each.participant for each in state.standing.participants)
+    if participant not in known:
+        near = did_you_mean(participant, list(known))
+        raise CannotJudge(f"the study knows no participant {participant!r}{near}")
+
+
+def _of(state: StudyState, participant: str, status: str) -> list[StudySession]:
+    return [each for each in state.sessions if (each.entry.participant, each.entry.status) == (participant, status)]

@@ -1,0 +1,271 @@
+"""The session folders of a study, and what a killed program left out of its log (`study.jsonl`).
+
+The truth about a session is its folder: what `session.toml` says of it, whether its journal has begun and has ended,
+and the outcome that stands in it. `missing_entries` compares that with the log. Whoever opens the study next writes
+what is missing, under the log's lock, so that a kill at any moment costs nothing.
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterable, Sequence
+from contextlib import suppress
+from pathlib import Path
+from typing import Any, NamedTuple
+
+from msgspec import Struct
+from msgspec.structs import replace
+
+from rise_engine.kernel.inputs import OutcomeReport
+from rise_engine.kernel.records import AnyRecord
+from rise_engine.scenario.model import Json
+from rise_engine.session.folder import (
+    JOURNAL,
+    SessionError,
+    SessionInfo,
+    has_begun,
+    has_ended,
+    is_abandoned,
+    read_info,
+)
+from rise_engine.session.journal_format import InputLine, JournalHeader, LineError, read_line
+from rise_engine.session.lock import is_journal_locked
+from rise_engine.study.model import SessionEntry
+from rise_engine.study.study_log import EntryKind, LogEntry
+
+SESSIONS = "sessions"
+"""The folder of a study's sessions, within the study's."""
+GIVEN_UP = "its engine had gone, and it was given up"
+"""Why a session was aborted that nobody went on with."""
+_BLOCK = 1 << 20
+_OUTCOME = b'"input":"outcome"'
+
+
+class Verdict(NamedTuple):
+    """How a session counts, as its journal has it."""
+
+    report: OutcomeReport | None
+    """None: nobody has said it."""
+    seconds: float
+    """Session time of the last thing that is known."""
+
+
+class StudySession(Struct, frozen=True):
+    """A session of the study, with what only its folder knows."""
+
+    entry: SessionEntry
+    path: Path
+    info: SessionInfo | None
+    """None: the folder is not there any more, and the log alone knows of it."""
+    abandoned: bool = False
+    """Whether somebody has chosen not to go on with it."""
+    left_open: bool = False
+    """Whether its engine has gone without ending it, however it was judged since."""
+
+    @property
+    def name(self) -> str:
+        """Its folder's."""
+        return self.entry.folder
+
+
+class MissingEntry(NamedTuple):
+    """What is to be appended to the log."""
+
+    kind: EntryKind
+    fields: dict[str, Json]
+
+
+def read_sessions(folder: Path, study_id: str, log: Sequence[LogEntry]) -> list[StudySession]:
+    """Every session of the study, in the order in which they began: those whose folders are there, and those that only
+    the log knows.
+
+    A folder in which nothing ever happened, because its engine was killed before, is no session.
+
+    :param folder: the study's.
+    :param study_id: folders of other studies are left out.
+    :param log: what the study's log says; an outcome there is what counts.
+    """
+    outcomes = {_text(each, "session"): each for each in log if each.kind == "outcome"}
+    found: dict[str, StudySession] = {}
+    passed_over: set[str] = set()
+    for path in session_folders(folder):
+        with suppress(SessionError):  # what the log says of it is all there is
+            info = read_info(path)
+            session = _from_folder(path, info, outcomes.get(path.name)) if info.study == study_id else None
+            if session is None:
+                passed_over.add(path.name)
+            else:
+                found[path.name] = session
+    for each in log:
+        name = _text(each, "folder")
+        if each.kind == "session" and name not in found and name not in passed_over:
+            found[name] = _from_log(folder, each, outcomes.get(name))
+    return sorted(found.values(), key=lambda session: (session.entry.started, session.name))
+
+
+def session_folders(folder: Path) -> list[Path]:
+    """The folders in a study's `sessions`, by their names."""
+    found: list[Path] = []
+    with suppress(OSError):
+        found = sorted(Path(entry.path) for entry in os.scandir(folder / SESSIONS) if entry.is_dir())
+    return found
+
+
+def _from_folder(path: Path, info: SessionInfo, outcome: LogEntry | None) -> StudySession | None:
+    running = is_journal_locked(path / JOURNAL)
+    if not running and not has_begun(path):
+        return None
+    ended = has_ended(path)
+    entry = SessionEntry(
+        participant=info.participant,
+        run=info.run,
+        attempt=info.attempt,
+        purpose=info.purpose or "debug",
+        folder=path.name,
+        started=info.started,
+        status="ended" if ended else "running" if running else "unfinished",
+        condition=info.condition,
+        slot=info.slot or None,
+    )
+    return StudySession(_with_outcome(entry, outcome), path, info, is_abandoned(path), entry.status == "unfinished")
+
+
+def _from_log(folder: Path, session: LogEntry, outcome: LogEntry | None) -> StudySession:
+    """A session whose folder somebody has moved away."""
+    slot = session.get("slot")
+    entry = SessionEntry(
+        participant=_text(session, "participant"),
+        run=int(session.get("run") or 0),
+        attempt=int(session.get("attempt") or 0),
+        purpose=session.get("purpose") or "debug",
+        folder=_text(session, "folder"),
+        started=_text(session, "started") or session.at,
+        status="ended",
+        condition=_text(session, "condition"),
+        slot=slot if isinstance(slot, int) else None,
+    )
+    return StudySession(_with_outcome(entry, outcome), folder / SESSIONS / entry.folder, None)
+
+
+def _with_outcome(entry: SessionEntry, outcome: LogEntry | None) -> SessionEntry:
+    """The entry as the log judges it: a session that was judged is over, however its engine went."""
+    if outcome is None or entry.status == "running":
+        return entry
+    seconds = float(outcome.get("seconds") or 0.0)
+    status, reason = outcome.get("status"), _text(outcome, "reason")
+    return replace(entry, status="ended", outcome=status, reason=reason, seconds=seconds)
+
+
+def missing_entries(sessions: Iterable[StudySession], log: Sequence[LogEntry]) -> list[MissingEntry]:
+    """What the log does not say although the folders do, in the order in which it happened: that a session began and
+    holds its slot, and how it was judged. A session that was judged before its engine went away is over.
+
+    :param sessions: as `read_sessions` gives them.
+    :param log: all entries.
+    """
+    known = {_text(each, "folder") for each in log if each.kind == "session"}
+    judged = {_text(each, "session") for each in log if each.kind == "outcome"}
+    held = {(_text(each, "participant"), each.get("slot")) for each in log if each.kind == "taken"}
+    missing: list[MissingEntry] = []
+    for session in sessions:
+        entry, info = session.entry, session.info
+        if info is None:
+            continue
+        if entry.slot is not None and (entry.participant, entry.slot) not in held:
+            held.add((entry.participant, entry.slot))
+            missing.append(MissingEntry("taken", {"slot": entry.slot, "participant": entry.participant}))
+        if session.name not in known:
+            missing.append(MissingEntry("session", session_fields(session.name, info)))
+        if session.name in judged or entry.status == "running" or entry.purpose != "counted":
+            continue
+        verdict = read_verdict(session.path)
+        report = verdict.report
+        if report is None and session.abandoned and entry.status == "unfinished":
+            report = OutcomeReport(status="aborted", reason=GIVEN_UP)
+        if report is not None:
+            missing.append(MissingEntry("outcome", outcome_fields(entry, report, verdict.seconds)))
+    return missing
+
+
+def session_fields(name: str, info: SessionInfo) -> dict[str, Json]:
+    """What the log says of a session that began.
+
+    :param name: its folder's.
+    :param info: its session.toml.
+    """
+    return {
+        "participant": info.participant,
+        "slot": info.slot or None,
+        "run": info.run,
+        "attempt": info.attempt,
+        "purpose": info.purpose,
+        "condition": info.condition,
+        "mode": info.mode,
+        "folder": name,
+        "started": info.started,
+        "scenario_hash": info.scenario_hash,
+    }
+
+
+def outcome_fields(entry: SessionEntry, report: OutcomeReport, seconds: float) -> dict[str, Json]:
+    """What the log says of a session that was judged."""
+    return {
+        "session": entry.folder,
+        "participant": entry.participant,
+        "slot": entry.slot,
+        "run": entry.run,
+        "attempt": entry.attempt,
+        "status": report.status,
+        "reason": report.reason,
+        "source": report.source,
+        "seconds": round(seconds, 3),
+    }
+
+
+def read_verdict(path: Path) -> Verdict:
+    """How a session was judged while it ran, and how long it was; of several outcomes the last one counts.
+
+    Reads the journal from its end and no further than it has to; what is torn or damaged there is passed over.
+
+    :param path: the session's folder.
+    """
+    report: OutcomeReport | None = None
+    seconds = 0.0
+    for line in _lines_from_end(path / JOURNAL):
+        if seconds and _OUTCOME not in line:
+            continue
+        try:
+            found = read_line(line)
+        except LineError:
+            continue
+        if not seconds and not isinstance(found, JournalHeader):
+            seconds = found.input.t if isinstance(found, InputLine) else _time(found)
+        if isinstance(found, InputLine) and isinstance(found.input, OutcomeReport):
+            report = found.input
+            break
+    return Verdict(report, seconds)
+
+
+def _time(record: AnyRecord) -> float:
+    return record.t
+
+
+def _lines_from_end(journal: Path) -> Iterable[bytes]:
+    """The lines of a file, the last one first, without their ends; a block of it is in memory at a time."""
+    try:
+        with journal.open("rb") as file:
+            at, rest = file.seek(0, os.SEEK_END), b""
+            while at:
+                size = min(_BLOCK, at)
+                at -= size
+                file.seek(at)
+                rest, *lines = (file.read(size) + rest).split(b"\n")
+                yield from reversed(lines)
+            yield rest
+    except OSError:
+        return
+
+
+def _text(entry: LogEntry, name: str) -> str:
+    value: Any = entry.get(name)
+    return value if isinstance(value, str) else ""

@@ -1,0 +1,288 @@
+"""How a study stands: its plan against what its log and its session folders say. No file is read or written here.
+
+The rules. A participant takes the first free row of their stratum and keeps it; a row is free when nobody holds it, or
+when its holder is excluded or has withdrawn. A run counts when one of its sessions is complete; after an aborted one
+it may be run again. What is not `counted` never takes a row and never counts.
+"""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Mapping, Sequence
+from datetime import datetime
+
+from msgspec import Struct
+
+from rise_engine.study.checked import due_after_checks
+from rise_engine.study.model import (
+    CellStanding,
+    Participant,
+    ParticipantStanding,
+    ParticipantState,
+    SessionEntry,
+    Slot,
+    Study,
+    StudyStanding,
+)
+from rise_engine.study.sessions import StudySession
+from rise_engine.study.study_log import LogEntry
+from rise_engine.study.withdrawn import is_withdrawn
+
+BEGINNABLE: frozenset[ParticipantState] = frozenset({"waiting", "to-go-on", "aborted"})
+"""States in which a session can begin, unless something hinders them (`why`)."""
+
+
+class Places(Struct):
+    """Who holds which row of the plan, and who is out."""
+
+    slots: dict[str, int]
+    """The row that each participant holds."""
+    levels: dict[int, dict[str, str]]
+    """The between levels of rows for which they were drawn when they were taken."""
+    excluded: dict[str, str]
+    """Who is excluded, and why."""
+    withdrawn: frozenset[str]
+
+    def is_out(self, participant: str) -> bool:
+        """Whether they do not count any more."""
+        return participant in self.excluded or participant in self.withdrawn
+
+    def free_row(self, plan: Sequence[Slot], strata: Mapping[str, str]) -> Slot | None:
+        """The row that the next participant of a stratum gets; None: all are held.
+
+        :param plan: in its order.
+        :param strata: the participant's values.
+        """
+        held = set(self.slots.values())
+        return next((row for row in plan if row.slot not in held and in_stratum(row, strata)), None)
+
+
+def in_stratum(row: Slot, strata: Mapping[str, str]) -> bool:
+    """Whether a row of the plan is for participants with these values."""
+    return all(strata.get(column) == value for column, value in row.strata.items())
+
+
+def places_of(participants: Sequence[Participant], log: Sequence[LogEntry], sessions: Sequence[StudySession]) -> Places:
+    """Who holds which row, and who is out.
+
+    Somebody whose row another one has got meanwhile stays out, also when their exclusion is taken back: nobody is moved
+    to another row.
+
+    :param participants: as participants.csv has them.
+    :param log: all entries of the log.
+    :param sessions: all sessions.
+    """
+    names = {each.participant for each in participants} | {each.entry.participant for each in sessions}
+    names |= {str(each.get("participant")) for each in log if each.get("participant")}
+    withdrawn = frozenset(name for name in names if is_withdrawn(name, log))
+    excluded = {each.participant: "participants.csv says so" for each in participants if each.status == "excluded"}
+    for each in log:
+        if each.kind == "excluded":
+            excluded[str(each.get("participant"))] = str(each.get("reason") or "")
+    for session in sessions:
+        if session.entry.purpose == "counted" and session.entry.outcome == "excluded":
+            excluded.setdefault(session.entry.participant, session.entry.reason)
+    last_taken: dict[str, int] = {}
+    takers: dict[int, str] = {}
+    levels: dict[int, dict[str, str]] = {}
+    for each in log:
+        if each.kind == "taken":
+            slot, participant = int(each.get("slot") or 0), str(each.get("participant"))
+            last_taken[participant], takers[slot] = slot, participant
+            levels[slot] = {str(name): str(level) for name, level in dict(each.get("levels") or {}).items()}
+    for participant, slot in last_taken.items():
+        if takers[slot] != participant and participant not in withdrawn:
+            excluded.setdefault(participant, f"their slot {slot} was given to {takers[slot]}")
+    out = withdrawn | excluded.keys()
+    slots = {participant: slot for slot, participant in takers.items() if participant not in out}
+    return Places(slots, {slot: drawn for slot, drawn in levels.items() if drawn}, excluded, withdrawn)
+
+
+def study_standing(
+    study: Study,
+    participants: Sequence[Participant],
+    plan: Sequence[Slot],
+    log: Sequence[LogEntry],
+    sessions: Sequence[StudySession],
+    *,
+    problems: Sequence[str] = (),
+) -> StudyStanding:
+    """The plan against what happened.
+
+    :param study: the checked design.
+    :param participants: as participants.csv has them.
+    :param plan: its rows in their order; none: it is not made yet.
+    :param log: all entries of the log, `missing_entries` included.
+    :param sessions: as `rise_engine.study.sessions.read_sessions` gives them.
+    :param problems: what hinders every session, in sentences; they are due before everything else.
+    """
+    places = places_of(participants, log, sessions)
+    entries = tuple(each.entry for each in sessions)
+    counted = [each for each in entries if each.purpose == "counted"]
+    listed = {each.participant for each in participants}
+    unlisted = dict.fromkeys(each.participant for each in counted if each.participant not in listed)
+    unlisted |= dict.fromkeys(name for name in places.slots if name not in listed)
+    everybody = [*participants, *(Participant(name) for name in unlisted if name not in places.withdrawn)]
+    standings = tuple(
+        _standing_of(study, each, plan, places, [entry for entry in counted if entry.participant == each.participant])
+        for each in everybody
+    )
+    due = [*problems, *_due(standings, plan, sessions, set(unlisted), places.withdrawn)]
+    due += due_after_checks(study, entries, log)
+    return StudyStanding(
+        participants=standings,
+        cells=_cells(study, plan, places, standings),
+        complete=sum(each.state == "complete" for each in standings),
+        wanted=study.n,
+        next="" if problems else _next_of(standings),
+        rehearsals=tuple(each for each in entries if each.purpose != "counted"),
+        due=tuple(due),
+    )
+
+
+def missing_consent(study: Study, participant: Participant) -> list[str]:
+    """The columns of participants.csv that need a date and have none."""
+    return [f"consent_{name}" for name in study.consent if not participant.consent.get(name)]
+
+
+def level_text(study: Study, levels: Mapping[str, str]) -> str:
+    """Levels joined by `+`, in the order of the factors: the name of a condition, or of a cell."""
+    return "+".join(levels[factor.name] for factor in study.factors if factor.name in levels)
+
+
+def describe_entry(entry: SessionEntry) -> str:
+    """A session in a sentence's part: `P03, run 2, attempt 1, begun 2026-11-22 14:15`."""
+    return f"{entry.participant}, run {entry.run}, attempt {entry.attempt}, begun {when_text(entry.started)}"
+
+
+def when_text(moment: str) -> str:
+    """Date and time of day of an ISO 8601 text."""
+    try:
+        return f"{datetime.fromisoformat(moment):%Y-%m-%d %H:%M}"
+    except ValueError:
+        return moment
+
+
+def _standing_of(
+    study: Study, participant: Participant, plan: Sequence[Slot], places: Places, sessions: list[SessionEntry]
+) -> ParticipantStanding:
+    name = participant.participant
+    slot = places.slots.get(name)
+    row = next((each for each in plan if each.slot == slot), None)
+    if row is None and slot is None:
+        row = places.free_row(plan, participant.strata)
+    runs = len(row.order) if row is not None else max((len(each.order) for each in plan), default=1)
+    complete = {each.run for each in sessions if each.outcome == "complete"}
+    next_run = next((run for run in range(1, runs + 1) if run not in complete), None)
+    state, why = _state_of(study, participant, places, sessions, next_run)
+    if state in BEGINNABLE and row is None:
+        why = _no_row_sentence(plan, participant) if plan else "there is no plan yet"
+    begins = state in BEGINNABLE or state == "no-consent"
+    return ParticipantStanding(
+        participant=name,
+        state=state,
+        why=why,
+        strata=participant.strata,
+        slot=slot,
+        next_run=next_run if begins else None,
+        next_attempt=1 + max((each.attempt for each in sessions if each.run == next_run), default=0),
+        runs=runs,
+        sessions=tuple(sessions),
+    )
+
+
+def _state_of(
+    study: Study, participant: Participant, places: Places, sessions: list[SessionEntry], next_run: int | None
+) -> tuple[ParticipantState, str]:
+    """The state, and what hinders them."""
+    name = participant.participant
+    if name in places.withdrawn:
+        return "withdrawn", "they have withdrawn"
+    if name in places.excluded:
+        return "excluded", places.excluded[name]
+    if running := next((each for each in sessions if each.status == "running"), None):
+        return "running", f"begun {when_text(running.started)}"
+    if unfinished := next((each for each in sessions if each.status == "unfinished"), None):
+        return "unfinished", f"begun {when_text(unfinished.started)}, and its engine has gone"
+    if unjudged := next((each for each in sessions if each.outcome is None), None):
+        return "to-judge", f"begun {when_text(unjudged.started)}, ended without outcome"
+    if next_run is None:
+        return "complete", ""
+    missing = missing_consent(study, participant)
+    why = f"no date in {' and '.join(missing)}" if missing else ""
+    if sessions and sessions[-1].outcome == "aborted":
+        return "aborted", why
+    if sessions:
+        return "to-go-on", why
+    return ("no-consent" if missing else "waiting"), why
+
+
+def _no_row_sentence(plan: Sequence[Slot], participant: Participant) -> str:
+    rows = sum(in_stratum(row, participant.strata) for row in plan)
+    values = {column: participant.strata.get(column, "") for row in plan for column in row.strata}
+    stratum = ", ".join(f"{column} {value or '(empty)'}" for column, value in values.items())
+    where = f" for {stratum}" if stratum else ""
+    return f"all {rows} rows of the plan{where} are taken" if rows else f"the plan has no row{where}"
+
+
+def _next_of(standings: Sequence[ParticipantStanding]) -> str:
+    """The first who can begin. Somebody whose session was broken off comes after those who have not had theirs."""
+    ready = [each for each in standings if each.state in BEGINNABLE and not each.why]
+    ready.sort(key=lambda each: each.state == "aborted")
+    return ready[0].participant if ready else ""
+
+
+def _cells(
+    study: Study, plan: Sequence[Slot], places: Places, standings: Sequence[ParticipantStanding]
+) -> tuple[CellStanding, ...]:
+    by_slot = {each.slot: each for each in standings if each.slot is not None}
+    between = [factor.name for factor in study.factors if factor.kind == "between"]
+    counts: dict[tuple[tuple[tuple[str, str], ...], str], list[int]] = {}
+    rows: Counter[tuple[tuple[str, str], ...]] = Counter()
+    for row in plan:
+        stratum = tuple(row.strata.items())
+        rows[stratum] += 1
+        levels = row.levels or places.levels.get(row.slot, {})
+        drawn = not between or bool(levels)
+        if not drawn and row.slot not in by_slot:
+            continue  # nobody knows yet which cell it will be
+        count = counts.setdefault((stratum, level_text(study, levels)), [0, 0, 0])
+        holder = by_slot.get(row.slot)
+        if holder is not None:
+            count[holder.state != "complete"] += 1
+        count[2] += rows[stratum] <= study.n and (not between or bool(row.levels))
+    return tuple(
+        CellStanding(dict(strata), condition, complete, open, planned)
+        for (strata, condition), (complete, open, planned) in counts.items()
+    )
+
+
+def _due(
+    standings: Sequence[ParticipantStanding],
+    plan: Sequence[Slot],
+    sessions: Sequence[StudySession],
+    unlisted: set[str],
+    gone: frozenset[str],
+) -> list[str]:
+    """What somebody must do, in sentences. `gone`: who has withdrawn."""
+    due: list[str] = []
+    for standing in standings:
+        name = standing.participant
+        for entry in standing.sessions:
+            if entry.status == "unfinished" and standing.state == "unfinished":
+                due.append(f"{describe_entry(entry)}: its engine has gone; go on with it, or give it up")
+            elif entry.status == "ended" and entry.outcome is None and standing.state not in ("excluded", "withdrawn"):
+                due.append(f"{describe_entry(entry)}: it ended without outcome; say complete, aborted or excluded")
+        if name in unlisted:
+            continue
+        if standing.state == "no-consent":
+            due.append(f"{name} has not consented: {standing.why} of participants.csv")
+        elif standing.state in BEGINNABLE and standing.why and plan:
+            due.append(f"{name} cannot begin: {standing.why}")
+    due += [f"{name} is not in participants.csv any more, but in the study's log" for name in sorted(unlisted - gone)]
+    due += [
+        f"{each.name} of {each.entry.participant} is not in the study's sessions any more"
+        for each in sessions
+        if each.info is None and each.entry.participant not in gone
+    ]
+    return due

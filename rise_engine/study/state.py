@@ -1,0 +1,204 @@
+"""A study as it stands now: its files read, its log and its session folders compared, everything in one value.
+
+`read_state` only looks. `OpenStudy` holds the log's lock and writes what a killed program left out of it; whoever
+decides something, and writes what it decided, does so within it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from datetime import datetime
+from pathlib import Path
+from types import TracebackType
+
+from msgspec import Struct
+
+from rise_engine.errors import RiseError
+from rise_engine.scenario.model import Json
+from rise_engine.session.folder import mark_abandoned
+from rise_engine.study.minimise import cell_for
+from rise_engine.study.model import Participant, ParticipantState, Slot, Study, StudyStanding
+from rise_engine.study.participants import load_participants
+from rise_engine.study.plan_file import read_plan
+from rise_engine.study.planning import last_planned, plan_problem
+from rise_engine.study.sessions import MissingEntry, StudySession, missing_entries, read_sessions
+from rise_engine.study.standing import Places, places_of, study_standing
+from rise_engine.study.study_log import LockedLog, LogEntry, read_log
+from rise_engine.study.study_toml import is_study, load_study
+
+
+class StudyUnusable(RiseError):
+    """The study cannot be used; one line for each finding."""
+
+    def __init__(self, lines: Sequence[str]) -> None:
+        super().__init__("\n".join(lines))
+        self.lines = list(lines)
+
+
+class StudyFiles(Struct, frozen=True):
+    """What people and the plan wrote."""
+
+    study: Study
+    participants: tuple[Participant, ...]
+    plan: tuple[Slot, ...]
+    plan_hash: str = ""
+
+
+class StudyState(Struct, frozen=True):
+    """Everything that is known of a study at one moment."""
+
+    study: Study
+    participants: tuple[Participant, ...]
+    plan: tuple[Slot, ...]
+    """In its order; empty: it is not made yet."""
+    log: tuple[LogEntry, ...]
+    """With what the session folders add to it."""
+    sessions: tuple[StudySession, ...]
+    places: Places
+    standing: StudyStanding
+    problems: tuple[str, ...] = ()
+    """What hinders every session that counts, in sentences."""
+
+    def row_for(self, participant: Participant) -> Slot | None:
+        """The row that a participant holds, or that they would get; None: there is none for them."""
+        slot = self.places.slots.get(participant.participant)
+        if slot is None:
+            return self.places.free_row(self.plan, participant.strata)
+        return next((row for row in self.plan if row.slot == slot), None)
+
+    def state_of(self, participant: str) -> ParticipantState | None:
+        """How somebody stands; None: the study does not know them."""
+        return next((each.state for each in self.standing.participants if each.participant == participant), None)
+
+    def levels_of(self, row: Slot, participant: Participant | None) -> dict[str, str]:
+        """The between levels of a row: those of the plan, those that were drawn when it was taken, or those that would
+        be drawn now for this participant (None: for whoever comes)."""
+        if row.levels or self.study.assignment.between != "minimise":
+            return dict(row.levels)
+        drawn = self.places.levels.get(row.slot)
+        if drawn is not None and row.slot in self.places.slots.values():
+            return dict(drawn)
+        strata = {column: self.study.strata[column][0] for column in self.study.assignment.strata}
+        if participant is not None:
+            strata = {**strata, **participant.strata}
+        return cell_for(self.study, self._cells_so_far(), strata, row)
+
+    def _cells_so_far(self) -> list[tuple[dict[str, str], dict[str, str]]]:
+        """Strata and levels of everybody who holds a row."""
+        strata = {each.participant: each.strata for each in self.participants}
+        return [
+            (strata[name], self.places.levels[slot])
+            for name, slot in self.places.slots.items()
+            if name in strata and slot in self.places.levels
+        ]
+
+
+def read_state(folder: Path) -> StudyState:
+    """A study as it stands, without writing anything.
+
+    :param folder: the study's.
+    :raises StudyUnusable: its files are not right.
+    :raises rise_engine.study.study_log.StudyLogError: its log cannot be read.
+    """
+    files = _read_files(folder)
+    return _state(files, read_log(folder))
+
+
+class OpenStudy:
+    """A study while nobody else can write its log; to be held for milliseconds.
+
+    Within `with OpenStudy(folder) as open:`, `open.state` is the study as it stands, and `open.log` is written to.
+    """
+
+    def __init__(self, folder: Path) -> None:
+        """
+        :param folder: the study's.
+        """
+        self.folder = folder
+        self.log = LockedLog(folder)
+        self.state: StudyState
+
+    def __enter__(self) -> OpenStudy:
+        """
+        :raises StudyUnusable: its files are not right.
+        :raises rise_engine.study.study_log.StudyLogError: its log cannot be locked, read or written.
+        """
+        if not is_study(self.folder):  # nobody makes a log where no study is
+            raise StudyUnusable([str(each) for each in load_study(self.folder).errors])
+        self.log.__enter__()
+        try:
+            self._reconcile(_read_files(self.folder))
+        except BaseException:
+            self.log.__exit__(None, None, None)
+            raise
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self.log.__exit__(kind, error, trace)
+
+    def supposing(self, outcomes: Sequence[dict[str, Json]]) -> StudyState:
+        """The study as it would stand if these outcomes were in the log."""
+        supposed = [_entry_of(MissingEntry("outcome", fields)) for fields in outcomes]
+        return _state(self._files, [*self.log.entries(), *supposed]) if supposed else self.state
+
+    def _reconcile(self, files: StudyFiles) -> None:
+        """Write what the session folders say and the log does not."""
+        self._files = files
+        entries = self.log.entries()
+        sessions = read_sessions(self.folder, files.study.id, entries)
+        for missing in missing_entries(sessions, entries):
+            self.log.append(missing.kind, **missing.fields)
+        for session in sessions:  # judged while it was unfinished: nobody is to be asked about it any more
+            if session.left_open and session.entry.outcome is not None and not session.abandoned:
+                mark_abandoned(session.path)
+        self.state = _state(files, self.log.entries())
+
+
+def _state(files: StudyFiles, log: Sequence[LogEntry]) -> StudyState:
+    study, folder = files.study, Path(files.study.folder)
+    sessions = read_sessions(folder, study.id, log)
+    if missing := missing_entries(sessions, log):
+        log = [*log, *(_entry_of(each) for each in missing)]
+        sessions = read_sessions(folder, study.id, log)
+    problems = _plan_problems(files, log)
+    places = places_of(files.participants, log, sessions)
+    standing = study_standing(study, files.participants, files.plan, log, sessions, problems=problems)
+    return StudyState(
+        study=study,
+        participants=files.participants,
+        plan=files.plan,
+        log=tuple(log),
+        sessions=tuple(sessions),
+        places=places,
+        standing=standing,
+        problems=tuple(problems),
+    )
+
+
+def _entry_of(missing: MissingEntry) -> LogEntry:
+    return LogEntry(missing.kind, datetime.now().astimezone().isoformat(timespec="milliseconds"), missing.fields, 0)
+
+
+def _read_files(folder: Path) -> StudyFiles:
+    loaded = load_study(folder, check_scenarios=False)
+    if loaded.study is None:
+        raise StudyUnusable([str(each) for each in loaded.errors])
+    participants, plan = load_participants(loaded.study), read_plan(loaded.study)
+    if errors := [*participants.errors, *plan.errors]:
+        raise StudyUnusable([str(each) for each in errors])
+    return StudyFiles(loaded.study, participants.participants, plan.slots or (), plan.hash)
+
+
+def _plan_problems(files: StudyFiles, log: Sequence[LogEntry]) -> list[str]:
+    """Why no session that counts can begin."""
+    problems: list[str] = []
+    if files.study.mode == "debug":
+        problems.append('study.toml says mode = "debug": with a simulated robot no session counts')
+    planned = last_planned(log)
+    if planned is None:
+        problems.append("there is no plan yet: rise-engine study plan makes it")
+    elif problem := plan_problem(files.study, planned, files.plan_hash):
+        problems.append(problem)
+    return problems

@@ -1,0 +1,140 @@
+"""What of a study is about one participant: their session folders, the recordings that these have registered, and
+where their pseudonym stands."""
+
+from __future__ import annotations
+
+import os
+import re
+import tomllib
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+from rise_engine.kernel.records import SessionRecord
+from rise_engine.session.errors import SessionError
+from rise_engine.session.folder import JOURNAL, read_info
+from rise_engine.session.journal_format import JournalHeader, JournalLine, LineError, read_line
+from rise_engine.study.sessions import SESSIONS
+from rise_engine.study.study_log import LOG_FILE
+
+PARTICIPANTS_FILE, STUDY_FILE = "participants.csv", "study.toml"
+_SMALL = 5_000_000
+"""Bytes: of larger files that are no text, only the name is looked at."""
+_TEXTS = (".jsonl", ".csv", ".json", ".toml", ".txt", ".md")
+
+
+def study_of_session(session: Path) -> Path | None:
+    """The folder of the study in whose `sessions` a session's folder lies; None: it is of no study."""
+    folder = session.resolve().parent
+    study = folder.parent
+    if folder.name == SESSIONS and ((study / STUDY_FILE).exists() or (study / LOG_FILE).exists()):
+        return study
+    return None
+
+
+def wizard_names(study: Path | None) -> dict[str, str]:
+    """What exports call each wizard, as `[wizards]` in study.toml says; also when something else there is wrong."""
+    if study is None:
+        return {}
+    try:
+        found = tomllib.loads((study / STUDY_FILE).read_text("utf-8")).get("wizards")
+    except (OSError, ValueError):
+        return {}
+    return {name: str(each) for name, each in found.items()} if isinstance(found, dict) else {}
+
+
+def folders_in(sessions: Path) -> list[Path]:
+    """The folders in a folder, in order; none where there is none."""
+    try:
+        return sorted(Path(each.path) for each in os.scandir(sessions) if each.is_dir(follow_symlinks=False))
+    except OSError:
+        return []
+
+
+def owner_of(folder: Path) -> str:
+    """Whose session it is: by its session.toml, or its record, or else its name; empty when nobody can know."""
+    try:
+        return read_info(folder).participant
+    except SessionError:
+        pass
+    for line in _readable_lines(folder):
+        if isinstance(line, SessionRecord):
+            return line.participant
+    parts = folder.name.split("_")
+    return parts[2] if len(parts) >= 5 else ""
+
+
+def registered_recordings(folder: Path) -> list[str]:
+    """The files of recordings that a session has registered, absolute."""
+    found: dict[str, None] = {}
+    for line in _readable_lines(folder):
+        if not isinstance(line, JournalHeader) and _kind(line) == "recording" and (path := getattr(line, "path", "")):
+            found[str((folder / Path(path).expanduser()).absolute())] = None
+    return [path for path in found if not Path(path).is_relative_to(folder.absolute())]
+
+
+def _readable_lines(folder: Path) -> Iterator[JournalLine]:
+    """What can be read of a journal, also of a damaged one."""
+    try:
+        with (folder / JOURNAL).open("rb") as file:
+            for line in file:
+                if b'"recording"' in line or b'"kind":"session"' in line:
+                    try:
+                        yield read_line(line.rstrip(b"\n"))
+                    except LineError:
+                        continue
+    except OSError:
+        return
+
+
+def _kind(line: Any) -> str:
+    return str(line.__struct_config__.tag)
+
+
+def find_names(study: Path, participant: str) -> list[str]:
+    """Where a pseudonym still stands in a study's folder, and what is to be done about it, in sentences."""
+    found = []
+    for path in sorted(study.rglob("*")):
+        name = path.relative_to(study)
+        if path.is_symlink() or not path.is_file():
+            if has_name(path.name, participant):
+                found.append(f"the name of {name}: erase it, or give it another name")
+            continue
+        if has_name(path.name, participant):
+            found.append(f"the name of {name}: erase it, or give it another name")
+        lines = lines_naming(path, participant)
+        if not lines:
+            continue
+        where = ", ".join(map(str, lines[:5])) + (f" and {len(lines) - 5} more" if len(lines) > 5 else "")
+        found.append(f"{name}, line{'s' if len(lines) > 1 else ''} {where}: {_advice(name, participant)}")
+    return found
+
+
+def _advice(name: Path, participant: str) -> str:
+    if str(name) == PARTICIPANTS_FILE:
+        return "delete the line yourself, because nothing but people writes in this file"
+    if name.parts[0] == SESSIONS and len(name.parts) > 2:
+        return f"rise-engine redact {name.parts[1]} --replace {participant}=NAME, if it is them who is meant"
+    return "take it out yourself, if it is them who is meant"
+
+
+def lines_naming(path: Path, participant: str) -> list[int]:
+    """The lines of a file in which a pseudonym stands, from 1."""
+    try:
+        if path.stat().st_size > _SMALL and path.suffix not in _TEXTS:
+            return []
+        text = path.read_bytes().decode("utf-8", "replace")
+    except OSError:
+        return []
+    pattern = name_pattern(participant)
+    return [number for number, line in enumerate(text.splitlines(), 1) if pattern.search(line)]
+
+
+def name_pattern(participant: str) -> re.Pattern[str]:
+    """A pseudonym that is no part of another word."""
+    return re.compile(rf"(?<![A-Za-z0-9]){re.escape(participant)}(?![A-Za-z0-9])")
+
+
+def has_name(text: str, participant: str) -> bool:
+    """Whether a pseudonym stands in a text."""
+    return name_pattern(participant).search(text) is not None

@@ -1,0 +1,371 @@
+"""Withdrawal: what is about one participant leaves a study, for ever; what stays is a salted hash and a free slot.
+
+The order makes it safe to be killed at any moment, and to be run again: under the log's lock a list of what is to go is
+written, their session folders are moved out of `sessions` (so nobody finds them there and writes them into the log
+again), and the log is written anew without them. Then what was moved and listed is erased, which can take long, and at
+last the list. Whatever is left of an earlier run is finished by the next one.
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Sequence
+from contextlib import suppress
+from pathlib import Path
+from typing import Any
+
+import msgspec
+from msgspec import Struct, field
+from msgspec.structs import replace
+
+from rise_engine.errors import RiseError
+from rise_engine.session.disk import Disk, error_message
+from rise_engine.session.erasure import erase_file, erase_folder, overwrite
+from rise_engine.session.folder import JOURNAL, sessions_folder
+from rise_engine.session.lock import is_journal_locked, read_holder, running_message
+from rise_engine.study.sessions import SESSIONS
+from rise_engine.study.study_log import SET_ASIDE_FILE, LockedLog, LogEntry, read_log
+from rise_engine.study.traces import (
+    PARTICIPANTS_FILE,
+    find_names,
+    folders_in,
+    has_name,
+    lines_naming,
+    name_pattern,
+    owner_of,
+    registered_recordings,
+)
+from rise_engine.study.withdrawn import PREFIX, hash_pseudonym, is_withdrawn, new_salt
+
+WORK_FOLDER = ".withdrawing"
+"""In the study's folder, while somebody's data are being erased."""
+_LIST = "list.json"
+_WRITTEN = ("reason", "text", "value")
+"""Fields of the log that hold what somebody wrote."""
+
+
+class WithdrawalError(RiseError):
+    """Nobody was withdrawn; the text says why."""
+
+
+class WithdrawalPlan(Struct):
+    """What is to be erased."""
+
+    participant: str
+    sessions: list[str] = field(default_factory=list)
+    """Names of their folders in the study's sessions."""
+    recordings: list[str] = field(default_factory=list)
+    """Files, and folders of bags, that their sessions have registered; absolute."""
+    exports: dict[str, list[str]] = field(default_factory=dict)
+    """Absolute paths of what was exported of their sessions, and who else is in each."""
+    unreachable: list[str] = field(default_factory=list)
+    """What their sessions have registered and cannot be erased, in sentences."""
+
+
+class WithdrawalReport(Struct):
+    """What was done, and what is left for people."""
+
+    erased: list[str] = field(default_factory=list)
+    make_again: list[str] = field(default_factory=list)
+    """Exports that held others, too."""
+    remains: list[str] = field(default_factory=list)
+    """Where they are still named in the study's folder, in sentences."""
+    beyond: list[str] = field(default_factory=list)
+    """What nobody can reach from here, in sentences."""
+
+
+def plan_withdrawal(study: Path, participant: str) -> WithdrawalPlan:
+    """What withdrawing a participant would erase. Nothing is changed.
+
+    :param study: the study's folder.
+    :param participant: their pseudonym.
+    :raises WithdrawalError: the study knows no such participant, or one of their sessions runs.
+    :raises rise_engine.study.study_log.StudyLogError: the log cannot be read.
+    """
+    log = read_log(study)
+    plan = _make_plan(study, participant, log)
+    if plan.sessions or _left_work(study, participant) or is_withdrawn(participant, log):
+        return plan
+    if any(_concerns(each, participant, set()) for each in log) or lines_naming(study / PARTICIPANTS_FILE, participant):
+        return plan
+    raise WithdrawalError(f"the study in {study} knows no participant {participant!r}; nothing was done")
+
+
+def withdraw(study: Path, participant: str, disk: Disk | None = None) -> WithdrawalReport:
+    """Erase everything about a participant that can be reached; run again after an interruption, it finishes.
+
+    :param study: the study's folder.
+    :param participant: their pseudonym.
+    :param disk: what writes, for tests that let it fail.
+    :raises WithdrawalError: as `plan_withdrawal`, or something cannot be erased; what was not stays listed for the next
+        time.
+    :raises rise_engine.study.study_log.StudyLogError: the log cannot be read or written.
+    """
+    disk = disk or Disk()
+    plan_withdrawal(study, participant)
+    try:
+        with LockedLog(study, disk=disk) as log:
+            work = _take_out(study, participant, log, disk)
+        report = _erase(study, work, participant, disk) if work is not None else WithdrawalReport()
+    except OSError as error:
+        raise WithdrawalError(
+            f"not everything could be erased: {error.filename or study}: {error_message(error)}. Say it again when "
+            "that is mended; it goes on where it stopped"
+        ) from None
+    report.remains = find_names(study, participant)
+    report.beyond = [*report.beyond, *_beyond(study, participant)]
+    return report
+
+
+# --- under the log's lock -------------------------------------------------------------------------------------------
+
+
+def _take_out(study: Path, participant: str, log: LockedLog, disk: Disk) -> Path | None:
+    """Make the list, move the folders out of the study's sessions, write the log anew. The folder of what is to be
+    erased; None: there is nothing."""
+    _erase_unlisted(study, disk)
+    entries = log.entries()
+    plan = _make_plan(study, participant, entries)
+    work = _left_work(study, participant)
+    if work is not None:
+        plan = _join(_read_list(work), plan)
+    own = set(plan.sessions)
+    known = any(_concerns(each, participant, own) for each in entries)
+    if work is None and not plan.sessions and not known and is_withdrawn(participant, entries):
+        with suppress(OSError):
+            (study / WORK_FOLDER).rmdir()
+        return None
+    work = work or _new_work(study)
+    _write_list(work, plan, disk)
+    for name in plan.sessions:
+        _move_out(study / SESSIONS / name, work / name)
+    if (study / SESSIONS).is_dir():
+        disk.sync_folder(study / SESSIONS)
+    disk.sync_folder(work)
+    if known or not is_withdrawn(participant, entries):
+        _rewrite_log(log, entries, participant, own, disk)
+    return work
+
+
+def _move_out(folder: Path, target: Path) -> None:
+    """Nobody finds the session any more. Raises WithdrawalError when somebody has gone on with it just now."""
+    if not folder.exists():
+        return
+    folder.rename(target)
+    if is_journal_locked(target / JOURNAL):
+        target.rename(folder)
+        _refuse_running(folder)
+
+
+def _rewrite_log(log: LockedLog, entries: list[LogEntry], participant: str, own: set[str], disk: Disk) -> None:
+    """The log without them, and the entry that they have withdrawn, in one step; the old bytes are overwritten.
+
+    Of what was about them, only that their slot was taken stays, by the hash.
+    """
+    salt = new_salt()
+    digest = hash_pseudonym(participant, salt)
+    slots = [each.get("slot") for each in entries if each.kind == "taken" and each.get("participant") == participant]
+    kept: list[LogEntry] = []
+    for entry in entries:
+        if not _concerns(entry, participant, own):
+            kept.append(entry)
+        elif entry.kind == "taken" or not _is_about(entry, participant, own):
+            kept.append(replace(entry, fields=_without_name(entry, participant, PREFIX + digest)))
+    before = os.open(log.path, os.O_RDWR | os.O_CLOEXEC)
+    try:
+        withdrawn = {"slot": slots[-1] if slots else None, "salt": salt, "hash": digest}
+        log.rewrite([*kept, LogEntry("withdrawn", log.now_text(), withdrawn, 0)])
+        if os.fstat(before).st_nlink == 0:
+            overwrite(before, disk)
+    finally:
+        os.close(before)
+    _clear_set_aside(log.path.with_name(SET_ASIDE_FILE), participant, own, disk)
+
+
+def _is_about(entry: LogEntry, participant: str, own: set[str]) -> bool:
+    """Whether an entry is about them; an export that holds them is erased, so it need not be known any more."""
+    named = entry.get("participants") or []
+    sessions = {str(entry.get("session")), str(entry.get("folder"))}
+    return entry.get("participant") == participant or participant in named or bool(sessions & own)
+
+
+def _concerns(entry: LogEntry, participant: str, own: set[str]) -> bool:
+    """Whether an entry is about them, or names them in what somebody wrote."""
+    return _is_about(entry, participant, own) or _without_name(entry, participant, "") != entry.fields
+
+
+def _without_name(entry: LogEntry, participant: str, name: str) -> dict[str, Any]:
+    """An entry's fields with another name in the place of theirs. A pseudonym of digits is no word that can be found
+    in what somebody wrote."""
+    pattern = name_pattern(participant)
+    fields = dict(entry.fields)
+    for key, value in fields.items():
+        if key == "participant" and value == participant:
+            fields[key] = name
+        elif key in _WRITTEN and isinstance(value, str) and not participant.isdigit():
+            fields[key] = pattern.sub(name, value)
+    return fields
+
+
+def _clear_set_aside(path: Path, participant: str, own: set[str], disk: Disk) -> None:
+    """Half lines of the log that name them. What they said is in the folders, or nowhere."""
+    if path.exists() and any(has_name(path.read_text("utf-8", "replace"), each) for each in (participant, *own)):
+        erase_file(path, disk)
+
+
+# --- what is theirs -------------------------------------------------------------------------------------------------
+
+
+def _make_plan(study: Path, participant: str, log: Sequence[LogEntry]) -> WithdrawalPlan:
+    plan = WithdrawalPlan(participant)
+    others: dict[str, list[str]] = {}
+    for folder in folders_in(study / SESSIONS):
+        owner = owner_of(folder)
+        if owner == participant:
+            _refuse_running(folder)
+            plan.sessions.append(folder.name)
+            for path in registered_recordings(folder):
+                plan.recordings += [path] if path not in plan.recordings else []
+        else:
+            for path in registered_recordings(folder):
+                others.setdefault(path, []).append(owner or folder.name)
+    for path in list(plan.recordings):
+        if path in others:
+            plan.recordings.remove(path)
+            plan.unreachable.append(f"{path} records {', '.join(sorted(set(others[path])))}, too: cut them out of it")
+        elif sentence := _why_not_erasable(Path(path)):
+            plan.recordings.remove(path)
+            plan.unreachable.append(sentence)
+    for entry in log:
+        names = entry.get("participants") or []
+        if entry.kind == "exported" and participant in names and isinstance(path := entry.get("path"), str):
+            plan.exports[str(study / path)] = [each for each in names if each != participant]
+    return plan
+
+
+def _refuse_running(folder: Path) -> None:
+    if is_journal_locked(folder / JOURNAL):
+        raise WithdrawalError(f"{running_message(folder, read_holder(folder))}. Nothing was erased: end it first")
+
+
+def _why_not_erasable(path: Path) -> str:
+    """Why a registered recording is left to people, or empty."""
+    if not path.exists():
+        return f"{path} is not on this computer: erase it where it was recorded"
+    if path.is_dir() and not (path / "metadata.yaml").is_file():
+        return f"{path} is a folder, and no bag: erase what is theirs in it"
+    return ""
+
+
+# --- the list of what is to go --------------------------------------------------------------------------------------
+
+
+def _left_work(study: Path, participant: str) -> Path | None:
+    """What an earlier run has left."""
+    for folder in folders_in(study / WORK_FOLDER):
+        try:
+            if _read_list(folder).participant == participant:
+                return folder
+        except (OSError, msgspec.DecodeError):
+            continue
+    return None
+
+
+def _erase_unlisted(study: Path, disk: Disk) -> None:
+    """What was left by a run that was ended before its list was written, or after it was erased."""
+    for folder in folders_in(study / WORK_FOLDER):
+        if not (folder / _LIST).exists():
+            erase_folder(folder, disk)
+
+
+def _new_work(study: Path) -> Path:
+    root = study / WORK_FOLDER
+    root.mkdir(0o700, exist_ok=True)
+    for number in range(1, 10_000):
+        try:
+            (root / str(number)).mkdir(0o700)
+        except FileExistsError:
+            continue
+        return root / str(number)
+    raise WithdrawalError(f"{root} is full")
+
+
+def _read_list(work: Path) -> WithdrawalPlan:
+    return msgspec.json.decode((work / _LIST).read_bytes(), type=WithdrawalPlan)
+
+
+def _write_list(work: Path, plan: WithdrawalPlan, disk: Disk) -> None:
+    new = work / f"{_LIST}.new"
+    new.unlink(missing_ok=True)
+    descriptor = disk.open(new, create=True)
+    try:
+        disk.write(descriptor, msgspec.json.encode(plan), 0)
+        disk.sync(descriptor)
+    finally:
+        disk.close(descriptor)
+    new.replace(work / _LIST)
+    disk.sync_folder(work)
+
+
+def _join(before: WithdrawalPlan, now: WithdrawalPlan) -> WithdrawalPlan:
+    return WithdrawalPlan(
+        now.participant,
+        list(dict.fromkeys([*before.sessions, *now.sessions])),
+        list(dict.fromkeys([*before.recordings, *now.recordings])),
+        {**before.exports, **now.exports},
+        list(dict.fromkeys([*before.unreachable, *now.unreachable])),
+    )
+
+
+# --- erasing --------------------------------------------------------------------------------------------------------
+
+
+def _erase(study: Path, work: Path, participant: str, disk: Disk) -> WithdrawalReport:
+    plan = _read_list(work)
+    report = WithdrawalReport(beyond=list(plan.unreachable))
+    for path in map(Path, plan.recordings):
+        for each in dict.fromkeys((path.resolve(), path)):
+            if each.is_dir() and not each.is_symlink():
+                erase_folder(each, disk)
+            else:
+                erase_file(each, disk)
+        report.erased.append(str(path))
+    for text, others in plan.exports.items():
+        path = Path(text)
+        if path.is_dir() and not path.is_symlink():
+            report.beyond.append(f"{path} is a folder now, and was an export: erase what is theirs in it")
+            continue
+        erase_file(path, disk)
+        report.erased.append(str(path))
+        if others:
+            report.make_again.append(f"{path} (with {', '.join(others)})")
+    for name in plan.sessions:
+        if (work / name).is_dir():
+            erase_folder(work / name, disk)
+        report.erased.append(f"{SESSIONS}/{name}")
+    erase_folder(work, disk)  # with the list: from here on nothing is left to do
+    with suppress(OSError):  # somebody else's are being erased, too
+        (study / WORK_FOLDER).rmdir()
+    disk.sync_folder(study)
+    return report
+
+
+# --- what is left ---------------------------------------------------------------------------------------------------
+
+
+def _beyond(study: Path, participant: str) -> list[str]:
+    """What no program can reach from here."""
+    found = []
+    elsewhere = sessions_folder()
+    if elsewhere.resolve() != (study / SESSIONS).resolve():
+        for folder in folders_in(elsewhere):
+            if owner_of(folder) == participant:
+                found.append(f"{folder} is a session of somebody with this pseudonym: look whose it is")
+    return [
+        *found,
+        "backups, snapshots and synchronised copies of the study's folder, and whatever was copied out of it",
+        "recordings that no session has registered: cameras, bags, LabRecorder, the folder of OBS",
+        "bundles and exports that were given to others, or that were not written with `export -o`",
+        "the list that says which person the pseudonym is, and the consent form",
+        "the history of the shell, if the pseudonym was typed there",
+    ]

@@ -1,0 +1,48 @@
+"""Who has withdrawn, without their pseudonym: a salted hash in study.jsonl.
+
+A hash answers one question: whether somebody who is to take part now has withdrawn before. With the salt beside it,
+whoever tries all pseudonyms finds the one; so the salt stays in the study's folder, and is taken out of whatever of
+study.jsonl is given to others (`without_salts`).
+"""
+
+from __future__ import annotations
+
+import hashlib
+import secrets
+from collections.abc import Iterable, Sequence
+
+from msgspec.structs import replace
+
+from rise_engine.study.study_log import LogEntry
+
+PREFIX = "withdrawn:"
+"""Of what stands in the log in the place of a pseudonym: `withdrawn:` and the hash. No pseudonym has a colon."""
+
+
+def new_salt() -> str:
+    """A salt that nobody can guess."""
+    return secrets.token_hex(16)
+
+
+def hash_pseudonym(participant: str, salt: str) -> str:
+    """The salted hash, in hexadecimal digits."""
+    return hashlib.sha256(f"{salt}/{participant}".encode()).hexdigest()
+
+
+def is_withdrawn(participant: str, log: Iterable[LogEntry]) -> bool:
+    """Whether a participant has withdrawn.
+
+    :param participant: a pseudonym, or what stands in its place in the log since then.
+    :param log: all entries of study.jsonl.
+    """
+    if participant.startswith(PREFIX):
+        return True
+    entries = [each for each in log if each.kind == "withdrawn"]
+    return any(hash_pseudonym(participant, str(each.get("salt"))) == each.get("hash") for each in entries)
+
+
+def without_salts(log: Sequence[LogEntry]) -> list[LogEntry]:
+    """The log as it can be given to others: nobody can find a pseudonym by trying them all."""
+    return [
+        replace(each, fields={name: value for name, value in each.fields.items() if name != "salt"}) for each in log
+    ]

@@ -1,0 +1,228 @@
+"""Days of studies on which everything is killed: engines while they start, run and end, and commands that judge.
+
+    python -m tests.faults.study_day --kills 100
+
+Each engine is a real process (forked from this one) that serves a session of a real study. After every kill: no slot is
+held by two, none was passed over, every session is what the plan says (`tests.study.invariants`), no session that was
+served is lost, and every outcome that was acknowledged counts.
+"""
+
+from __future__ import annotations
+
+import argparse
+import os
+import random
+import shutil
+import sys
+import tempfile
+import time
+from collections import Counter
+from pathlib import Path
+
+from rise_engine.exit_status import UNFINISHED
+from rise_engine.kernel.inputs import OutcomeReport
+from rise_engine.kernel.records import OutcomeStatus
+from rise_engine.protocol import messages
+from rise_engine.protocol.session_options import SessionOptions
+from rise_engine.server.spawn import EngineRefused
+from rise_engine.study.judge import CannotJudge, judge_session
+from rise_engine.study.model import ParticipantStanding
+from rise_engine.study.standing import BEGINNABLE
+from rise_engine.study.state import OpenStudy, StudyState, read_state
+from tests.faults.soak import Child, Mistake, SoakConnection
+from tests.study.invariants import check_day
+from tests.study.studies import HEAD, PEOPLE, write_study
+
+OUTCOMES: tuple[OutcomeStatus, ...] = ("complete", "complete", "complete", "aborted", "excluded")
+
+
+class StudyConnection(SoakConnection):
+    """A program that ends sessions."""
+
+    def judge(self, status: OutcomeStatus) -> bool:
+        """Whether the outcome was acknowledged."""
+        self._put(messages.SendMessage(id=1, message=OutcomeReport(status=status, reason="by the soak")))
+        while 1 not in self.acknowledged:
+            if not self.read(5.0):
+                return False
+        if not self.acknowledged[1]["accepted"]:
+            raise Mistake(f"the outcome was refused: {self.acknowledged[1]}")
+        return True
+
+    def end(self) -> None:
+        self._put(messages.EndMessage(id=2, reason="done"))
+
+    def close(self) -> None:
+        self._socket.close()
+
+
+class StudyDays:
+    """One run: as many studies as it takes."""
+
+    def __init__(self, seed: int, scratch: Path) -> None:
+        self.dice = random.Random(seed)
+        self.scratch = scratch
+        os.environ["RISE_SESSIONS"] = str(scratch / "sessions")
+        os.environ["RISE_RUNTIME"] = str(scratch / "run")
+        self.counts: Counter[str] = Counter()
+        self.folder = scratch
+        self.served: set[str] = set()
+        """Folders of sessions that somebody was told of."""
+        self.judged: dict[str, OutcomeStatus] = {}
+        """What was acknowledged of each."""
+
+    def run(self, kills: int) -> None:
+        while self.counts["kills"] < kills:
+            self.begin_study()
+            while self.counts["kills"] < kills and self.step():
+                pass
+
+    def begin_study(self) -> None:
+        self.counts["studies"] += 1
+        self.folder = self.scratch / f"study-{self.counts['studies']}"
+        write_study(self.folder, people=HEAD + PEOPLE)
+        self.served.clear()
+        self.judged.clear()
+
+    def step(self) -> bool:
+        """Something happens in the study; False when everybody is done."""
+        state = read_state(self.folder)
+        ready = [
+            each
+            for each in state.standing.participants
+            if (each.state in BEGINNABLE and not each.why) or each.state in ("unfinished", "to-judge")
+        ]
+        if not ready:
+            return False
+        busy = [each for each in ready if each.state != "waiting"]
+        participant = self.dice.choice(busy or ready[:1]) if self.dice.random() < 0.8 else self.dice.choice(ready)
+        if participant.state == "to-judge" or (participant.state == "unfinished" and self.dice.random() < 0.1):
+            self.judge_afterwards(participant)
+        else:
+            self.session(participant)
+        self.check()
+        return True
+
+    def session(self, participant: ParticipantStanding) -> None:
+        dice = self.dice
+        how = dice.choice(["recover", "new"]) if participant.state == "unfinished" else "ask"
+        options = SessionOptions(
+            "", study=str(self.folder), participant=participant.participant, unfinished=how, socket_name="day"
+        )
+        child = Child(options)
+        if dice.random() < 0.35:
+            time.sleep(dice.random() * 0.08)
+            child.kill()
+            self.count_kill("while it starts")
+            return
+        outcome = child.outcome()
+        if isinstance(outcome, EngineRefused):
+            child.wait()
+            raise Mistake(f"{participant} was refused ({'unfinished' * (outcome.code == UNFINISHED)}): {outcome.lines}")
+        name = Path(outcome.folder).name
+        self.served.add(name)
+        self.counts["recovered"] += outcome.recovered
+        connection = StudyConnection(self.scratch / "run" / "day.sock")
+        if dice.random() < 0.3:
+            time.sleep(dice.random() * 0.02)
+            child.kill()
+            self.count_kill("while it runs")
+        elif dice.random() < 0.2:
+            if child.end() != 0:
+                raise Mistake("the engine did not end in order")
+            self.counts["ended without outcome"] += 1
+        else:
+            self.end_with_outcome(child, connection, name)
+        connection.close()
+
+    def end_with_outcome(self, child: Child, connection: StudyConnection, name: str) -> None:
+        status = self.dice.choice(OUTCOMES)
+        if not connection.judge(status):
+            raise Mistake("the engine ended by itself")
+        self.judged[name] = status
+        self.counts[status] += 1
+        connection.end()
+        if self.dice.random() < 0.6:
+            time.sleep(self.dice.random() * 0.03)
+            child.kill()
+            self.count_kill("while it ends")
+        else:
+            child.wait()
+
+    def judge_afterwards(self, participant: ParticipantStanding) -> None:
+        """As `rise-engine study outcome` does, in a process that may be killed."""
+        pid = os.fork()
+        if pid == 0:
+            code = 70
+            try:
+                with OpenStudy(self.folder) as open:
+                    judge_session(open, participant.participant, self.dice.choice(OUTCOMES), "said afterwards")
+                code = 0
+            except CannotJudge:
+                code = 1
+            finally:
+                os._exit(code)
+        if self.dice.random() < 0.5:
+            time.sleep(self.dice.random() * 0.03)
+            os.kill(pid, 9)
+            os.waitpid(pid, 0)
+            self.count_kill("while it is judged")
+        elif os.waitstatus_to_exitcode(os.waitpid(pid, 0)[1]) != 0:
+            raise Mistake(f"{participant} could not be judged")
+
+    def count_kill(self, when: str) -> None:
+        self.counts["kills"] += 1
+        self.counts[f"killed {when}"] += 1
+
+    def check(self) -> None:
+        try:
+            check_day(self.folder)
+        except AssertionError as error:
+            raise Mistake(f"{self.folder}: {error}") from error
+        state = read_state(self.folder)
+        self.check_standing(state)
+        if self.dice.random() < 0.3:
+            with OpenStudy(self.folder) as open:  # what is written down changes nothing
+                written = open.state
+            before, after = state.standing, written.standing
+            if (before.participants, before.cells) != (after.participants, after.cells):
+                raise Mistake(f"{self.folder}: what the log did not say was not what was written\n{before}\n{after}")
+            check_day(self.folder)
+
+    def check_standing(self, state: StudyState) -> None:
+        held = [each.slot for each in state.standing.participants if each.slot is not None]
+        if len(held) != len(set(held)):
+            raise Mistake(f"{self.folder}: a slot is held twice: {held}")
+        entries = {each.name: each.entry for each in state.sessions}
+        if lost := self.served - entries.keys():
+            raise Mistake(f"{self.folder}: sessions are lost: {lost}")
+        for name, status in self.judged.items():
+            if entries[name].outcome != status:
+                raise Mistake(f"{self.folder}: {name} was judged {status} and is {entries[name]}")
+
+
+def main() -> int:
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--kills", type=int, default=1_000)
+    parser.add_argument("--seed", type=int, default=None)
+    options = parser.parse_args()
+    seed = options.seed if options.seed is not None else random.SystemRandom().randrange(10**6)
+    print(f"seed {seed}", flush=True)
+    scratch = Path(tempfile.mkdtemp(prefix="day-", dir="/tmp"))
+    (scratch / "run").mkdir(0o700)
+    began = time.monotonic()
+    days = StudyDays(seed, scratch)
+    try:
+        days.run(options.kills)
+    except Mistake as mistake:
+        print(f"MISTAKE (seed {seed}, kept in {scratch}): {mistake}", flush=True)
+        return 1
+    finally:
+        took = time.monotonic() - began
+        print(", ".join(f"{name} {number}" for name, number in sorted(days.counts.items())), f"in {took:.0f} s")
+    shutil.rmtree(scratch)
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
