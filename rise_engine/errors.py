@@ -63,10 +63,6 @@
       WordError                   A word cannot be replaced like this
       XmlNameError                A character that no XML name can have
 
-      WithdrawalError             Nobody was withdrawn
-      WordError                   A word cannot be replaced like this
-      XmlNameError                A character that no XML name can have
-
 What is wrong with the files of a scenario is no error but a list of findings (`rise_engine.scenario.load`). Most are a
 ValueError, too, for callers who catch that.
 """

@@ -18,7 +18,8 @@ from rise_engine.cli.study_reports import resolve_study_folder
 from rise_engine.kernel.inputs import CheckReport, SessionStarted
 from rise_engine.kernel.records import Purpose
 from rise_engine.protocol.session_options import SessionOptions
-from rise_engine.study.begin import BeginRequest, CannotBegin, SessionPlan, plan_session
+from rise_engine.study.begin import BeginRequest, CannotBegin, SessionPlan, plan_session, to_give_up
+from rise_engine.study.sessions import given_up_fields
 from rise_engine.study.state import StudyState, StudyUnusable, read_state
 from rise_engine.study.study_log import StudyLogError
 from rise_engine.text import clean
@@ -123,6 +124,8 @@ def _plan_or_exit(state: StudyState, options: SessionOptions, *, serves: bool = 
         checks=None,
         seed=options.seed,
     )
+    if options.unfinished == "new":
+        state = state.supposing(map(given_up_fields, to_give_up(state, request)))
     try:
         return plan_session(state, request)
     except CannotBegin as error:

@@ -69,6 +69,11 @@ def set_conflicts(scenario: Scenario, started: SessionStarted, tasks: Iterable[S
     return problems
 
 
+def assigned_keys(options: SessionOptions) -> list[str]:
+    """The memory keys that are assigned at the beginning of a session, without the parts after the first full stop."""
+    return [_head(key) for task in options.first_tasks for key in _assigned_keys(task)]
+
+
 def _assigned_keys(task: Submit) -> list[str]:
     if task.function != "assignValue":
         return []

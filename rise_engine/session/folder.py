@@ -351,9 +351,13 @@ def _make_folder(root: Path, name: str) -> Path:
 
 
 def _folder_name(started: datetime, begun: SessionStarted, scenario: Scenario) -> str:
-    """Date, participant, scenario, mode; and for what does not count although it ran in real mode, why it was run."""
+    """Date, participant, study or scenario, mode; and for what does not count although it ran in real mode, why.
+
+    Not the scenario of a study's session: where a condition has one of its own, its title would tell the condition.
+    """
     rehearsal = begun.purpose if begun.purpose in ("pilot", "training") else ""
-    parts = (_ascii_name(begun.participant), _ascii_name(scenario.title).lower() or "session", scenario.mode, rehearsal)
+    what = _ascii_name(begun.study or scenario.title).lower() or "session"
+    parts = (_ascii_name(begun.participant), what, scenario.mode, rehearsal)
     return "_".join((f"{started:%Y-%m-%d_%H%M%S}", *filter(None, parts)))
 
 

@@ -6,7 +6,7 @@ decides something, and writes what it decided, does so within it.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from datetime import datetime
 from pathlib import Path
 from types import TracebackType
@@ -58,8 +58,15 @@ class StudyState(Struct, frozen=True):
     sessions: tuple[StudySession, ...]
     places: Places
     standing: StudyStanding
+    plan_hash: str
     problems: tuple[str, ...] = ()
     """What hinders every session that counts, in sentences."""
+
+    def supposing(self, outcomes: Iterable[dict[str, Json]]) -> StudyState:
+        """The study as it would stand if these outcomes stood in its log."""
+        supposed = [_entry_of(MissingEntry("outcome", fields)) for fields in outcomes]
+        files = StudyFiles(self.study, self.participants, self.plan, self.plan_hash)
+        return _state(files, [*self.log, *supposed]) if supposed else self
 
     def row_for(self, participant: Participant) -> Slot | None:
         """The row that a participant holds, or that they would get; None: there is none for them."""
@@ -142,14 +149,8 @@ class OpenStudy:
     ) -> None:
         self.log.__exit__(kind, error, trace)
 
-    def supposing(self, outcomes: Sequence[dict[str, Json]]) -> StudyState:
-        """The study as it would stand if these outcomes were in the log."""
-        supposed = [_entry_of(MissingEntry("outcome", fields)) for fields in outcomes]
-        return _state(self._files, [*self.log.entries(), *supposed]) if supposed else self.state
-
     def _reconcile(self, files: StudyFiles) -> None:
         """Write what the session folders say and the log does not."""
-        self._files = files
         entries = self.log.entries()
         sessions = read_sessions(self.folder, files.study.id, entries)
         for missing in missing_entries(sessions, entries):
@@ -167,7 +168,7 @@ def _state(files: StudyFiles, log: Sequence[LogEntry]) -> StudyState:
         log = [*log, *(_entry_of(each) for each in missing)]
         sessions = read_sessions(folder, study.id, log)
     problems = _plan_problems(files, log)
-    places = places_of(files.participants, log, sessions)
+    places = places_of(files.participants, log)
     standing = study_standing(study, files.participants, files.plan, log, sessions, problems=problems)
     return StudyState(
         study=study,
@@ -177,6 +178,7 @@ def _state(files: StudyFiles, log: Sequence[LogEntry]) -> StudyState:
         sessions=tuple(sessions),
         places=places,
         standing=standing,
+        plan_hash=files.plan_hash,
         problems=tuple(problems),
     )
 

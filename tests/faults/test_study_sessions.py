@@ -59,7 +59,7 @@ def state_of(study: Path, participant: str) -> tuple[str, int | None, int]:
 def test_a_session_from_its_command_to_its_outcome(study: Path) -> None:
     it = serving(study, "P01")
     assert it.record.parent == study / "sessions"
-    assert it.record.name[18:] == "P01_sample_real"
+    assert it.record.name[18:] == "P01_hesitation_real"
     info = tomllib.loads((it.record / "session.toml").read_text("utf-8"))
     assert (info["study"], info["slot"], info["run"], info["attempt"], info["purpose"]) == (
         "hesitation",
@@ -139,9 +139,9 @@ def test_a_crash_holds_up_nobody_else(study: Path) -> None:
 
 def test_what_does_not_count_takes_no_slot(study: Path) -> None:
     for options, purpose, end in (
-        (("--participant", "P01", "--mode", "debug"), "debug", "P01_sample_debug"),
-        (("--participant", "P01", "--pilot"), "pilot", "P01_sample_real_pilot"),
-        (("--training", "--condition", "no+loud"), "training", "sample_real_training"),
+        (("--participant", "P01", "--mode", "debug"), "debug", "P01_hesitation_debug"),
+        (("--participant", "P01", "--pilot"), "pilot", "P01_hesitation_real_pilot"),
+        (("--training", "--condition", "no+loud"), "training", "hesitation_real_training"),
     ):
         it = Session("--study", study, *options)
         assert it.record.name[18:] == end
@@ -197,6 +197,20 @@ def test_checks_are_the_first_inputs_and_stand_in_the_record(root: Path) -> None
     inputs = [line for line in lines if line.get("input", "robot") != "robot"]
     assert [each["input"] for each in inputs[:2]] == ["session_started", "check"]
     assert (inputs[1]["id"], inputs[1]["result"]) == ("lights", "passed")
+    engine("study", "outcome", study, "P01", "aborted", "--reason", "alarm")
+    serving(study, "P01", "--confirm", "lights").end(signal.SIGKILL)
+    assert engine("serve", "--study", study, "--participant", "P01").returncode == 4, "first it is said what is open"
+    refused = engine("serve", "--study", study, "--participant", "P01", "--new")
+    assert refused.returncode == 1 and "lights" in refused.stderr
+    assert state_of(study, "P01")[0] == "unfinished", "nothing was given up for a session that did not begin"
+    assert serving(study, "P01", "--new", "--confirm", "lights").end() == 0
+
+
+def test_what_a_factor_sets_cannot_be_set_beside_it(study: Path) -> None:
+    refused = engine("serve", "--study", study, "--participant", "P01", "--set", "noise=7", "--set", "x=1")
+    assert refused.returncode == 2
+    assert refused.stderr.splitlines()[0] == "`noise` cannot be set: a factor of the study says what it is"
+    assert [line["kind"] for line in log_lines(study)] == ["planned"]
 
 
 def test_next_says_with_which_command(study: Path) -> None:
