@@ -20,6 +20,21 @@ _LAST_SECOND = 253_402_300_799.0
 """The last second that a calendar has (the end of the year 9999), counted from 1970."""
 
 
+def seconds_between_labels(before: str, now: str) -> float | None:
+    """Seconds between two wall-clock labels, not below 0 when somebody has set the clock back; None when one is none.
+
+    >>> seconds_between_labels("2026-11-21T14:00:00.000+01:00", "2026-11-21T13:00:02.500+00:00")
+    2.5
+    >>> seconds_between_labels("", "2026-11-21T13:00:02.500+00:00") is None
+    True
+    """
+    try:
+        between = datetime.fromisoformat(now) - datetime.fromisoformat(before)
+    except (ValueError, TypeError):
+        return None
+    return round(max(0.0, between.total_seconds()), 3)
+
+
 class SessionClock(Clock, Protocol):
     """What the engine needs: the robot's clock, and the label for records."""
 

@@ -16,14 +16,13 @@ import logging
 import platform
 from collections import deque
 from collections.abc import Callable, Iterable
-from datetime import datetime
 from typing import TypeAlias
 
 from msgspec import Struct
 from msgspec.structs import replace
 
 from rise_engine import __version__
-from rise_engine.engine.clock import SessionClock
+from rise_engine.engine.clock import SessionClock, seconds_between_labels
 from rise_engine.engine.command_runner import CommandRunner, error_text
 from rise_engine.kernel import Kernel
 from rise_engine.kernel.commands import CancelAction, Command, StartAction, StopRobot
@@ -178,7 +177,7 @@ class Engine:
             self._commands.connect()
         finally:
             self._stepping = False
-        downtime = _seconds_between(self._wall_before, self.clock.wall_label(self._t))
+        downtime = seconds_between_labels(self._wall_before, self.clock.wall_label(self._t))
         self.accept(SessionRecovered(versions=versions(), reason="its engine had gone", downtime=downtime))
 
     def end(self, reason: str = "", *, stop: bool | None = None) -> None:
@@ -451,15 +450,6 @@ def _reply_for(input: AnyInput, records: list[AnyRecord]) -> Reply:
         return Reply(True)
     task = next(record for record in records if isinstance(record, TaskRecord))
     return Reply(task.status != "REJECTED", task.reason, task.id)
-
-
-def _seconds_between(before: str, now: str) -> float | None:
-    """Seconds between two wall-clock labels, not below 0: somebody may have set the clock. None when one is none."""
-    try:
-        between = datetime.fromisoformat(now) - datetime.fromisoformat(before)
-    except (ValueError, TypeError):
-        return None
-    return round(max(0.0, between.total_seconds()), 3)
 
 
 def _stop_sentence(report: StopReport) -> str:

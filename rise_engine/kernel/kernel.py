@@ -33,15 +33,12 @@ from rise_engine.kernel.inputs import (
 )
 from rise_engine.kernel.records import (
     AnyRecord,
-    CheckRecord,
     ControlRecord,
-    OutcomeRecord,
-    RecordingRecord,
     RobotRecord,
     SessionRecord,
-    SyncRecord,
     TaskRecord,
 )
+from rise_engine.kernel.reports import record_report
 from rise_engine.kernel.scheduler import Scheduler
 from rise_engine.kernel.snapshot import Snapshot, SnapshotError
 from rise_engine.kernel.stop import StopLatch
@@ -261,21 +258,7 @@ class Kernel:
             case SessionEnded():
                 self._record_session("ended", {}, input.reason)
             case CheckReport() | OutcomeReport() | RecordingReport() | SyncMark():
-                self._take_report(input)
-
-    def _take_report(self, input: CheckReport | OutcomeReport | RecordingReport | SyncMark) -> None:
-        """What belongs to the record of a session and changes nothing in it."""
-        emit = self.core.emit
-        match input:
-            case CheckReport():
-                emit(CheckRecord, input.id, input.text, input.result, input.value, input.reason, input.source)
-            case OutcomeReport():
-                emit(OutcomeRecord, input.status, input.reason, input.source)
-            case RecordingReport():
-                name, status, path = input.name, input.status, input.path
-                emit(RecordingRecord, name, status, path, input.bytes, input.reason, input.source)
-            case SyncMark():
-                emit(SyncRecord, input.number, input.medium, input.text, input.source)
+                record_report(core, input)
 
     def _timer_elapsed(self, timer: int) -> None:
         target = self.core.timers.pop(timer, None)

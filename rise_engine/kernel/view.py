@@ -42,18 +42,12 @@ from rise_engine.kernel.records import (
     TaskRecord,
     TimingRecord,
 )
+from rise_engine.kernel.reports import REPORT_KINDS, ReportRecord, report_words
 
 MAX_ENDED_TASKS = 100_000
 """Finished tasks that a view keeps; older ones are in the journal."""
 MAX_REMARKS, MAX_REMARK_CHARACTERS = 500, 1_000
 """Notes and the like that it keeps, and characters of each; all of them, and in full, are in the journal."""
-REPORT_KINDS: dict[type, str] = {
-    CheckRecord: "check",
-    OutcomeRecord: "outcome",
-    RecordingRecord: "recording",
-    SyncRecord: "sync",
-}
-"""What is reported about a session, by the record of it."""
 FORGET_AT_ONCE = 10_000
 """So many more may come before the oldest are forgotten, all at once."""
 
@@ -371,25 +365,20 @@ class SessionView(Struct):
             remark.text = f"{remark.text[: MAX_REMARK_CHARACTERS - 1]}…"
         self.remarks.append(remark)
 
-    def _apply_report(self, record: CheckRecord | OutcomeRecord | RecordingRecord | SyncRecord) -> None:
-        status: str
+    def _apply_report(self, record: ReportRecord) -> None:
         match record:
             case CheckRecord():
                 self.checks[record.id] = record
-                found = ", ".join(filter(None, (record.value, record.reason)))
-                status, text = record.result, ": ".join(filter(None, (record.text or record.id, found)))
             case OutcomeRecord():
                 self.outcome = record
-                status, text = record.status, record.reason
             case RecordingRecord():
                 before = self.recordings.get(record.name)
                 self.recordings[record.name] = record
                 if before is not None and before.status == record.status:
                     return  # it goes on as it did
-                status, text = record.status, ": ".join(filter(None, (record.name, record.reason)))
             case SyncRecord():
                 self.sync = record
-                status, text = "", " ".join(filter(None, (f"mark {record.number}: {record.medium}", record.text)))
+        status, text = report_words(record)
         self._add_remark(RemarkView(REPORT_KINDS[type(record)], record.t, record.source, text, status))
 
     def _apply_cue(self, record: CueRecord) -> None:

@@ -25,11 +25,13 @@ from rise_engine.kernel.records import AnyRecord
 FORMAT = 2
 """Goes up when older programs could not read what is written. 2: sessions of studies, with what is reported about them
 (`check`, `outcome`, `recording`, `sync`); as early as 1 there were kinds that its first programs do not know."""
-_FIELDS_OF_FORMAT_2 = {
-    "session": frozenset({"study", "study_hash", "slot", "run", "attempt", "purpose", "factors", "downtime"}),
-    "timing": frozenset({"source", "filler", "voice_at"}),
+_NEW_FIELDS: dict[int, dict[str, frozenset[str]]] = {
+    2: {
+        "session": frozenset({"study", "study_hash", "slot", "run", "attempt", "purpose", "factors", "downtime"}),
+        "timing": frozenset({"source", "filler", "voice_at"}),
+    }
 }
-"""By the kind of record."""
+"""What a format has added to kinds of records that were there before, by format and kind."""
 
 
 class JournalHeader(Struct, frozen=True):
@@ -91,8 +93,8 @@ def fields_left_out(line: bytes, kind: str, format: int) -> frozenset[str]:
 
     Also an older journal can have them: a newer program goes on with the session.
     """
-    new = _FIELDS_OF_FORMAT_2.get(kind) if format < 2 else None
-    return new - set(msgspec.json.decode(line)) if new else frozenset()
+    added = (fields.get(kind, frozenset()) for later, fields in _NEW_FIELDS.items() if later > format)
+    return frozenset[str]().union(*added).difference(msgspec.json.decode(line))
 
 
 def with_checksum(encoded: bytes) -> bytes:

@@ -9,7 +9,8 @@ from __future__ import annotations
 from bisect import bisect_left, insort
 
 from rise_engine.kernel.records import TaskRecord
-from rise_engine.kernel.view import REPORT_KINDS, RemarkView, SessionView, TaskView
+from rise_engine.kernel.reports import REPORT_KINDS
+from rise_engine.kernel.view import RemarkView, SessionView, TaskView
 
 ROWS_PER_TASK = 1 << 12
 """Row numbers for each task: its own, and those of remarks before the next task."""

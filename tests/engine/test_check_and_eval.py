@@ -17,10 +17,14 @@ from rise_engine.cli.transcript import Transcript, clock_text, parameters_text
 from rise_engine.kernel.records import (
     ActionRecord,
     AnyRecord,
+    CheckRecord,
+    OutcomeRecord,
+    RecordingRecord,
     RobotRecord,
     RuleRecord,
     SessionRecord,
     StopRecord,
+    SyncRecord,
     TaskRecord,
 )
 
@@ -297,6 +301,29 @@ def test_a_rule_that_stays_and_what_this_version_does_not_know() -> None:
     transcript.line_for(begun)
     transcript.line_for(structs.replace(begun, status=new, t=1))
     assert "succeeded, 2.0 s" in (transcript.line_for(structs.replace(begun, status="SUCCEEDED", t=2)) or "")
+
+
+@pytest.mark.parametrize(
+    ("record", "line"),
+    [
+        (CheckRecord(1, 2.0, "", "lights", "The lamp is on", "passed", "", "", "wizard:a"),
+         "check The lamp is on passed, says wizard:a"),
+        (CheckRecord(1, 2.0, "", "disk", "", "skipped", "3 GB free", "one session", "wizard:a"),
+         "check disk SKIPPED: 3 GB free, one session, says wizard:a"),
+        (OutcomeRecord(1, 2.0, "", "complete", "", "wizard:a"), "outcome complete says wizard:a"),
+        (OutcomeRecord(1, 2.0, "", "aborted", "a fire drill", "wizard:a"),
+         "outcome aborted a fire drill, says wizard:a"),
+        (RecordingRecord(1, 2.0, "", "camera", "running", "/a.mkv", 1048576, "", "node:c"),
+         "recording camera running: /a.mkv: 1,048,576 bytes"),
+        (RecordingRecord(1, 2.0, "", "camera", "stalled", "/a.mkv", None, "the disk is full", "node:c"),
+         "recording camera STALLED: the disk is full"),
+        (SyncRecord(1, 2.0, "", 3, "flash", "at the end", "node:c"), "sync mark 3 flash, at the end"),
+        (SessionRecord(1, 2.0, "", status="recovered", scenario="S", mode="real", robot="nao", downtime=12.34),
+         "session S recovered after 12.3 s without engine, real, robot nao, seed 0"),
+    ],
+)  # fmt: skip
+def test_what_is_reported_about_a_session(record: AnyRecord, line: str) -> None:
+    assert " ".join((Transcript().line_for(record) or "").split()[1:]) == line
 
 
 def test_times_and_parameters_in_short() -> None:

@@ -11,7 +11,14 @@ from rise_adapters.ros2.session_node.rosout import ERROR, INFO, WARN, log_line_f
 from rise_adapters.ros2.transport.port import Message
 
 from rise_engine.kernel.inputs import RobotChanged, StopReport, Submit
-from rise_engine.kernel.records import ActionRecord, NoteRecord, RuleRecord, StopRecord
+from rise_engine.kernel.records import (
+    ActionRecord,
+    NoteRecord,
+    OutcomeRecord,
+    RecordingRecord,
+    RuleRecord,
+    StopRecord,
+)
 from tests.ros.memory import MemoryTransport, MemoryWire
 from tests.ros.session_node_bench import Node, faced, session_and_node, until
 
@@ -76,6 +83,11 @@ async def test_a_node_in_a_namespace_and_without_rosout(tmp_path: Path) -> None:
         (RuleRecord(1, 0.0, "", "Doors", "faulted", "Open", reason="no x"), (ERROR, "rule faulted: Doors: no x")),
         (NoteRecord(1, 0.0, "", "late: it came twice", "ros:/pepper/speech"), (INFO, "note: late: it came twice")),
         (NoteRecord(1, 0.0, "", "the participant yawns", "wizard:anna"), None),
+        (RecordingRecord(1, 0.0, "", "camera", "stalled", "/a", 5, "the disk is full", "node:c"),
+         (WARN, "recording camera stalled: the disk is full")),
+        (RecordingRecord(1, 0.0, "", "camera", "running", "/a", 5, "", "node:c"), None),
+        (OutcomeRecord(1, 0.0, "", "aborted", "a fire drill", "wizard:anna"),
+         (INFO, "the session counts as aborted: a fire drill")),
     ],
 )  # fmt: skip
 def test_what_is_told_of_a_record(record: object, line: tuple[int, str] | None) -> None:

@@ -15,6 +15,8 @@ from rise_engine.kernel.records import (
     ActionRecord,
     AnyRecord,
     NoteRecord,
+    OutcomeRecord,
+    RecordingRecord,
     RobotRecord,
     RuleRecord,
     SessionRecord,
@@ -52,6 +54,10 @@ def log_line_for_record(record: AnyRecord) -> LogLine | None:
             return WARN, _add_reason(f"action {record.status}: {record.type} of {record.act}", record.reason)
         case RuleRecord(status="faulted"):
             return ERROR, _add_reason(f"rule faulted: {record.name}", record.reason)
+        case RecordingRecord(status="stalled" | "failed"):
+            return WARN, _add_reason(f"recording {record.name} {record.status}", record.reason)
+        case OutcomeRecord():
+            return INFO, _add_reason(f"the session counts as {record.status}", record.reason)
         case NoteRecord() if record.source == "engine" or record.source.startswith("ros:"):
             return INFO, f"note: {record.text}"
         case _:

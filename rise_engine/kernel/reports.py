@@ -1,0 +1,50 @@
+"""What people and programs report about a session: checks, its outcome, recordings, marks in them (semantics.md 11).
+
+A report leaves its one record and changes nothing else.
+"""
+
+from __future__ import annotations
+
+from typing import TypeAlias
+
+from rise_engine.kernel.core import Core
+from rise_engine.kernel.inputs import CheckReport, OutcomeReport, RecordingReport, SyncMark
+from rise_engine.kernel.records import CheckRecord, OutcomeRecord, RecordingRecord, SyncRecord
+
+Report: TypeAlias = CheckReport | OutcomeReport | RecordingReport | SyncMark
+ReportRecord: TypeAlias = CheckRecord | OutcomeRecord | RecordingRecord | SyncRecord
+
+REPORT_KINDS: dict[type, str] = {
+    CheckRecord: "check",
+    OutcomeRecord: "outcome",
+    RecordingRecord: "recording",
+    SyncRecord: "sync",
+}
+"""By the record's class, as records name them."""
+
+
+def record_report(core: Core, report: Report) -> None:
+    """Put it on record as it was given."""
+    match report:
+        case CheckReport(id=id, text=text, result=result, value=value):
+            core.emit(CheckRecord, id, text, result, value, report.reason, report.source)
+        case OutcomeReport():
+            core.emit(OutcomeRecord, report.status, report.reason, report.source)
+        case RecordingReport(name=name, status=status, path=path):
+            core.emit(RecordingRecord, name, status, path, report.bytes, report.reason, report.source)
+        case SyncMark():
+            core.emit(SyncRecord, report.number, report.medium, report.text, report.source)
+
+
+def report_words(record: ReportRecord) -> tuple[str, str]:
+    """How it stands, in a word of the record's own, or none; and what is said about that."""
+    match record:
+        case CheckRecord():
+            found = ", ".join(filter(None, (record.value, record.reason)))
+            return record.result, ": ".join(filter(None, (record.text or record.id, found)))
+        case OutcomeRecord():
+            return record.status, record.reason
+        case RecordingRecord():
+            return record.status, ": ".join(filter(None, (record.name, record.reason)))
+        case SyncRecord():
+            return "", " ".join(filter(None, (f"mark {record.number}: {record.medium}", record.text)))
