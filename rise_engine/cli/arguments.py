@@ -190,6 +190,8 @@ def resolve_scenario(folder: str) -> str:
     """The path of a scenario: a folder, its scenario.toml, or a shipped study by its name. Ends the program if none."""
     folder = resolve_study(folder)
     path = Path(folder)
+    if (path / "study.toml").is_file() and not (path / "scenario.toml").exists():
+        exit_with_usage(f"{folder} is a study, not a scenario: its commands are those of `rise-engine study`")
     if path.is_dir() or (path.is_file() and path.name == "scenario.toml"):
         return folder
     problem = f"there is no folder {folder}{shipped_hint()}"

@@ -78,7 +78,7 @@ def new_report(folder: str, options: NewStudyOptions) -> int:
         if new is None:
             print("Nothing was written.")
             return REFUSED
-        write_new_study(path, new)
+        errors = write_new_study(path, new, accept_errors=not options.yes)
     except NewStudyError as error:
         print(f"error: {error}", file=sys.stderr)
         return REFUSED
@@ -86,7 +86,9 @@ def new_report(folder: str, options: NewStudyOptions) -> int:
         print("\nNothing was written.")
         return INTERRUPTED
     where = quote(folder)
-    print(f"\n{folder} is there. What is next:")
+    for diagnostic in errors:
+        print(str(diagnostic))
+    print(f"\n{folder} is there{', with errors that are to be mended in it' * bool(errors)}. What is next:")
     print("  1. Write a line for each participant into participants.csv; study.toml says")
     print("     how, at its end. Change in study.toml what you like.")
     print(f"  2. rise-engine study check {where}")
@@ -95,7 +97,7 @@ def new_report(folder: str, options: NewStudyOptions) -> int:
     print("     makes the plan, once: who gets what, in which order.")
     print(f"  4. rise-tui --config {where}")
     print("     runs it.")
-    return OK
+    return REFUSED if errors else OK
 
 
 class _Questions:

@@ -6,19 +6,18 @@ import json
 import shutil
 from collections.abc import Iterable, Mapping
 from pathlib import Path
+from tempfile import mkdtemp
 
 from msgspec import Struct
 
 from rise_engine.errors import RiseError
+from rise_engine.scenario.diagnostics import Diagnostic
 from rise_engine.scenario.model import Json
 from rise_engine.scenario.toml_tables import quote_toml_key
 from rise_engine.session.disk import error_message
 from rise_engine.study.model import Level, Study, StudyCheck
 from rise_engine.study.participants import PARTICIPANTS_FILE, header_line
 from rise_engine.study.study_toml import STUDY_FILE, load_study
-
-_UNFINISHED = ".new"
-"""Ends the name of a folder that is not complete yet."""
 
 
 class NewStudyError(RiseError):
@@ -36,11 +35,12 @@ class NewStudy(Struct, frozen=True):
     """Factors whose levels differ in what people do."""
 
 
-def write_new_study(folder: Path, new: NewStudy) -> None:
-    """Write a study into a new or empty folder, whole or not at all.
+def write_new_study(folder: Path, new: NewStudy, *, accept_errors: bool = False) -> list[Diagnostic]:
+    """Write a study into a new or empty folder, whole or not at all; returns what is wrong with it.
 
     :param folder: where.
     :param new: what.
+    :param accept_errors: write also a study with errors, which somebody can mend who has answered many questions.
     :raises NewStudyError: there is something in the folder, or it cannot be written, or the study has errors.
     """
     if problem := folder_problem(folder):
@@ -49,18 +49,18 @@ def write_new_study(folder: Path, new: NewStudy) -> None:
     for source in new.sources.values():
         if folder.is_relative_to(source.resolve()):
             raise NewStudyError(f"{folder} lies in the scenario {source}, which is to be copied into it")
-    made = folder.with_name(f"{folder.name}{_UNFINISHED}")
     try:
         folder.parent.mkdir(parents=True, exist_ok=True)
-        made.mkdir(mode=0o700)
+        made = Path(mkdtemp(prefix=f".{folder.name}.", dir=folder.parent))
     except OSError as error:
-        raise NewStudyError(f"{made} cannot be made: {error_message(error)}") from None
+        raise NewStudyError(f"{folder} cannot be made: {error_message(error)}") from None
     try:
         _fill(made, new)
         loaded = load_study(made)
-        if loaded.study is None:
+        if loaded.study is None and not accept_errors:
             raise NewStudyError("\n".join(("the study would have errors:", *map(str, loaded.errors))))
         made.rename(folder)  # an empty folder of that name is replaced
+        return loaded.errors
     except OSError as error:
         raise NewStudyError(f"{error.filename or folder} cannot be written: {error_message(error)}") from None
     finally:  # also when somebody interrupts it

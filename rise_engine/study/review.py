@@ -60,7 +60,7 @@ def review_study(folder: str | os.PathLike[str]) -> StudyReview:
         found += people.diagnostics
     plan = PlanLoad(None, [])
     if loaded.unsure & _OF_PLAN:
-        left_out.append(PLAN_FILE)
+        left_out += [PLAN_FILE] if (Path(study.folder) / PLAN_FILE).exists() else []
     else:
         plan = read_plan(study)
         found += plan.diagnostics
@@ -89,7 +89,7 @@ def _review_log(
         diagnostics.error("unreadable", SourceLocation(LOG_FILE), str(error))
         return [], diagnostics.sorted()
     planned = last_planned(entries)
-    if PLAN_FILE not in left_out:
+    if not loaded.unsure & _OF_PLAN:
         _check_plan(study, planned, plan, diagnostics)
     if planned is not None:
         _check_scenarios(study, loaded.scenarios, planned, diagnostics)

@@ -21,6 +21,7 @@ from rise_engine.study.factor_tables import read_factors
 from rise_engine.study.level_checks import check_levels
 from rise_engine.study.model import AssignmentSettings, BetweenMethod, Study, WithinMethod
 from rise_engine.study.personal_data import WHY, personal_column
+from rise_engine.study.plan import rows_wanted
 from rise_engine.study.quantities import DAY, parse_length
 from rise_engine.study.study_scenarios import load_scenarios
 
@@ -46,7 +47,7 @@ _ASSIGNMENT_KEYS = ("between", "block", "strata", "within", "spare", "hidden")
 BETWEEN: tuple[BetweenMethod, ...] = ("blocks", "minimise", "random", "list")
 WITHIN: tuple[WithinMethod, ...] = ("williams", "latin", "all", "fixed", "random")
 MAX_PARTICIPANTS, MAX_SEED, MAX_BLOCK, MAX_SPARE = 10_000, 2**53, 20, 10.0
-MAX_CELLS, MAX_RUNS, MAX_RUNS_ALL, MAX_STRATA = 100, 24, 6, 64
+MAX_CELLS, MAX_RUNS, MAX_RUNS_ALL, MAX_STRATA, MAX_ROWS = 100, 24, 6, 64, 50_000
 _ID = re.compile(r"[A-Za-z0-9]+\Z")
 COLUMN_NAME = re.compile(r"[A-Za-z][A-Za-z0-9_]*\Z")
 """What a column of participants.csv, a factor and what is consented to are called."""
@@ -357,6 +358,12 @@ class _StudyReader:
         if number > MAX_STRATA:
             message = f"these make {number} strata; at most {MAX_STRATA} can be planned"
             self.table.report_key("out-of-range", message, "assignment", "strata")
+        elif (rows := rows_wanted(study) * number) > MAX_ROWS:
+            message = (
+                f"the plan would have {rows:,} rows, for {study.n} participants in each stratum and the spare ones; "
+            )
+            message += f"at most {MAX_ROWS:,} can be planned"
+            self.table.report_key("out-of-range", message, "n")
 
 
 def _values_problem(values: tuple[str, ...]) -> str:

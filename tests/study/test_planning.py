@@ -447,6 +447,8 @@ def test_check_finds_everything_at_once(tmp_path: Path) -> None:
 
 def test_a_plan_of_another_study_is_left_out_of_what_is_told_twice(tmp_path: Path) -> None:
     study_folder(tmp_path, DESIGN.replace('["de", "en"]', '["de"]'))
+    assert review_study(tmp_path).left_out == ("participants.csv",), "there is no plan yet"
+    (tmp_path / PLAN_FILE).write_text(GOOD)
     assert review_study(tmp_path).left_out == ("participants.csv", PLAN_FILE)
 
 

@@ -290,6 +290,24 @@ def test_the_questions(tmp_path: Path, terminal: Terminal) -> None:
     assert [line for line in terminal.text.splitlines() if len(line) > 80 and str(tmp_path) not in line] == []
 
 
+def test_answers_are_not_lost_by_an_error_that_is_found_at_the_end(tmp_path: Path, terminal: Terminal) -> None:
+    """Another scenario of a later factor does not know the key of the first one: that can be mended in study.toml."""
+    first = ["", "", "lablinking", "", "hesitation", "", "", "", ""]
+    for each in [*first, "task", "", "a, b", "", "scenario greeting", "", "", "-", "-", "", "-", "", ""]:
+        terminal.answer(each)
+    assert terminal.end() == 1
+    assert "in scenario-b: the memory has no key `hesitation`" in terminal.text
+    assert "lamps is there, with errors that are to be mended in it." in terminal.text
+    assert "levels.b.scenario" in (tmp_path / "lamps" / "study.toml").read_text()
+
+
+def test_a_script_makes_no_study_with_errors(tmp_path: Path) -> None:
+    level = ("--factor", "task=between", "--level", "task.a=", "--level", "task.b=scenario greeting")
+    result = study("new", str(tmp_path / "s"), "--yes", *TWO_FACTORS, *level)
+    assert (result.exit_code, "the study would have errors" in result.output) == (1, True)
+    assert list(tmp_path.iterdir()) == []
+
+
 @pytest.mark.parametrize("last", ["n", "\x03", "\x04"], ids=["no", "ctrl+c", "ctrl+d"])
 def test_broken_off(tmp_path: Path, terminal: Terminal, last: str) -> None:
     for each in ["", "", "", "", "", "", "", "", "", "", ""][: 10 if last == "n" else 4]:
@@ -377,6 +395,12 @@ def test_no_study(tmp_path: Path, command: str) -> None:
     assert result.exit_code == 2
     assert f"there is no study.toml in {tmp_path}; `rise-engine study new DIR` makes a study" in result.output
     assert f"there is no folder {tmp_path}/x" in study(command, f"{tmp_path}/x").output
+
+
+def test_a_study_is_no_scenario(tmp_path: Path) -> None:
+    result = CliRunner().invoke(main, ["check", str(study_folder(tmp_path))])
+    assert result.exit_code == 2
+    assert "is a study, not a scenario: its commands are those of `rise-engine study`" in result.output
 
 
 def test_every_command_is_in_the_reference() -> None:

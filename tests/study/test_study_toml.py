@@ -363,6 +363,33 @@ def test_what_is_wrong_is_told(tmp_path: Path, case: str) -> None:
     assert (load_study(tmp_path).study is None) == bool(errors)
 
 
+MANY = "".join(f"levels.l{number}.memory = {{ noise = {number} }}\n" for number in range(8))
+
+
+@pytest.mark.parametrize(
+    ("kind", "more", "sentence"),
+    [
+        ("within", "", 'make 64 runs for each participant; with within = "williams" at most 24'),
+        ("within", 'within = "all"', 'make 64 runs for each participant; with within = "all" at most 6'),
+        ("between", "", "the between factors make 128 cells; at most 100 can be planned"),
+    ],
+)
+def test_a_design_that_is_too_large(tmp_path: Path, kind: str, more: str, sentence: str) -> None:
+    factors = f'[factors.a]\nkind = "{kind}"\n{MANY}[factors.b]\nkind = "{kind}"\n{MANY.replace("noise", "mood")}'
+    toml = DESIGN.partition("[factors.noise]")[0] + factors + f"[assignment]\n{more}\n"
+    told = [line for line in found(tmp_path, toml) if "out-of-range" in line]
+    assert len(told) == 1
+    assert sentence in told[0]
+
+
+def test_a_plan_that_is_too_large(tmp_path: Path) -> None:
+    toml = DESIGN.replace("n = 8", "n = 9000").replace("block =", "spare = 2\nblock =")
+    assert found(tmp_path, toml) == [
+        "study.toml:4:1: error out-of-range: the plan would have 54,000 rows, for 9000 participants in each stratum "
+        "and the spare ones; at most 50,000 can be planned"
+    ]
+
+
 def test_a_mistake_in_a_scenario_is_told_with_its_path(tmp_path: Path) -> None:
     study_folder(tmp_path)
     folder(
