@@ -145,7 +145,7 @@ def create_session(
         robot=scenario.robot.name,
         seed=seed,
         scenario_hash=scenario.hash,
-        scenario_folder=_without_home(scenario.folder) if real else scenario.folder,
+        scenario_folder=without_home(scenario.folder) if real else scenario.folder,
         started=started.isoformat(timespec="milliseconds"),
         speed=speed,
         faults=faults,
@@ -377,8 +377,8 @@ def _machine() -> dict[str, str]:
     return {"host": platform.node(), "system": platform.platform(), "user": user_name()}
 
 
-def _without_home(folder: str) -> str:
-    """A path in which the login of its owner does not stand, as far as that is their home; `read_info` undoes it."""
+def without_home(folder: str) -> str:
+    """A path in which the login of its owner does not stand, as far as it lies in their home: `~/study`."""
     home = str(Path.home())
     return f"~{folder[len(home) :]}" if home != "/" and folder.startswith(f"{home}/") else folder
 

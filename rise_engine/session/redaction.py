@@ -96,7 +96,10 @@ def redact(
     except WordError as error:
         raise RedactionRefused(f"{error}. Nothing was changed") from None
     except OSError as error:
-        raise SessionError(f"{folder} cannot be redacted: {error_message(error)}") from None
+        raise SessionError(
+            f"{folder} cannot be redacted: {error_message(error)}. It replays as before; "
+            "say it again when that is mended"
+        ) from None
     finally:
         lock.release()
 

@@ -9,6 +9,7 @@ last the list. Whatever is left of an earlier run is finished by the next one.
 from __future__ import annotations
 
 import os
+import re
 from collections.abc import Sequence
 from contextlib import suppress
 from pathlib import Path
@@ -202,14 +203,18 @@ def _concerns(entry: LogEntry, participant: str, own: set[str]) -> bool:
 def _without_name(entry: LogEntry, participant: str, name: str) -> dict[str, Any]:
     """An entry's fields with another name in the place of theirs. A pseudonym of digits is no word that can be found
     in what somebody wrote."""
-    pattern = name_pattern(participant)
-    fields = dict(entry.fields)
-    for key, value in fields.items():
-        if key == "participant" and value == participant:
-            fields[key] = name
-        elif key in _WRITTEN and isinstance(value, str) and not participant.isdigit():
-            fields[key] = pattern.sub(name, value)
-    return fields
+    fields = {**entry.fields}
+    if fields.get("participant") == participant:
+        fields["participant"] = name
+    return fields if participant.isdigit() else _replace_written(fields, name_pattern(participant), name)
+
+
+def _replace_written(value: Any, pattern: re.Pattern[str], name: str, key: str = "") -> Any:
+    if isinstance(value, dict):
+        return {field: _replace_written(each, pattern, name, field) for field, each in value.items()}
+    if isinstance(value, list):
+        return [_replace_written(each, pattern, name, key) for each in value]
+    return pattern.sub(name, value) if isinstance(value, str) and key in _WRITTEN else value
 
 
 def _clear_set_aside(path: Path, participant: str, own: set[str], disk: Disk) -> None:

@@ -4,9 +4,11 @@ from __future__ import annotations
 
 import json
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import pytest
+from rise_adapters.ros2.bridge import session_parameters
 from rise_adapters.ros2.session_node import diagnostics, rosout
 
 from rise_engine.kernel.inputs import Submit
@@ -60,3 +62,14 @@ async def test_nothing_private_is_heard(tmp_path: Path, monkeypatch: pytest.Monk
         ):
             answer = await node.get(key)
             assert answer["found"] and json.loads(answer["value"]) == value
+
+
+@pytest.mark.parametrize(("mode", "shown"), [("real", "~/study"), ("debug", "{home}/study")])
+def test_parameters_of_a_real_session_tell_no_login(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, mode: str, shown: str
+) -> None:
+    monkeypatch.setenv("HOME", str(tmp_path))
+    texts = dict.fromkeys(("title", "robot", "participant", "condition"), "x")
+    about = SimpleNamespace(mode=mode, seed=1, scenario_folder=f"{tmp_path}/study", folder=f"{tmp_path}/study", **texts)
+    found = session_parameters(SimpleNamespace(summary=lambda: about))  # type: ignore[arg-type]
+    assert found["scenario"].value == found["session"].value == shown.format(home=tmp_path)

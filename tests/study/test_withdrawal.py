@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import shutil
+import subprocess
 from datetime import date, timedelta
 from pathlib import Path
 
@@ -19,6 +20,7 @@ from rise_engine.study.study_log import LOG_FILE, SET_ASIDE_FILE, LockedLog, Stu
 from rise_engine.study.withdrawal import WORK_FOLDER, WithdrawalError, plan_withdrawal, withdraw
 from rise_engine.study.withdrawn import is_withdrawn, without_salts
 
+from ..engine.processes import ENGINE
 from ..kills import every_kill
 from .studies import DESIGN, ENDED, session_folder, write_journal, write_study
 
@@ -71,6 +73,7 @@ class Folder:
             pass  # what the folders say is in the log now
         with LockedLog(self.study) as log:
             log.append("excluded", participant="P03", reason="took the place of P01, not of P011")
+            log.append("checked", participant="P02", checks=[{"id": "lamp", "reason": "as with P01"}])
             for name, who in (("p01.csv", ["P01"]), ("all.csv", ["P01", "P02"]), ("p02.csv", ["P02"])):
                 (root / name).write_text(f"rows of {who}")
                 log.append("exported", path=str(root / name), participants=who, sessions=[], level="full")
@@ -268,6 +271,25 @@ def test_the_command(made: Folder) -> None:
     assert run("study", "withdraw", made.study, "P01", "--yes").exit_code == 0
     assert run("study", "withdraw", made.study, "P99", "--yes").exit_code == 1
     assert run("study", "withdraw", made.root, "P01", "--yes").exit_code == 2
+
+
+@pytest.mark.pty
+@pytest.mark.slow
+@pytest.mark.parametrize(("typed", "code"), [("P01", 1), ("P02", 1), ("", 1)])
+def test_somebody_types_the_pseudonym(made: Folder, typed: str, code: int) -> None:
+    ours, theirs = os.openpty()
+    command = [ENGINE, "study", "withdraw", str(made.study), "P01"]
+    process = subprocess.Popen(command, stdin=theirs, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+    os.close(theirs)
+    os.write(ours, f"{typed}\n".encode())
+    out, err = process.communicate(timeout=60)
+    os.close(ours)
+    assert process.returncode == code, (out, err)
+    assert "type the pseudonym" in out
+    if typed == "P01":
+        assert_gone(made)
+    else:
+        assert "that is another one; nothing was erased" in err and made.sessions[0].exists()
 
 
 def test_an_export_is_listed_before_it_is_written(made: Folder) -> None:
