@@ -10,6 +10,7 @@ from __future__ import annotations
 import os
 from collections.abc import Iterable, Sequence
 from contextlib import suppress
+from datetime import datetime
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -29,7 +30,7 @@ from rise_engine.session.folder import (
     read_info,
 )
 from rise_engine.session.journal_format import InputLine, JournalHeader, LineError, read_line
-from rise_engine.session.lock import is_journal_locked
+from rise_engine.session.lock import JournalLock, is_journal_locked
 from rise_engine.study.model import SessionEntry
 from rise_engine.study.study_log import EntryKind, LogEntry
 
@@ -100,7 +101,15 @@ def read_sessions(folder: Path, study_id: str, log: Sequence[LogEntry]) -> list[
         name = _text(each, "folder")
         if each.kind == "session" and name not in found and name not in passed_over:
             found[name] = _from_log(folder, each, outcomes.get(name))
-    return sorted(found.values(), key=lambda session: (session.entry.started, session.name))
+    return sorted(found.values(), key=lambda session: (_timestamp(session.entry.started), session.name))
+
+
+def _timestamp(started: str) -> float:
+    """Seconds since 1970: in the night when clocks are set back, the texts are not in the order of the moments."""
+    try:
+        return datetime.fromisoformat(started).timestamp()
+    except ValueError:
+        return 0.0
 
 
 def session_folders(folder: Path) -> list[Path]:
@@ -220,6 +229,18 @@ def outcome_fields(entry: SessionEntry, report: OutcomeReport, seconds: float) -
         "source": report.source,
         "seconds": round(seconds, 3),
     }
+
+
+def refuse_running_elsewhere(session: StudySession, *, here: bool = False) -> None:
+    """See to it that no engine has a session on which somebody decides that nobody goes on with it, also not on another
+    computer, whose locks cannot be seen here.
+
+    :param session: one that did not end.
+    :param here: somebody has looked there, and it does not run any more.
+    :raises SessionError: an engine has it, or may have it; the text says which.
+    """
+    if session.left_open:
+        JournalLock(session.path / JOURNAL, here=here).release()
 
 
 def given_up_fields(session: StudySession) -> dict[str, Json]:
