@@ -59,6 +59,7 @@
       UnusableArgument            Something on the command line cannot be used
       UnusableMemoryError         `--memory` cannot be read
       WebError                    Nothing is served
+      WithdrawalError             Nobody was withdrawn
       WordError                   A word cannot be replaced like this
       XmlNameError                A character that no XML name can have
 

@@ -22,6 +22,7 @@ _MARKS = "\u0300-\u036f"
 """Combining marks: what makes a `ü` of a `u` in Unicode's decomposed form."""
 _BEFORE = r"(?:(?<![\w])|(?<=\\[nrt]))"
 """Where a word can begin: not within another one; the `n` of an escaped line end is none of its letters."""
+_NO_QUOTES = str.maketrans("", "", "'\"\\")
 _AFTER = rf"(?![\w{_MARKS}])"
 
 
@@ -98,9 +99,10 @@ class Words:
 
     def mask(self, value: Any) -> Any:
         """A JSON value as it is compared with one in which the words were replaced: without them wherever they stand,
-        as parts of longer words too; objects as sorted pairs."""
+        as parts of longer words too; objects as sorted pairs. Quotation marks are left out: which are written depends
+        on what stands in them."""
         if isinstance(value, str):
-            return self._anywhere.sub(self._name_of, value)
+            return self._anywhere.sub(self._name_of, value).translate(_NO_QUOTES)
         if isinstance(value, list):
             return [self.mask(each) for each in value]
         if isinstance(value, dict):

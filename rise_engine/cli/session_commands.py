@@ -206,7 +206,7 @@ def serve(
         except UnusableArgument as error:
             click.echo(str(error), err=True)
             sys.exit(exit_status.USAGE)
-    sys.exit(serve_session(options, lambda message: print_startup(message, study or options.folder)))
+    sys.exit(serve_session(options, lambda message: print_startup(message, "" if study else options.folder)))
 
 
 def _needed_scenario(folder: str | None, *of_study: object) -> str:

@@ -85,7 +85,8 @@ def session_lines(sessions: Iterable[ListedSession]) -> list[str]:
     rows = [["when", "participant", "condition", "run", "outcome", "length", "mode", "folder"]]
     for each in sessions:
         run = "" if not each.run else f"{each.run}" if each.attempt < 2 else f"{each.run}, attempt {each.attempt}"
-        outcome = each.outcome or {"ended": "-", "given-up": "given up"}.get(each.status, each.status)
+        unjudged = {"ended": "to judge" if each.purpose == "counted" else "-", "given-up": "given up"}
+        outcome = each.outcome or unjudged.get(each.status, each.status)
         mode = each.mode if each.purpose in ("", "counted", "debug") else f"{each.mode}, {each.purpose}"
         rows.append(
             [

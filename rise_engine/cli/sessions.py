@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import shlex
 import signal
 import sys
 import time
@@ -16,6 +17,7 @@ from rise_engine.exit_status import FAILED, NO_SUCH_SESSION, OK, USAGE
 from rise_engine.protocol.messages import SessionSummary
 from rise_engine.protocol.registry import (
     RegistryError,
+    ask_summary,
     find_running,
     is_locked,
     lock_path,
@@ -23,8 +25,8 @@ from rise_engine.protocol.registry import (
     session_name,
     socket_path,
 )
-from rise_engine.session.folder import running_sessions
-from rise_engine.study.sessions import SESSIONS
+from rise_engine.session.folder import SessionError, read_info, running_sessions
+from rise_engine.study.sessions import SESSIONS, read_verdict
 from rise_engine.study.study_log import StudyLogError
 from rise_engine.study.study_toml import is_study
 from rise_engine.text import clean
@@ -79,6 +81,7 @@ def stop_session(which: str | None) -> int:
     try:
         name = _find_session(which)
         lock = lock_path(socket_path(name))
+        summary = ask_summary(name)
     except RegistryError as error:
         return _print_error(str(error))
     try:
@@ -93,7 +96,22 @@ def stop_session(which: str | None) -> int:
             return FAILED
         time.sleep(0.02)
     print(f"{name} has ended", file=sys.stderr)
+    if summary is not None and summary.folder:
+        for line in _to_judge_lines(Path(summary.folder)):
+            print(clean(line), file=sys.stderr)
     return OK
+
+
+def _to_judge_lines(folder: Path) -> list[str]:
+    """What is to be said about a session of a study that ended without outcome."""
+    try:
+        info = read_info(folder)
+    except SessionError:
+        return []
+    if info.purpose != "counted" or read_verdict(folder).report is not None:
+        return []
+    command = f"rise-engine study outcome {shlex.quote(str(folder.parent.parent))} {info.participant}"
+    return ["nobody has said how it counts. To say it:", f"  {command} complete | aborted | excluded"]
 
 
 def _find_session(which: str | None) -> str:

@@ -10,7 +10,7 @@ from rise_engine.text import clean
 
 
 def print_startup(message: StartupProgress | StartOutcome, scenario_folder: str) -> None:
-    """Print it to standard error."""
+    """Print it to standard error. `scenario_folder`: what was to run; empty for a study, which is right as it is."""
     match message:
         case StartupProgress(sentence=sentence):
             lines = [sentence]
@@ -36,5 +36,6 @@ def _refusal_lines(refused: EngineRefused, scenario_folder: str) -> list[str]:
     elif refused.code == exit_status.UNFINISHED:
         lines.append("say --recover to go on with the latest, or --new")
     elif refused.code == exit_status.REFUSED:
-        lines.append(f"{scenario_folder} was refused: nothing was started")
+        refused_folder = f"{scenario_folder} was refused: " if scenario_folder else ""
+        lines.append(f"{refused_folder}nothing was started")
     return lines

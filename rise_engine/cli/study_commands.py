@@ -12,6 +12,7 @@ from rise_engine.cli.options import JSON, MODE
 from rise_engine.cli.study_day_commands import exclude, next_participant, outcome, status
 from rise_engine.cli.study_new import USUAL_CHECKS, NewStudyOptions, new_report
 from rise_engine.cli.study_reports import check_report, plan_report
+from rise_engine.cli.withdraw import withdraw
 from rise_engine.scenario.model import Mode
 from rise_engine.study.study_toml import MAX_SEED
 
@@ -87,6 +88,7 @@ STUDY: dict[str, click.Command] = {
     "outcome": outcome,
     "plan": plan,
     "status": status,
+    "withdraw": withdraw,
 }
 """Every command of `rise-engine study`, by its name."""
 

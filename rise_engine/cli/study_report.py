@@ -25,8 +25,9 @@ def status_lines(state: StudyState) -> list[str]:
     """The study, its participants, its cells, its rehearsals, what is due, and who is next."""
     study, standing = state.study, state.standing
     lines = [f"{study.title} ({study.id}): {standing.complete} of {standing.wanted} participants are complete", ""]
-    rows = [["", "state", "slot", "runs", "last session", ""]]
-    rows += [_participant_row(each) for each in standing.participants]
+    strata = study.assignment.strata
+    rows = [["", *strata, "state", "slot", "runs", "last session", ""]]
+    rows += [_participant_row(each, strata) for each in standing.participants]
     lines += table_lines(rows) if standing.participants else ["  participants.csv has no participants yet"]
     if standing.cells:
         lines += ["", "cells of the plan", *table_lines(_cell_rows(state))]
@@ -36,8 +37,24 @@ def status_lines(state: StudyState) -> list[str]:
             counts[each.purpose] = counts.get(each.purpose, 0) + 1
         lines += ["", "not counted: " + ", ".join(f"{number} {purpose}" for purpose, number in counts.items())]
     if standing.due:
-        lines += ["", "to do", *(f"  {each}" for each in standing.due)]
+        lines += ["", "to do", *(f"  {each}" for each in standing.due), *_how_lines(state)]
     return [*lines, "", *next_lines(state)]
+
+
+def _how_lines(state: StudyState) -> list[str]:
+    """The commands by which some of what is due is done."""
+    states = {each.state for each in state.standing.participants}
+    where = shlex.quote(state.study.folder)
+    lines = []
+    if "to-judge" in states:
+        lines.append(
+            f"  how a session counts:  rise-engine study outcome {where} PARTICIPANT complete|aborted|excluded"
+        )
+    if "unfinished" in states:
+        lines.append(
+            f"  going on, giving up:   rise-engine serve --study {where} --participant PARTICIPANT --recover|--new"
+        )
+    return lines
 
 
 def status_json(state: StudyState) -> dict[str, Any]:
@@ -81,11 +98,12 @@ def next_json(state: StudyState) -> dict[str, Any]:
     return {**found, "sentence": sentence, "run": plan.run.run, "attempt": plan.attempt, "slot": plan.slot}
 
 
-def _participant_row(standing: ParticipantStanding) -> list[str]:
+def _participant_row(standing: ParticipantStanding, strata: Sequence[str]) -> list[str]:
     done = len({each.run for each in standing.sessions if each.outcome == "complete"})
     last = standing.sessions[-1] if standing.sessions else None
     return [
         standing.participant,
+        *(standing.strata.get(column, "") for column in strata),
         _STATES.get(standing.state, standing.state),
         "" if standing.slot is None else str(standing.slot),
         f"{done} of {standing.runs}",

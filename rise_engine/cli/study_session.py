@@ -18,7 +18,8 @@ from rise_engine.cli.study_reports import resolve_study_folder
 from rise_engine.kernel.inputs import CheckReport, SessionStarted
 from rise_engine.kernel.records import Purpose
 from rise_engine.protocol.session_options import SessionOptions
-from rise_engine.study.begin import BeginRequest, CannotBegin, SessionPlan, plan_session
+from rise_engine.study.begin import BeginRequest, CannotBegin, SessionPlan, plan_session, to_give_up
+from rise_engine.study.sessions import given_up_fields
 from rise_engine.study.state import StudyState, StudyUnusable, read_state
 from rise_engine.study.study_log import StudyLogError
 from rise_engine.text import clean
@@ -54,7 +55,7 @@ def study_session(
     if options.unfinished not in ("ask", "new") and (recovers or options.unfinished != "recover"):
         return options
     # What can be known before the checks is said before somebody makes them.
-    plan = _plan_or_exit(state, options, may_be_unfinished=True)
+    plan = _plan_or_exit(state, options, serves=True)
     if plan is None:
         return options
     return replace(options, folder=plan.run.scenario, checks=_check_or_exit(state, plan, options, checks))
@@ -112,8 +113,8 @@ def _read_or_exit(folder: Path) -> StudyState:
         _exit_refused([f"error: {error}"])
 
 
-def _plan_or_exit(state: StudyState, options: SessionOptions, *, may_be_unfinished: bool = False) -> SessionPlan | None:
-    """What the session is; None: the participant's last one did not end, and the engine says what can be done."""
+def _plan_or_exit(state: StudyState, options: SessionOptions, *, serves: bool = False) -> SessionPlan | None:
+    """What the session is; None, where one is to be served: another one runs or did not end, and the engine says so."""
     request = BeginRequest(
         participant=options.participant,
         run=options.run,
@@ -123,10 +124,12 @@ def _plan_or_exit(state: StudyState, options: SessionOptions, *, may_be_unfinish
         checks=None,
         seed=options.seed,
     )
+    if options.unfinished == "new":
+        state = state.supposing(map(given_up_fields, to_give_up(state, request)))
     try:
         return plan_session(state, request)
     except CannotBegin as error:
-        if may_be_unfinished and error.unfinished is not None:
+        if serves and (error.running or error.unfinished is not None):
             return None
         lines = [f"error: {sentence}" for sentence in error.sentences]
         if state.state_of(options.participant) == "to-judge":

@@ -10,6 +10,7 @@ from rise_engine.nearest_name import did_you_mean
 from rise_engine.protocol.session_options import SessionOptions
 from rise_engine.scenario.model import Scenario
 from rise_engine.scenario.study import condition_memory, condition_problem
+from rise_engine.session.pseudonyms import pseudonym_problem
 
 
 def start_problems(scenario: Scenario, options: SessionOptions) -> list[str]:
@@ -17,8 +18,9 @@ def start_problems(scenario: Scenario, options: SessionOptions) -> list[str]:
 
     :param scenario: the one that the options name, in their mode.
     """
-    if problem := condition_problem(scenario, options.condition):
-        return [problem]
+    pseudonym = pseudonym_problem(options.participant) if scenario.mode == "real" else ""
+    if problems := [*filter(None, (pseudonym, condition_problem(scenario, options.condition)))]:
+        return problems
     return set_conflicts(scenario, first_input(scenario, options), options.first_tasks)
 
 
@@ -65,6 +67,11 @@ def set_conflicts(scenario: Scenario, started: SessionStarted, tasks: Iterable[S
         elif not started.study and _head(key) in others:
             problems.append(f"{problem}: it is what makes the condition `{others[_head(key)]}`")
     return problems
+
+
+def assigned_keys(options: SessionOptions) -> list[str]:
+    """The memory keys that are assigned at the beginning of a session, without the parts after the first full stop."""
+    return [_head(key) for task in options.first_tasks for key in _assigned_keys(task)]
 
 
 def _assigned_keys(task: Submit) -> list[str]:

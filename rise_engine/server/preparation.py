@@ -44,7 +44,6 @@ from rise_engine.session.folder import (
 )
 from rise_engine.session.journal import Journal
 from rise_engine.session.lock import JournalLock, JournalLockedError, one_at_a_time, running_message
-from rise_engine.session.pseudonyms import pseudonym_problem
 from rise_engine.session.recovery import RecoveredSession, recover
 from rise_engine.study.study_log import StudyLogError
 
@@ -160,8 +159,6 @@ class SessionPreparation:
         if loaded.scenario is None:
             raise ServeRefused(exit_status.REFUSED, *map(str, loaded.diagnostics))
         self.scenario: Scenario = loaded.scenario
-        if self.scenario.mode == "real" and (problem := pseudonym_problem(options.participant)):
-            raise ServeRefused(exit_status.USAGE, f"error: {problem}")
         if self.study is not None:
             self.started = self.study.first_input()
         elif problems := start_problems(self.scenario, options):

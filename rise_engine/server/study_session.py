@@ -12,25 +12,24 @@ import logging
 from contextlib import ExitStack
 from pathlib import Path
 
-from msgspec.structs import replace
-
 from rise_engine import exit_status
-from rise_engine.kernel.inputs import CheckReport, OutcomeReport, SessionStarted
+from rise_engine.kernel.inputs import CheckReport, SessionStarted
 from rise_engine.kernel.view import SessionView
 from rise_engine.protocol.session_options import SessionOptions
-from rise_engine.scenario.model import Json
+from rise_engine.protocol.session_start import assigned_keys
 from rise_engine.server.refusal import ServeRefused
 from rise_engine.session.folder import SessionError, SessionInfo, find_session, mark_abandoned, read_info
 from rise_engine.session.lock import read_holder
-from rise_engine.study.begin import BeginRequest, CannotBegin, SessionPlan, plan_session, running_problem
-from rise_engine.study.sessions import (
-    GIVEN_UP,
-    SESSIONS,
-    StudySession,
-    outcome_fields,
-    read_verdict,
-    session_fields,
+from rise_engine.study.begin import (
+    BeginRequest,
+    CannotBegin,
+    SessionPlan,
+    plan_session,
+    running_problem,
+    to_give_up,
+    unfinished_sessions_of,
 )
+from rise_engine.study.sessions import SESSIONS, StudySession, given_up_fields, session_fields
 from rise_engine.study.state import OpenStudy, StudyState, StudyUnusable
 from rise_engine.study.study_log import LockedLog, StudyLogError
 
@@ -98,9 +97,15 @@ class StudyPreparation:
 
     def _plan(self, open: OpenStudy) -> SessionPlan:
         state = open.state
+        varied = {
+            key.partition(".")[0] for factor in state.study.factors for each in factor.levels for key in each.memory
+        }
+        if beside := [key for key in dict.fromkeys(assigned_keys(self.options)) if key in varied]:
+            sentences = [f"`{key}` cannot be set: a factor of the study says what it is" for key in beside]
+            raise ServeRefused(exit_status.USAGE, *sentences)
         request = self._request(state)
         if self.options.unfinished == "new":
-            state = open.supposing([given_up_fields(each) for each in self._to_give_up(state, request)])
+            state = state.supposing(map(given_up_fields, to_give_up(state, request)))
         try:
             return plan_session(state, request)
         except CannotBegin as error:
@@ -130,7 +135,7 @@ class StudyPreparation:
         if wanted in ("ask", "new"):
             return None
         if wanted == "recover":
-            theirs = self._unfinished(state, self._request(state))
+            theirs = unfinished_sessions_of(state, self._request(state))
             if not theirs:
                 return None
             session = theirs[-1]
@@ -162,19 +167,6 @@ class StudyPreparation:
             raise ServeRefused(exit_status.USAGE, f"{path.name} is over: it was judged {session.entry.outcome}")
         return session
 
-    def _unfinished(self, state: StudyState, request: BeginRequest) -> list[StudySession]:
-        """The participant's sessions of this purpose that did not end."""
-        return [
-            each
-            for each in state.sessions
-            if each.entry.status == "unfinished"
-            and (each.entry.participant, each.entry.purpose) == (request.participant, request.purpose)
-            and request.run in (0, each.entry.run)
-        ]
-
-    def _to_give_up(self, state: StudyState, request: BeginRequest) -> list[StudySession]:
-        return self._unfinished(state, replace(request, run=0)) if request.purpose == "counted" else []
-
     # --- beginning --------------------------------------------------------------------------------------------------
 
     def first_input(self) -> SessionStarted:
@@ -195,7 +187,7 @@ class StudyPreparation:
             )
         try:
             if self.options.unfinished == "new":
-                for session in self._to_give_up(open.state, self._request(open.state)):
+                for session in to_give_up(open.state, self._request(open.state)):
                     give_up(open.log, session)
             if self.plan.takes_slot:
                 drawn = {"levels": dict(self.plan.drawn)} if self.plan.drawn else {}
@@ -228,13 +220,6 @@ class StudyPreparation:
                 pass  # opening it writes what the session folders say
         except (StudyUnusable, StudyLogError) as error:
             _LOG.error("the outcome is in the journal and not yet in the study's log: %s", error)
-
-
-def given_up_fields(session: StudySession) -> dict[str, Json]:
-    """What the log says of a session that nobody goes on with: as its journal judges it, or else aborted."""
-    verdict = read_verdict(session.path)
-    report = verdict.report or OutcomeReport(status="aborted", reason=GIVEN_UP)
-    return outcome_fields(session.entry, report, verdict.seconds)
 
 
 def give_up(log: LockedLog, session: StudySession) -> None:

@@ -145,7 +145,7 @@ def create_session(
         robot=scenario.robot.name,
         seed=seed,
         scenario_hash=scenario.hash,
-        scenario_folder=_without_home(scenario.folder) if real else scenario.folder,
+        scenario_folder=without_home(scenario.folder) if real else scenario.folder,
         started=started.isoformat(timespec="milliseconds"),
         speed=speed,
         faults=faults,
@@ -351,9 +351,13 @@ def _make_folder(root: Path, name: str) -> Path:
 
 
 def _folder_name(started: datetime, begun: SessionStarted, scenario: Scenario) -> str:
-    """Date, participant, scenario, mode; and for what does not count although it ran in real mode, why it was run."""
+    """Date, participant, study or scenario, mode; and for what does not count although it ran in real mode, why.
+
+    Not the scenario of a study's session: where a condition has one of its own, its title would tell the condition.
+    """
     rehearsal = begun.purpose if begun.purpose in ("pilot", "training") else ""
-    parts = (_ascii_name(begun.participant), _ascii_name(scenario.title).lower() or "session", scenario.mode, rehearsal)
+    what = _ascii_name(begun.study or scenario.title).lower() or "session"
+    parts = (_ascii_name(begun.participant), what, scenario.mode, rehearsal)
     return "_".join((f"{started:%Y-%m-%d_%H%M%S}", *filter(None, parts)))
 
 
@@ -373,8 +377,8 @@ def _machine() -> dict[str, str]:
     return {"host": platform.node(), "system": platform.platform(), "user": user_name()}
 
 
-def _without_home(folder: str) -> str:
-    """A path in which the login of its owner does not stand, as far as that is their home; `read_info` undoes it."""
+def without_home(folder: str) -> str:
+    """A path in which the login of its owner does not stand, as far as it lies in their home: `~/study`."""
     home = str(Path.home())
     return f"~{folder[len(home) :]}" if home != "/" and folder.startswith(f"{home}/") else folder
 

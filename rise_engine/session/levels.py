@@ -12,7 +12,7 @@ import re
 from collections.abc import Iterable, Mapping
 from typing import Any, Literal, TypeAlias
 
-from rise_engine.kernel.records import AnyRecord
+from rise_engine.kernel.records import ENGINE, AnyRecord
 from rise_engine.kernel.speech import SAY
 from rise_engine.session.private_values import NAMES_FIELDS, PrivateValues
 from rise_engine.text import pluralize
@@ -23,8 +23,7 @@ _STARTED = re.compile(r"^\d{4}-\d{2}-\d{2}_\d{6}_")
 _PERSON = re.compile(r"^(wizard|observer):(.*)$", re.DOTALL)
 _NOBODY = frozenset({"command-line"})
 _TYPED = {"note": "text", "cue": "text", "check": "reason", "outcome": "reason", "recording": "reason"}
-"""By kind of record, the field into which people type; of the last three only when a person is the source."""
-_PROGRAMS_TYPE = frozenset({"check", "outcome", "recording"})
+"""By kind of record, the field into which people type."""
 
 
 class LevelFilter:
@@ -63,15 +62,16 @@ class LevelFilter:
             return values
         kind = values["kind"]
         typed = _TYPED.get(kind, "")
-        if typed and (kind not in _PROGRAMS_TYPE or _PERSON.match(values.get("source") or "")) and values[typed]:
+        if typed and values[typed] and _is_typed(kind, values["source"]):
             values = {**values, typed: _count_words("note" if kind == "note" else "free text", values[typed])}
+        if kind == "task" and values["function"] == "markCue" and values["behavior"]:
+            values = {**values, "behavior": _count_words("free text", values["behavior"])}
         if kind == "recording":
             values = {**values, "path": ""}
         if self.level == "public":
             values = _without_free_speech(values)
-        values = self._private.hide_fields(values)
-        hidden = {name: self._hide_people(name, each) for name, each in values.items()}
-        return {**hidden, "wall": ""}
+        values = {name: self._hide_people(name, each) for name, each in values.items()}
+        return {**self._private.hide_fields(values), "wall": ""}
 
     def _note_person(self, role: str, name: str) -> None:
         if not name or name in _NOBODY or name in self._people:
@@ -99,6 +99,11 @@ class LevelFilter:
         if isinstance(value, dict):
             return {key: self._replace_people(each) for key, each in value.items()}
         return value
+
+
+def _is_typed(kind: str, source: str) -> bool:
+    """Whether somebody may have typed it: a note of a program can be what it heard, and the engine's own never is."""
+    return source != ENGINE if kind in ("note", "cue") else _PERSON.match(source) is not None
 
 
 def _without_free_speech(values: dict[str, Any]) -> dict[str, Any]:

@@ -22,6 +22,11 @@ from rise_engine.words import word_pattern
 
 WITHIN_WORDS = 3
 """Letters that a value has at least, for it to be looked for within longer words, too (`Anna` in `Annas`)."""
+WITHIN_NUMBERS = 5
+"""The same for what has no letters: a telephone number is one wherever it stands, and `34` is not."""
+_VALUE_FIELDS = frozenset({"value", "old"})
+_UNSPACED = "\u2e80"
+"""From here on lie the scripts that write no blanks between words."""
 NAMES_FIELDS = frozenset(
     {
         *("kind", "seq", "t", "wall", "status", "id", "function", "calling_type", "source", "position", "ref", "task"),
@@ -40,6 +45,7 @@ NAMES_FIELDS = frozenset(
             "versions",
         ),
         *("participant", "condition", "study", "study_hash", "slot", "run", "attempt", "purpose", "factors"),
+        "result",
     }
 )
 """Fields of records that hold what the scenario, the study or the program calls something, and no text."""
@@ -106,7 +112,7 @@ class PrivateValues:
                 values = self._assignment(values)
             case "note" if values["source"] == "engine":
                 values = {**values, "text": _QUOTED.sub(self._quoted, values["text"])}
-        return {name: each if name in NAMES_FIELDS else self.hide_value(each) for name, each in values.items()}
+        return {name: self._hide_field(name, each) for name, each in values.items()}
 
     def hide_value(self, value: Any) -> Any:
         """A JSON value in whose texts no value of a private key stands."""
@@ -114,6 +120,9 @@ class PrivateValues:
             if self._pattern is None:
                 self._pattern = self._make_pattern()
             return self._pattern.sub(lambda found: self._order[(found.lastindex or 1) - 1], value)
+        if isinstance(value, int | float) and not isinstance(value, bool):
+            text = spoken_text(value)
+            return self._values.get(text, value) if len(text) >= WITHIN_NUMBERS else value
         if isinstance(value, list | tuple):
             return [self.hide_value(each) for each in value]
         if isinstance(value, dict):
@@ -123,6 +132,12 @@ class PrivateValues:
     def is_hidden(self, key: str) -> bool:
         """Whether a memory key, or one in its value, is private."""
         return _head(key) in self.keys
+
+    def _hide_field(self, name: str, value: Any) -> Any:
+        """Of a record: a number that is no memory value is a time or a count, and stays one."""
+        if name in NAMES_FIELDS or (isinstance(value, int | float) and name not in _VALUE_FIELDS):
+            return value
+        return self.hide_value(value)
 
     # --- by structure ---
 
@@ -188,7 +203,8 @@ class PrivateValues:
         self._order = [self._values[each] for each in ordered]
         parts = []
         for each in ordered:
-            within = len(each) >= WITHIN_WORDS and any(map(str.isalpha, each))
+            within = len(each) >= (WITHIN_WORDS if any(map(str.isalpha, each)) else WITHIN_NUMBERS)
+            within = within or max(each) >= _UNSPACED
             before, after = ("", "") if within else (r"(?<![\w.])", r"(?![\w]|\.\d)")
             parts.append(f"({before}{word_pattern(each)}{after})")
         return re.compile("|".join(parts))

@@ -22,7 +22,7 @@ from msgspec import Struct, field
 
 from rise_engine.kernel import Kernel
 from rise_engine.kernel.inputs import AnyInput, TaskFunction
-from rise_engine.kernel.records import AnyRecord
+from rise_engine.kernel.records import ENGINE, AnyRecord
 from rise_engine.session.disk import Disk, error_message
 from rise_engine.session.erasure import erase_file, has_other_names, overwrite
 from rise_engine.session.errors import SessionError
@@ -34,12 +34,16 @@ from rise_engine.session.replay import Replay, compare_replay, load_session_scen
 from rise_engine.words import WordError, Words
 
 NEW_SUFFIX = ".redacting"
-"""Of the new files, until they are put in place. They hold none of the words."""
+"""Of the new files, until they are put in place (they hold none of the words), and of what is just being erased."""
 _KEPT_BY_RECOVERY = re.compile(r"journal\.(torn-\d+|damaged-\d+\.jsonl)")
 _OWN_WORDS: frozenset[str] = frozenset({*get_args(TaskFunction), "None", "Blocking", "Interrupt"})
 _FIXED_FIELDS = frozenset({"input", "n", "t", "versions", "study_hash", "purpose", "status", "result", "mark"})
 """Of inputs: what the program says, not people."""
+_OWN_SENTENCES = frozenset({"reason", "error"})
+"""Fields of records in which the program says something about what happened."""
 _OWN_SOURCES = frozenset({"engine", "file", "study", "condition"})
+_OF_STUDY = frozenset({"participant", "condition", "factors", "study"})
+"""Fields of inputs and of session.toml by which a study knows its session; they are no text there."""
 _REDACTED_LINE = re.compile(r"^redacted = \[(.*)\]$")
 _BY = re.compile(r'(?<=by = )"(?:[^"\\]|\\.)*"')
 _INFO_FIELDS = frozenset({"participant", "condition", "wizard", "scenario_folder", "ros_args"})
@@ -92,7 +96,10 @@ def redact(
     except WordError as error:
         raise RedactionRefused(f"{error}. Nothing was changed") from None
     except OSError as error:
-        raise SessionError(f"{folder} cannot be redacted: {error_message(error)}") from None
+        raise SessionError(
+            f"{folder} cannot be redacted: {error_message(error)}. It replays as before; "
+            "say it again when that is mended"
+        ) from None
     finally:
         lock.release()
 
@@ -110,13 +117,17 @@ class _Redaction:
         self._new_info = folder / (INFO + NEW_SUFFIX)
         self._report = RedactionReport()
         self._longer: Counter[str] = Counter()
+        self._fixed = _FIXED_FIELDS
 
     def run(self, by: str, *, try_only: bool) -> RedactionReport:
-        for path in (self._new, self._new_info):
-            path.unlink(missing_ok=True)  # of one that was interrupted
+        for path in self._folder.glob(f"*{NEW_SUFFIX}"):  # of one that was interrupted
+            erase_file(path, self._disk)
         contents = read_journal(self._path)
         self._refuse_damaged(contents)
         info = read_info(self._folder)
+        if info.study:
+            self._refuse_pseudonym(info)
+            self._fixed = _FIXED_FIELDS | _OF_STUDY
         try:
             self._write_journal(contents, info)
             self._prove_replay(info)
@@ -147,6 +158,13 @@ class _Redaction:
                 "Nothing was changed; what can be read can be exported, and the folder can be deleted"
             )
         require_inputs(self._path, contents)
+
+    def _refuse_pseudonym(self, info: SessionInfo) -> None:
+        if self._words.find(info.participant):
+            raise RedactionRefused(
+                f"the study knows this session by {info.participant!r}, a pseudonym, so that word stays. Nothing was "
+                "changed. Who withdraws is erased with `rise-engine study withdraw`"
+            )
 
     # --- the journal ---
 
@@ -190,9 +208,12 @@ class _Redaction:
                     raise self._difference(number, f"record {found.seq} would not be there (of input {cause})")
                 record = made.popleft()
                 record.wall = found.wall
-                self._compare(number, cause, found, record)
                 old, new = encode_record(found), encode_record(record)
-                yield self._changed(line, line + b"\n" if old == new else with_checksum(new))
+                if old == new:
+                    yield line + b"\n"
+                    continue
+                self._compare(number, cause, old, new)
+                yield self._changed(line, with_checksum(new))
 
     def _changed(self, before: bytes, after: bytes) -> bytes:
         if after[:-1] != before:
@@ -213,7 +234,7 @@ class _Redaction:
             raise RedactionRefused(f"an input would not be one any more ({error}). Nothing was changed") from None
 
     def _new_value(self, name: str, value: Any) -> Any:
-        if name in _FIXED_FIELDS or (name in ("function", "calling_type") and value in _OWN_WORDS):
+        if name in self._fixed or (name in ("function", "calling_type") and value in _OWN_WORDS):
             return value
         if name in ("source", "by", "holder") and isinstance(value, str):
             kind, colon, who = value.partition(":")
@@ -222,17 +243,17 @@ class _Redaction:
         self._longer.update(_longer_words_in(value, self._words))
         return self._words.replace_in(value)
 
-    def _compare(self, number: int, cause: int, before: AnyRecord, after: AnyRecord) -> None:
-        old: dict[str, Any] = msgspec.json.decode(encode_record(before))
-        new: dict[str, Any] = msgspec.json.decode(encode_record(after))
-        if old == new:
-            return
+    def _compare(self, number: int, cause: int, before: bytes, after: bytes) -> None:
+        old: dict[str, Any] = msgspec.json.decode(before)
+        new: dict[str, Any] = msgspec.json.decode(after)
         mask = self._words.mask
         for name in dict.fromkeys([*old, *new]):
+            if name in _OWN_SENTENCES or (name == "text" and old.get("source") == ENGINE):
+                continue  # "did you mean" depends on what was written, and nothing depends on that
             if name not in old or name not in new or mask(old[name]) != mask(new[name]):
                 raise self._difference(
                     number,
-                    f"`{name}` of record {before.seq} ({before.__struct_config__.tag}, of input {cause}) differs",
+                    f"`{name}` of record {old['seq']} ({old['kind']}, of input {cause}) differs",
                 )
 
     def _difference(self, line: int, what: str) -> RedactionRefused:
@@ -271,6 +292,8 @@ class _Redaction:
             table = line if line.startswith("[") else table
             key = line.partition(" =")[0]
             theirs = line.startswith("#") or (table in _INFO_TABLES if table else key in _INFO_FIELDS)
+            if theirs and (table.strip("[]") or key) in self._fixed:
+                theirs = False
             new = self._words.replace(line) if theirs else line
             if _REDACTED_LINE.match(line):
                 new = _BY.sub(lambda found: self._words.replace(found[0]), line)
@@ -326,7 +349,8 @@ class _Redaction:
         """What a recovery kept beside the journal is of the old one."""
         for path in sorted(self._folder.iterdir()):
             if _KEPT_BY_RECOVERY.fullmatch(path.name) and path.is_file() and self._stands_in(path):
-                erase_file(path, self._disk)
+                going = path.rename(path.with_name(path.name + NEW_SUFFIX))  # known, should it be half overwritten
+                erase_file(going, self._disk)
                 self._report.erased.append(path.name)
 
     # --- what remains ---

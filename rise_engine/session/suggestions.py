@@ -26,7 +26,7 @@ _FREE_TEXT = ("text", "reason", "value")
 """Fields of inputs that people type into."""
 
 
-class Suggestion(Struct, frozen=True):
+class NameSuggestion(Struct, frozen=True):
     """A word that could be a name."""
 
     word: str
@@ -35,7 +35,7 @@ class Suggestion(Struct, frozen=True):
     """How often it stands in what was typed."""
 
 
-def suggest_words(folder: Path) -> list[Suggestion]:
+def suggest_words(folder: Path) -> list[NameSuggestion]:
     """Words in the session in `folder` that could name somebody, the likeliest first. Raises SessionError."""
     info = read_info(folder)
     contents = read_journal(folder / JOURNAL)
@@ -66,7 +66,7 @@ def suggest_words(folder: Path) -> list[Suggestion]:
     if info.participant and not (info.participant.isascii() and info.participant.isalnum()):
         add(info.participant, "the participant, and no pseudonym", 0)
     ordered = sorted(found, key=lambda word: (found[word][0], -counts[word], word))
-    return [Suggestion(word, found[word][1], counts[word]) for word in ordered]
+    return [NameSuggestion(word, found[word][1], counts[word]) for word in ordered]
 
 
 def _typed_texts(input: AnyInput) -> Iterator[str]:

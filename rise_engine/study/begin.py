@@ -28,6 +28,7 @@ from rise_engine.study.model import (
     Study,
 )
 from rise_engine.study.plan import parse_condition, planned_run, runs_of
+from rise_engine.study.sessions import StudySession
 from rise_engine.study.standing import BEGINNABLE, missing_consent, when_text
 from rise_engine.study.state import StudyState
 
@@ -111,6 +112,22 @@ def plan_session(state: StudyState, request: BeginRequest) -> SessionPlan:
     return _plan_rehearsal(state, request)
 
 
+def unfinished_sessions_of(state: StudyState, request: BeginRequest) -> list[StudySession]:
+    """The participant's sessions of this purpose (and run) that did not end, the earliest first."""
+    return [
+        each
+        for each in state.sessions
+        if each.entry.status == "unfinished"
+        and (each.entry.participant, each.entry.purpose) == (request.participant, request.purpose)
+        and request.run in (0, each.entry.run)
+    ]
+
+
+def to_give_up(state: StudyState, request: BeginRequest) -> list[StudySession]:
+    """The sessions that are given up when a new one begins in spite of them. A rehearsal is in nobody's way."""
+    return unfinished_sessions_of(state, replace(request, run=0)) if request.purpose == "counted" else []
+
+
 def running_problem(state: StudyState, participant: str) -> str:
     """That a session of the study runs, and whose; or empty."""
     running = next((each.entry for each in state.sessions if each.entry.status == "running"), None)
@@ -130,17 +147,18 @@ def _plan_counted(state: StudyState, request: BeginRequest) -> SessionPlan:
         problems.append(running)
     if request.seed is not None:
         problems.append("a session that counts has the plan's seed: give none")
-    if request.checks is not None:
-        problems += check_problems(state, request.checks)
     standing = next((each for each in state.standing.participants if each.participant == name), None)
+    may_begin = standing is None or standing.state in BEGINNABLE or standing.state == "no-consent"
+    if request.checks is not None and may_begin:  # else nobody is to make them
+        problems += check_problems(state, request.checks)
     if participant is None or standing is None:
         raise CannotBegin(*problems, running=bool(running))
     if standing.state == "unfinished" and not problems:
         unfinished = next(each for each in standing.sessions if each.status == "unfinished")
-        raise CannotBegin(_hindrance(state, standing), unfinished=unfinished)
-    if standing.state not in BEGINNABLE:
+        raise CannotBegin(_hindrance(standing), unfinished=unfinished)
+    if not may_begin:
         if standing.state != "running":
-            problems.append(_hindrance(state, standing))
+            problems.append(_hindrance(standing))
     elif missing := missing_consent(study, participant):
         problems.append(f"{name} has not consented: {' and '.join(missing)} of participants.csv has no date")
     planned = _planned_run(state, participant, standing, request, problems) if state.plan else None
@@ -210,25 +228,22 @@ def _find_participant(state: StudyState, name: str, problems: list[str]) -> Part
     return found
 
 
-def _hindrance(state: StudyState, standing: ParticipantStanding) -> str:
+def _hindrance(standing: ParticipantStanding) -> str:
     """Why somebody cannot begin, in a sentence."""
     name = standing.participant
-    reason = f": {standing.why}" if standing.why else ""
     match standing.state:
         case "excluded":
-            return f"{name} is excluded{reason}"
+            return f"{name} is excluded: {standing.why or 'nobody has said why'}"
         case "withdrawn":
             return f"{name} has withdrawn"
-        case "complete":
-            runs = "every run" if standing.runs > 1 else "the session"
-            return f"{name} has done {runs} before, last {when_text(standing.sessions[-1].started)}"
         case "unfinished":
             return f"a session of {name} did not end ({standing.why}): go on with it, or give it up"
         case "to-judge":
             what = f"a session of {name} is not judged yet ({standing.why})"
             return f"{what}: say whether it is complete, aborted or excluded"
         case _:
-            return f"{name} has not consented{reason}"
+            runs = "every run" if standing.runs > 1 else "the session"
+            return f"{name} has done {runs} before, last {when_text(standing.sessions[-1].started)}"
 
 
 def check_problems(state: StudyState, reports: Sequence[CheckReport]) -> list[str]:

@@ -31,11 +31,9 @@ from rise_engine.study.plan_file import (
     text_hash,
     write_new_plan,
 )
+from rise_engine.study.standing import places_of
 from rise_engine.study.study_log import LockedLog, LogEntry
 from rise_engine.study.study_scenarios import scenario_folder
-
-_WITHDRAWN = "withdrawn:"
-"""What stands in the log in the place of somebody's pseudonym who has withdrawn begins so."""
 
 
 class MadePlan(Struct, frozen=True):
@@ -88,19 +86,8 @@ def last_planned(entries: Sequence[LogEntry]) -> LogEntry | None:
 
 def held_slots(entries: Sequence[LogEntry], participants: Sequence[Participant]) -> dict[int, str]:
     """Who holds which slot: who took it last, and is neither excluded nor has withdrawn."""
-    out = {each.participant for each in participants if each.status == "excluded"}
-    out |= {str(each.get("participant")) for each in entries if each.kind == "excluded"}
-    out |= {
-        str(each.get("participant"))
-        for each in entries
-        if each.kind == "outcome" and each.get("status") == "excluded" and each.get("purpose", "counted") == "counted"
-    }
-    holders = {int(each.get("slot") or 0): str(each.get("participant")) for each in entries if each.kind == "taken"}
-    return {
-        slot: name
-        for slot, name in sorted(holders.items())
-        if slot and name not in out and not name.startswith(_WITHDRAWN)
-    }
+    slots = places_of(participants, entries).slots
+    return dict(sorted((slot, name) for name, slot in slots.items()))
 
 
 def scenario_hashes(study: Study, scenarios: Mapping[str, Scenario]) -> dict[str, str]:

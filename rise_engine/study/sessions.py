@@ -222,6 +222,13 @@ def outcome_fields(entry: SessionEntry, report: OutcomeReport, seconds: float) -
     }
 
 
+def given_up_fields(session: StudySession) -> dict[str, Json]:
+    """What the log says of a session that nobody goes on with: as its journal judges it, or else aborted."""
+    verdict = read_verdict(session.path)
+    report = verdict.report or OutcomeReport(status="aborted", reason=GIVEN_UP)
+    return outcome_fields(session.entry, report, verdict.seconds)
+
+
 def read_verdict(path: Path) -> Verdict:
     """How a session was judged while it ran, and how long it was; of several outcomes the last one counts.
 

@@ -62,26 +62,26 @@ def in_stratum(row: Slot, strata: Mapping[str, str]) -> bool:
     return all(strata.get(column) == value for column, value in row.strata.items())
 
 
-def places_of(participants: Sequence[Participant], log: Sequence[LogEntry], sessions: Sequence[StudySession]) -> Places:
+def places_of(participants: Sequence[Participant], log: Sequence[LogEntry]) -> Places:
     """Who holds which row, and who is out.
 
     Somebody whose row another one has got meanwhile stays out, also when their exclusion is taken back: nobody is moved
     to another row.
 
     :param participants: as participants.csv has them.
-    :param log: all entries of the log.
-    :param sessions: all sessions.
+    :param log: all entries of the log, `missing_entries` included.
     """
-    names = {each.participant for each in participants} | {each.entry.participant for each in sessions}
+    names = {each.participant for each in participants}
     names |= {str(each.get("participant")) for each in log if each.get("participant")}
     withdrawn = frozenset(name for name in names if is_withdrawn(name, log))
     excluded = {each.participant: "participants.csv says so" for each in participants if each.status == "excluded"}
     for each in log:
         if each.kind == "excluded":
             excluded[str(each.get("participant"))] = str(each.get("reason") or "")
-    for session in sessions:
-        if session.entry.purpose == "counted" and session.entry.outcome == "excluded":
-            excluded.setdefault(session.entry.participant, session.entry.reason)
+    judged = {(each.get("participant"), each.get("session")): each for each in log if each.kind == "outcome"}
+    for each in judged.values():  # the last outcome of each session
+        if each.get("status") == "excluded":
+            excluded.setdefault(str(each.get("participant")), str(each.get("reason") or ""))
     last_taken: dict[str, int] = {}
     takers: dict[int, str] = {}
     levels: dict[int, dict[str, str]] = {}
@@ -116,7 +116,7 @@ def study_standing(
     :param sessions: as `rise_engine.study.sessions.read_sessions` gives them.
     :param problems: what hinders every session, in sentences; they are due before everything else.
     """
-    places = places_of(participants, log, sessions)
+    places = places_of(participants, log)
     entries = tuple(each.entry for each in sessions)
     counted = [each for each in entries if each.purpose == "counted"]
     listed = {each.participant for each in participants}

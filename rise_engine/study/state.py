@@ -6,12 +6,13 @@ decides something, and writes what it decided, does so within it.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from datetime import datetime
 from pathlib import Path
 from types import TracebackType
 
 from msgspec import Struct
+from msgspec.structs import replace
 
 from rise_engine.errors import RiseError
 from rise_engine.scenario.model import Json
@@ -21,6 +22,7 @@ from rise_engine.study.model import Participant, ParticipantState, Slot, Study, 
 from rise_engine.study.participants import load_participants
 from rise_engine.study.plan_file import read_plan
 from rise_engine.study.planning import last_planned, plan_problem
+from rise_engine.study.retention import due_retention
 from rise_engine.study.sessions import MissingEntry, StudySession, missing_entries, read_sessions
 from rise_engine.study.standing import Places, places_of, study_standing
 from rise_engine.study.study_log import LockedLog, LogEntry, read_log
@@ -56,8 +58,15 @@ class StudyState(Struct, frozen=True):
     sessions: tuple[StudySession, ...]
     places: Places
     standing: StudyStanding
+    plan_hash: str
     problems: tuple[str, ...] = ()
     """What hinders every session that counts, in sentences."""
+
+    def supposing(self, outcomes: Iterable[dict[str, Json]]) -> StudyState:
+        """The study as it would stand if these outcomes stood in its log."""
+        supposed = [_entry_of(MissingEntry("outcome", fields)) for fields in outcomes]
+        files = StudyFiles(self.study, self.participants, self.plan, self.plan_hash)
+        return _state(files, [*self.log, *supposed]) if supposed else self
 
     def row_for(self, participant: Participant) -> Slot | None:
         """The row that a participant holds, or that they would get; None: there is none for them."""
@@ -101,7 +110,9 @@ def read_state(folder: Path) -> StudyState:
     :raises rise_engine.study.study_log.StudyLogError: its log cannot be read.
     """
     files = _read_files(folder)
-    return _state(files, read_log(folder))
+    state = _state(files, read_log(folder))
+    due = due_retention(state.study, state.sessions, datetime.now().astimezone().date())
+    return replace(state, standing=replace(state.standing, due=(*state.standing.due, *due))) if due else state
 
 
 class OpenStudy:
@@ -138,14 +149,8 @@ class OpenStudy:
     ) -> None:
         self.log.__exit__(kind, error, trace)
 
-    def supposing(self, outcomes: Sequence[dict[str, Json]]) -> StudyState:
-        """The study as it would stand if these outcomes were in the log."""
-        supposed = [_entry_of(MissingEntry("outcome", fields)) for fields in outcomes]
-        return _state(self._files, [*self.log.entries(), *supposed]) if supposed else self.state
-
     def _reconcile(self, files: StudyFiles) -> None:
         """Write what the session folders say and the log does not."""
-        self._files = files
         entries = self.log.entries()
         sessions = read_sessions(self.folder, files.study.id, entries)
         for missing in missing_entries(sessions, entries):
@@ -163,7 +168,7 @@ def _state(files: StudyFiles, log: Sequence[LogEntry]) -> StudyState:
         log = [*log, *(_entry_of(each) for each in missing)]
         sessions = read_sessions(folder, study.id, log)
     problems = _plan_problems(files, log)
-    places = places_of(files.participants, log, sessions)
+    places = places_of(files.participants, log)
     standing = study_standing(study, files.participants, files.plan, log, sessions, problems=problems)
     return StudyState(
         study=study,
@@ -173,6 +178,7 @@ def _state(files: StudyFiles, log: Sequence[LogEntry]) -> StudyState:
         sessions=tuple(sessions),
         places=places,
         standing=standing,
+        plan_hash=files.plan_hash,
         problems=tuple(problems),
     )
 

@@ -7,13 +7,14 @@ import os
 import re
 import tomllib
 from collections.abc import Iterator
+from functools import lru_cache
 from pathlib import Path
-from typing import Any
 
-from rise_engine.kernel.records import SessionRecord
+from rise_engine.kernel.inputs import RecordingReport, SessionStarted
+from rise_engine.kernel.records import RecordingRecord, SessionRecord
 from rise_engine.session.errors import SessionError
 from rise_engine.session.folder import JOURNAL, read_info
-from rise_engine.session.journal_format import JournalHeader, JournalLine, LineError, read_line
+from rise_engine.session.journal_format import InputLine, JournalLine, LineError, read_line
 from rise_engine.study.sessions import SESSIONS
 from rise_engine.study.study_log import LOG_FILE
 
@@ -58,19 +59,31 @@ def owner_of(folder: Path) -> str:
     except SessionError:
         pass
     for line in _readable_lines(folder):
-        if isinstance(line, SessionRecord):
-            return line.participant
+        said = line.input if isinstance(line, InputLine) else line
+        if isinstance(said, SessionRecord | SessionStarted):
+            return said.participant
     parts = folder.name.split("_")
     return parts[2] if len(parts) >= 5 else ""
 
 
 def registered_recordings(folder: Path) -> list[str]:
-    """The files of recordings that a session has registered, absolute."""
+    """The files of recordings that a session has registered, absolute; not those within its own folder."""
+    try:
+        changed = (folder / JOURNAL).stat().st_mtime_ns
+    except OSError:
+        return []
+    return list(_registered_in(folder, changed))
+
+
+@lru_cache(maxsize=1_000)
+def _registered_in(folder: Path, changed: int) -> tuple[str, ...]:
+    """Kept for a journal that was not changed: whoever looks at a study looks again and again."""
     found: dict[str, None] = {}
     for line in _readable_lines(folder):
-        if not isinstance(line, JournalHeader) and _kind(line) == "recording" and (path := getattr(line, "path", "")):
+        said = line.input if isinstance(line, InputLine) else line
+        if isinstance(said, RecordingReport | RecordingRecord) and (path := said.path):
             found[str((folder / Path(path).expanduser()).absolute())] = None
-    return [path for path in found if not Path(path).is_relative_to(folder.absolute())]
+    return tuple(path for path in found if not Path(path).is_relative_to(folder.absolute()))
 
 
 def _readable_lines(folder: Path) -> Iterator[JournalLine]:
@@ -78,17 +91,13 @@ def _readable_lines(folder: Path) -> Iterator[JournalLine]:
     try:
         with (folder / JOURNAL).open("rb") as file:
             for line in file:
-                if b'"recording"' in line or b'"kind":"session"' in line:
+                if b'"recording"' in line or b'"kind":"session"' in line or b'"input":"session_started"' in line:
                     try:
                         yield read_line(line.rstrip(b"\n"))
                     except LineError:
                         continue
     except OSError:
         return
-
-
-def _kind(line: Any) -> str:
-    return str(line.__struct_config__.tag)
 
 
 def find_names(study: Path, participant: str) -> list[str]:

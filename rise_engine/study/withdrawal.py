@@ -9,6 +9,7 @@ last the list. Whatever is left of an earlier run is finished by the next one.
 from __future__ import annotations
 
 import os
+import re
 from collections.abc import Sequence
 from contextlib import suppress
 from pathlib import Path
@@ -83,8 +84,12 @@ def plan_withdrawal(study: Path, participant: str) -> WithdrawalPlan:
     :raises rise_engine.study.study_log.StudyLogError: the log cannot be read.
     """
     log = read_log(study)
-    plan = _make_plan(study, participant, log)
-    if plan.sessions or _left_work(study, participant) or is_withdrawn(participant, log):
+    try:
+        plan = _make_plan(study, participant, log)
+        left = _left_work(study, participant)
+    except OSError as error:
+        raise WithdrawalError(f"{error.filename or study} cannot be read: {error_message(error)}") from None
+    if plan.sessions or left or is_withdrawn(participant, log):
         return plan
     if any(_concerns(each, participant, set()) for each in log) or lines_naming(study / PARTICIPANTS_FILE, participant):
         return plan
@@ -130,6 +135,7 @@ def _take_out(study: Path, participant: str, log: LockedLog, disk: Disk) -> Path
     if work is not None:
         plan = _join(_read_list(work), plan)
     own = set(plan.sessions)
+    _clear_set_aside(study / SET_ASIDE_FILE, participant, own, disk)
     known = any(_concerns(each, participant, own) for each in entries)
     if work is None and not plan.sessions and not known and is_withdrawn(participant, entries):
         with suppress(OSError):
@@ -197,14 +203,18 @@ def _concerns(entry: LogEntry, participant: str, own: set[str]) -> bool:
 def _without_name(entry: LogEntry, participant: str, name: str) -> dict[str, Any]:
     """An entry's fields with another name in the place of theirs. A pseudonym of digits is no word that can be found
     in what somebody wrote."""
-    pattern = name_pattern(participant)
-    fields = dict(entry.fields)
-    for key, value in fields.items():
-        if key == "participant" and value == participant:
-            fields[key] = name
-        elif key in _WRITTEN and isinstance(value, str) and not participant.isdigit():
-            fields[key] = pattern.sub(name, value)
-    return fields
+    fields = {**entry.fields}
+    if fields.get("participant") == participant:
+        fields["participant"] = name
+    return fields if participant.isdigit() else _replace_written(fields, name_pattern(participant), name)
+
+
+def _replace_written(value: Any, pattern: re.Pattern[str], name: str, key: str = "") -> Any:
+    if isinstance(value, dict):
+        return {field: _replace_written(each, pattern, name, field) for field, each in value.items()}
+    if isinstance(value, list):
+        return [_replace_written(each, pattern, name, key) for each in value]
+    return pattern.sub(name, value) if isinstance(value, str) and key in _WRITTEN else value
 
 
 def _clear_set_aside(path: Path, participant: str, own: set[str], disk: Disk) -> None:
@@ -266,15 +276,20 @@ def _left_work(study: Path, participant: str) -> Path | None:
         try:
             if _read_list(folder).participant == participant:
                 return folder
-        except (OSError, msgspec.DecodeError):
+        except (FileNotFoundError, msgspec.DecodeError):
             continue
     return None
 
 
 def _erase_unlisted(study: Path, disk: Disk) -> None:
-    """What was left by a run that was ended before its list was written, or after it was erased."""
+    """What was left by a run that was ended before its list was written, or while that was erased, as the last of all.
+
+    The list is written in one step, so one that cannot be read is half erased.
+    """
     for folder in folders_in(study / WORK_FOLDER):
-        if not (folder / _LIST).exists():
+        try:
+            _read_list(folder)
+        except (FileNotFoundError, msgspec.DecodeError):
             erase_folder(folder, disk)
 
 
@@ -367,5 +382,6 @@ def _beyond(study: Path, participant: str) -> list[str]:
         "recordings that no session has registered: cameras, bags, LabRecorder, the folder of OBS",
         "bundles and exports that were given to others, or that were not written with `export -o`",
         "the list that says which person the pseudonym is, and the consent form",
+        "what was saved from a console, and what consoles and engines keep (their state folder, engine.log)",
         "the history of the shell, if the pseudonym was typed there",
     ]

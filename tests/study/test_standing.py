@@ -93,7 +93,7 @@ CASES: list[tuple[str, list[StudySession], str, int | None, int]] = [
     ("a rehearsal never counts", [session("P01", purpose="pilot", slot=None)], "waiting", 1, 1),
     (
         "nor does a debug session that runs",
-        [session("P01", 1, None, purpose="debug", status="running")],
+        [session("P01", 1, None, purpose="debug", status="running", slot=None)],
         "waiting",
         1,
         1,
@@ -106,11 +106,16 @@ def test_a_participant_stands(
     what: str, sessions: list[StudySession], state: str, run: int | None, attempt: int
 ) -> None:
     log = [taken("P01", 1)] if any(each.entry.slot for each in sessions) else []
+    log += [
+        entry("outcome", participant="P01", session=each.name, status=each.entry.outcome, reason=each.entry.reason)
+        for each in sessions
+        if each.entry.purpose == "counted" and each.entry.outcome is not None
+    ]
     found = of(stand(log, sessions), "P01")
     assert (found.state, found.next_run) == (state, run)
     if run is not None:
         assert found.next_attempt == attempt
-    assert found.slot == (1 if log and state != "excluded" else None)
+    assert found.slot == (1 if any(each.entry.slot for each in sessions) and state != "excluded" else None)
 
 
 def test_a_row_is_kept_and_the_next_participant_gets_the_next() -> None:

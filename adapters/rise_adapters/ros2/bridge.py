@@ -30,6 +30,7 @@ from rise_engine.ports.bridge import BridgeError, RosConnection
 from rise_engine.ports.robot import Clock, Robot
 from rise_engine.scenario.model import RobotProfile
 from rise_engine.server.hub import SessionHub
+from rise_engine.session.folder import without_home
 
 _LOG = logging.getLogger(__name__)
 
@@ -174,12 +175,13 @@ async def open_bridge(wire: RosConnection, profile: RobotProfile | None) -> Ros2
 
 
 def session_parameters(hub: SessionHub) -> dict[str, ReadableParameter]:
-    """A session's settings as parameters of its node."""
+    """A session's settings as parameters of its node. A real session tells no login."""
     about = hub.summary()
+    path = without_home if about.mode == "real" else str
     return {
         "title": ReadableParameter(about.title, "of the scenario"),
-        "scenario": ReadableParameter(about.scenario_folder, "its folder"),
-        "session": ReadableParameter(about.folder, "the session's folder"),
+        "scenario": ReadableParameter(path(about.scenario_folder), "its folder"),
+        "session": ReadableParameter(path(about.folder), "the session's folder"),
         "mode": ReadableParameter(about.mode, "debug: the robot is simulated; real"),
         "robot": ReadableParameter(about.robot, "the robot's profile"),
         "seed": ReadableParameter(about.seed, "for everything picked at random"),

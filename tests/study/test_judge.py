@@ -1,0 +1,133 @@
+"""How a session counts, said afterwards; and who does not take part any more."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from rise_engine.kernel.inputs import OutcomeReport, SessionStarted
+from rise_engine.kernel.records import OutcomeStatus
+from rise_engine.study.judge import CannotJudge, exclude_participant, judge_session
+from rise_engine.study.state import OpenStudy, read_state
+from rise_engine.study.study_log import LockedLog, read_log
+
+from .studies import ENDED, session_folder, write_journal, write_study
+
+
+def session(folder: Path, name: str, *inputs: OutcomeReport, slot: int | None = 1, end: bool = True) -> Path:
+    """A session that ended, perhaps with an outcome."""
+    purpose = "counted" if slot is not None else "pilot"
+    started = SessionStarted(
+        participant=name,
+        study="hesitation",
+        slot=slot,
+        run=1,
+        attempt=1,
+        purpose=purpose,  # type: ignore[arg-type]
+    )
+    path = session_folder(folder, started)
+    write_journal(path, started, *inputs, *([ENDED] if end else []))
+    return path
+
+
+@pytest.fixture
+def folder(tmp_path: Path) -> Path:
+    write_study(tmp_path / "study")
+    return tmp_path / "study"
+
+
+def judge(folder: Path, name: str, status: OutcomeStatus, reason: str = "", session: str = "") -> str:
+    """The state of the participant afterwards, or why it cannot be."""
+    try:
+        with OpenStudy(folder) as open:
+            judge_session(open, name, status, reason, session=session)
+    except CannotJudge as error:
+        return str(error)
+    return read_state(folder).state_of(name) or ""
+
+
+def test_a_session_that_ended_without_outcome(folder: Path) -> None:
+    path = session(folder, "P01")
+    assert judge(folder, "P01", "aborted") == "say why it is aborted: --reason"
+    assert judge(folder, "P01", "complete") == "to-go-on"
+    entry = read_log(folder)[-1]
+    assert (entry.kind, entry.get("session"), entry.get("status"), entry.get("seconds")) == (
+        "outcome",
+        path.name,
+        "complete",
+        60.0,
+    )
+    assert "is complete already" in judge(folder, "P01", "complete", "once more")
+
+
+def test_one_whose_engine_has_gone_is_not_offered_again(folder: Path) -> None:
+    path = session(folder, "P01", end=False)
+    assert read_state(folder).state_of("P01") == "unfinished"
+    assert judge(folder, "P01", "aborted", "power cut") == "aborted"
+    assert (path / "abandoned").exists()
+
+
+def test_the_outcome_in_a_journal_is_written_by_whoever_opens_the_study_next(folder: Path) -> None:
+    session(folder, "P01", OutcomeReport(status="aborted", reason="no"), OutcomeReport(status="complete", reason="yes"))
+    assert read_state(folder).state_of("P01") == "to-go-on", "who only looks sees it, too"
+    assert [entry.kind for entry in read_log(folder)] == ["planned"]
+    for _ in range(2):
+        with OpenStudy(folder):
+            pass
+        assert [entry.kind for entry in read_log(folder)] == ["planned", "taken", "session", "outcome"]
+    assert read_log(folder)[-1].get("reason") == "yes", "the last one counts"
+
+
+def test_an_outcome_can_be_corrected_with_a_reason_while_nothing_rests_on_it(folder: Path) -> None:
+    session(folder, "P01", OutcomeReport(status="excluded", reason="wrong key"))
+    assert read_state(folder).state_of("P01") == "excluded"
+    assert judge(folder, "P01", "complete") == "say why it is changed: --reason"
+    assert judge(folder, "P01", "complete", "it was the wrong key") == "to-go-on"
+    judge(folder, "P01", "excluded", "no, it was right")
+    with LockedLog(folder) as log:
+        log.append("taken", slot=1, participant="P02")
+    assert judge(folder, "P01", "complete", "no") == "slot 1 was given to P02 since P01 was excluded"
+
+
+def test_what_has_nothing_to_be_judged(folder: Path) -> None:
+    assert judge(folder, "P1", "complete") == "the study knows no participant 'P1'; did you mean `P01`?"
+    assert judge(folder, "P01", "complete") == "P01 has had no session yet"
+    path = session(folder, "P01", slot=None)
+    assert judge(folder, "P01", "complete").startswith("P01 has had no session yet; those")
+    assert "never counts" in judge(folder, "P01", "complete", session=path.name)
+    assert "P01 has no session x" in judge(folder, "P01", "complete", session="x")
+
+
+def test_somebody_is_excluded_and_their_row_is_free(folder: Path) -> None:
+    session(folder, "P01", OutcomeReport(status="complete"))
+    with OpenStudy(folder) as open:
+        assert exclude_participant(open, "P01", "  had been here before ") == 1
+    state = read_state(folder)
+    assert (state.state_of("P01"), state.places.excluded["P01"]) == ("excluded", "had been here before")
+    free = state.row_for(state.participants[1])
+    assert free is not None and free.slot == 1
+    for name, reason, said in (
+        ("P01", "again", "is excluded already"),
+        ("P02", " ", "say why"),
+        ("P9", "x", "knows no"),
+    ):
+        with pytest.raises(CannotJudge, match=said), OpenStudy(folder) as open:
+            exclude_participant(open, name, reason)
+
+
+def test_a_session_whose_folder_was_moved_away_still_counts(folder: Path) -> None:
+    path = session(folder, "P01", OutcomeReport(status="complete"))
+    with OpenStudy(folder):
+        pass
+    path.rename(folder.parent / path.name)
+    state = read_state(folder)
+    assert state.state_of("P01") == "to-go-on"
+    assert state.standing.due == (f"{path.name} of P01 is not in the study's sessions any more",)
+
+
+def test_folders_of_other_studies_are_passed_over(folder: Path) -> None:
+    started = SessionStarted(participant="P01", study="another", slot=1, run=1, attempt=1, purpose="counted")
+    write_journal(session_folder(folder, started), started, ENDED)
+    (folder / "sessions" / "notes").mkdir()
+    assert read_state(folder).sessions == () and read_state(folder).state_of("P01") == "waiting"

@@ -1,0 +1,357 @@
+"""`rise-engine study withdraw`: whoever withdraws is nowhere any more, and their slot is free."""
+
+from __future__ import annotations
+
+import os
+import shutil
+import subprocess
+from datetime import date, timedelta
+from pathlib import Path
+
+import pytest
+from click.testing import CliRunner, Result
+
+from rise_engine.cli import main
+from rise_engine.kernel.inputs import OutcomeReport, RecordingReport, SessionStarted
+from rise_engine.session.lock import JournalLock
+from rise_engine.study.retention import due_retention
+from rise_engine.study.state import OpenStudy, read_state
+from rise_engine.study.study_log import LOG_FILE, SET_ASIDE_FILE, LockedLog, StudyLogError, read_log
+from rise_engine.study.withdrawal import WORK_FOLDER, WithdrawalError, plan_withdrawal, withdraw
+from rise_engine.study.withdrawn import is_withdrawn, without_salts
+
+from ..engine.processes import ENGINE
+from ..kills import every_kill
+from .studies import DESIGN, ENDED, session_folder, write_journal, write_study
+
+ID = "hesitation"
+
+
+def began(participant: str, slot: int, run: int = 1) -> SessionStarted:
+    return SessionStarted(
+        participant=participant, study=ID, slot=slot, run=run, attempt=1, purpose="counted", condition="yes+quiet"
+    )
+
+
+def session(study: Path, participant: str, slot: int, recording: str = "", run: int = 1) -> Path:
+    path = session_folder(study, began(participant, slot, run))
+    report = RecordingReport(t=1.0, name="camera", status="started", path=recording)
+    inputs = [
+        began(participant, slot, run),
+        report,
+        OutcomeReport(t=50.0, status="complete", reason="", source="wizard:w"),
+    ]
+    write_journal(path, *inputs, ENDED)
+    (path / "scenario").mkdir()
+    (path / "scenario" / "note.txt").write_text(f"about {participant}")
+    return path
+
+
+class Folder:
+    """A study of three participants, P01 in two sessions, everything that could name them."""
+
+    def __init__(self, root: Path) -> None:
+        self.root = root
+        self.study = root / "study"
+        self.videos = root / "videos"
+        self.videos.mkdir()
+        write_study(self.study)
+        for name in ("one", "two", "both"):
+            (self.videos / name).write_bytes(b"film" * 100)
+        bag = self.videos / "bag"
+        bag.mkdir()
+        (bag / "metadata.yaml").write_text("bag")
+        (bag / "0.mcap").write_bytes(b"mcap")
+        self.sessions = [
+            session(self.study, "P01", 1, str(self.videos / "one")),
+            session(self.study, "P01", 1, str(bag), 2),
+            session(self.study, "P02", 2, str(self.videos / "two")),
+            session(self.study, "P03", 3, str(self.videos / "both")),
+            session(self.study, "P01", 1, str(self.videos / "both"), 3),
+        ]
+        with OpenStudy(self.study):
+            pass  # what the folders say is in the log now
+        with LockedLog(self.study) as log:
+            log.append("excluded", participant="P03", reason="took the place of P01, not of P011")
+            log.append("checked", participant="P02", checks=[{"id": "lamp", "reason": "as with P01"}])
+            for name, who in (("p01.csv", ["P01"]), ("all.csv", ["P01", "P02"]), ("p02.csv", ["P02"])):
+                (root / name).write_text(f"rows of {who}")
+                log.append("exported", path=str(root / name), participants=who, sessions=[], level="full")
+            (self.study / "in.csv").write_text("P01,1")
+            log.append("exported", path="in.csv", participants=["P01"], sessions=[self.sessions[0].name])
+        (self.study / SET_ASIDE_FILE).write_text('{"kind":"taken","participant":"P01"')
+
+    def texts(self) -> dict[str, str]:
+        return {
+            str(path.relative_to(self.study)): path.read_text("utf-8", "replace")
+            for path in sorted(self.study.rglob("*"))
+            if path.is_file()
+        }
+
+
+@pytest.fixture
+def made(tmp_path: Path) -> Folder:
+    return Folder(tmp_path)
+
+
+def assert_gone(made: Folder) -> None:
+    """Nothing names them any more but participants.csv, which is people's."""
+    for name, text in made.texts().items():
+        if name != "participants.csv":
+            assert "P01" not in text.replace("P011", "") and "P01" not in name, name
+    assert not list(made.study.rglob("*P01*"))
+    assert not (made.study / WORK_FOLDER).exists()
+    for gone in ("videos/one", "videos/bag", "p01.csv", "all.csv"):
+        assert not (made.root / gone).exists(), gone
+    for stays in ("videos/two", "videos/both", "p02.csv"):
+        assert (made.root / stays).exists(), stays
+    log = read_log(made.study)
+    assert is_withdrawn("P01", log) and not is_withdrawn("P02", log)
+    assert [each.get("slot") for each in log if each.kind == "withdrawn"] == [1]
+    taken = [each for each in log if each.kind == "taken" and each.get("slot") == 1]
+    assert len(taken) == 1 and is_withdrawn(taken[0].get("participant"), log)
+
+
+def test_nothing_is_left_but_a_salted_hash(made: Folder) -> None:
+    report = withdraw(made.study, "P01")
+    assert_gone(made)
+    assert len(report.erased) == 3 + 2 + 3
+    assert report.make_again == [f"{made.root / 'all.csv'} (with P02)"]
+    assert report.remains == [
+        "participants.csv, line 2: delete the line yourself, because nothing but people writes in this file"
+    ]
+    assert any(f"{made.videos / 'both'} records P03, too" in each for each in report.beyond)
+    assert any("backups" in each for each in report.beyond)
+    assert (made.study / LOG_FILE).stat().st_mode & 0o777 == 0o600
+
+
+def test_the_others_are_as_they_were(made: Folder) -> None:
+    before = [each for each in read_log(made.study) if each.get("participant") in ("P02", "P03")]
+    withdraw(made.study, "P01")
+    log = read_log(made.study)
+    after = [each for each in log if each.get("participant") in ("P02", "P03")]
+    assert [(each.kind, each.at) for each in after] == [(each.kind, each.at) for each in before]
+    reason = next(str(each.get("reason")) for each in after if each.kind == "excluded")
+    assert reason.startswith("took the place of withdrawn:") and reason.endswith("not of P011")
+    assert [path.is_dir() for path in made.sessions] == [False, False, True, True, False]
+
+
+def test_the_slot_is_free_and_they_cannot_begin_again(made: Folder) -> None:
+    withdraw(made.study, "P01")
+    state = read_state(made.study)
+    standing = {each.participant: each for each in state.standing.participants}
+    assert standing["P01"].state == "withdrawn" and standing["P01"].slot is None
+    assert not any("withdrawn" in each for each in state.standing.due), state.standing.due
+    assert state.places.free_row(state.plan, {}) == next(row for row in state.plan if row.slot == 1)
+    with OpenStudy(made.study):
+        pass  # reconciling writes nothing about them
+    assert_gone(made)
+
+
+def test_a_second_time_there_is_nothing_to_do(made: Folder) -> None:
+    withdraw(made.study, "P01")
+    before = (made.study / LOG_FILE).read_bytes()
+    report = withdraw(made.study, "P01")
+    assert report.erased == [] and (made.study / LOG_FILE).read_bytes() == before
+
+
+def test_somebody_without_a_session(made: Folder) -> None:
+    withdraw(made.study, "P05")
+    log = read_log(made.study)
+    assert is_withdrawn("P05", log) and [each.get("slot") for each in log if each.kind == "withdrawn"] == [None]
+
+
+def test_somebody_unknown_is_refused(made: Folder) -> None:
+    before = made.texts()
+    with pytest.raises(WithdrawalError, match="knows no participant 'P99'"):
+        withdraw(made.study, "P99")
+    assert made.texts() == before
+
+
+def test_while_a_session_runs_nothing_is_done(made: Folder) -> None:
+    before = made.texts()
+    lock = JournalLock(made.sessions[1] / "journal.jsonl")
+    with pytest.raises(WithdrawalError, match=r"is running: .* Nothing was erased"):
+        withdraw(made.study, "P01")
+    lock.release()
+    assert made.texts() == before
+
+
+def test_sessions_that_cannot_be_read_are_theirs_by_their_name(made: Folder) -> None:
+    broken = made.study / "sessions" / "2026-11-22_101112_P01_sample_real"
+    broken.mkdir()
+    (broken / "journal.jsonl").write_text("garbage about P01")
+    withdraw(made.study, "P01")
+    assert_gone(made)
+
+
+def test_a_damaged_log_is_no_reason_to_guess(made: Folder) -> None:
+    with (made.study / LOG_FILE).open("a") as file:
+        file.write("no entry\n")
+    with pytest.raises(StudyLogError, match="no JSON"):
+        withdraw(made.study, "P01")
+    assert made.sessions[0].exists()
+
+
+def test_the_old_log_is_overwritten(made: Folder) -> None:
+    descriptor = os.open(made.study / LOG_FILE, os.O_RDONLY)
+    withdraw(made.study, "P01")
+    assert b"P01" not in os.read(descriptor, 1_000_000)
+    os.close(descriptor)
+
+
+def test_what_others_wrote_about_them_is_told(made: Folder) -> None:
+    (made.study / "diary.md").write_text("fine\nP01 was late\n")
+    (made.sessions[2] / "scenario" / "note.txt").write_text("like P01")
+    report = withdraw(made.study, "P01")
+    assert any(each.startswith("diary.md, line 2: take it out yourself") for each in report.remains)
+    assert any("rise-engine redact" in each and made.sessions[2].name in each for each in report.remains)
+
+
+def test_a_pseudonym_of_digits_changes_no_text_of_others(tmp_path: Path) -> None:
+    study = tmp_path / "study"
+    write_study(study, people="participant,consent_study,status,comment\n22,2026-11-01,,\nP02,2026-11-01,,\n")
+    session(study, "22", 1)
+    session(study, "P02", 2)
+    with OpenStudy(study):
+        pass
+    before = [each for each in read_log(study) if each.get("participant") == "P02"]
+    withdraw(study, "22")
+    log = read_log(study)
+    assert [each.fields for each in log if each.get("participant") == "P02"] == [each.fields for each in before]
+    assert is_withdrawn("22", log) and withdraw(study, "22").erased == []
+
+
+def test_salts_can_be_left_out(made: Folder) -> None:
+    withdraw(made.study, "P01")
+    entry = next(each for each in without_salts(read_log(made.study)) if each.kind == "withdrawn")
+    assert set(entry.fields) == {"slot", "hash"}
+
+
+@pytest.mark.slow
+def test_killed_at_any_touch_of_the_disk(tmp_path: Path) -> None:
+    """No slot is given twice meanwhile, and the next time everything is gone."""
+    kept, place = tmp_path / "kept", tmp_path / "place"
+    place.mkdir()
+    made = Folder(place)
+    shutil.copytree(place, kept)
+
+    def again() -> None:
+        shutil.rmtree(place)
+        shutil.copytree(kept, place)
+
+    count = 0
+    for _ in every_kill(place, again, lambda disk: withdraw(made.study, "P01", disk)):
+        count += 1
+        with OpenStudy(made.study) as open:  # another program looks, and writes what it finds missing
+            held = open.state.places.slots
+            assert held.get("P02") == 2 and held.get("P01") in (1, None)
+        withdraw(made.study, "P01")
+        assert_gone(made)
+    assert count > 60
+
+
+# --- the command ---
+
+
+def run(*arguments: object, typed: str | None = None) -> Result:
+    return CliRunner().invoke(main, [str(each) for each in arguments], input=typed)
+
+
+def test_the_command(made: Folder) -> None:
+    result = run("study", "withdraw", made.study, "P01")
+    assert result.exit_code == 2 and "nobody can be asked here; say --yes" in result.output
+    assert made.sessions[0].exists()
+    result = run("study", "withdraw", made.study, "P01", "--yes")
+    assert result.exit_code == 1, result.output
+    assert "all.csv, which also holds P02" in result.output
+    assert "delete the line yourself" in result.output and "backups" in result.output
+    people = made.study / "participants.csv"
+    people.write_text("".join(line for line in people.read_text().splitlines(True) if "P01" not in line))
+    assert run("study", "withdraw", made.study, "P01", "--yes").exit_code == 0
+    assert run("study", "withdraw", made.study, "P99", "--yes").exit_code == 1
+    assert run("study", "withdraw", made.root, "P01", "--yes").exit_code == 2
+
+
+@pytest.mark.pty
+@pytest.mark.slow
+@pytest.mark.parametrize(("typed", "code"), [("P01", 1), ("P02", 1), ("", 1)])
+def test_somebody_types_the_pseudonym(made: Folder, typed: str, code: int) -> None:
+    ours, theirs = os.openpty()
+    command = [ENGINE, "study", "withdraw", str(made.study), "P01"]
+    process = subprocess.Popen(command, stdin=theirs, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+    os.close(theirs)
+    os.write(ours, f"{typed}\n".encode())
+    out, err = process.communicate(timeout=60)
+    os.close(ours)
+    assert process.returncode == code, (out, err)
+    assert "type the pseudonym" in out
+    if typed == "P01":
+        assert_gone(made)
+    else:
+        assert "that is another one; nothing was erased" in err and made.sessions[0].exists()
+
+
+def test_an_export_is_listed_before_it_is_written(made: Folder) -> None:
+    out = made.root / "again.csv"
+    result = run("export", made.sessions[2], "--format", "csv", "-o", out)
+    assert out.exists(), result.output
+    entry = [each for each in read_log(made.study) if each.kind == "exported"][-1]
+    assert entry.fields == {
+        "path": str(out),
+        "format": "csv",
+        "level": "full",
+        "sessions": [made.sessions[2].name],
+        "participants": ["P02"],
+    }
+    assert list(plan_withdrawal(made.study, "P02").exports) == [
+        str(made.root / "all.csv"),
+        str(made.root / "p02.csv"),
+        str(out),
+    ]
+    result = run("export", made.sessions[2], "--format", "csv", "-o", out)
+    assert result.exit_code == 2
+    assert len([each for each in read_log(made.study) if each.kind == "exported"]) == 5
+
+
+def test_redacting_a_session_of_the_study_is_noted(made: Folder) -> None:
+    path = made.sessions[2]
+    from rise_engine.cli.redact import _note_in_study
+    from rise_engine.session.redaction import RedactionReport
+
+    assert _note_in_study(path, RedactionReport(lines=3)) == []
+    entry = read_log(made.study)[-1]
+    assert entry.kind == "redacted" and entry.fields == {"session": path.name, "lines": 3}
+
+
+# --- retention ---
+
+
+def due(made: Folder, days: int, **retention: float) -> list[str]:
+    lines = "".join(f'{name} = "{value} d"\n' for name, value in retention.items())
+    (made.study / "study.toml").write_text(DESIGN + f"\n[retention]\n{lines}", "utf-8")
+    state = read_state(made.study)
+    began = date.fromisoformat(state.sessions[0].entry.started[:10])
+    return due_retention(state.study, state.sessions, began + timedelta(days=days))
+
+
+def test_what_is_due_to_be_deleted(made: Folder) -> None:
+    assert due(made, 1000) == []
+    assert due(made, 29, media=30, sessions=30) == []
+    found = due(made, 31, media=30, sessions=3650)
+    assert len(found) == 1 and found[0].startswith("4 recordings kept longer than 30 days, delete: ")
+    assert str(made.videos / "one") in found[0] and found[0].endswith("and 1 more")
+    found = due(made, 3651, media=30, sessions=3650)
+    assert len(found) == 2 and found[1].startswith("5 sessions kept longer than 3650 days")
+    withdraw(made.study, "P01")
+    assert due(made, 31, media=30)[0].startswith("2 recordings")
+
+
+def test_the_status_says_what_is_due(made: Folder) -> None:
+    info = made.sessions[2] / "session.toml"
+    lines = [
+        'started = "2001-01-01T10:00:00+00:00"' if "started" in line else line for line in info.read_text().split("\n")
+    ]
+    info.write_text("\n".join(lines))
+    (made.study / "study.toml").write_text(DESIGN + '\n[retention]\nmedia = "10 y"\n', "utf-8")
+    assert any(f"{made.videos / 'two'} of 2001-01-01" in each for each in read_state(made.study).standing.due)
