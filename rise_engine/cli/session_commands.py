@@ -187,8 +187,8 @@ def serve(
         exit_with_usage("say either --recover or --new")
     if study is None:
         folder = _needed_scenario(folder, run_number, pilot, training, confirmed, skipped)
-    if here and not recover and which is None:
-        exit_with_usage("--here goes with --recover or --session")
+    if here and not recover and which is None and not (new and study is not None):
+        exit_with_usage("--here goes with --recover or --session, and with --new of a study")
     options = replace(
         _make_options(folder or "", pace, **session),
         paths=parse_paths(paths),

@@ -114,6 +114,9 @@ def exclude(study: str, participant: str, reason: str) -> None:
 @click.option(
     "--session", metavar="FOLDER", default="", help="Another session than the one without outcome or the last."
 )
+@click.option(
+    "--here", is_flag=True, help="Also of one that another computer had last, where nobody sees if it still has."
+)
 @check_options
 def outcome(
     study: str,
@@ -121,6 +124,7 @@ def outcome(
     status: OutcomeStatus,
     reason: str,
     session: str,
+    here: bool,
     confirmed: tuple[str, ...],
     skipped: tuple[str, ...],
 ) -> None:
@@ -138,7 +142,7 @@ def outcome(
             state = open.state
             judged = session_to_judge(state, participant, session)
             if judged.entry.outcome != status or options == CheckOptions():
-                judged = judge_session(open, participant, status, reason, session=session)
+                judged = judge_session(open, participant, status, reason, session=session, here=here)
                 print(f"{judged.name}: {status}")
         entry = judged.entry
         context = CheckContext(state.study, participant, "", state.study.mode, run=entry.run, session=judged.name)

@@ -29,7 +29,13 @@ from rise_engine.study.begin import (
     to_give_up,
     unfinished_sessions_of,
 )
-from rise_engine.study.sessions import SESSIONS, StudySession, given_up_fields, session_fields
+from rise_engine.study.sessions import (
+    SESSIONS,
+    StudySession,
+    given_up_fields,
+    refuse_running_elsewhere,
+    session_fields,
+)
 from rise_engine.study.state import OpenStudy, StudyState, StudyUnusable
 from rise_engine.study.study_log import LockedLog, StudyLogError
 
@@ -185,15 +191,20 @@ class StudyPreparation:
             raise ServeRefused(
                 exit_status.REFUSED, "the study changed while the session was prepared, so it did not begin: try again"
             )
+        new = self.options.unfinished == "new"
+        given_up = to_give_up(open.state, self._request(open.state)) if new else []
         try:
-            if self.options.unfinished == "new":
-                for session in to_give_up(open.state, self._request(open.state)):
-                    give_up(open.log, session)
+            for session in given_up:  # all of them, before anything is written
+                refuse_running_elsewhere(session, here=self.options.from_other_computer)
+            for session in given_up:
+                give_up(open.log, session)
             if self.plan.takes_slot:
                 drawn = {"levels": dict(self.plan.drawn)} if self.plan.drawn else {}
                 open.log.append("taken", slot=self.plan.slot, participant=self.plan.participant, **drawn)
         except StudyLogError as error:
             raise ServeRefused(exit_status.NOT_WRITTEN, str(error)) from None
+        except SessionError as error:
+            raise ServeRefused(exit_status.ALREADY_RUNNING, str(error)) from None
         return open.log
 
     def note_begun(self, log: LockedLog, folder: Path, info: SessionInfo) -> None:

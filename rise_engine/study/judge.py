@@ -8,8 +8,9 @@ from rise_engine.errors import RiseError
 from rise_engine.kernel.inputs import OutcomeReport
 from rise_engine.kernel.records import OutcomeStatus
 from rise_engine.nearest_name import did_you_mean
+from rise_engine.session.errors import SessionError
 from rise_engine.session.folder import mark_abandoned
-from rise_engine.study.sessions import StudySession, outcome_fields, read_verdict
+from rise_engine.study.sessions import StudySession, outcome_fields, read_verdict, refuse_running_elsewhere
 from rise_engine.study.standing import describe_entry
 from rise_engine.study.state import OpenStudy, StudyState
 
@@ -29,6 +30,7 @@ def judge_session(
     *,
     session: str = "",
     source: str = COMMAND_LINE,
+    here: bool = False,
 ) -> StudySession:
     """Write how a session counts that ended without outcome, whose engine has gone, or that was judged wrongly.
 
@@ -38,6 +40,7 @@ def judge_session(
     :param reason: why; needed unless it is complete and nobody has judged it yet.
     :param session: the name of its folder; empty: the one without outcome, or else their last one.
     :param source: who says it.
+    :param here: another computer had the session last, and somebody has looked: it does not run there any more.
     :return: the session as it was before.
     :raises CannotJudge: with every reason why not.
     :raises rise_engine.study.study_log.StudyLogError: it cannot be written.
@@ -46,6 +49,10 @@ def judge_session(
     problems = _outcome_problems(open.state, target, status, reason)
     if problems:
         raise CannotJudge("\n".join(problems))
+    try:
+        refuse_running_elsewhere(target, here=here)
+    except SessionError as error:
+        raise CannotJudge(str(error)) from None
     report = OutcomeReport(status=status, reason=reason.strip(), source=source)
     open.log.append("outcome", **outcome_fields(target.entry, report, read_verdict(target.path).seconds))
     if target.left_open:

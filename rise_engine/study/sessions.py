@@ -8,16 +8,16 @@ what is missing, under the log's lock, so that a kill at any moment costs nothin
 from __future__ import annotations
 
 import os
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from contextlib import suppress
+from datetime import datetime
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any, BinaryIO, NamedTuple
 
 from msgspec import Struct
 from msgspec.structs import replace
 
 from rise_engine.kernel.inputs import OutcomeReport
-from rise_engine.kernel.records import AnyRecord
 from rise_engine.scenario.model import Json
 from rise_engine.session.folder import (
     JOURNAL,
@@ -29,7 +29,7 @@ from rise_engine.session.folder import (
     read_info,
 )
 from rise_engine.session.journal_format import InputLine, JournalHeader, LineError, read_line
-from rise_engine.session.lock import is_journal_locked
+from rise_engine.session.lock import JournalLock, is_journal_locked
 from rise_engine.study.model import SessionEntry
 from rise_engine.study.study_log import EntryKind, LogEntry
 
@@ -39,6 +39,8 @@ GIVEN_UP = "its engine had gone, and it was given up"
 """Why a session was aborted that nobody went on with."""
 _BLOCK = 1 << 20
 _OUTCOME = b'"input":"outcome"'
+_BEFORE_INPUT = 64
+"""Bytes of an input's line before that, at most."""
 
 
 class Verdict(NamedTuple):
@@ -100,7 +102,15 @@ def read_sessions(folder: Path, study_id: str, log: Sequence[LogEntry]) -> list[
         name = _text(each, "folder")
         if each.kind == "session" and name not in found and name not in passed_over:
             found[name] = _from_log(folder, each, outcomes.get(name))
-    return sorted(found.values(), key=lambda session: (session.entry.started, session.name))
+    return sorted(found.values(), key=lambda session: (_timestamp(session.entry.started), session.name))
+
+
+def _timestamp(started: str) -> float:
+    """Seconds since 1970: in the night when clocks are set back, the texts are not in the order of the moments."""
+    try:
+        return datetime.fromisoformat(started).timestamp()
+    except ValueError:
+        return 0.0
 
 
 def session_folders(folder: Path) -> list[Path]:
@@ -222,6 +232,18 @@ def outcome_fields(entry: SessionEntry, report: OutcomeReport, seconds: float) -
     }
 
 
+def refuse_running_elsewhere(session: StudySession, *, here: bool = False) -> None:
+    """See to it that no engine has a session on which somebody decides that nobody goes on with it, also not on another
+    computer, whose locks cannot be seen here.
+
+    :param session: one that did not end.
+    :param here: somebody has looked there, and it does not run any more.
+    :raises SessionError: an engine has it, or may have it; the text says which.
+    """
+    if session.left_open:
+        JournalLock(session.path / JOURNAL, here=here).release()
+
+
 def given_up_fields(session: StudySession) -> dict[str, Json]:
     """What the log says of a session that nobody goes on with: as its journal judges it, or else aborted."""
     verdict = read_verdict(session.path)
@@ -232,45 +254,54 @@ def given_up_fields(session: StudySession) -> dict[str, Json]:
 def read_verdict(path: Path) -> Verdict:
     """How a session was judged while it ran, and how long it was; of several outcomes the last one counts.
 
-    Reads the journal from its end and no further than it has to; what is torn or damaged there is passed over.
+    Looks from the journal's end and no further than it has to; what is torn or damaged there is passed over.
 
     :param path: the session's folder.
     """
-    report: OutcomeReport | None = None
-    seconds = 0.0
-    for line in _lines_from_end(path / JOURNAL):
-        if seconds and _OUTCOME not in line:
-            continue
-        try:
-            found = read_line(line)
-        except LineError:
-            continue
-        if not seconds and not isinstance(found, JournalHeader):
-            seconds = found.input.t if isinstance(found, InputLine) else _time(found)
-        if isinstance(found, InputLine) and isinstance(found.input, OutcomeReport):
-            report = found.input
-            break
-    return Verdict(report, seconds)
-
-
-def _time(record: AnyRecord) -> float:
-    return record.t
-
-
-def _lines_from_end(journal: Path) -> Iterable[bytes]:
-    """The lines of a file, the last one first, without their ends; a block of it is in memory at a time."""
     try:
-        with journal.open("rb") as file:
-            at, rest = file.seek(0, os.SEEK_END), b""
-            while at:
-                size = min(_BLOCK, at)
-                at -= size
-                file.seek(at)
-                rest, *lines = (file.read(size) + rest).split(b"\n")
-                yield from reversed(lines)
-            yield rest
+        with (path / JOURNAL).open("rb") as file:
+            return Verdict(_last_outcome(file), _last_time(file))
     except OSError:
-        return
+        return Verdict(None, 0.0)
+
+
+def _last_outcome(file: BinaryIO) -> OutcomeReport | None:
+    for position in _positions_from_end(file, _OUTCOME):
+        begin = max(0, position - _BEFORE_INPUT)
+        file.seek(begin)
+        begin += file.read(position - begin).rfind(b"\n") + 1
+        file.seek(begin)
+        with suppress(LineError):
+            found = read_line(file.readline().removesuffix(b"\n"))
+            if isinstance(found, InputLine) and isinstance(found.input, OutcomeReport):
+                return found.input
+    return None
+
+
+def _last_time(file: BinaryIO) -> float:
+    """Session time of the last thing that is known."""
+    for position in _positions_from_end(file, b"\n{"):
+        file.seek(position + 1)
+        with suppress(LineError):
+            found = read_line(file.readline().removesuffix(b"\n"))
+            if not isinstance(found, JournalHeader):
+                return found.input.t if isinstance(found, InputLine) else found.t
+    return 0.0
+
+
+def _positions_from_end(file: BinaryIO, wanted: bytes) -> Iterator[int]:
+    """Where some bytes stand in a file, the last place first; a block of it is in memory at a time."""
+    at, rest = file.seek(0, os.SEEK_END), b""
+    while at:
+        size = min(_BLOCK, at)
+        at -= size
+        file.seek(at)
+        block = file.read(size) + rest
+        position = block.rfind(wanted)
+        while position >= 0:
+            yield at + position
+            position = block.rfind(wanted, 0, position + len(wanted) - 1)
+        rest = block[: len(wanted) - 1]
 
 
 def _text(entry: LogEntry, name: str) -> str:

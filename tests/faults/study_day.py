@@ -3,8 +3,8 @@
     python -m tests.faults.study_day --kills 100
 
 Each engine is a real process (forked from this one) that serves a session of a real study. After every kill: no slot is
-held by two, none was passed over, every session is what the plan says (`tests.study.invariants`), no session that was
-served is lost, and every outcome that was acknowledged counts.
+held by two, none was passed over, every session is what the plan says (`tests.study.invariants`), no session that had
+begun is lost, and every outcome that was acknowledged counts.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ from rise_engine.study.model import ParticipantStanding
 from rise_engine.study.standing import BEGINNABLE
 from rise_engine.study.state import OpenStudy, StudyState, read_state
 from tests.faults.soak import Child, Mistake, SoakConnection
-from tests.study.invariants import check_day
+from tests.study.invariants import check_day, first_input
 from tests.study.studies import HEAD, PEOPLE, write_study
 
 OUTCOMES: tuple[OutcomeStatus, ...] = ("complete", "complete", "complete", "aborted", "excluded")
@@ -67,7 +67,7 @@ class StudyDays:
         self.counts: Counter[str] = Counter()
         self.folder = scratch
         self.served: set[str] = set()
-        """Folders of sessions that somebody was told of."""
+        """Folders of sessions in which something has happened."""
         self.judged: dict[str, OutcomeStatus] = {}
         """What was acknowledged of each."""
 
@@ -120,17 +120,19 @@ class StudyDays:
             child.wait()
             raise Mistake(f"{participant} was refused ({'unfinished' * (outcome.code == UNFINISHED)}): {outcome.lines}")
         name = Path(outcome.folder).name
-        self.served.add(name)
         self.counts["recovered"] += outcome.recovered
         connection = StudyConnection(self.scratch / "run" / "day.sock")
         if dice.random() < 0.3:
             time.sleep(dice.random() * 0.02)
+            begun = first_input(Path(outcome.folder)) is not None  # else nothing has gone out yet
             child.kill()
             self.count_kill("while it runs")
+            self.served |= {name} if begun else set()
         elif dice.random() < 0.2:
             if child.end() != 0:
                 raise Mistake("the engine did not end in order")
             self.counts["ended without outcome"] += 1
+            self.served.add(name)
         else:
             self.end_with_outcome(child, connection, name)
         connection.close()
@@ -140,6 +142,7 @@ class StudyDays:
         if not connection.judge(status):
             raise Mistake("the engine ended by itself")
         self.judged[name] = status
+        self.served.add(name)
         self.counts[status] += 1
         connection.end()
         if self.dice.random() < 0.6:

@@ -6,6 +6,7 @@ import json
 import signal
 import time
 import tomllib
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -16,7 +17,7 @@ from rise_engine.session.folder import find_unfinished, running_sessions
 from ..engine.processes import engine
 from ..study.invariants import check_day, first_input, log_lines
 from ..study.studies import DESIGN, write_study
-from .test_serve import Serving, root, statuses
+from .test_serve import Serving, root
 
 __all__ = ["root"]
 pytestmark = pytest.mark.slow
@@ -39,8 +40,12 @@ class Session(Serving):
             lines.append(self.process.stderr.readline())
         self.report = lines[-1]
         assert self.report, "".join(lines)
+        self.wait_until(lambda: first_input(self.record) is not None)
+
+    def wait_until(self, condition: Callable[[], bool]) -> None:
+        """Until its process has got so far."""
         limit = time.monotonic() + 30
-        while first_input(self.record) is None:
+        while not condition():
             assert self.process.poll() is None and time.monotonic() < limit
             time.sleep(0.005)
 
@@ -111,7 +116,8 @@ def test_after_a_crash_it_goes_on_or_is_given_up(study: Path) -> None:
     elsewhere = engine("serve", "--study", study, "--participant", "P02", "--session", it.record.name)
     assert elsewhere.returncode == 2 and "is the session of P01, not of P02" in elsewhere.stderr
     again = serving(study, "P01", "--recover")
-    assert again.record == it.record and "recovered" in statuses(it.record, "session")
+    assert again.record == it.record
+    again.wait_until(lambda: b'"status":"recovered"' in (it.record / "journal.jsonl").read_bytes())
     again.end(signal.SIGKILL)
     by_its_name = Session(study / "scenario", "--session", it.record)
     assert by_its_name.record == it.record, "a session of a study goes on as one, also when nobody names the study"

@@ -10,6 +10,7 @@ from typing import Any
 
 from rise_engine.kernel.inputs import SessionStarted
 from rise_engine.session.journal_format import InputLine, LineError, read_line
+from rise_engine.study.withdrawn import PREFIX
 
 
 def log_lines(folder: Path) -> list[dict[str, Any]]:
@@ -40,6 +41,10 @@ def begun_sessions(folder: Path) -> list[dict[str, Any]]:
     return found
 
 
+def _is_free(holder: str | None, out: set[str]) -> bool:
+    return holder is None or holder in out or holder.startswith(PREFIX)
+
+
 def check_day(folder: Path) -> None:
     """No row is taken twice, none is passed over, nobody has two, and every session is what the plan says.
 
@@ -56,11 +61,13 @@ def check_day(folder: Path) -> None:
             out.add(who)
         elif line["kind"] == "taken":
             slot = line["slot"]
-            assert holder.get(slot) is None or holder[slot] in out, f"slot {slot} of {holder[slot]} was taken by {who}"
+            assert _is_free(holder.get(slot), out), f"slot {slot} of {holder[slot]} was taken by {who}"
             assert who not in slot_of, f"{who} has the slots {slot_of[who]} and {slot}"
             assert who not in out, f"{who} was out and took slot {slot}"
-            free = next(each for each in order if holder.get(each) is None or holder[each] in out)
-            assert slot == free, f"{who} took slot {slot} although {free} was free"
+            for earlier in order[: order.index(slot)]:  # when somebody withdrew, the log does not say any more
+                named = holder.get(earlier) or ""
+                held = bool(named) and (named not in out or named.startswith(PREFIX))
+                assert held, f"{who} took slot {slot} although {earlier} was free"
             holder[slot], slot_of[who] = who, slot
     seen: set[tuple[str, int, int]] = set()
     for info in begun_sessions(folder):

@@ -1,4 +1,5 @@
-"""Random days: sessions begin, are killed between any two writes, go on, are given up, judged, excluded.
+"""Random days: sessions begin, are killed between any two writes, go on, are given up and judged; people are excluded
+and withdraw.
 
 The real preparation runs in this process; a kill is an exception that nothing but this test catches, raised before,
 within or after a write. What must hold is worked out from the files alone (`invariants.check_day`), and how everybody
@@ -16,7 +17,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from hypothesis import settings
+from hypothesis import Phase, settings
 from hypothesis import strategies as st
 from hypothesis.stateful import RuleBasedStateMachine, initialize, invariant, precondition, rule
 
@@ -33,6 +34,7 @@ from rise_engine.session.journal_format import encode_header, encode_input, enco
 from rise_engine.study import judge, state, study_log
 from rise_engine.study.judge import CannotJudge, exclude_participant, judge_session
 from rise_engine.study.state import OpenStudy, read_state
+from rise_engine.study.withdrawal import WithdrawalError, withdraw
 
 from .invariants import check_day
 from .studies import HEAD, write_study
@@ -40,6 +42,8 @@ from .studies import HEAD, write_study
 NAMES = [f"P{number:02}" for number in range(1, 5)]
 PEOPLE = HEAD + "".join(f"{name},2026-11-01,,\n" for name in NAMES)
 OUTCOMES: list[OutcomeStatus] = ["complete", "complete", "aborted", "excluded"]
+PHASES = [Phase.explicit, Phase.reuse, Phase.generate]
+"""Without making a day that failed shorter: that would take many minutes, and a day is read from its first step on."""
 KILLS = st.one_of(st.none(), st.integers(0, 15))
 """After how many steps of writing a program is killed; None: not at all."""
 
@@ -59,6 +63,7 @@ class Killer:
         for module in (study_session, judge, state):
             self._wrap(module, "mark_abandoned")
         self._wrap(study_log.LockedLog, "append")
+        self._wrap(study_log.LockedLog, "rewrite")
         self.patch.setattr(preparation, "Journal", self._journal)
 
         class TornDisk(Disk):
@@ -109,6 +114,11 @@ class Person:
         self.run = 0
         """Of the open session."""
         self.excluded = False
+        self.withdrawn = False
+
+    @property
+    def is_out(self) -> bool:
+        return self.excluded or self.withdrawn
 
     @property
     def next_run(self) -> int | None:
@@ -116,6 +126,8 @@ class Person:
 
     @property
     def state(self) -> str:
+        if self.withdrawn:
+            return "withdrawn"
         if self.excluded:
             return "excluded"
         if self.open:
@@ -260,7 +272,7 @@ class StudyDay(RuleBasedStateMachine):
     @rule(name=st.sampled_from(NAMES), status=st.sampled_from(OUTCOMES), kill=KILLS)
     def judge(self, name: str, status: OutcomeStatus, kill: int | None) -> None:
         person = self.people[name]
-        if person.open not in ("unfinished", "to-judge"):
+        if person.open not in ("unfinished", "to-judge") or person.withdrawn:
             return  # corrections are a matter of test_judge
         self.killer.left = kill
         try:
@@ -275,7 +287,7 @@ class StudyDay(RuleBasedStateMachine):
         if written:
             person.judge(status)
 
-    @precondition(lambda self: sum(person.excluded for person in self.people.values()) < 2)
+    @precondition(lambda self: sum(person.is_out for person in self.people.values()) < 2)
     @rule(name=st.sampled_from(NAMES), kill=KILLS)
     def exclude(self, name: str, kill: int | None) -> None:
         person = self.people[name]
@@ -285,12 +297,29 @@ class StudyDay(RuleBasedStateMachine):
                 exclude_participant(open, name, "did not fit")
             person.excluded = True
         except CannotJudge:
-            assert person.excluded or person.open == "running"
+            assert person.is_out or person.open == "running"
         except Killed:
             self.killer.left = None
             person.excluded = person.excluded or read_state(self.folder).state_of(name) == "excluded"
         finally:
             self.killer.left = None
+
+    @precondition(lambda self: sum(person.is_out for person in self.people.values()) < 2)
+    @rule(name=st.sampled_from(NAMES), kill=KILLS)
+    def withdraw(self, name: str, kill: int | None) -> None:
+        person = self.people[name]
+        self.killer.left = kill
+        try:
+            withdraw(self.folder, name)
+        except WithdrawalError:
+            assert person.open == "running"
+            return
+        except Killed:
+            self.killer.left = None
+            withdraw(self.folder, name)  # as somebody does who was interrupted
+        finally:
+            self.killer.left = None
+        person.withdrawn = True
 
     # --- what always holds ---
 
@@ -307,5 +336,5 @@ class StudyDay(RuleBasedStateMachine):
         assert len(held) == len(set(held))
 
 
-StudyDay.TestCase.settings = settings(max_examples=25, stateful_step_count=20, deadline=None)
+StudyDay.TestCase.settings = settings(max_examples=25, stateful_step_count=20, deadline=None, phases=PHASES)
 test_random_days = pytest.mark.slow(StudyDay.TestCase)

@@ -4,10 +4,15 @@ from __future__ import annotations
 
 from pathlib import Path
 
+import msgspec
 import pytest
 
 from rise_engine.kernel.inputs import OutcomeReport, SessionStarted
 from rise_engine.kernel.records import OutcomeStatus
+from rise_engine.protocol.session_options import SessionOptions
+from rise_engine.server.preparation import ServeRefused, SessionPreparation
+from rise_engine.session import lock
+from rise_engine.session.lock import HOLDER_FILE, LockHolder
 from rise_engine.study.judge import CannotJudge, exclude_participant, judge_session
 from rise_engine.study.state import OpenStudy, read_state
 from rise_engine.study.study_log import LockedLog, read_log
@@ -126,8 +131,36 @@ def test_a_session_whose_folder_was_moved_away_still_counts(folder: Path) -> Non
     assert state.standing.due == (f"{path.name} of P01 is not in the study's sessions any more",)
 
 
+def test_what_another_computer_may_still_run_is_not_judged(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    path = session(folder, "P01", end=False)
+    holder = LockHolder(1, "lab-2", "anna", "2026-11-22T14:00:00+01:00")
+    (path / HOLDER_FILE).write_bytes(msgspec.json.encode(holder))
+    monkeypatch.setattr(lock, "file_system", lambda path: "nfs4")
+    assert "on the computer lab-2" in judge(folder, "P01", "aborted", "power cut")
+    assert read_state(folder).state_of("P01") == "unfinished" and (path / HOLDER_FILE).exists()
+    options = SessionOptions("", study=str(folder), participant="P01", unfinished="new")
+    prepared = SessionPreparation(options, lambda message: None)
+    with pytest.raises(ServeRefused, match="on the computer lab-2"):
+        prepared.open_journal(lambda: None, lambda: 0.0)
+    prepared.close()
+    assert not [entry for entry in read_log(folder) if entry.kind == "outcome"]
+    with OpenStudy(folder) as open:
+        judge_session(open, "P01", "aborted", "power cut", here=True)
+    assert read_state(folder).state_of("P01") == "aborted"
+
+
 def test_folders_of_other_studies_are_passed_over(folder: Path) -> None:
     started = SessionStarted(participant="P01", study="another", slot=1, run=1, attempt=1, purpose="counted")
     write_journal(session_folder(folder, started), started, ENDED)
     (folder / "sessions" / "notes").mkdir()
     assert read_state(folder).sessions == () and read_state(folder).state_of("P01") == "waiting"
+
+
+def test_sessions_are_in_the_order_of_their_moments_also_when_clocks_are_set_back(folder: Path) -> None:
+    for name, started in (("P01", "2026-10-25T02:30:00.000+02:00"), ("P02", "2026-10-25T02:10:00.000+01:00")):
+        info = session(folder, name, OutcomeReport(status="complete")) / "session.toml"
+        lines = [
+            f'started = "{started}"' if line.startswith("started") else line for line in info.read_text().splitlines()
+        ]
+        info.write_text("\n".join(lines))
+    assert [each.entry.participant for each in read_state(folder).sessions] == ["P01", "P02"]
