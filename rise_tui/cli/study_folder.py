@@ -4,8 +4,11 @@ from __future__ import annotations
 
 import os
 from collections.abc import Sequence
+from contextlib import suppress
 from datetime import datetime
 from pathlib import Path
+
+from msgspec.structs import replace
 
 from rise_engine.checks import CheckContext, CheckOutcome, append_checked, pending_checks, run_check
 from rise_engine.client.socket import SocketClient
@@ -18,10 +21,11 @@ from rise_engine.scenario import load as load_scenario
 from rise_engine.server.spawn import EngineRefused, start_engine
 from rise_engine.server.study_session import study_of_session
 from rise_engine.session.folder import JOURNAL
+from rise_engine.session.journal_format import InputLine, JournalHeader, LineError, read_line
 from rise_engine.session.lock import is_journal_locked, read_holder
 from rise_engine.study.begin import BeginRequest, CannotBegin, plan_session
 from rise_engine.study.judge import CannotJudge, judge_session
-from rise_engine.study.model import OutcomeStatus, SessionEntry, Study, StudyCheck
+from rise_engine.study.model import OutcomeStatus, SessionEntry, Study, StudyCheck, StudyStanding
 from rise_engine.study.participants import load_participants
 from rise_engine.study.plan_file import read_plan
 from rise_engine.study.sessions import SESSIONS
@@ -39,6 +43,8 @@ from rise_tui.config.study_source import (
     StudyRefused,
 )
 
+TAIL_BYTES = 262_144
+"""Of a journal: more than its last lines take."""
 WATCHED = (STUDY_FILE, "participants.csv", "plan.csv", LOG_FILE)
 """Files of a study whose change is seen."""
 
@@ -84,7 +90,18 @@ class StudyFolder:
             return StudyNow(checked.study, problems=(str(error),))
         self._running = tuple(each.path for each in state.sessions if each.entry.status == "running")
         after = pending_checks(state.study, "after", state.log, datetime.now().astimezone())
-        return StudyNow(state.study, state.standing, after=after)
+        return StudyNow(state.study, self._with_lengths(state.standing), after=after)
+
+    def _with_lengths(self, standing: StudyStanding) -> StudyStanding:
+        """With how far each session came that nobody has judged: the study's log knows that only of the others."""
+
+        def measured(entry: SessionEntry) -> SessionEntry:
+            if entry.outcome is not None or entry.status == "running":
+                return entry
+            return replace(entry, seconds=_last_time(self._root / entry.folder / JOURNAL))
+
+        people = (replace(each, sessions=tuple(map(measured, each.sessions))) for each in standing.participants)
+        return replace(standing, participants=tuple(people))
 
     def fingerprint(self) -> object:
         """Another one as soon as a file has changed, a session has begun, or an engine has gone."""
@@ -225,6 +242,22 @@ class StudyFolder:
                 judge_session(study, entry.participant, status, reason, session=entry.folder, source=source)
         except (CannotJudge, StudyUnusable, StudyLogError, OSError) as error:
             raise StudyRefused(_one_line(error)) from None
+
+
+def _last_time(journal: Path) -> float:
+    """Session time of the last thing that is whole in a journal; 0 when there is none, or it cannot be read."""
+    try:
+        with journal.open("rb") as file:
+            file.seek(max(0, file.seek(0, os.SEEK_END) - TAIL_BYTES))
+            lines = file.read().split(b"\n")
+    except OSError:
+        return 0.0
+    for line in reversed(lines):
+        with suppress(LineError):
+            found = read_line(line)
+            if not isinstance(found, JournalHeader):
+                return found.input.t if isinstance(found, InputLine) else found.t
+    return 0.0
 
 
 def _stamp(path: Path) -> tuple[int, int]:

@@ -11,10 +11,11 @@ import pytest
 from msgspec.structs import replace
 
 from rise_engine.exit_status import REFUSED
-from rise_engine.kernel.inputs import CheckReport
+from rise_engine.kernel.inputs import CheckReport, Note, SessionEnded
 from rise_engine.ports.bridge import RosConnection
 from rise_engine.protocol.session_options import SessionOptions
 from rise_engine.server import spawn
+from rise_engine.session.journal_format import encode_header, encode_input
 from rise_engine.study.model import SessionEntry
 from rise_tui.cli import study_folder
 from rise_tui.cli.options import CommandLine
@@ -159,6 +160,19 @@ def test_what_cannot_be_attached_to_or_judged_is_a_sentence(source: StudyFolder)
         source.attach(entry("P01", "2026_P01", status="running"), "anna")
     with pytest.raises(StudyRefused, match="P01 has no session 2026_P01"):
         source.judge(entry("P01", "2026_P01"), "complete", "", "anna")
+
+
+def test_how_far_a_session_came_that_nobody_has_judged_is_in_its_journal(tmp_path: Path) -> None:
+    journal = tmp_path / "journal.jsonl"
+    assert study_folder._last_time(journal) == 0.0
+    journal.write_bytes(encode_header("rise-tui 1"))
+    assert study_folder._last_time(journal) == 0.0
+    note, ended = Note(text="x" * 300_000, t=871.5), SessionEnded(reason="done", t=872.5)
+    journal.write_bytes(encode_header("rise-tui 1") + encode_input(1, note) + encode_input(2, ended))
+    assert study_folder._last_time(journal) == 872.5
+    with journal.open("ab") as file:
+        file.write(b'{"n":3,"inp')  # a torn line says nothing
+    assert study_folder._last_time(journal) == 872.5
 
 
 def test_a_session_that_is_of_no_study_has_none() -> None:
