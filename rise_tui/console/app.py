@@ -433,6 +433,7 @@ class ConsoleApp(TerminalApp):
                 self._session.store, end=end, in_time=closed == "done", patience=END_PATIENCE, signal_name=signal_name
             )
         elif self._day.source is not None:
-            self.exit_message = exit_dialogs.study_exit_message(self._day.source.folder, signal_name)
+            busy = self.study_screen.busy if self.study_screen is not None else ""
+            self.exit_message = exit_dialogs.study_exit_message(self._day.source.folder, busy, signal_name)
         self._save_ui_state(at_once=True)
         self.exit(return_code=code)

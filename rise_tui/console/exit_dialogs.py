@@ -71,7 +71,8 @@ def leave_study_dialog() -> Dialog:
     return Dialog("Leave the study?", lines, DialogChoice("l", "Leave"), no="Stay")
 
 
-def study_exit_message(folder: str, signal_name: str) -> str:
-    """What the terminal shows when somebody leaves the screen of a study."""
+def study_exit_message(folder: str, busy: str, signal_name: str) -> str:
+    """What the terminal shows when somebody leaves the screen of a study. `busy`: what was just being done."""
     lead = f"{signal_name}: " if signal_name else ""
-    return f"{lead}no session runs; to come back to the study: rise-tui --config {abbreviate_home(folder)}"
+    state = f"{busy}, and goes on without this console" if busy else "no session runs"
+    return f"{lead}{state}; to come back to the study: rise-tui --config {abbreviate_home(folder)}"

@@ -38,6 +38,7 @@ from rise_tui.model.study_rows import (
     find_participant,
     open_entry,
     running_people,
+    running_rehearsal,
 )
 from rise_tui.rendering.terminal_app import TerminalApp
 from rise_tui.screens.checks import ChecksScreen
@@ -221,17 +222,24 @@ class StudyScreen(Screen[None]):
 
     def stop_pressed(self) -> None:
         """The stop key: a session that is just starting, or that runs with no console here, is stopped at once."""
-        standing = self.loaded.standing
-        running = next(running_people(standing), None) if standing is not None else None
+        entry = self._running_entry()
         if self.busy:
             self._stop_pressed = True
             self._tell(f"STOP follows as soon as it is reached: {self.busy}", "fault")
-        elif running is not None and (entry := open_entry(running)) is not None:
+        elif entry is not None:
             self._stop_pressed = True
             self._close_dialogs()
-            self._go_to(running, entry)
+            self._go_to(entry)
         else:
             self._tell("nothing runs: no session of this study has begun or is going on here")
+
+    def _running_entry(self) -> SessionEntry | None:
+        """The session of the study that runs now, as far as it was seen."""
+        standing = self.loaded.standing
+        if standing is None:
+            return None
+        counted = next((open_entry(each) for each in running_people(standing)), None)
+        return counted or running_rehearsal(standing)
 
     def _tell(self, sentence: str, level: Level = "info") -> None:
         self.say(sentence, level)
@@ -253,9 +261,12 @@ class StudyScreen(Screen[None]):
         if self.lists.people.was_just_displaced:
             self.say("the list has just changed; press again")
             return
-        entry = open_entry(each)
-        if each.state == "running" and entry is not None:
-            self._go_to(each, entry)
+        entry, standing = open_entry(each), self.loaded.standing
+        rehearsal = running_rehearsal(standing, each.participant) if standing is not None else None
+        if rehearsal is not None:
+            self._go_to(rehearsal)
+        elif each.state == "running" and entry is not None:
+            self._go_to(entry)
         elif each.state == "unfinished" and entry is not None:
             self._ask_about_unfinished(each, entry)
         elif each.state == "to-judge" and entry is not None:
@@ -345,9 +356,9 @@ class StudyScreen(Screen[None]):
             self._started(lambda report: self._source.start(plan, checks, self.wizard, report)),
         )
 
-    def _go_to(self, each: ParticipantStanding, entry: SessionEntry) -> None:
+    def _go_to(self, entry: SessionEntry) -> None:
         self._work(
-            f"going to the session of {each.participant}",
+            f"going to the session of {entry.participant}",
             self._started(lambda report: self._source.attach(entry, self.wizard)),
         )
 

@@ -222,6 +222,9 @@ def rehearsal_rows(standing: StudyStanding, width: int) -> list[ListRow]:
     """Sessions that do not count, in a number: they matter to nobody's plan."""
     if not standing.rehearsals:
         return []
+    if (running := running_rehearsal(standing)) is not None:
+        text = f" ► a {running.purpose} session with {clean(running.participant)} runs: enter on them goes to it"
+        return [_row(((text, "accent"),), width)]
     latest = max(standing.rehearsals, key=lambda entry: entry.started)
     count = len(standing.rehearsals)
     last = f"{latest.purpose} with {clean(latest.participant)}, {begun_text(latest.started)}"
@@ -252,6 +255,12 @@ def open_entry(each: ParticipantStanding) -> SessionEntry | None:
     """The session that runs, did not end, or waits for its outcome."""
     waiting = (entry for entry in reversed(each.sessions) if entry.status != "ended" or entry.outcome is None)
     return next(waiting, None)
+
+
+def running_rehearsal(standing: StudyStanding, participant: str = "") -> SessionEntry | None:
+    """The rehearsal that runs now, with this participant or with anybody."""
+    running = (entry for entry in standing.rehearsals if entry.status == "running")
+    return next((entry for entry in running if participant in ("", entry.participant)), None)
 
 
 def running_people(standing: StudyStanding) -> Iterator[ParticipantStanding]:

@@ -789,6 +789,21 @@ async def test_stop_reaches_a_session_that_runs_without_a_console_here() -> None
         await at.until(lambda: ("stopAll", "") in at.client.asked())
 
 
+async def test_a_rehearsal_that_runs_without_a_console_here_is_reached_and_stopped() -> None:
+    running = entry("P10", purpose="debug", status="running", outcome=None)
+    source = FakeStudy(StudyNow(study(), standing(rehearsals=(running,))))
+    async with day(source, size=(120, 40)) as at:
+        assert "a debug session with P10 runs" in at.screen.lists.beside.text
+        await at.select("P10")
+        await at.press("enter")
+        await at.shows(ConsoleScreen)
+        assert source.attached == [running] and source.planned == []
+    async with day(source) as at:
+        await at.press("f9")
+        await at.shows(ConsoleScreen)
+        await at.until(lambda: ("stopAll", "") in at.client.asked())
+
+
 async def test_stop_says_that_nothing_runs_here() -> None:
     async with day() as at:
         await at.press("f9")
@@ -908,6 +923,20 @@ async def test_leaving_the_study_ends_nothing_and_says_how_to_come_back() -> Non
         await at.press("ctrl+c")
         await at.pilot.pause(0.2)
         assert "rise-tui --config /home/lab/lablinking" in at.app.exit_message and at.app.return_code == 0
+
+
+async def test_leaving_while_a_session_is_starting_does_not_say_that_none_runs() -> None:
+    source = FakeStudy()
+    source.held = Event()
+    async with day(source) as at:
+        await at.checks()
+        await at.press("y", "y", "enter")
+        await at.until(lambda: "is starting" in at.notice)
+        await at.press("ctrl+c")
+        await at.until(lambda: bool(at.app.exit_message))
+        source.held.set()
+        said = "the session of P07 is starting, and goes on without this console; to come back to the study: "
+        assert at.app.exit_message.startswith(said)
 
 
 async def test_leaving_in_the_midst_of_the_checks_asks_first() -> None:
