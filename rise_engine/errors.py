@@ -52,6 +52,7 @@
       SnapshotError               A snapshot does not fit the scenario that it is to go on with
       StudyCopyError              A study could not be copied
       StudyLogError               The study's log cannot be read or written
+      StudyRefused                Something cannot be done with a study
       StudyUnusable               The study cannot be used
       TaskFileError               A task file with mistakes
       TemplateError               A template that cannot be read

@@ -16,8 +16,11 @@ from rise_engine.scenario.fillers import filler_acts
 from rise_tui.model.blocked import BlockedReason, Deed
 from rise_tui.model.store import Store
 
-KeyScope: TypeAlias = Literal["everywhere", "console", "acts", "rules", "memory", "act", "rule", "scheduler", "log"]
-"""Where an action's keys work: on every screen, on the console, or while that pane has the focus."""
+KeyScope: TypeAlias = Literal[
+    "everywhere", "console", "acts", "rules", "memory", "act", "rule", "scheduler", "log", "study"
+]
+"""Where an action's keys work: on every screen, on the console, while that pane has the focus, or on the screen of a
+study, where no session runs."""
 
 KEY_SCOPES: tuple[tuple[KeyScope, str], ...] = (
     ("everywhere", "Always"),
@@ -29,6 +32,7 @@ KEY_SCOPES: tuple[tuple[KeyScope, str], ...] = (
     ("rule", "Rule"),
     ("scheduler", "Scheduler"),
     ("log", "Task log"),
+    ("study", "Screen of a study"),
 )
 
 Obstacle: TypeAlias = BlockedReason | str | None
@@ -102,6 +106,16 @@ _waiting = _blocks("change", lambda store: len(store.view.waiting) > 1, "fewer t
 _acts = _blocks("change", lambda store: store.view.running or store.view.waiting, "no act runs or waits")
 _undo = _blocks("change", lambda store: store.undo_stack, "nothing to undo")
 _rules = _blocks("change", lambda store: store.view.running_rules(), "no rule runs")
+
+
+def _configurable(store: Store) -> Obstacle:
+    of_study = "the study says what runs; the next session begins on its screen"
+    return _change(store) or (of_study if store.is_of_study else None)
+
+
+def _between_sessions(store: Store) -> Obstacle:
+    """What belongs to the screen of a study has no meaning in a session."""
+    return "this is for the screen of a study, between two sessions"
 
 
 def _sayable(store: Store) -> Obstacle:
@@ -181,7 +195,8 @@ ACTIONS: tuple[ConsoleAction, ...] = (
     ConsoleAction("filter", "Filter", ("slash",), "console",
            "Shows only rows with this text, in the focused list. Esc clears it.", "find"),
     ConsoleAction("settings", "Settings", (), "console",
-           "Paths, robot and mode. Applying them ends this session and starts a new one, after asking.", "", _change),
+           "Paths, robot and mode. Applying them ends this session and starts a new one, after asking.", "",
+           _configurable),
     ConsoleAction("release", "Release the stop", ("ctrl+r",), "console",
            "After a stop: shows who confirmed it and who did not, and asks before anything can start again.",
            "release", _releasable),
@@ -248,9 +263,23 @@ ACTIONS: tuple[ConsoleAction, ...] = (
     ConsoleAction("log.save", "Save the rows shown", (), "log",
            "Writes the rows that the filter leaves, or all, to a file in the session's folder, or where its name says: "
            "a table (.tsv) or JSON lines (.jsonl).", "", _savable),
+    ConsoleAction("study.open", "Open the participant", ("enter",), "study",
+           "Shows what would run for the selected participant and makes the checks before it; opens the session that "
+           "runs; offers to recover one that did not end; asks for the outcome of one that has none.",
+           "open", _between_sessions),
+    ConsoleAction("study.rehearse", "Rehearse", ("r",), "study",
+           "A session that takes no slot and never counts: debug (simulated robot), training or pilot.",
+           "rehearse", _between_sessions),
+    ConsoleAction("study.wizard", "Say who you are", ("w",), "study",
+           "The name that stands in every record of the sessions that you begin.", "name", _between_sessions),
+    ConsoleAction("study.reload", "Read the study again", ("ctrl+r",), "study",
+           "Reads the study's files now. They are read anyway when one of them changes.", "read again",
+           _between_sessions),
 )  # fmt: skip
 
 BY_ID = {action.id: action for action in ACTIONS}
+ON_STUDY_SCREEN = ("palette", "help", "filter", "theme", "redraw")
+"""Actions of the console that the screen of a study has too."""
 
 
 def actions_in(scope: KeyScope) -> Iterator[ConsoleAction]:
@@ -269,6 +298,11 @@ def bindings_in(scope: KeyScope) -> list[Binding | tuple[str, str] | tuple[str, 
         )
         for action in actions_in(scope)
     ]
+
+
+def bindings_of(*ids: str) -> list[Binding | tuple[str, str] | tuple[str, str, str]]:
+    """The key bindings of single actions, for a screen that has some of another scope."""
+    return [Binding(textual_keys(id, BY_ID[id].keys), f"do('{id}')", BY_ID[id].title, id=id) for id in ids]
 
 
 def textual_keys(id: str, keys: Iterable[str]) -> str:

@@ -40,7 +40,9 @@ _KEYS = click.option("--keys", metavar="FILE", help="Another key file than the u
     context_settings={"help_option_names": ["-h", "--help"]},
     subcommand_metavar="[COMMAND]",
 )
-@click.option("--config", "folder", metavar="DIR", help="The scenario: a folder, or its scenario.toml.")
+@click.option(
+    "--config", "folder", metavar="DIR", help="The scenario or the study: a folder, or its scenario.toml or study.toml."
+)
 @click.option("--robot", metavar="NAME", help="Another robot than the scenario names.")
 @click.option("--mode", type=click.Choice(["debug", "real"]), help="Another mode than the scenario's.")
 @click.option("--participant", metavar="ID", help="Who takes part; stands in the record.")
@@ -109,8 +111,9 @@ _KEYS = click.option("--keys", metavar="FILE", help="Another key file than the u
 def main(context: click.Context, /, theme: str | None, colors: str, mouse: str, fps: int, **given: Any) -> None:
     """Run a study from this terminal.
 
-    With --config a session of that scenario starts in the background, or the one that runs is attached to. Without, the
-    running session is attached to; of several you are asked which. A session goes on when its console goes.
+    With --config a session of that scenario starts in the background, or the one that runs is attached to; of a study
+    the screen opens on which its sessions begin. Without, the running session is attached to; of several you are asked
+    which. A session goes on when its console goes.
 
     F9 or ctrl+g stops everything, on every screen. ? shows all keys. ctrl+c leaves.
     """

@@ -15,13 +15,15 @@ from rise_engine.protocol.registry import RegistryError, ask_summary
 from rise_engine.protocol.session_options import SessionOptions
 from rise_tui.cli.options import CommandLine
 from rise_tui.cli.process_launcher import process_launcher
+from rise_tui.cli.study_folder import open_study
 from rise_tui.cli.terminal import UNNAMED, login_name
 from rise_tui.config.display import choose_theme, detect_colors
 from rise_tui.config.keymap import KeyFile
 from rise_tui.config.paths import PREFERENCES_NAME, state_folder
 from rise_tui.config.preferences import Preferences, load_saved
+from rise_tui.config.study_source import StudySource
 from rise_tui.console.app import ConsoleApp
-from rise_tui.console.ui_state import UiState
+from rise_tui.console.ui_state import UiState, save_all
 from rise_tui.rendering.text import clean
 
 
@@ -37,33 +39,46 @@ def run_on_session(
     return _run_console(client, settings, wizard, options, keys, notice)
 
 
+def run_on_study(options: CommandLine, keys: KeyFile | None) -> int:
+    """The screen of a study of which no session runs; returns the exit status."""
+    study = open_study(options.folder or "", options.settings.ros)
+    return _run_console(None, None, options.wizard or "", options, keys, study=study)
+
+
 def run_on_replay(path: Path, options: CommandLine, keys: KeyFile | None) -> int:
     """A console on the record of a session; returns the exit status."""
     return _run_console(ReplayClient(path, options.speed), None, "replay", options, keys)
 
 
 def _run_console(
-    client: Client,
+    client: Client | None,
     settings: SessionOptions | None,
     wizard: str,
     options: CommandLine,
     keys: KeyFile | None,
     notice: str = "",
+    study: StudySource | None = None,
 ) -> int:
-    """A console on what a client shows; returns the exit status."""
+    """A console on what a client shows, or on a study; returns the exit status."""
     kept, unused = (Preferences(), "") if options.fresh else load_saved(state_folder() / PREFERENCES_NAME, Preferences)
+    ui_state = UiState(
+        kept, fresh=options.fresh, remark=unused, keeps_changes=not options.observe and options.replay is None
+    )
+    if options.wizard is not None:
+        save_all(ui_state.keep_wizard(options.wizard))
     app = ConsoleApp(
         client,
         settings=settings,
         wizard=wizard,
+        study=study,
+        login=login_name(),
+        participant=options.participant or "",
         theme=choose_theme(options.display, detect_colors(options.display, os.environ), kept.theme),
-        launcher=process_launcher(wizard, options.role, is_named=options.wizard is not None),
+        launcher=process_launcher(wizard, options.role, options.settings.ros, is_named=options.wizard is not None),
         notice=notice,
         keys=keys,
         in_browser=options.in_browser,
-        ui_state=UiState(
-            kept, fresh=options.fresh, remark=unused, keeps_changes=not options.observe and options.replay is None
-        ),
+        ui_state=ui_state,
     )
     app.run(mouse=options.display.mouse)
     if app.exit_message and not app.is_terminal_gone:

@@ -58,6 +58,21 @@ class CommandLine(Struct, frozen=True, kw_only=True):
         return ["--set"] * bool(self.sets) + ["--place"] * bool(self.places)
 
     @property
+    def only_for_scenarios(self) -> list[str]:
+        """The options that were given and that a study answers itself."""
+        given = {
+            "--robot": self.robot,
+            "--mode": self.mode,
+            "--seed": self.seed,
+            "--condition": self.condition,
+            "--set": self.sets or None,
+            "--place": self.places or None,
+            "--new": self.new or None,
+            "--recover": self.recover or None,
+        }
+        return [name for name, value in given.items() if value is not None]
+
+    @property
     def settings(self) -> SessionOptions:
         """What a session is started with."""
         return SessionOptions(

@@ -2,27 +2,33 @@
 
 from __future__ import annotations
 
+from pathlib import Path
 from time import monotonic, sleep
 
 from msgspec.structs import replace
 
 from rise_engine.client.socket import SocketClient
 from rise_engine.exit_status import ALREADY_RUNNING
+from rise_engine.ports.bridge import RosConnection
 from rise_engine.protocol.client import AttachReply, Client, EngineGone, Role
 from rise_engine.protocol.registry import running_names, session_name
 from rise_engine.protocol.session_options import SessionOptions
 from rise_engine.scenario.model import Scenario
 from rise_engine.server.spawn import EngineRefused, EngineStarted, start_engine
+from rise_engine.server.study_session import study_of_session
+from rise_tui.cli.study_folder import find_study
 from rise_tui.cli.terminal import UNNAMED
 from rise_tui.config.launch import Launcher, RecoveredClient, ReportProgress, startup_notice
 from rise_tui.config.settings import engine_options, scenario_path
 
+_USUAL_ROS = RosConnection()
 ENGINE_EXIT_SECONDS = 10.0
 """Seconds that an engine which has just ended may take to put its record away and let go of its name."""
 
 
-def process_launcher(who: str, role: Role, *, is_named: bool = True) -> Launcher:
-    """For the next session, after the running one has ended; and for this one, after its engine has gone.
+def process_launcher(who: str, role: Role, ros: RosConnection = _USUAL_ROS, *, is_named: bool = True) -> Launcher:
+    """For the next session, after the running one has ended; for this one, after its engine has gone; and for the study
+    that it is of, in whose sessions ROS 2 is spoken as `ros` says.
 
     `is_named`: whether somebody has said that name; a login is not written into the record of a real session.
     """
@@ -46,7 +52,8 @@ def process_launcher(who: str, role: Role, *, is_named: bool = True) -> Launcher
 
     def recover(attach_reply: AttachReply, report: ReportProgress) -> RecoveredClient:
         folder = attach_reply.scenario.folder
-        name = session_name(folder)
+        study = study_of_session(Path(attach_reply.folder))
+        name = session_name(study or folder)
         wanted = SessionOptions(folder, unfinished=attach_reply.folder)
         found = start_engine(wanted, report) if role == "wizard" else None
         if isinstance(found, EngineStarted):
@@ -59,4 +66,4 @@ def process_launcher(who: str, role: Role, *, is_named: bool = True) -> Launcher
             raise EngineGone("nobody has recovered it yet")
         return RecoveredClient(SocketClient(name, who, role, resync=True))  # somebody else has
 
-    return Launcher(start=start, recover=recover)
+    return Launcher(start=start, recover=recover, find_study=lambda attach_reply: find_study(attach_reply, ros))

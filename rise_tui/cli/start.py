@@ -23,8 +23,9 @@ from rise_engine.server.spawn import EngineProcess, EngineRefused, start_engine
 from rise_engine.session.folder import SessionError, find_session, find_unfinished, participant_text
 from rise_tui.cli import choose_session
 from rise_tui.cli.options import CommandLine
-from rise_tui.cli.running import find_elsewhere, find_running_session
+from rise_tui.cli.running import find_elsewhere, find_running_session, find_study_session, is_study
 from rise_tui.cli.terminal import PlainTerminal, ProgressLine, login_name, take_terminal
+from rise_tui.cli.wizard import name_wizard
 from rise_tui.config import launch
 from rise_tui.config.display import prepare_textual, with_detected_colors
 from rise_tui.config.paths import expand_home, key_file_path
@@ -48,6 +49,8 @@ def start(options: CommandLine) -> NoReturn:
             _open_replay(options, keys)
         elif options.folder is None:
             _attach(options, keys)
+        elif is_study(options.folder):
+            _open_study(options, keys)
         else:
             _run(options, options.settings, keys)
     except NothingStarted as nothing:
@@ -140,10 +143,11 @@ def _run(options: CommandLine, settings: SessionOptions, keys: KeyFile | None) -
     _need_terminal_to_choose(options, settings)
     if keys is not None:
         _check_clashes(settings, keys)
+    with_name, remark = name_wizard(options, lambda: launch.is_real(settings), PlainTerminal())
     wanted = engine_options(settings, options.seed, options.unfinished)
     wanted = replace(
         wanted,
-        wizard=options.wizard or "",
+        wizard=with_name.wizard or "",
         login=login_name(),
         from_other_computer=options.here,
         first_tasks=_first_inputs(options),
@@ -168,6 +172,8 @@ def _run(options: CommandLine, settings: SessionOptions, keys: KeyFile | None) -
     notice = launch.startup_notice(found) + (
         f"; {' and '.join(unused)}: not used, it goes on as it was" if unused else ""
     )
+    if not found.recovered:  # in one that goes on, somebody has a name already
+        options, notice = with_name, "; ".join(filter(None, (notice, remark)))
     sys.exit(open_console.run_on_session(found.name, settings, options, keys, notice=notice))
 
 
@@ -206,6 +212,23 @@ def _print_refusal(lines: list[str], folder: str, code: int = REFUSED) -> NoRetu
         click.echo(line)
     click.echo(f"{folder} was refused: nothing was started", err=True)
     sys.exit(code)
+
+
+# --- studies ----------------------------------------------------------------------------------------------------------
+
+
+def _open_study(options: CommandLine, keys: KeyFile | None) -> NoReturn:
+    """The session of the study that runs, or else its screen."""
+    if given := options.only_for_scenarios:
+        _refuse_start(f"{', '.join(given)}: a study says this itself, in its study.toml and plan.csv")
+    if socket := find_study_session(options.folder or ""):
+        _join(socket, options, keys)
+    if options.observe:
+        _refuse_start(f"no session of {options.folder} is running, and --observe starts none")
+    _need_terminal()
+    from rise_tui.cli import open_console  # see above
+
+    sys.exit(open_console.run_on_study(options, keys))
 
 
 # --- consoles ---------------------------------------------------------------------------------------------------------

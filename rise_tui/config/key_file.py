@@ -21,7 +21,7 @@ from rise_engine.scenario.keys import KeyRefusedError, key_name
 from rise_engine.scenario.model import SourceLocation
 from rise_engine.scenario.source_files import FileReader
 from rise_engine.scenario.toml_locations import TomlFile, read_toml
-from rise_tui.actions import ACTIONS, BY_ID, ConsoleAction
+from rise_tui.actions import ACTIONS, BY_ID, ON_STUDY_SCREEN, ConsoleAction
 from rise_tui.config.keymap import KeyFile
 from rise_tui.key_labels import key_label
 
@@ -136,6 +136,10 @@ def _flatten(keys: Mapping[str, Any], parts: tuple[str, ...] = ()) -> Iterator[t
 
 def _overlaps(one: ConsoleAction, other: ConsoleAction) -> bool:
     """Whether the keys of both work at one time."""
+    if "study" in (one.scope, other.scope):  # on its screen no session runs, and few of the console's actions work
+        return one.scope == other.scope or any(
+            each.scope == "everywhere" or each.id in ON_STUDY_SCREEN for each in (one, other)
+        )
     common = ("everywhere", "console")
     return one.scope in common or other.scope in common or one.scope == other.scope
 

@@ -9,7 +9,7 @@ from msgspec import Struct
 
 from rise_engine.scenario.diagnostics import Diagnostic
 from rise_engine.scenario.model import KeyBinding, SourceLocation
-from rise_tui.actions import textual_keys
+from rise_tui.actions import BY_ID, textual_keys
 from rise_tui.config.paths import USUAL_KEYS
 from rise_tui.key_labels import key_label
 
@@ -37,7 +37,7 @@ class KeyFile(Struct, frozen=True):
                 location,
             )
             for (action, key), location in self.locations.items()
-            if key in keys
+            if key in keys and BY_ID[action].scope != "study"
         ]
 
 

@@ -18,6 +18,8 @@ from rise_engine.scenario.model import Condition, Scenario
 from rise_engine.scenario.robot_profiles import DEFAULT_ROBOT
 from rise_engine.server.spawn import EngineStarted
 from rise_tui.config.settings import find_scenario, scenario_folder, why_no_scenario
+from rise_tui.config.study_source import ReportProgress as ReportProgress
+from rise_tui.config.study_source import StudySource
 
 
 class ScenarioProblems(Struct, frozen=True):
@@ -32,8 +34,6 @@ class ScenarioProblems(Struct, frozen=True):
         return [self.sentence] * bool(self.sentence) + [str(diagnostic) for diagnostic in self.diagnostics]
 
 
-ReportProgress: TypeAlias = Callable[[str], object]
-"""Gets a sentence, on any thread."""
 LoadedScenario: TypeAlias = "Scenario | ScenarioProblems"
 
 
@@ -70,6 +70,8 @@ class Launcher:
     load_scenario: Callable[[SessionOptions], LoadedScenario] = load_scenario
     recover: Callable[[AttachReply, ReportProgress], RecoveredClient] | None = None
     """Goes on with a session whose engine has gone; tells how far it has come. May block. Raises EngineGone."""
+    find_study: Callable[[AttachReply], StudySource | None] = lambda attach_reply: None
+    """The study that a session is of, if its folder lies in one."""
 
 
 def settings_of_session(attach_reply: AttachReply) -> SessionOptions:
@@ -127,3 +129,9 @@ def read_summary(folder: str) -> ScenarioSummary | None:
         paths,
         conditions_in(values),
     )
+
+
+def is_real(settings: SessionOptions) -> bool:
+    """Whether a session with these settings would move a robot, as far as that can be seen before it loads."""
+    found = read_summary(settings.folder) if settings.mode is None else None
+    return (settings.mode or (found.mode if found is not None else "")) == "real"

@@ -29,6 +29,8 @@ class Preferences(Struct, frozen=True, forbid_unknown_fields=True, tag_field="ki
     """Whether the tour of the first run has been seen."""
     rules_own: bool = False
     """Whether the log shows what rules did for themselves."""
+    wizard: str = ""
+    """Who sat here last, as they called themselves."""
 
 
 class SavedLayout(Struct, frozen=True, forbid_unknown_fields=True, tag_field="kind", tag="rise-tui scenario"):
@@ -39,7 +41,8 @@ class SavedLayout(Struct, frozen=True, forbid_unknown_fields=True, tag_field="ki
     filters: dict[str, str] = {}
     """By pane; empty ones are left out."""
     session: str = ""
-    """The folder of the session that it showed: only the same session finds it again, and a new one begins as usual."""
+    """The folder of the session that it showed: the same session finds all of it again, a new one only the pane below,
+    so that the next participant begins with the rule in front and without filters."""
 
 
 Saved = TypeVar("Saved", Preferences, SavedLayout)

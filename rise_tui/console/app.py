@@ -9,6 +9,7 @@ from types import FrameType
 from typing import Any, Literal
 
 from textual import events, on
+from textual.widgets import Input
 
 from rise_engine.protocol.client import Client, EndRefused, EngineGone
 from rise_engine.protocol.registry import RegistryError
@@ -19,9 +20,12 @@ from rise_tui.actions import bindings_in
 from rise_tui.config.keymap import KeyFile, how_to_mend, textual_keymap
 from rise_tui.config.launch import Launcher, settings_of_session
 from rise_tui.config.preferences import Preferences
+from rise_tui.config.study_source import StudyRefused, StudySource
 from rise_tui.console import exit_dialogs
 from rise_tui.console.screen import ConsoleScreen
 from rise_tui.console.session import ConsoleSession
+from rise_tui.console.study_day import StudyDay
+from rise_tui.console.study_screen import StudyScreen
 from rise_tui.console.ui_state import SAVE_SECONDS, UiState, save_all
 from rise_tui.key_labels import use_own_keys, why_blocked
 from rise_tui.model.notice import Notice
@@ -32,6 +36,8 @@ from rise_tui.screens.settings import SettingsScreen
 
 END_PATIENCE = 13.0
 """How long the engine may take before the console leaves without it: 6 s for the robot to stop, 5 s for the disk."""
+ALWAYS_ADMITTED = frozenset({"f9", "ctrl+g", "ctrl+c"})
+"""Keys that count also among others that came in one piece."""
 DETACH_PATIENCE = 2.0
 """How long saying goodbye to a session that goes on may take."""
 
@@ -47,21 +53,27 @@ class ConsoleApp(TerminalApp):
 
     def __init__(
         self,
-        client: Client,
+        client: Client | None,
         *,
         launcher: Launcher,
+        study: StudySource | None = None,
         settings: SessionOptions | None = None,
         wizard: str = "wizard",
+        login: str = "",
+        participant: str = "",
         theme: str = themes.DEFAULT,
         notice: str = "",
         keys: KeyFile | None = None,
         ui_state: UiState | None = None,
         in_browser: bool = False,
     ) -> None:
-        """`client`: of a session that runs. `launcher`: starts another one, or the engine of this one again.
+        """`client`: of a session that runs; None: the screen of `study` opens. `launcher`: starts another one, or the
+        engine of this one again.
 
-        `settings`: with which the session was started; None: those that it tells itself. `notice`: what there is to say
-        about the session to begin with. Without `ui_state` nothing is restored or kept.
+        `wizard`: who sits here; with a study it may be empty, and is asked, in debug mode beginning with `login`.
+        `participant`: on whom the cursor of the study's screen is to stand. `settings`: with which the session was
+        started; None: those that it tells itself. `notice`: what there is to say about the session to begin with.
+        Without `ui_state` nothing is restored or kept.
         """
         super().__init__()
         self.animation_level = "none"
@@ -70,12 +82,16 @@ class ConsoleApp(TerminalApp):
         self.theme = themes.full_name(theme)
         self._launcher, self._settings, self._wizard = launcher, settings, wizard
         self._client, self._notice = client, notice
+        self._login, self._participant = login, participant
+        self._day = StudyDay(study)
         self._keys, self._in_browser = keys or KeyFile(), in_browser
         self._ui_state = ui_state or UiState(Preferences(), fresh=True, keeps_changes=False)
         use_own_keys(self._keys.keys)
         self.set_keymap(textual_keymap(self._keys))
         self._session: ConsoleSession | None = None
         self._is_leaving = False
+        self._keys_together = False
+        """Whether the last key came in one piece with others."""
         self._signal: signal.Signals | None = None
         self._handlers: dict[signal.Signals, Any] = {}
         self.exit_message = ""
@@ -96,7 +112,10 @@ class ConsoleApp(TerminalApp):
         if self.terminal_writer is not None:
             self.terminal_writer.on_gone = lambda: self._on_signal(loop, signal.SIGHUP)
         self.set_interval(SAVE_SECONDS, self._save_ui_state)
-        await self._show_session(self._client, self._notice)
+        if self._client is not None:
+            await self._show_session(self._client, self._notice)
+        else:
+            await self._show_study(self._notice)
 
     def on_unmount(self) -> None:
         if self._signal is None:  # else they stay: a second signal must not cut the end short
@@ -113,6 +132,45 @@ class ConsoleApp(TerminalApp):
         """The console's screen, also when a dialog is open above it."""
         return next((screen for screen in self.screen_stack if isinstance(screen, ConsoleScreen)), None)
 
+    @property
+    def study_screen(self) -> StudyScreen | None:
+        """The screen of the study, also when something lies above it."""
+        return next((screen for screen in self.screen_stack if isinstance(screen, StudyScreen)), None)
+
+    # --- the study between two sessions -----------------------------------------------------------------------------
+
+    async def _show_study(self, sentence: str = "", participant: str = "") -> None:
+        """Close the session's screen, and go to the next participant, or to the one that is named."""
+        source = self._day.source
+        if source is None:
+            return
+        self._session = self._settings = None
+        await self._close_console_screen()
+        if (screen := self.study_screen) is None:
+            screen = StudyScreen(
+                source,
+                wizard=self._wizard,
+                suggested=self._ui_state.preferences.wizard,
+                login=self._login,
+                selected=self._participant,
+                keys=self._keys,
+            )
+            await self.push_screen(screen)
+        screen.come_back(sentence, participant)
+
+    @on(StudyScreen.SessionReady)
+    async def _open_session_of_study(self, event: StudyScreen.SessionReady) -> None:
+        started = event.started
+        self._wizard = started.wizard or self._wizard
+        await self._show_session(started.client, started.notice)
+        if event.stops and (console := self.console_screen) is not None:
+            console.stop_all()
+
+    @on(StudyScreen.WizardNamed)
+    def _keep_wizard(self, event: StudyScreen.WizardNamed) -> None:
+        self._wizard = event.name
+        self.run_worker(asyncio.to_thread(save_all, self._ui_state.keep_wizard(event.name)), group="keep")
+
     # --- sessions ---------------------------------------------------------------------------------------------------
 
     async def _start_session(self, scenario: Scenario, settings: SessionOptions) -> None:
@@ -120,7 +178,7 @@ class ConsoleApp(TerminalApp):
         try:
             client = await asyncio.to_thread(self._launcher.start, scenario, settings)
         except (EngineGone, ValueError) as error:
-            self._exit_without_session(f"the session could not start: {error}")
+            await self._exit_without_session(f"the session could not start: {error}")
             return
         self._settings = settings
         await self._show_session(client)
@@ -129,13 +187,15 @@ class ConsoleApp(TerminalApp):
         try:
             session = await ConsoleSession.attach(client, self._wizard, in_browser=self._in_browser)
         except (EngineGone, ValueError) as error:
-            self._exit_without_session(f"the session could not be reached: {error}")
+            await self._exit_without_session(f"the session could not be reached: {error}")
             return
         if clashes := self._keys.clashes(session.store.scenario.keys):
             await session.close(end_session=False)
-            self._exit_without_session("\n".join((*map(str, clashes), how_to_mend(self._keys.path))), code=2)
+            await self._exit_without_session("\n".join((*map(str, clashes), how_to_mend(self._keys.path))), code=2)
             return
         self._session = session
+        if session.store.is_of_study:
+            self.run_worker(self._day.read(session, self._launcher.find_study), group="study")
         if self._settings is None:
             self._settings = settings_of_session(session.store.attach_reply)
         screen = ConsoleScreen(session)
@@ -160,7 +220,11 @@ class ConsoleApp(TerminalApp):
             else:
                 self.run_worker(asyncio.to_thread(save_all, changed), group="keep")
 
-    def _exit_without_session(self, message: str, code: int = 1) -> None:
+    async def _exit_without_session(self, message: str, code: int = 1) -> None:
+        """Without a session there is nothing to show, but for the screen of a study."""
+        if self.study_screen is not None:
+            await self._show_study(message)
+            return
         self.exit_message = message
         self.exit(return_code=code)
 
@@ -199,13 +263,12 @@ class ConsoleApp(TerminalApp):
 
     def _is_recoverable(self, session: ConsoleSession) -> bool:
         store = session.store
-        return bool(
-            store.gone_reason and not store.ended_in_order and store.attach_reply.folder and self._launcher.recover
-        )
+        recover = self._launcher.recover or self._day.has(session)
+        return bool(store.gone_reason and not store.ended_in_order and store.attach_reply.folder and recover)
 
     async def _recover(self, session: ConsoleSession) -> None:
         """Start the engine of this session again and attach to it."""
-        recover = self._launcher.recover
+        recover = self._day.recover if self._day.has(session) else self._launcher.recover
         if recover is None:
             return
         session.show_notice(Notice("the session is being recovered", "wait"))
@@ -217,7 +280,7 @@ class ConsoleApp(TerminalApp):
 
         try:
             recovered = await asyncio.to_thread(recover, session.store.attach_reply, report)
-        except (EngineGone, RegistryError) as error:
+        except (EngineGone, RegistryError, StudyRefused) as error:
             session.show_notice(Notice(f"it is not recovered: {error}", "fault"))
             return
         await self._leave_session(session, end=False)
@@ -246,19 +309,27 @@ class ConsoleApp(TerminalApp):
     # --- keys and actions that work everywhere ----------------------------------------------------------------------
 
     def observe_key(self, event: events.Key, together: bool) -> None:
+        self._keys_together = together
         if (console := self.console_screen) is not None:
             console.observe_key(event, together)
 
     def admits(self, event: events.Event) -> bool:
-        return (console := self.console_screen) is None or console.admits(event)
+        if (console := self.console_screen) is not None:
+            return console.admits(event)
+        # On the screen of a study a paste is no row of commands either (console.md 2.3).
+        if not isinstance(event, events.Key) or isinstance(self.focused, Input):
+            return True
+        return not self._keys_together or event.key in ALWAYS_ADMITTED
 
     def handle_key_first(self, event: events.Key) -> bool:
         return (console := self.console_screen) is not None and console.handle_key_first(event)
 
     def action_do(self, action: str) -> None:
-        console = self.console_screen
+        console, study = self.console_screen, self.study_screen
         if action == "stop" and console is not None:
             console.stop_all()
+        elif action == "stop" and study is not None:
+            study.stop_pressed()
         elif action == "lock" and console is not None:
             console.action_do(action)
         elif action == "quit":
@@ -268,12 +339,23 @@ class ConsoleApp(TerminalApp):
         if self.screen.has_class("-quit"):
             return
         session = self._session
+        if session is None and self.study_screen is not None and self.screen is not self.study_screen:
+            question = exit_dialogs.leave_study_dialog()
+            question.add_class("-quit")
+            self.push_screen(question, self._leave_study)
+            return
         recoverable = session is not None and self._is_recoverable(session)
         if session is None or session.store.attach_reply.replay or (session.store.gone_reason and not recoverable):
-            await self._leave_and_exit(0)
+            if session is not None and self._day.has(session):
+                await self._back_to_study(session)
+            else:
+                await self._leave_and_exit(0)
             return
+        in_study = self._day.has(session)
         dialog = (
-            exit_dialogs.engine_gone_dialog(session.store) if recoverable else exit_dialogs.leave_dialog(session.store)
+            exit_dialogs.engine_gone_dialog(session.store, in_study=in_study)
+            if recoverable
+            else exit_dialogs.leave_dialog(session.store)
         )
         dialog.add_class("-quit")
 
@@ -282,10 +364,18 @@ class ConsoleApp(TerminalApp):
                 self.run_worker(self._recover(session), exclusive=True, group="restart")
             elif key in ("d", "l"):
                 self.run_worker(self._leave_and_exit(0))
+            elif key == "b":
+                self.run_worker(self._back_to_study(session), exclusive=True, group="restart")
+            elif key == exit_dialogs.END_KEY and in_study:
+                self.run_worker(self._end_session_of_study(session), exclusive=True, group="end")
             elif key == exit_dialogs.END_KEY:
                 self._confirm_end(session)
 
         self.push_screen(dialog, carry_out)
+
+    def _leave_study(self, key: str | None) -> None:
+        if key:
+            self.run_worker(self._leave_and_exit(0))
 
     def _confirm_end(self, session: ConsoleSession) -> None:
         question = end_session_dialog(session.store)
@@ -296,6 +386,24 @@ class ConsoleApp(TerminalApp):
                 self.run_worker(self._leave_and_exit(0, end=True))
 
         self.push_screen(question, end_if_confirmed)
+
+    async def _back_to_study(self, session: ConsoleSession) -> None:
+        """From a session that is over, or whose engine has gone; who has to be looked after is under the cursor."""
+        await self._leave_session(session, end=False)
+        await self._show_study(self._day.over_text(session.store), self._day.unjudged(session.store))
+
+    async def _end_session_of_study(self, session: ConsoleSession) -> None:
+        """Ask what is asked after a session, end it, and go on to the next participant."""
+        ending = await self._day.ask_how_it_ends(self, session)
+        if ending is None or not self._check_may_end(session):
+            return
+        if not await session.report(ending.reports):
+            return
+        closed = await self._leave_session(session, end=True)
+        if closed == "late":
+            session.show_notice(Notice("the session did not end in time: look at the robot", "fault"))
+        elif closed == "done":
+            await self._show_study(ending.sentence)
 
     # --- the end ------------------------------------------------------------------------------------------------------
 
@@ -324,5 +432,8 @@ class ConsoleApp(TerminalApp):
             self.exit_message = exit_dialogs.exit_message(
                 self._session.store, end=end, in_time=closed == "done", patience=END_PATIENCE, signal_name=signal_name
             )
+        elif self._day.source is not None:
+            busy = self.study_screen.busy if self.study_screen is not None else ""
+            self.exit_message = exit_dialogs.study_exit_message(self._day.source.folder, busy, signal_name)
         self._save_ui_state(at_once=True)
         self.exit(return_code=code)

@@ -33,7 +33,7 @@ def leave_dialog(store: Store) -> Dialog:
     )
 
 
-def engine_gone_dialog(store: Store) -> Dialog:
+def engine_gone_dialog(store: Store, *, in_study: bool = False) -> Dialog:
     """What can be done when the engine has gone in the midst of a session."""
     lines = [f"Recover  {line}" if line is RECOVERY_LINES[0] else f"         {line}" for line in RECOVERY_LINES]
     if store.attach_reply.role == "observer":
@@ -41,7 +41,7 @@ def engine_gone_dialog(store: Store) -> Dialog:
     lines = [session_title(store), f"Its record came as far as {format_clock(store.view.t)}.", "", *lines]
     choices = (
         DialogChoice("r", "Watch" if store.attach_reply.role == "observer" else "Recover"),
-        DialogChoice("l", "Leave"),
+        DialogChoice("b", "Back to the study") if in_study else DialogChoice("l", "Leave"),
     )
     return Dialog("The engine has gone", lines, *choices, no="Stay")
 
@@ -63,3 +63,16 @@ def exit_message(store: Store, *, end: bool, in_time: bool, patience: float, sig
         kept = store.attach_reply.folder
         return f"{lead}ended: the record is in {abbreviate_home(kept)}" if kept else f"{lead}ended: {title}"
     return f"{lead}detached: {title} goes on; come back with: rise-tui"
+
+
+def leave_study_dialog() -> Dialog:
+    """While something is being prepared or asked over the screen of a study."""
+    lines = ["No session runs, and none is begun.", "What the checks have found so far is written down."]
+    return Dialog("Leave the study?", lines, DialogChoice("l", "Leave"), no="Stay")
+
+
+def study_exit_message(folder: str, busy: str, signal_name: str) -> str:
+    """What the terminal shows when somebody leaves the screen of a study. `busy`: what was just being done."""
+    lead = f"{signal_name}: " if signal_name else ""
+    state = f"{busy}, and goes on without this console" if busy else "no session runs"
+    return f"{lead}{state}; to come back to the study: rise-tui --config {abbreviate_home(folder)}"

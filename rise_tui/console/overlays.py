@@ -13,17 +13,36 @@ from rise_tui.console.console_host import ConsoleHost
 from rise_tui.console.layout import Layout
 from rise_tui.model.store import Store
 from rise_tui.rendering.text import crop
-from rise_tui.screens.help import HelpScreen
+from rise_tui.screens.help import HelpScreen, help_entries, study_help_entries
 from rise_tui.screens.jump import LETTERS, JumpScreen, TitleLabels, label_line
 from rise_tui.screens.palette import Palette
-from rise_tui.screens.palette_commands import PaletteCommand, palette_commands, theme_commands
+from rise_tui.screens.palette_commands import PaletteCommand, palette_commands, study_commands, theme_commands
 from rise_tui.screens.too_small import TooSmallScreen, is_too_small
 from rise_tui.screens.tour import TourScreen
 
 
 def open_help(console: ConsoleHost, scope: KeyScope | None) -> None:
     """Every key and word; those of the focused pane (`scope`) first."""
-    console.app.push_screen(HelpScreen(console.store, scope))
+    console.app.push_screen(HelpScreen(list(help_entries(console.store, scope))))
+
+
+def open_study_help(app: App[object]) -> None:
+    """Every key and word of a study's screen."""
+    app.push_screen(HelpScreen(list(study_help_entries())))
+
+
+def open_study_palette(app: App[object], run: Callable[[str], None] | None) -> None:
+    """What can be done on a study's screen, and the themes; without `run` the themes alone."""
+
+    def use_theme(name: str) -> None:
+        app.theme = name
+
+    def run_chosen(command: PaletteCommand | None) -> None:
+        if command is not None:
+            command.run()
+
+    commands = [*(study_commands(run) if run is not None else ()), *theme_commands(use_theme)]
+    app.push_screen(Palette(commands, "command or theme" if run is not None else "theme"), run_chosen)
 
 
 def open_palette(console: ConsoleHost, scope: KeyScope | None) -> None:
@@ -81,8 +100,8 @@ def open_tour(
     console.app.push_screen(tour, lambda _: on_end() if on_end is not None else None)
 
 
-def show_when_too_small(app: App[object], store: Store) -> None:
-    """Say what is needed when the window has become too small for a console."""
+def show_when_too_small(app: App[object], store: Store | None) -> None:
+    """Say what is needed when the window has become too small for a console. `store`: None while no session runs."""
     if is_too_small(*app.size) and not any(isinstance(screen, TooSmallScreen) for screen in app.screen_stack):
         app.push_screen(TooSmallScreen(store))
 

@@ -7,7 +7,7 @@ from collections.abc import Callable, Sequence
 from itertools import count
 from time import monotonic
 
-from rise_engine.kernel.inputs import Note, Submit
+from rise_engine.kernel.inputs import CheckReport, Note, OutcomeReport, Submit
 from rise_engine.protocol.client import AttachReply, Client, ControlVerb, EngineGone, LinkLost, UpdateOrResync
 from rise_tui.key_labels import key_name, why_blocked
 from rise_tui.model.notice import Notice
@@ -164,6 +164,25 @@ class ConsoleSession:
         if reason:
             self.show_notice(Notice(f"the note was not taken: {reason}", "wait"))
         return not reason
+
+    async def report(self, reports: Sequence[CheckReport | OutcomeReport]) -> bool:
+        """Put on record what came of checks, and how the session is to count. False when that was not taken; the
+        reason is shown."""
+        for each in reports:
+            reason = why_blocked(self.store, "change")
+            if not reason:
+                try:
+                    reply = await self.client.send(each)
+                    reason = "" if reply.accepted else reply.reason
+                except LinkLost:
+                    reason = "the connection was cut; it may or may not have arrived"
+                except EngineGone as gone:
+                    self._note_engine_gone(str(gone), over=False)
+                    reason = why_blocked(self.store, "reach")
+            if reason:
+                self.show_notice(Notice(f"the session goes on, because this was not taken: {reason}", "fault"))
+                return False
+        return True
 
     async def change_control(self, verb: ControlVerb) -> None:
         """Take, ask for, give or release control; what comes of it arrives as a record."""

@@ -46,6 +46,8 @@ class UiState:
                 for name, text in layout.filters.items():
                     if text and name in screen.pane_layout.panes:
                         screen.pane_layout.panes[name].set_filter(text)
+            else:  # the next participant begins with the rule in front, and keeps what stands below it
+                screen.pane_layout.restore_state({"lower": layout.layout.get("lower", "")})
             screen.pane_layout.log_pane.show_own_rows(self.preferences.rules_own)
         self._layout, self._shown = _layout_of(screen), _shown_preferences(screen, theme)
         return remark
@@ -72,6 +74,12 @@ class UiState:
     def mark_tour_seen(self) -> list[tuple[Path, Preferences | SavedLayout]]:
         """The tour of the first run need not be offered again."""
         return [self._changed_preferences(tour=True)]
+
+    def keep_wizard(self, name: str) -> list[tuple[Path, Preferences | SavedLayout]]:
+        """Who sat here last: the name with which the next question begins."""
+        if not self._is_saved or self.preferences.wizard == name:
+            return []
+        return [self._changed_preferences(wizard=name)]
 
     def _changed_preferences(self, **changed: object) -> tuple[Path, Preferences]:
         """With what another console has written meanwhile."""

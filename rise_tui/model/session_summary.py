@@ -12,11 +12,16 @@ SHOWN = 5
 
 
 def participant_parts(store: Store) -> list[str]:
-    """Who takes part, and the condition as the scenario labels it, as far as they were named."""
+    """Who takes part (in a study with the run, and what for if it does not count: `P07 run 2`), and the condition as
+    the study or the scenario labels it, as far as they were named."""
     session = store.view.session
     if session is None:
         return []
-    return [text for text in (session.participant, condition_label(store.scenario, session.condition)) if text]
+    run = f"run {session.run}" if session.study and session.run else ""
+    rehearsal = session.purpose if session.purpose not in ("counted", "debug") else ""  # debug is said as the mode
+    who = " ".join(filter(None, (session.participant, run, rehearsal)))
+    labelled = store.condition_label or "" if session.study else condition_label(store.scenario, session.condition)
+    return [text for text in (who, labelled) if text]
 
 
 def participant_text(store: Store) -> str:

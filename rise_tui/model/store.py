@@ -139,6 +139,8 @@ class Store:
     shown_act: str = ""
     """The act that started last, or the one that the wizard selected since; empty while free speech is the newest."""
     shown_rule: str = ""
+    condition_label: str | None = None
+    """How the study calls the session's condition on screens; None: it has not been read yet, and nothing is shown."""
     last_deletion: tuple[str, Any] | None = None
     """The memory key that the wizard deleted last, and its value."""
 
@@ -220,6 +222,11 @@ class Store:
     def person(self) -> str:
         """Who sits here, as the record names what they do: a second console is no second person."""
         return self.own_name.partition("#")[0]
+
+    @property
+    def is_of_study(self) -> bool:
+        """Whether the session is one of a study."""
+        return self.view.session is not None and bool(self.view.session.study)
 
     @property
     def has_control(self) -> bool:

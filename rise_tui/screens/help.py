@@ -6,7 +6,7 @@ from collections.abc import Iterator, Sequence
 from itertools import groupby
 from typing import NamedTuple
 
-from rise_tui.actions import KEY_SCOPES, ConsoleAction, KeyScope, actions_in
+from rise_tui.actions import BY_ID, KEY_SCOPES, ON_STUDY_SCREEN, ConsoleAction, KeyScope, actions_in
 from rise_tui.key_labels import key_label, key_name, key_text, keys_of, why_task_blocked, why_unavailable
 from rise_tui.model.filtering import Filter, InvalidFilter
 from rise_tui.model.store import Store
@@ -47,12 +47,21 @@ def help_entries(store: Store, scope: KeyScope | None = None) -> Iterator[HelpEn
         text = f"{f'{what}. ' if key.title else ''}{hold}{f'Not now: {why}.' if why else ''}"
         yield HelpEntry(SCENARIO, key.label, key.title or what, text, bool(why))
     for other, title in KEY_SCOPES:
-        if other != scope and other not in COMMON:
+        if other != scope and other not in (*COMMON, "study"):  # on that screen no session runs; it has its own help
             yield from (_action_entry(action, title, store) for action in actions_in(other))
 
 
-def _action_entry(action: ConsoleAction, group: str, store: Store) -> HelpEntry:
-    why = why_unavailable(action, store)
+def study_help_entries() -> Iterator[HelpEntry]:
+    """Those of a study's screen, where no session runs."""
+    titles = dict(KEY_SCOPES)
+    yield from (_action_entry(action, titles["study"], None) for action in actions_in("study"))
+    yield from (_action_entry(BY_ID[id], titles["study"], None) for id in ON_STUDY_SCREEN)
+    yield from (_action_entry(BY_ID[id], titles["everywhere"], None) for id in ("stop", "quit"))
+    yield from (HelpEntry(IDEAS, word, "", text) for word, text in STUDY_CONCEPTS)
+
+
+def _action_entry(action: ConsoleAction, group: str, store: Store | None) -> HelpEntry:
+    why = why_unavailable(action, store) if store is not None else ""
     text = f"{action.help} Not now: {why}." if why else action.help
     keys = " ".join(key_label(key) for key in keys_of(action)) or key_text("palette")
     return HelpEntry(group, keys, action.title, text, bool(why))
@@ -81,12 +90,27 @@ def concepts() -> Iterator[tuple[str, str]]:
     yield "control", f"Of several consoles one may act. {control} takes it, asks for it, gives or releases it."
 
 
+STUDY_CONCEPTS = (
+    ("→", "Who is next: the first in participants.csv who can begin."),
+    ("waiting", "No session yet; the first takes a slot of the plan."),
+    ("no consent", "As waiting, but a consent that the study needs has no date in participants.csv."),
+    ("unfinished", "A session whose engine has gone: Enter recovers it or gives it up."),
+    ("to judge", "A session ended and nobody said how it counts: Enter asks."),
+    ("to go on", "Some runs are complete; the next one is to come."),
+    ("aborted", "The last run does not count; the participant keeps the slot and may run it again."),
+    ("excluded", "The participant does not count, and the slot goes to the next of the same stratum."),
+    ("rehearsal", "Debug, training and pilot sessions take no slot and never count."),
+    ("hidden", "The study says that nobody is to know a condition before its session begins."),
+)
+"""Words that stand on the screen of a study."""
+
+
 class HelpScreen(SearchDialog[None]):
     """Opens over the console; Esc closes it."""
 
-    def __init__(self, store: Store, scope: KeyScope | None = None) -> None:
+    def __init__(self, entries: Sequence[HelpEntry]) -> None:
         super().__init__("Help", "type to search · ↑↓ scroll · esc closes", "search keys, actions and words")
-        self._entries = list(help_entries(store, scope))
+        self._entries = entries
 
     def draw(self) -> None:
         wanted = self.typed_filter()

@@ -23,15 +23,15 @@ def is_too_small(width: int, height: int) -> bool:
     return width < LEAST_SIZE[0] or height < LEAST_SIZE[1]
 
 
-def too_small_lines(size: Size, store: Store) -> list[StyledLine]:
+def too_small_lines(size: Size, store: Store | None) -> list[StyledLine]:
     """Sentences in whatever room there is, the most important first."""
-    alarms = current_alarms(store, key_name)
+    alarms = current_alarms(store, key_name) if store is not None else []
     head: list[StyledLine] = [crop(alarms[0].head, size.width)] if alarms else []
     stop, leave = key_name("stop"), key_name("quit")
     sentences = [
         f"This window has {size.width} x {size.height} cells; the console needs {LEAST_SIZE[0]} x {LEAST_SIZE[1]}.",
         f"{stop} stops everything, {leave} leaves. No other key does anything here.",
-        "The session goes on. Make the window larger, or its letters smaller.",
+        f"{'The session goes on. ' if store is not None else ''}Make the window larger, or its letters smaller.",
     ]
     lines: list[StyledLine] = [((line, "plain"),) for text in sentences for line in wrap(text, max(8, size.width))]
     return [*head, *lines][: size.height]
@@ -45,7 +45,8 @@ class TooSmallScreen(SingleDismissModal[None]):
     TooSmallScreen StaticLines { height: 100%; }
     """
 
-    def __init__(self, store: Store) -> None:
+    def __init__(self, store: Store | None) -> None:
+        """`store`: of the session that runs, if one does."""
         super().__init__()
         self._store = store
         self.lines = StaticLines()

@@ -87,11 +87,11 @@ class KeyHints(StaticLines):
             for action in dict.fromkeys((*common[:1], *own, *common[1:]))
             if keys_of(action) and (word := _hint_word(action, store, self.size.width))
         ]
-        self._show_pieces(pieces)
+        self.show_pieces(pieces)
 
     def draw_typing(self, store: Store, enter: str) -> None:
         """While a text field has the focus no key starts anything, but the stop key stops. `enter`: what Enter does."""
-        self._show_pieces(
+        self.show_pieces(
             [
                 (_stop_hint(store), "stop"),
                 (_key_and_text("enter", enter), ""),
@@ -115,9 +115,9 @@ class KeyHints(StaticLines):
             _key_and_text("↑↓", "earlier"),
             _key_and_text("esc", "keep it for later"),
         ]
-        self._show_pieces([(_stop_hint(store), "stop"), (speech_hint, ""), *((piece, "") for piece in rest)])
+        self.show_pieces([(_stop_hint(store), "stop"), (speech_hint, ""), *((piece, "") for piece in rest)])
 
-    def _show_pieces(self, pieces: Sequence[tuple[list[StyledSpan], str]]) -> None:
+    def show_pieces(self, pieces: Sequence[tuple[list[StyledSpan], str]]) -> None:
         """As many as there is room for, and help always; those with an action's id can be clicked."""
         spans: list[StyledSpan] = []
         self._targets.clear()

@@ -40,6 +40,7 @@ from rise_engine.protocol.session_options import SessionOptions
 from rise_engine.scenario import load
 from rise_engine.scenario.model import Scenario
 from rise_tui.config.launch import Launcher, LoadedScenario, RecoveredClient, ReportProgress
+from rise_tui.config.study_source import StudySource
 
 DEMO = str(Path(__file__).parent / "data" / "demo")
 
@@ -73,6 +74,8 @@ class FakeClient:
         self.time = 83.0
         self.sent: list[Submit] = []
         self.notes: list[Note] = []
+        self.reports: list[ClientInput] = []
+        """What else was sent: checks, outcomes."""
         self.verbs: list[ControlVerb] = []
         self.attached = 0
         self.unreachable = 0
@@ -223,6 +226,11 @@ class FakeClient:
                 return Reply(False, self.reject)
             self.emit(NoteRecord(0, 0.0, "", message.text, message.source))
             return Reply(True)
+        if not isinstance(message, Submit):
+            if self.reject:
+                return Reply(False, self.reject)
+            self.reports.append(message)
+            return Reply(True)
         self.sent.append(message)
         if not self.answers:
             await self._answer.wait()
@@ -258,6 +266,7 @@ class FakeLauncher(Launcher):
         *clients: FakeClient,
         prepared: LoadedScenario | None = None,
         recover: Callable[[AttachReply, ReportProgress], RecoveredClient] | None = None,
+        find_study: Callable[[AttachReply], StudySource | None] = lambda attach_reply: None,
     ) -> None:
         self.clients = list(clients)
         self.started: list[SessionOptions] = []
@@ -271,4 +280,4 @@ class FakeLauncher(Launcher):
             self.started.append(settings)
             return self.clients[min(len(self.started), len(self.clients)) - 1]
 
-        super().__init__(start, prepare, recover)
+        super().__init__(start, prepare, recover, find_study)

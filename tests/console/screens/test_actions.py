@@ -8,7 +8,7 @@ import pytest
 from textual.binding import Binding
 
 from rise_engine.scenario.keys import CONSOLE_KEYS
-from rise_tui.actions import ACTIONS, BY_ID, KEY_SCOPES, actions_in, bindings_in
+from rise_tui.actions import ACTIONS, BY_ID, KEY_SCOPES, ON_STUDY_SCREEN, actions_in, bindings_in
 from rise_tui.key_labels import (
     KEY_LABELS,
     first_key_label,
@@ -38,7 +38,9 @@ def test_no_key_means_two_things_at_one_time() -> None:
         if place not in ("everywhere", "console"):
             keys = [key for action in actions_in(place) for key in action.keys]
             assert len(keys) == len(set(keys))
-            assert not set(keys) & set(common)
+            shared = [key for action in ACTIONS if action.id in ON_STUDY_SCREEN for key in action.keys]
+            always = [key for action in actions_in("everywhere") for key in action.keys]
+            assert not set(keys) & set([*always, *shared] if place == "study" else common)
 
 
 SWALLOWED = frozenset(
@@ -64,7 +66,7 @@ def test_every_function_key_has_a_twin() -> None:
 
 def test_the_console_keys_are_those_that_a_scenario_cannot_bind() -> None:
     taken = set(CONSOLE_KEYS) | {"shift+up", "shift+down"}  # a scenario cannot bind shift with an arrow either
-    assert {key for action in ACTIONS for key in action.keys} <= taken
+    assert {key for action in ACTIONS if action.scope != "study" for key in action.keys} <= taken  # no session there
 
 
 def test_the_stop_keys_work_before_anything_else() -> None:
@@ -91,7 +93,8 @@ async def test_every_action_of_the_console_is_carried_out_by_something() -> None
 
 def test_every_action_of_a_pane_is_known_to_it() -> None:
     panes = Path(__file__).parents[3] / "rise_tui" / "panes"
-    source = "".join(path.read_text(encoding="utf-8") for path in panes.glob("*.py"))
+    study_screen = panes.parent / "console" / "study_screen.py"
+    source = "".join(path.read_text(encoding="utf-8") for path in (*panes.glob("*.py"), study_screen))
     for place, _ in KEY_SCOPES:
         if place not in ("everywhere", "console"):
             unnamed = [action.id for action in actions_in(place) if f'"{action.id}"' not in source]

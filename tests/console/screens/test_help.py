@@ -9,7 +9,15 @@ from rise_tui.key_labels import key_label, key_name, use_own_keys
 from rise_tui.model.filtering import Filter
 from rise_tui.model.store import Store
 from rise_tui.rendering.text import line_width, plain_text
-from rise_tui.screens.help import HelpEntry, HelpScreen, concepts, help_entries, help_rows, searched_text
+from rise_tui.screens.help import (
+    HelpEntry,
+    HelpScreen,
+    concepts,
+    help_entries,
+    help_rows,
+    searched_text,
+    study_help_entries,
+)
 from tests.console.conftest import Console, console
 from tests.console.fake import FakeClient, demo
 
@@ -24,8 +32,10 @@ def found(entries_: list[HelpEntry], typed: str) -> list[HelpEntry]:
 
 
 def test_every_action_is_there_once_with_all_its_keys() -> None:
-    all_of_them = [entry for entry in help_entries(a_store(), "memory") if entry.title]
+    in_session = [entry for entry in help_entries(a_store(), "memory") if entry.title]
+    between_sessions = [entry for entry in study_help_entries() if entry.title]
     for action in ACTIONS:
+        all_of_them = between_sessions if action.scope == "study" else in_session
         title = dict(KEY_SCOPES)[action.scope]
         own = [each for each in all_of_them if each.title == action.title and each.group in (title, f"Here: {title}")]
         assert len(own) == 1, action.id

@@ -135,6 +135,20 @@ async def test_a_new_session_begins_with_the_usual_layout_and_without_filters() 
 
 
 @pytest.mark.slow
+async def test_a_new_session_keeps_the_pane_below_and_begins_with_the_rule_of_the_first_key() -> None:
+    async with console(ui_state=UiState(Preferences())) as it:
+        it.screen.pane_layout.focus_pane("memory")
+        it.screen.pane_layout.focus_pane("scheduler")
+        await it.until(lambda: kept_places().layout.get("lower") == "scheduler")
+    client = FakeClient(demo(), folder="/home/lab/rise-sessions/2026-11-21_160000_demo-study_debug")
+    async with console(client=client, ui_state=UiState(Preferences())) as it:
+        panes = it.screen.pane_layout.panes
+        assert panes["scheduler"].display and panes["rule"].display and not panes["memory"].display
+        await it.until(lambda: it.text("rule").lstrip().startswith("Main"))  # `Again` comes before it in the alphabet
+        assert it.pane("acts").row_view.has_focus
+
+
+@pytest.mark.slow
 async def test_with_fresh_nothing_comes_back() -> None:
     async with console(ui_state=UiState(Preferences())) as it:
         await changed(it)

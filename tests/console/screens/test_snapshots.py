@@ -16,6 +16,7 @@ from rise_engine.kernel.records import RobotRecord
 from rise_engine.protocol.session_options import SessionOptions
 from rise_tui.console.app import ConsoleApp
 from tests.console.fake import DEMO, FakeClient, FakeLauncher, demo
+from tests.console.fake_study import FakeStudy
 from tests.virtual_time import VirtualLoop
 
 
@@ -126,3 +127,25 @@ def test_saying_something(snap_compare: Any) -> None:
         await settle(pilot, "ctrl+t", *"Well", "space", *"done")
 
     assert snap_compare(app(), terminal_size=SIZES["small"], run_before=before)
+
+
+def study_app(theme: str = "dark") -> ConsoleApp:
+    """A study in the middle of it, with a check that has failed."""
+    source = FakeStudy()
+    source.results = {"tracker": "no answer from the eye tracker at 10.0.0.7"}
+    launcher = FakeLauncher(FakeClient(demo()))
+    return ConsoleApp(None, study=source, wizard="anna", theme=theme, launcher=launcher)
+
+
+@pytest.mark.parametrize(("size", "theme"), [("small", "dark"), ("usual", "light")])
+def test_a_study(snap_compare: Any, size: str, theme: str) -> None:
+    assert snap_compare(study_app(theme), terminal_size=SIZES[size], run_before=settle)
+
+
+def test_the_checks_before_a_session(snap_compare: Any) -> None:
+    async def before(pilot: Pilot[Any]) -> None:
+        await settle(pilot, "enter")
+        await pilot.pause(0.8)
+        await settle(pilot, "enter", "y")
+
+    assert snap_compare(study_app(), terminal_size=SIZES["small"], run_before=before)

@@ -1,0 +1,287 @@
+"""A study in its folder, for a console: reads its files, starts the engines of its sessions, writes what people say."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Sequence
+from contextlib import suppress
+from datetime import datetime
+from pathlib import Path
+
+from msgspec.structs import replace
+
+from rise_engine.checks import CheckContext, CheckOutcome, append_checked, pending_checks, run_check
+from rise_engine.client.socket import SocketClient
+from rise_engine.kernel.inputs import CheckReport
+from rise_engine.ports.bridge import RosConnection
+from rise_engine.protocol.client import AttachReply
+from rise_engine.protocol.registry import RegistryError, ask_summary
+from rise_engine.protocol.session_options import SessionOptions
+from rise_engine.scenario import load as load_scenario
+from rise_engine.server.spawn import EngineRefused, start_engine
+from rise_engine.server.study_session import study_of_session
+from rise_engine.session.folder import JOURNAL
+from rise_engine.session.journal_format import InputLine, JournalHeader, LineError, read_line
+from rise_engine.session.lock import is_journal_locked, read_holder
+from rise_engine.study.begin import BeginRequest, CannotBegin, plan_session
+from rise_engine.study.judge import CannotJudge, judge_session
+from rise_engine.study.model import OutcomeStatus, SessionEntry, Study, StudyCheck, StudyStanding
+from rise_engine.study.participants import load_participants
+from rise_engine.study.plan_file import read_plan
+from rise_engine.study.sessions import SESSIONS
+from rise_engine.study.state import OpenStudy, StudyState, StudyUnusable, read_state
+from rise_engine.study.study_log import LOG_FILE, StudyLogError
+from rise_engine.study.study_toml import STUDY_FILE, load_study
+from rise_tui.config.launch import startup_notice
+from rise_tui.config.paths import expand_home
+from rise_tui.config.study_source import (
+    ReportProgress,
+    SessionPreview,
+    SessionRequest,
+    StartedSession,
+    StudyNow,
+    StudyRefused,
+)
+
+TAIL_BYTES = 262_144
+"""Of a journal: more than its last lines take."""
+WATCHED = (STUDY_FILE, "participants.csv", "plan.csv", LOG_FILE)
+"""Files of a study whose change is seen."""
+
+
+def open_study(named: str, ros: RosConnection) -> StudyFolder:
+    """The study that somebody means by its folder or its study.toml."""
+    path = expand_home(named)
+    return StudyFolder(str((path.parent if path.name == STUDY_FILE else path).absolute()), ros)
+
+
+def find_study(attach_reply: AttachReply, ros: RosConnection) -> StudyFolder | None:
+    """The study whose session a console is attached to; None: it is of none, or not on this computer."""
+    folder = study_of_session(Path(attach_reply.folder)) if attach_reply.folder else None
+    return StudyFolder(str(folder), ros) if folder is not None else None
+
+
+class StudyFolder:
+    """Implements `rise_tui.config.study_source.StudySource`."""
+
+    def __init__(self, folder: str, ros: RosConnection) -> None:
+        """`ros`: how ROS 2 is spoken in sessions that begin here."""
+        self.folder, self._ros = folder, ros
+        self._root = Path(folder, SESSIONS)
+        self._running: tuple[Path, ...] = ()
+        """Sessions that ran when the study was read last."""
+
+    # --- reading ----------------------------------------------------------------------------------------------------
+
+    def load(self) -> StudyNow:
+        """The study as it is now."""
+        checked = load_study(self.folder)
+        problems = [str(each) for each in checked.errors]
+        if checked.study is not None:
+            for part in (load_participants(checked.study), read_plan(checked.study)):
+                problems += [str(each) for each in part.errors]
+        if problems or checked.study is None:
+            return StudyNow(checked.study, problems=tuple(problems))
+        try:
+            state = read_state(Path(self.folder))
+        except StudyUnusable as error:
+            return StudyNow(checked.study, problems=tuple(error.lines))
+        except (StudyLogError, OSError) as error:
+            return StudyNow(checked.study, problems=(str(error),))
+        self._running = tuple(each.path for each in state.sessions if each.entry.status == "running")
+        after = pending_checks(state.study, "after", state.log, datetime.now().astimezone())
+        return StudyNow(state.study, self._with_lengths(state.standing), after=after)
+
+    def _with_lengths(self, standing: StudyStanding) -> StudyStanding:
+        """With how far each session came that nobody has judged: the study's log knows that only of the others."""
+
+        def measured(entry: SessionEntry) -> SessionEntry:
+            if entry.outcome is not None or entry.status == "running":
+                return entry
+            return replace(entry, seconds=_last_time(self._root / entry.folder / JOURNAL))
+
+        people = (replace(each, sessions=tuple(map(measured, each.sessions))) for each in standing.participants)
+        return replace(standing, participants=tuple(people))
+
+    def fingerprint(self) -> object:
+        """Another one as soon as a file has changed, a session has begun, or an engine has gone."""
+        stamps = [_stamp(Path(self.folder, name)) for name in WATCHED]
+        return stamps, _stamp(self._root), [is_journal_locked(folder / JOURNAL) for folder in self._running]
+
+    def _state(self) -> StudyState:
+        """Raises StudyRefused."""
+        try:
+            return read_state(Path(self.folder))
+        except (StudyUnusable, StudyLogError, OSError) as error:
+            raise StudyRefused(_one_line(error)) from None
+
+    # --- what would run ---------------------------------------------------------------------------------------------
+
+    def plan(self, request: SessionRequest, wizard: str) -> SessionPreview:
+        """What would run, supposing that every check passes."""
+        state = self._state()
+        study = state.study
+        mode = "debug" if request.purpose == "debug" else study.mode
+        try:
+            plan = plan_session(
+                state,
+                BeginRequest(
+                    request.participant, request.run, request.purpose, request.condition, mode, _all_passed(study)
+                ),
+            )
+        except CannotBegin as error:
+            raise StudyRefused("; ".join(error.sentences)) from None
+        robot = study.robot or None
+        loaded = load_scenario(plan.run.scenario, robot=robot, mode=plan.mode)
+        scenario = loaded.scenario
+        if scenario is None:
+            raise StudyRefused(f"{plan.run.scenario} does not load: {'; '.join(map(str, loaded.errors))}")
+        now = datetime.now().astimezone()
+        standing = next((each for each in state.standing.participants if each.participant == plan.participant), None)
+        return SessionPreview(
+            SessionRequest(plan.participant, plan.purpose, request.condition, request.run),
+            plan.run,
+            slot=plan.slot,
+            attempt=plan.attempt,
+            runs=standing.runs if standing is not None else 1,
+            title=scenario.title,
+            mode=plan.mode,
+            robot=scenario.robot.title or scenario.robot.name,
+            recorded=str(self._root),
+            context=CheckContext(
+                study,
+                plan.participant,
+                plan.run.scenario,
+                plan.mode,
+                plan.purpose,
+                plan.run.run,
+                robot,
+                wizard,
+                self._ros,
+            ),
+            checks=() if plan.purpose == "debug" else pending_checks(study, "before", state.log, now),
+            keys=scenario.keys,
+        )
+
+    # --- checks -----------------------------------------------------------------------------------------------------
+
+    async def check(self, check: StudyCheck, context: CheckContext) -> CheckOutcome:
+        """Look at something, or run a program."""
+        return await run_check(check, context)
+
+    def note_check(self, check: StudyCheck, context: CheckContext, report: CheckReport) -> None:
+        """Write down what came of a check."""
+        try:
+            append_checked(check, context, report)
+        except (StudyLogError, OSError) as error:
+            raise StudyRefused(f"the check {check.id} is not written down: {error}") from None
+
+    # --- sessions ---------------------------------------------------------------------------------------------------
+
+    def start(
+        self, plan: SessionPreview, checks: Sequence[CheckReport], wizard: str, report: ReportProgress
+    ) -> StartedSession:
+        """Begin a session: its engine decides under the study's lock whether it can."""
+        request = plan.request
+        options = SessionOptions(
+            "",
+            mode="debug" if request.purpose == "debug" else None,
+            participant=request.participant,
+            condition=request.condition,
+            study=self.folder,
+            run=request.run,
+            purpose=request.purpose,
+            checks=tuple(checks),
+            wizard=wizard,
+            ros=self._ros,
+        )
+        return self._start_engine(options, wizard, report)
+
+    def recover(self, entry: SessionEntry, wizard: str, report: ReportProgress) -> StartedSession:
+        """Go on with a session that did not end, which is named, with whose it is."""
+        options = SessionOptions(
+            "",
+            participant=entry.participant,
+            study=self.folder,
+            purpose=entry.purpose,
+            unfinished=str(self._root / entry.folder),
+            wizard=wizard,
+            ros=self._ros,
+        )
+        return self._start_engine(options, wizard, report)
+
+    def _start_engine(self, options: SessionOptions, wizard: str, report: ReportProgress) -> StartedSession:
+        found = start_engine(options, report)
+        if isinstance(found, EngineRefused):
+            if found.socket:  # somebody else has begun it, or gone on with it, just now
+                return self._reach(found.socket, wizard)
+            raise StudyRefused("; ".join(found.lines))
+        who = wizard or _last_wizard(found.name)
+        return StartedSession(SocketClient(found.name, who, "wizard", resync=True), startup_notice(found), who)
+
+    def attach(self, entry: SessionEntry, wizard: str) -> StartedSession:
+        """To a session that runs."""
+        holder = read_holder(self._root / entry.folder)
+        if holder is None or not holder.socket:
+            raise StudyRefused(f"the session of {entry.participant} is just beginning or ending: try again")
+        if not holder.is_this_computer:
+            raise StudyRefused(f"the session of {entry.participant} runs elsewhere: {holder}")
+        return self._reach(holder.socket, wizard)
+
+    def _reach(self, socket: str, wizard: str) -> StartedSession:
+        who = wizard or _last_wizard(socket)
+        if not who:
+            raise StudyRefused("the session does not answer: try again, or see `rise-engine sessions`")
+        return StartedSession(SocketClient(socket, who, "wizard", resync=True), wizard=who)
+
+    def judge(self, entry: SessionEntry, status: OutcomeStatus, reason: str, wizard: str) -> None:
+        """Write down how a session counts that is over, or that nobody goes on with."""
+        try:
+            with OpenStudy(Path(self.folder)) as study:
+                source = f"wizard:{wizard}"
+                judge_session(study, entry.participant, status, reason, session=entry.folder, source=source)
+        except (CannotJudge, StudyUnusable, StudyLogError, OSError) as error:
+            raise StudyRefused(_one_line(error)) from None
+
+
+def _last_time(journal: Path) -> float:
+    """Session time of the last thing that is whole in a journal; 0 when there is none, or it cannot be read."""
+    try:
+        with journal.open("rb") as file:
+            file.seek(max(0, file.seek(0, os.SEEK_END) - TAIL_BYTES))
+            lines = file.read().split(b"\n")
+    except OSError:
+        return 0.0
+    for line in reversed(lines):
+        with suppress(LineError):
+            found = read_line(line)
+            if not isinstance(found, JournalHeader):
+                return found.input.t if isinstance(found, InputLine) else found.t
+    return 0.0
+
+
+def _stamp(path: Path) -> tuple[int, int]:
+    """When a file was changed and how long it is; zeros when there is none."""
+    try:
+        found = os.stat(path)  # noqa: PTH116
+    except OSError:
+        return 0, 0
+    return found.st_mtime_ns, found.st_size
+
+
+def _all_passed(study: Study) -> tuple[CheckReport, ...]:
+    """What the checks before a session come to when nothing is in the way."""
+    return tuple(CheckReport(id=check.id, result="passed") for check in study.checks if check.when == "before")
+
+
+def _last_wizard(name: str) -> str:
+    """Who held control of a session last; empty: it does not say."""
+    try:
+        found = ask_summary(name)
+    except RegistryError:
+        return ""
+    return found.wizard if found is not None else ""
+
+
+def _one_line(error: Exception) -> str:
+    return "; ".join(str(error).splitlines())

@@ -1,0 +1,153 @@
+"""A session of a study from its console's side: how its condition is called, and what is asked when it ends."""
+
+from __future__ import annotations
+
+import asyncio
+from collections.abc import Callable
+from functools import partial
+from pathlib import Path
+from typing import Any, NamedTuple
+
+from textual.app import App
+
+from rise_engine.checks import CheckContext
+from rise_engine.kernel.inputs import CheckReport, OutcomeReport
+from rise_engine.kernel.records import SessionRecord
+from rise_engine.protocol.client import AttachReply
+from rise_engine.study.model import SessionEntry
+from rise_tui.config.launch import RecoveredClient
+from rise_tui.config.study_source import ReportProgress, StudyNow, StudyRefused, StudySource
+from rise_tui.console.session import ConsoleSession
+from rise_tui.console.study_dialogs import StudyChecker
+from rise_tui.model.check_list import CheckList
+from rise_tui.model.notice import Notice
+from rise_tui.model.session_summary import participant_text, running_lines, session_title
+from rise_tui.model.store import Store
+from rise_tui.model.study_conditions import conditions_of
+from rise_tui.rendering.text import clean
+from rise_tui.screens.checks import ChecksScreen
+from rise_tui.screens.end_session import end_session_dialog
+from rise_tui.screens.outcome import OutcomeDialog
+
+
+class Ending(NamedTuple):
+    """How a session is to end."""
+
+    reports: tuple[CheckReport | OutcomeReport, ...]
+    """What is put on record before."""
+    sentence: str
+    """What the screen of the study says afterwards."""
+
+
+def run_text(of: SessionRecord) -> str:
+    """`P07, run 2`: without the condition, which a hidden study shows only in its session."""
+    return f"{clean(of.participant)}, run {of.run}"
+
+
+class StudyDay:
+    """What the app knows of the study whose sessions it shows."""
+
+    def __init__(self, source: StudySource | None) -> None:
+        self.source = source
+        """None: the session is of no study, or nothing is to be known of it."""
+        self._loaded = StudyNow()
+
+    def has(self, session: ConsoleSession) -> bool:
+        """Whether a session is one of this study, and this console may act in it."""
+        store = session.store
+        return self.source is not None and store.is_of_study and store.attach_reply.role == "wizard"
+
+    async def read(self, session: ConsoleSession, find: Callable[[AttachReply], StudySource | None]) -> None:
+        """Read the study of a session: the labels of its conditions, and what is looked at after a session.
+
+        `find`: finds a study that nobody has named by the session's folder.
+        """
+        if self.source is None:
+            self.source = await asyncio.to_thread(find, session.store.attach_reply)
+        if self.source is not None:
+            self._loaded = await asyncio.to_thread(self.source.load)
+        of, study = session.store.view.session, self._loaded.study
+        if of is not None:
+            session.store.condition_label = conditions_of(study).label(of.condition) if study else of.condition
+            session.on_change({"status"})
+
+    def recover(self, attach_reply: AttachReply, report: ReportProgress) -> RecoveredClient:
+        """As `Launcher.recover`, for a session of this study: it goes on as its participant's. Raises StudyRefused."""
+        of, source = attach_reply.view.session, self.source
+        if of is None or source is None:
+            raise StudyRefused("it is of no study")
+        name = Path(attach_reply.folder).name
+        entry = SessionEntry(of.participant, of.run, of.attempt, of.purpose or "counted", name, "", "unfinished")
+        started = source.recover(entry, attach_reply.view.wizard, report)
+        return RecoveredClient(started.client, started.notice)
+
+    def over_text(self, store: Store) -> str:
+        """What is said when a session was over before anybody ended it here."""
+        of = store.view.session
+        asks = "; enter says how it counts" if self.unjudged(store) and store.ended_in_order else ""
+        return f"{run_text(of) if of is not None else ''}: {clean(store.gone_reason)}{asks}"
+
+    def unjudged(self, store: Store) -> str:
+        """Whose session has no outcome and needs one; empty: nobody's."""
+        of = store.view.session
+        return of.participant if of is not None and of.purpose == "counted" and store.view.outcome is None else ""
+
+    async def ask_how_it_ends(self, app: App[Any], session: ConsoleSession) -> Ending | None:
+        """The checks after a session, then its outcome and the word; None when somebody leaves. In a worker."""
+        store = session.store
+        of = store.view.session
+        if of is None or of.purpose != "counted":
+            question = end_session_dialog(store, "Then the screen of the study opens. It does not count.")
+            question.add_class("-quit")
+            yes = await app.push_screen_wait(question)
+            return Ending((), "the rehearsal has ended; it does not count") if yes else None
+        checked = await self._make_checks(app, session, of)
+        if checked is None:
+            return None
+        lines = [
+            session_title(store),
+            *running_lines(store),
+            "",
+            "The robot is stopped, and the session ends for good.",
+        ]
+        dialog = OutcomeDialog(f"End the session of {participant_text(store)}?", lines, ends=True)
+        dialog.add_class("-quit")
+        outcome = await app.push_screen_wait(dialog)
+        if outcome is None:
+            return None
+        report = OutcomeReport(status=outcome.status, reason=outcome.reason, source=store.own_name)
+        return Ending((*checked, report), f"{run_text(of)}: {outcome.status}")
+
+    async def _make_checks(
+        self, app: App[Any], session: ConsoleSession, of: SessionRecord
+    ) -> tuple[CheckReport, ...] | None:
+        """What is looked at after the session; None when somebody leaves."""
+        store = session.store
+        study, source = self._loaded.study, self.source
+        if not self._loaded.after or source is None or study is None:
+            return ()
+        attached = store.attach_reply
+        context = CheckContext(
+            study,
+            of.participant,
+            attached.scenario.folder,
+            "real" if attached.mode == "real" else "debug",
+            run=of.run,
+            robot=attached.robot,
+            wizard=store.wizard,
+            session=Path(attached.folder).name,
+        )
+        warn = partial(self._warn, session)
+        screen = ChecksScreen(
+            f"After the session of {participant_text(store)}",
+            CheckList(self._loaded.after, "counted", binding=False),
+            StudyChecker(app, source, context, warn),
+            go="say how the session counts, and end it",
+            wizard=store.own_name,
+        )
+        screen.add_class("-quit")
+        return await app.push_screen_wait(screen)
+
+    @staticmethod
+    def _warn(session: ConsoleSession, sentence: str) -> None:
+        session.show_notice(Notice(sentence, "fault"))

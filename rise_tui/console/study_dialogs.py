@@ -1,0 +1,204 @@
+"""What the screen of a study asks: what would run, the checks, the outcome, what becomes of what did not end."""
+
+from __future__ import annotations
+
+import asyncio
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import Any
+
+from textual.app import App
+
+from rise_engine.checks import CheckContext, CheckOutcome, PendingCheck
+from rise_engine.kernel.inputs import CheckReport
+from rise_engine.study.model import ParticipantStanding, Purpose, SessionEntry, Study, StudyCheck
+from rise_tui.config.paths import abbreviate_home
+from rise_tui.config.study_source import SessionPreview, SessionRequest, StudyRefused, StudySource
+from rise_tui.model.check_list import CheckList
+from rise_tui.model.study_conditions import HIDDEN, Conditions, condition_names
+from rise_tui.model.study_rows import begun_text, session_line
+from rise_tui.rendering.text import StyledLine, StyledSpan, clean, format_clock
+from rise_tui.screens.checks import CheckMaker, ChecksScreen
+from rise_tui.screens.dialog import Dialog, DialogChoice
+from rise_tui.screens.outcome import Outcome, OutcomeDialog
+from rise_tui.screens.rehearsal import RehearsalDialog
+from rise_tui.screens.wizard_name import WizardNameDialog
+
+LABEL = 13
+"""Cells for what a line of the plan is about."""
+REAL_REHEARSALS: tuple[Purpose, ...] = ("debug", "training", "pilot")
+
+
+class StudyChecker:
+    """Makes the checks of one session of a study, and has what came of them written down beside the loop."""
+
+    def __init__(self, app: App[Any], source: StudySource, context: CheckContext, warn: Callable[[str], None]) -> None:
+        """`warn` is told what could not be written down."""
+        self._app, self._source, self._context, self._warn = app, source, context, warn
+
+    async def make(self, check: StudyCheck) -> CheckOutcome:
+        return await self._source.check(check, self._context)
+
+    def note(self, check: StudyCheck, report: CheckReport) -> None:
+        self._app.run_worker(self._write(check, report), group="checked")
+
+    async def _write(self, check: StudyCheck, report: CheckReport) -> None:
+        try:
+            await asyncio.to_thread(self._source.note_check, check, self._context, report)
+        except StudyRefused as refused:
+            self._warn(str(refused))
+
+
+def plan_title(plan: SessionPreview) -> str:
+    """`P07 · run 2 of 2`."""
+    run = f"run {plan.run.run} of {plan.runs}" if plan.runs > 1 else ""
+    attempt = f"attempt {plan.attempt}" if plan.attempt > 1 else ""
+    return " · ".join(filter(None, (clean(plan.request.participant), run, attempt)))
+
+
+def plan_lines(
+    plan: SessionPreview, each: ParticipantStanding | None, conditions: Conditions, wizard: str
+) -> list[StyledLine]:
+    """What would run, in lines."""
+    counted = plan.request.purpose == "counted"
+    condition = conditions.label(plan.run.condition) or "none in this study"
+    if conditions.hidden and not plan.request.condition:
+        condition = HIDDEN
+    real = plan.mode == "real"
+    counts: StyledSpan = (f"yes, slot {plan.slot}", "plain") if counted else (f"no: {plan.request.purpose}", "wait")
+    lines: list[StyledLine] = [
+        _line("participant", (plan_title(plan), "strong")),
+        _line("condition", (condition, "muted" if condition == HIDDEN else "strong")),
+        _line("mode", (plan.mode.upper(), "wait" if real else "accent"), ("  the robot moves" * real, "plain")),
+        _line("robot", (plan.robot, "plain")),
+        _line("scenario", (plan.title, "plain")),
+        _line("counts", counts),
+        _line("recorded in", (abbreviate_home(plan.recorded), "plain")),
+        _line("wizard", (wizard, "plain")),
+    ]
+    done = [session_line(entry, conditions) for entry in each.sessions] if each is not None else []
+    lines += [_line("before" if at == 0 else "", (text, "plain")) for at, text in enumerate(done or ["nothing yet"])]
+    names = ", ".join(each.check.id for each in plan.checks) or "none"
+    return [*lines, _line("checks", (names, "plain"))]
+
+
+def _line(label: str, *spans: StyledSpan) -> StyledLine:
+    return ((f" {label:<{LABEL}}", "muted"), *((clean(text), role) for text, role in spans))
+
+
+def show_plan(
+    app: App[object],
+    plan: SessionPreview,
+    each: ParticipantStanding | None,
+    conditions: Conditions,
+    wizard: str,
+    maker: CheckMaker,
+    begin: Callable[[tuple[CheckReport, ...] | None], None],
+) -> None:
+    """What would run; then the checks; `begin` gets what came of them, or None when it was left."""
+    counted = plan.request.purpose == "counted"
+    kind = "session" if counted else f"{plan.request.purpose} session"
+    screen = ChecksScreen(
+        plan_title(plan),
+        CheckList(plan.checks, plan.request.purpose, binding=counted),
+        maker,
+        go=f"begin the {kind} of {clean(plan.request.participant)} in {plan.mode.upper()}",
+        wizard=f"wizard:{wizard}",
+        intro=plan_lines(plan, each, conditions, wizard),
+    )
+    app.push_screen(screen, begin)
+
+
+def context_afterwards(study: Study, entry: SessionEntry, wizard: str) -> CheckContext:
+    """For what is looked at after a session that is over."""
+    scenario = str(Path(study.folder, study.scenario))
+    return CheckContext(
+        study, entry.participant, scenario, study.mode, entry.purpose, entry.run, wizard=wizard, session=entry.folder
+    )
+
+
+def show_checks_after(
+    app: App[object],
+    entry: SessionEntry,
+    after: Sequence[PendingCheck],
+    maker: CheckMaker,
+    wizard: str,
+    take: Callable[[tuple[CheckReport, ...] | None], None],
+) -> None:
+    """What is looked at after a session that is over already."""
+    screen = ChecksScreen(
+        f"After the session of {clean(entry.participant)}, run {entry.run}",
+        CheckList(after, entry.purpose, binding=False),
+        maker,
+        go="say how the session counts",
+        wizard=f"wizard:{wizard}",
+    )
+    app.push_screen(screen, take)
+
+
+def entry_title(entry: SessionEntry, conditions: Conditions) -> str:
+    """`P07 · run 2 · calm`."""
+    parts = (entry.participant, f"run {entry.run}", conditions.shown(entry.condition))
+    return " · ".join(clean(part) for part in parts if part)
+
+
+def entry_lines(entry: SessionEntry) -> list[str]:
+    """When a session was and how far it came."""
+    return [
+        f"Begun {begun_text(entry.started)}; its record came as far as {format_clock(entry.seconds)}.",
+        clean(entry.folder),
+    ]
+
+
+def ask_outcome(
+    app: App[object],
+    entry: SessionEntry,
+    conditions: Conditions,
+    take: Callable[[Outcome | None], None],
+    *,
+    gives_up: bool = False,
+) -> None:
+    """How a session that is over is to count. `gives_up`: it did not end, and nobody will go on with it."""
+    lines = entry_lines(entry)
+    lines += ["", "It is given up: nobody goes on with it." if gives_up else "It ended, and nobody said how it counts."]
+    app.push_screen(OutcomeDialog(f"How does it count? {entry_title(entry, conditions)}", lines, ends=False), take)
+
+
+def ask_about_unfinished(
+    app: App[object], entry: SessionEntry, conditions: Conditions, take: Callable[[str | None], None]
+) -> None:
+    """Whether a session that did not end is recovered or given up."""
+    lines = [
+        *entry_lines(entry),
+        "",
+        "Recover  the engine starts again, and the session goes on.",
+        "         What the robot was doing counts as lost: nothing",
+        "         is repeated to the participant by itself.",
+        "Give up  you say how it counts; aborted: the participant",
+        "         may run it again, as a new attempt.",
+    ]
+    choices = DialogChoice("r", "Recover"), DialogChoice("g", "Give up")
+    app.push_screen(Dialog(f"{entry_title(entry, conditions)} did not end", lines, *choices, no="Leave it"), take)
+
+
+def ask_what_to_rehearse(
+    app: App[object],
+    participant: str,
+    study: Study,
+    conditions: Conditions,
+    take: Callable[[SessionRequest | None], None],
+) -> None:
+    """What for, and in which condition."""
+    purposes: Sequence[Purpose] = REAL_REHEARSALS if study.mode == "real" else ("debug",)
+    app.push_screen(RehearsalDialog(participant, purposes, condition_names(study), conditions), take)
+
+
+def ask_name(
+    app: App[object], study: Study | None, suggested: str, login: str, take: Callable[[str | None], None]
+) -> None:
+    """Who sits here. In debug mode the login name is offered; in a real session it is nobody's business."""
+    real = study is not None and study.mode == "real"
+    offered = tuple(study.wizards) if study is not None and real else ()
+    if offered and suggested not in offered:
+        suggested = ""
+    app.push_screen(WizardNameDialog(suggested or ("" if real else login), offered), take)

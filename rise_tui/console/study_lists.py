@@ -1,0 +1,175 @@
+"""The lists of a study's screen: the participants, which can be searched, and beside or below them the plan."""
+
+from __future__ import annotations
+
+from textual import on
+from textual.app import ComposeResult
+from textual.containers import Container, Vertical
+
+from rise_engine.study.model import ParticipantStanding, StudyStanding
+from rise_tui.config.study_source import StudyNow
+from rise_tui.model.filtering import Filter, InvalidFilter
+from rise_tui.model.study_conditions import NO_CONDITIONS, Conditions
+from rise_tui.model.study_rows import (
+    due_rows,
+    find_participant,
+    participant_rows,
+    person_rows,
+    plan_rows,
+    problem_rows,
+    rehearsal_rows,
+)
+from rise_tui.rendering.text import ListRow, highlight_matches, plain_text
+from rise_tui.widgets.prompt_bar import PromptBar
+from rise_tui.widgets.row_list import RowList, RowView
+from rise_tui.widgets.static_lines import StaticLines
+from rise_tui.widgets.study_bars import SubHead
+
+WIDE = 110
+"""From this width on the plan stands beside the participants and not below them."""
+
+
+class StudyLists(Vertical):
+    """Shows a study as it stands; a search lets some of the participants through."""
+
+    DEFAULT_CSS = """
+    StudyLists {
+        height: 1fr;
+        #body { height: 1fr; layout: vertical; }
+        #people { height: 1fr; width: 1fr; }
+        #beside { height: auto; max-height: 40%; width: 1fr; }
+        #plan-rows { height: auto; max-height: 100%; }
+        &.-wide #body { layout: horizontal; }
+        &.-wide #people { width: 3fr; border-right: vkey $rise-bar; }
+        &.-wide #beside { width: 2fr; height: 1fr; max-height: 100%; }
+        &.-wide #plan-rows { height: 1fr; }
+    }
+    """
+
+    def __init__(self) -> None:
+        super().__init__()
+        self._now, self._conditions = StudyNow(), NO_CONDITIONS
+        self._filter: Filter | None = None
+        self.people_head, self.beside_head = SubHead(), SubHead()
+        self.people, self.beside = RowList(id="people-rows"), RowList(id="plan-rows")
+        self.find_bar = PromptBar("find ", "a participant, a state; esc clears")
+
+    def compose(self) -> ComposeResult:
+        with Container(id="body"):
+            with Vertical(id="people"):
+                yield self.people_head
+                yield self.people
+            with Vertical(id="beside"):
+                yield self.beside_head
+                yield self.beside
+        yield self.find_bar
+
+    def on_mount(self) -> None:
+        self.on_resize()
+
+    def on_resize(self) -> None:
+        self.set_class(self.app.size.width >= WIDE, "-wide")
+        self.call_after_refresh(self.draw)
+
+    def show(self, now: StudyNow, conditions: Conditions) -> None:
+        """Show a study as it stands now."""
+        self._now, self._conditions = now, conditions
+        self.draw()
+
+    @property
+    def selected(self) -> ParticipantStanding | None:
+        """The participant under the cursor."""
+        standing = self._now.standing
+        return find_participant(standing, self.people.current_id) if standing is not None else None
+
+    def select(self, participant: str) -> None:
+        """Put the cursor on somebody."""
+        self.people.select(participant)
+        self.draw()
+
+    @on(RowView.Resized)
+    @on(StaticLines.DrawAgain)
+    @on(RowView.CursorMoved)
+    def draw(self) -> None:
+        """Make every line anew; only what differs reaches the terminal."""
+        width, standing, wide = self.people.row_width, self._now.standing, self.has_class("-wide")
+        if width <= 0:
+            return
+        if standing is None:
+            self.people.show(problem_rows(self._now.problems, width) if self._now.problems else ())
+            self.people_head.draw("Participants")
+            self.query_one("#beside").display = False
+            return
+        self._draw_people(standing, width)
+        if not self.query_one("#beside").display:
+            self.query_one("#beside").display = True
+            self.call_after_refresh(self.draw)  # how wide it is, it knows only then
+            return
+        beside, selected = self.beside.row_width, self.selected
+        rows = [*plan_rows(standing, self._conditions, beside), *due_rows(standing, beside)]
+        rows += rehearsal_rows(standing, beside)
+        rows += person_rows(selected, self._conditions, beside) if wide and selected is not None else []
+        due = f" · {len(standing.due)} due" if standing.due else ""
+        self.beside_head.draw("Plan", f"{standing.complete} of {standing.wanted} complete{due}")
+        self.beside.show(rows)
+        if not wide:
+            self.beside.styles.height = len(rows)
+
+    def _draw_people(self, standing: StudyStanding, width: int) -> None:
+        rows = made = participant_rows(standing, width)
+        note = f"next: {standing.next}" if standing.next else "nobody can begin now"
+        if self._filter is not None:
+            rows = self._found_rows(self._filter, made)
+            note = f"find {self._filter.text}  {len(rows)} of {len(made)}"
+            rows = rows or [ListRow("", ((" nothing matches; esc clears the search", "muted"),), selectable=False)]
+        self.people_head.draw("Participants", note)
+        empty = [ListRow("", ((" participants.csv names nobody yet", "muted"),), selectable=False)]
+        self.people.show(rows or empty)
+
+    def _found_rows(self, wanted: Filter, rows: list[ListRow]) -> list[ListRow]:
+        try:
+            return [
+                row._replace(line=highlight_matches(row.line, wanted.match_spans(plain_text(row.line))))
+                for row in rows
+                if wanted.matches(row.full)
+            ]
+        except InvalidFilter:
+            return rows
+
+    # --- where the keys go ------------------------------------------------------------------------------------------
+
+    def focus_people(self) -> None:
+        """To the participants."""
+        self.screen.set_focus(self.people)
+
+    def focus_other(self) -> None:
+        """To the plan, and back."""
+        self.screen.set_focus(self.beside if self.people.has_focus else self.people)
+
+    def open_find(self) -> None:
+        """Search, beginning with what was searched for last."""
+        self.find_bar.open(self._filter.text if self._filter is not None else "")
+
+    @on(PromptBar.Edited)
+    def _find(self, event: PromptBar.Edited) -> None:
+        try:
+            self._filter = Filter(event.bar.text) or None
+        except InvalidFilter:
+            return
+        self.draw()
+
+    @on(PromptBar.Accepted)
+    def _keep_find(self) -> None:
+        self.people.displaced_at = float("-inf")  # who was typed has been looked for
+        self._close_find()
+
+    @on(PromptBar.Cancelled)
+    def clear_find(self) -> None:
+        """Every participant is shown again."""
+        self._filter = None
+        self._close_find()
+
+    def _close_find(self) -> None:
+        self.find_bar.close()
+        self.focus_people()
+        self.draw()

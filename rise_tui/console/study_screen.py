@@ -1,0 +1,425 @@
+"""The screen of a study, between two sessions: who is next, how everybody stands, the plan against what happened.
+
+No session runs here. Everything that takes time is done beside the loop; what comes of it is shown when it is there.
+"""
+
+from __future__ import annotations
+
+import asyncio
+from collections.abc import Callable, Coroutine
+from dataclasses import dataclass
+from functools import partial
+from typing import Any, ClassVar
+
+from textual import on
+from textual.app import ComposeResult
+from textual.binding import Binding, BindingType
+from textual.message import Message
+from textual.screen import Screen
+
+from rise_engine.kernel.inputs import CheckReport
+from rise_engine.study.model import ParticipantStanding, SessionEntry
+from rise_tui.actions import ON_STUDY_SCREEN, bindings_in, bindings_of
+from rise_tui.config.keymap import KeyFile, how_to_mend
+from rise_tui.config.study_source import (
+    SessionPreview,
+    SessionRequest,
+    StartedSession,
+    StudyNow,
+    StudyRefused,
+    StudySource,
+)
+from rise_tui.console import overlays, study_dialogs
+from rise_tui.console.study_lists import StudyLists
+from rise_tui.messages import RunAction
+from rise_tui.model.notice import Level
+from rise_tui.model.study_conditions import NO_CONDITIONS, Conditions, conditions_of
+from rise_tui.model.study_rows import (
+    find_participant,
+    open_entry,
+    running_people,
+    running_rehearsal,
+)
+from rise_tui.rendering.terminal_app import TerminalApp
+from rise_tui.screens.checks import ChecksScreen
+from rise_tui.screens.outcome import Outcome
+from rise_tui.widgets.row_list import RowView
+from rise_tui.widgets.static_lines import StaticLines
+from rise_tui.widgets.study_bars import StudyHead, StudyHints, StudyNotice
+
+WATCH_SECONDS = 2.0
+"""How soon it is seen that a file of the study has changed, or that a session has ended elsewhere."""
+
+
+class StudyScreen(Screen[None]):
+    """The participants, and what can be done with each."""
+
+    DEFAULT_CSS = """
+    StudyScreen { layout: vertical; background: $background; }
+    """
+
+    BINDINGS: ClassVar[list[BindingType]] = [
+        *bindings_in("study"),
+        *bindings_of(*ON_STUDY_SCREEN),
+        Binding("tab,shift+tab", "other_list", show=False),
+        Binding("escape", "clear_find", show=False),
+    ]
+
+    @dataclass
+    class SessionReady(Message):
+        """A session runs, and a console is to be opened on it. `stops`: the stop key was pressed meanwhile."""
+
+        started: StartedSession
+        stops: bool
+
+    @dataclass
+    class WizardNamed(Message):
+        """Somebody has said who sits here."""
+
+        name: str
+
+    def __init__(
+        self,
+        source: StudySource,
+        *,
+        wizard: str,
+        suggested: str = "",
+        login: str = "",
+        selected: str = "",
+        keys: KeyFile | None = None,
+    ) -> None:
+        """`wizard`: who sits here; empty: it is asked before the first session, beginning with `suggested`, in debug
+        mode else with `login`. `selected`: a participant on whom the cursor is to stand. `keys`: the user's own."""
+        super().__init__()
+        self._source, self.wizard, self._suggested, self._login = source, wizard, suggested, login
+        self._keys = keys or KeyFile()
+        self._select = selected
+        """On whom the cursor is to be put when the study has been read; empty: on who is next."""
+        self._goes_to_next = True
+        """Whether the cursor goes to who is next, as soon as somebody is."""
+        self.loaded = StudyNow()
+        self.is_read = False
+        """Whether the study has been read once."""
+        self.conditions: Conditions = NO_CONDITIONS
+        self._fingerprint: object = None
+        self.busy = ""
+        """What is being done that has to end first, as a sentence; empty: nothing."""
+        self._stop_pressed = False
+        self.head, self.notice, self.hints = StudyHead(), StudyNotice(), StudyHints()
+        self.lists = StudyLists()
+
+    def compose(self) -> ComposeResult:
+        yield self.head
+        yield self.lists
+        yield self.notice
+        yield self.hints
+
+    def on_mount(self) -> None:
+        self.lists.focus_people()
+        self.set_interval(WATCH_SECONDS, self._watch)
+        self.say("reading the study …")
+        self.read()
+
+    # --- reading ----------------------------------------------------------------------------------------------------
+
+    def read(self) -> None:
+        """Read the study now."""
+        self.run_worker(self._read(), group="read", exclusive=True)
+
+    async def _read(self) -> None:
+        fingerprint = await asyncio.to_thread(self._source.fingerprint)
+        self.loaded = await asyncio.to_thread(self._source.load)
+        self._fingerprint, self.is_read = fingerprint, True
+        study, standing = self.loaded.study, self.loaded.standing
+        self.conditions = conditions_of(study) if study is not None else NO_CONDITIONS
+        if self.notice.is_about_reading:
+            self.say("")
+        self.draw()
+        if standing is None or not (self._goes_to_next or self._select):
+            return
+        self.lists.select(self._select or standing.next)
+        self._select = ""
+        self._goes_to_next = not standing.next and any(running_people(standing))  # one is just ending: it comes then
+
+    def _watch(self) -> None:
+        """See whether something has changed, while nothing lies over this screen."""
+        if self.app.screen is self and not self.busy:
+            self.run_worker(self._read_if_changed(), group="watch", exclusive=True)
+
+    async def _read_if_changed(self) -> None:
+        if await asyncio.to_thread(self._source.fingerprint) != self._fingerprint:
+            await self._read()
+
+    def come_back(self, sentence: str = "", participant: str = "") -> None:
+        """A session has ended: read what came of it, and go on to the next participant, or to the one that is named."""
+        self.busy, self._stop_pressed = "", False
+        self._goes_to_next, self._select = True, participant or self._select
+        self.say(sentence)
+        self.read()
+
+    # --- what is shown ----------------------------------------------------------------------------------------------
+
+    def on_resize(self) -> None:
+        overlays.show_when_too_small(self.app, None)
+
+    @on(StaticLines.DrawAgain)
+    def draw(self) -> None:
+        """Draw the bars and the lists."""
+        self.head.draw(self.loaded.study, self.wizard, is_read=self.is_read)
+        self.hints.draw()
+        self.lists.show(self.loaded, self.conditions)
+
+    @on(RowView.CursorMoved)
+    def _cursor_moved(self) -> None:
+        self._goes_to_next = False
+
+    def say(self, sentence: str, level: Level = "info") -> None:
+        """Tell the wizard something, above the key hints."""
+        self.notice.draw(sentence, level)
+
+    def action_clear_find(self) -> None:
+        """Esc: every participant is shown again."""
+        self.lists.clear_find()
+
+    def action_other_list(self) -> None:
+        """To the plan, and back."""
+        self.lists.focus_other()
+
+    # --- actions of the registry ------------------------------------------------------------------------------------
+
+    @on(RunAction)
+    def _run_action(self, event: RunAction) -> None:
+        if event.action == "quit":
+            self.app.run_worker(self.app.run_action("quit"))
+        else:
+            self.action_do(event.action)
+
+    def action_do(self, action: str) -> None:
+        """Carry out an action of the registry that works here."""
+        calls: dict[str, Callable[[], object]] = {
+            "study.open": self.open_selected,
+            "study.rehearse": self.rehearse_selected,
+            "study.wizard": lambda: self._ask_name(lambda: None),
+            "study.reload": self._reload,
+            "filter": self.lists.open_find,
+            "help": lambda: overlays.open_study_help(self.app),
+            "palette": lambda: overlays.open_study_palette(self.app, self.action_do),
+            "theme": lambda: overlays.open_study_palette(self.app, None),
+            "redraw": self._redraw,
+        }
+        if self.busy and action.startswith("study."):
+            self.say(f"not now: {self.busy}", "wait")
+        else:
+            calls[action]()
+
+    def _reload(self) -> None:
+        self.say("reading the study …")
+        self.read()
+
+    def _redraw(self) -> None:
+        if isinstance(self.app, TerminalApp):
+            self.app.repaint_everything()
+
+    def stop_pressed(self) -> None:
+        """The stop key: a session that is just starting, or that runs with no console here, is stopped at once."""
+        entry = self._running_entry()
+        if self.busy:
+            self._stop_pressed = True
+            self._tell(f"STOP follows as soon as it is reached: {self.busy}", "fault")
+        elif entry is not None:
+            self._stop_pressed = True
+            self._close_dialogs()
+            self._go_to(entry)
+        else:
+            self._tell("nothing runs: no session of this study has begun or is going on here")
+
+    def _running_entry(self) -> SessionEntry | None:
+        """The session of the study that runs now, as far as it was seen."""
+        standing = self.loaded.standing
+        if standing is None:
+            return None
+        counted = next((open_entry(each) for each in running_people(standing)), None)
+        return counted or running_rehearsal(standing)
+
+    def _tell(self, sentence: str, level: Level = "info") -> None:
+        self.say(sentence, level)
+        if isinstance(self.app.screen, ChecksScreen):
+            self.app.screen.say(sentence)
+
+    def _close_dialogs(self) -> None:
+        while self.app.screen is not self:
+            self.app.pop_screen()
+
+    # --- one participant --------------------------------------------------------------------------------------------
+
+    def open_selected(self) -> None:
+        """Whatever there is to do with the participant under the cursor."""
+        each = self.lists.selected
+        if each is None:
+            self.say("nothing can be started: " + (self._why_none() or "no participant is selected"), "wait")
+            return
+        if self.lists.people.was_just_displaced:
+            self.say("the list has just changed; press again")
+            return
+        entry, standing = open_entry(each), self.loaded.standing
+        rehearsal = running_rehearsal(standing, each.participant) if standing is not None else None
+        if rehearsal is not None:
+            self._go_to(rehearsal)
+        elif each.state == "running" and entry is not None:
+            self._go_to(entry)
+        elif each.state == "unfinished" and entry is not None:
+            self._ask_about_unfinished(each, entry)
+        elif each.state == "to-judge" and entry is not None:
+            self._named(lambda: self._ask_afterwards(entry))
+        elif each.next_run is None:
+            self.say(f"{each.participant}: {each.why or f'is {each.state}; nothing is to come'}", "wait")
+        else:
+            self._named(lambda: self._prepare(SessionRequest(each.participant)))
+
+    def _why_none(self) -> str:
+        return "the study does not load" if self.loaded.standing is None else ""
+
+    def rehearse_selected(self) -> None:
+        """A session with the participant under the cursor that does not count."""
+        each, study = self.lists.selected, self.loaded.study
+        if each is None or study is None:
+            self.say("nothing can be started: " + (self._why_none() or "no participant is selected"), "wait")
+            return
+
+        def go_on(request: SessionRequest | None) -> None:
+            if request is not None:
+                self._named(lambda: self._prepare(request))
+
+        study_dialogs.ask_what_to_rehearse(self.app, each.participant, study, self.conditions, go_on)
+
+    # --- whose hands ------------------------------------------------------------------------------------------------
+
+    def _named(self, go_on: Callable[[], None]) -> None:
+        """Go on when it is known who sits here."""
+        if self.wizard:
+            go_on()
+        else:
+            self._ask_name(go_on)
+
+    def _ask_name(self, go_on: Callable[[], None]) -> None:
+        study = self.loaded.study
+
+        def take(name: str | None) -> None:
+            if name:
+                self.wizard = name
+                self.post_message(self.WizardNamed(name))
+                self.draw()
+                go_on()
+
+        study_dialogs.ask_name(self.app, study, self.wizard or self._suggested, self._login, take)
+
+    # --- a session begins -------------------------------------------------------------------------------------------
+
+    def _work(self, busy: str, work: Coroutine[Any, Any, None]) -> None:
+        self.busy = busy
+        self.say(f"{busy} …", "wait")
+        self.run_worker(work, group="session", exclusive=True)
+
+    def _refused(self, refused: StudyRefused) -> None:
+        self.busy, self._stop_pressed = "", False
+        self.say(str(refused), "fault")
+        self.read()
+
+    def _prepare(self, request: SessionRequest) -> None:
+        self._work(f"looking at what would run for {request.participant}", self._show_plan(request))
+
+    async def _show_plan(self, request: SessionRequest) -> None:
+        try:
+            plan = await asyncio.to_thread(self._source.plan, request, self.wizard)
+        except StudyRefused as refused:
+            self._refused(refused)
+            return
+        if clashes := self._keys.clashes(plan.keys):
+            self._refused(StudyRefused(f"{clashes[0]}; {how_to_mend(self._keys.path)}"))
+            return
+        self.busy = ""
+        self.say("")
+        each = find_participant(self.loaded.standing, request.participant) if self.loaded.standing else None
+
+        def begin(checks: tuple[CheckReport, ...] | None) -> None:
+            if checks is None:
+                self.say(f"nothing has been started for {request.participant}")
+            else:
+                self._start(plan, checks)
+
+        maker = study_dialogs.StudyChecker(self.app, self._source, plan.context, self._tell)
+        study_dialogs.show_plan(self.app, plan, each, self.conditions, self.wizard, maker, begin)
+
+    def _start(self, plan: SessionPreview, checks: tuple[CheckReport, ...]) -> None:
+        self._work(
+            f"the session of {plan.request.participant} is starting",
+            self._started(lambda report: self._source.start(plan, checks, self.wizard, report)),
+        )
+
+    def _go_to(self, entry: SessionEntry) -> None:
+        self._work(
+            f"going to the session of {entry.participant}",
+            self._started(lambda report: self._source.attach(entry, self.wizard)),
+        )
+
+    async def _started(self, start: Callable[[Callable[[str], None]], StartedSession]) -> None:
+        """Start or reach a session beside the loop, and open a console on it."""
+        loop = asyncio.get_running_loop()
+
+        def report(sentence: str) -> None:
+            loop.call_soon_threadsafe(self.say, f"{self.busy}: {sentence}", "wait")
+
+        try:
+            started = await asyncio.to_thread(start, report)
+        except StudyRefused as refused:
+            self._refused(refused)
+            return
+        stop, self.busy, self._stop_pressed = self._stop_pressed, "", False
+        self.say("")
+        self.post_message(self.SessionReady(started, stop))
+
+    # --- sessions that did not end, or that nobody has judged -------------------------------------------------------
+
+    def _ask_about_unfinished(self, each: ParticipantStanding, entry: SessionEntry) -> None:
+        def carry_out(key: str | None) -> None:
+            if key == "r":
+                self._work(
+                    f"the session of {each.participant} is being recovered",
+                    self._started(lambda report: self._source.recover(entry, self.wizard, report)),
+                )
+            elif key == "g":
+                study_dialogs.ask_outcome(
+                    self.app, entry, self.conditions, lambda given: self._judge(entry, given), gives_up=True
+                )
+
+        study_dialogs.ask_about_unfinished(self.app, entry, self.conditions, carry_out)
+
+    def _ask_afterwards(self, entry: SessionEntry) -> None:
+        """What is looked at after a session, and how it counts, when nobody could be asked at its end."""
+
+        def ask(checks: object) -> None:
+            if checks is not None:
+                judge = partial(self._judge, entry)
+                study_dialogs.ask_outcome(self.app, entry, self.conditions, judge)
+
+        study, after = self.loaded.study, self.loaded.after
+        if study is None or not after:
+            ask(())
+            return
+        context = study_dialogs.context_afterwards(study, entry, self.wizard)
+        maker = study_dialogs.StudyChecker(self.app, self._source, context, self._tell)
+        study_dialogs.show_checks_after(self.app, entry, after, maker, self.wizard, ask)
+
+    def _judge(self, entry: SessionEntry, given: Outcome | None) -> None:
+        if given is not None:
+            self._named(
+                lambda: self._work(f"writing down: {entry.participant} {given.status}", self._write(entry, given))
+            )
+
+    async def _write(self, entry: SessionEntry, given: Outcome) -> None:
+        try:
+            await asyncio.to_thread(self._source.judge, entry, given.status, given.reason, self.wizard)
+        except StudyRefused as refused:
+            self._refused(refused)
+            return
+        self.come_back(f"{entry.participant}, run {entry.run}: {given.status}")

@@ -1,0 +1,145 @@
+"""How a session of a study is to count: asked when it is ended, or afterwards when nobody could be asked then."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import ClassVar, NamedTuple, cast
+
+from textual import events, on
+from textual.app import ComposeResult
+from textual.binding import Binding, BindingType
+from textual.containers import Horizontal
+from textual.widgets import Input, Label, Static
+
+from rise_engine.study.model import OutcomeStatus
+from rise_tui.rendering.modal import SingleDismissModal
+from rise_tui.screens.end_session import CONFIRMING_WORD
+from rise_tui.screens.settings import ChoiceField
+from rise_tui.widgets.memory_editor import TextField
+from rise_tui.widgets.titled_box import TitledBox
+
+OUTCOMES: tuple[OutcomeStatus, ...] = ("complete", "aborted", "excluded")
+MEANINGS: dict[str, str] = {
+    "": "← → choose how it is to count.",
+    "complete": "The run counts.",
+    "aborted": "It does not count; they keep the slot and may run it again.",
+    "excluded": "They do not count; their slot goes to the next participant.",
+}
+NEEDS_REASON = ("aborted", "excluded")
+
+
+class Outcome(NamedTuple):
+    """What was answered."""
+
+    status: OutcomeStatus
+    reason: str
+
+
+class OpenChoice(ChoiceField):
+    """Nothing is chosen to begin with: then the first key for it chooses the first word."""
+
+    def on_key(self, event: events.Key) -> None:
+        if self.value not in self._words and event.key in ("left", "right"):
+            event.stop()
+            event.prevent_default()  # else the base class would go on to the next one
+            self._choose(self._words[0])
+
+
+class OutcomeDialog(SingleDismissModal[Outcome | None]):
+    """Nothing is chosen to begin with; esc leaves, and nothing has happened."""
+
+    AUTO_FOCUS = "#outcome"
+    BINDINGS: ClassVar[list[BindingType]] = [
+        Binding("escape", "dismiss(None)", show=False),
+        Binding("up", "app.focus_previous", show=False),
+        Binding("down,tab", "app.focus_next", show=False),
+    ]
+
+    DEFAULT_CSS = """
+    OutcomeDialog {
+        align: center middle; background: transparent;
+        #box { width: 76; max-height: 95%; border-title-color: $foreground; }
+        #box.-ends { border: round $error; }
+        #lines { height: auto; margin: 0 0 1 0; }
+        #meaning { height: 1; padding: 0 0 0 10; color: $rise-muted; }
+        .row { height: 1; }
+        Label { width: 10; color: $rise-muted; }
+        #typing { margin: 1 0 0 0; }
+        #typing Label { width: auto; padding: 0 1 0 0; color: $foreground; }
+        TextField, TextField:focus { width: 1fr; background: $surface; }
+        TextField:focus { background: $rise-cursor; }
+        #answer { height: 1; color: $warning; }
+    }
+    """
+
+    def __init__(self, title: str, lines: Sequence[str], *, ends: bool) -> None:
+        """`ends`: a session is ended by this, which wants the word typed, as everywhere."""
+        super().__init__()
+        self._title, self._lines, self._ends = title, lines, ends
+        self.choice = OpenChoice(OUTCOMES, "", id="outcome")
+        self.reason = TextField(id="reason", placeholder="needed when it is aborted or excluded", select_on_focus=False)
+        self.word = TextField(id="word", select_on_focus=False)
+
+    def compose(self) -> ComposeResult:
+        with TitledBox(self._title, "← → choose · ↑ ↓ enter: next field · esc leaves, and nothing changes") as box:
+            box.set_class(self._ends, "-ends")
+            yield Static("\n".join(self._lines), id="lines", markup=False)
+            with Horizontal(classes="row"):
+                yield Label("outcome")
+                yield self.choice
+            yield Static(MEANINGS[""], id="meaning", markup=False)
+            with Horizontal(classes="row"):
+                yield Label("reason")
+                yield self.reason
+            if self._ends:
+                with Horizontal(classes="row", id="typing"):
+                    yield Label(f"Type {CONFIRMING_WORD} and press enter:")
+                    yield self.word
+            yield Static("", id="answer", markup=False)
+
+    @on(ChoiceField.Changed)
+    def _show_meaning(self) -> None:
+        self.query_one("#meaning", Static).update(MEANINGS[self.choice.value])
+        self._say("")
+
+    def on_key(self, event: events.Key) -> None:
+        if event.key == "enter" and self.choice.has_focus:
+            event.stop()
+            event.prevent_default()
+            self.set_focus(self.reason)
+
+    @on(Input.Submitted, "#reason")
+    def _reason_given(self, event: Input.Submitted) -> None:
+        event.stop()
+        if problem := self._problem():
+            self._say(problem)
+        elif self._ends:
+            self.set_focus(self.word)
+        else:
+            self._finish()
+
+    @on(Input.Submitted, "#word")
+    def _check_word(self, event: Input.Submitted) -> None:
+        event.stop()
+        if problem := self._problem():
+            self._say(problem)
+        elif event.value.strip().casefold() == CONFIRMING_WORD:
+            self._finish()
+        else:
+            self._say(f"that is not the word {CONFIRMING_WORD}: nothing has ended")
+
+    def _problem(self) -> str:
+        """What is still missing; the cursor goes there."""
+        if not self.choice.value:
+            self.set_focus(self.choice)
+            return "say how it is to count: complete, aborted or excluded (← →)"
+        if self.choice.value in NEEDS_REASON and not self.reason.value.strip():
+            self.set_focus(self.reason)
+            return f"{self.choice.value}: say why, for the record"
+        return ""
+
+    def _say(self, sentence: str) -> None:
+        self.query_one("#answer", Static).update(sentence)
+
+    def _finish(self) -> None:
+        self.dismiss(Outcome(cast(OutcomeStatus, self.choice.value), self.reason.value.strip()))

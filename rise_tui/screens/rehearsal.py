@@ -1,0 +1,85 @@
+"""What is rehearsed: a session that takes no slot and never counts."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import ClassVar, cast
+
+from textual import events
+from textual.app import ComposeResult
+from textual.binding import Binding, BindingType
+from textual.containers import Horizontal
+from textual.widgets import Label, Static
+
+from rise_engine.study.model import Purpose
+from rise_tui.config.study_source import SessionRequest
+from rise_tui.model.study_conditions import Conditions
+from rise_tui.rendering.modal import SingleDismissModal
+from rise_tui.rendering.text import ListRow, clean
+from rise_tui.screens.settings import ChoiceField
+from rise_tui.widgets.row_list import RowList
+from rise_tui.widgets.titled_box import TitledBox
+
+MEANINGS: dict[str, str] = {
+    "debug": "with the simulated robot; it is marked as no data",
+    "training": "for the wizard, on the robot",
+    "pilot": "with somebody, on the robot, as if it counted",
+}
+THEIRS = "theirs"
+"""The row for the condition that the participant would get."""
+
+
+class RehearsalDialog(SingleDismissModal[SessionRequest | None]):
+    """Left and right choose what for, up and down the condition; Enter goes on."""
+
+    AUTO_FOCUS = "#conditions"
+    BINDINGS: ClassVar[list[BindingType]] = [Binding("escape", "dismiss(None)", show=False)]
+
+    DEFAULT_CSS = """
+    RehearsalDialog {
+        align: center middle; background: transparent;
+        #box { width: 70; max-height: 90%; border-title-color: $foreground; }
+        .row { height: 1; }
+        Label { width: 12; color: $rise-muted; }
+        #meaning { height: 1; padding: 0 0 0 12; color: $rise-muted; }
+        RowList { margin: 1 0 0 0; background: $panel; }
+    }
+    """
+
+    def __init__(self, participant: str, purposes: Sequence[Purpose], names: Sequence[str], shown: Conditions) -> None:
+        """`names`: every condition of the design. In a hidden study the participant's own is not offered: it would be
+        known before their session."""
+        super().__init__()
+        self._participant, self._names, self._shown = participant, names, shown
+        self.purpose = ChoiceField(tuple(purposes), purposes[0], id="purpose")
+        self.purpose.can_focus = False
+        self.list = RowList(id="conditions")
+
+    def compose(self) -> ComposeResult:
+        with TitledBox(
+            f"A rehearsal with {clean(self._participant)}", "← → what for · ↑ ↓ condition · enter goes on · esc leaves"
+        ):
+            with Horizontal(classes="row"):
+                yield Label("what for")
+                yield self.purpose
+            yield Static(MEANINGS[self.purpose.value], id="meaning", markup=False)
+            yield self.list
+
+    def on_mount(self) -> None:
+        rows = [ListRow(name, ((f" condition {self._shown.label(name)}", "plain"),)) for name in self._names]
+        if not self._shown.hidden or not rows:
+            text = " as they would run it" if rows else " no conditions in this study: as they would run it"
+            rows.insert(0, ListRow(THEIRS, ((text, "plain"),)))
+        self.list.styles.height = min(len(rows), max(3, self.app.size.height - 10))
+        self.list.show(rows)
+        self.list.move_cursor(0, by_wizard=False)
+
+    def on_key(self, event: events.Key) -> None:
+        if event.key in ("left", "right"):
+            self.purpose.on_key(event)
+            self.query_one("#meaning", Static).update(MEANINGS[self.purpose.value])
+        elif event.key == "enter":
+            event.stop()
+            chosen = self.list.current_id
+            condition = "" if chosen == THEIRS else chosen
+            self.dismiss(SessionRequest(self._participant, cast(Purpose, self.purpose.value), condition))

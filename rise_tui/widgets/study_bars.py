@@ -1,0 +1,84 @@
+"""The bars of a study's screen: its head, the titles of its lists, the sentence above the key hints, the hints."""
+
+from __future__ import annotations
+
+from rise_engine.study.model import Study
+from rise_tui.actions import BY_ID, actions_in
+from rise_tui.key_labels import first_key_label
+from rise_tui.model.notice import Level
+from rise_tui.rendering.text import StyledLine, StyledSpan, align_at_both_ends, clean, crop, line_width, wrap
+from rise_tui.widgets.bars import NOTICE_GLYPHS, KeyHints
+from rise_tui.widgets.static_lines import StaticLines
+
+NOTICE_LINES = 3
+READING = "reading the study …"
+
+
+class StudyHead(StaticLines):
+    """The study's title, its mode, and who sits here."""
+
+    DEFAULT_CSS = """
+    StudyHead { background: $rise-bar; }
+    """
+
+    def draw(self, study: Study | None, wizard: str, *, is_read: bool) -> None:
+        if study is None:
+            self.show(((" A study that does not load", "fault") if is_read else (" A study", "strong"),))
+            return
+        real = study.mode == "real"
+        right: list[StyledSpan] = [(study.mode.upper(), "wait" if real else "accent"), ("  ", "plain")]
+        right += [(f"wizard {clean(wizard)} " if wizard else "no wizard named yet ", "muted")]
+        left: StyledLine = ((f" {clean(study.title)}", "strong"),)
+        note: StyledSpan = ("  no session runs here", "muted")
+        if line_width((*left, note, *right)) < self.size.width:
+            left = (*left, note)
+        self.show(align_at_both_ends(left, tuple(right), self.size.width))
+
+
+class SubHead(StaticLines):
+    """The title of a list, and a note at its right."""
+
+    DEFAULT_CSS = """
+    SubHead { background: $rise-bar; }
+    """
+
+    def draw(self, title: str, note: str = "") -> None:
+        left: StyledLine = ((f" {title.upper()} ", "accent"),)
+        self.show(align_at_both_ends(left, ((f"{clean(note)} ", "muted"),), self.size.width))
+
+
+class StudyNotice(StaticLines):
+    """One sentence; what has no room in one line takes two or three."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self._sentence = ""
+
+    @property
+    def is_about_reading(self) -> bool:
+        """Whether it says that the study is being read."""
+        return self._sentence == READING
+
+    def draw(self, sentence: str, level: Level = "info") -> None:
+        self._sentence = sentence
+        width = self.size.width or 80
+        glyph, role = NOTICE_GLYPHS[level]
+        pieces = wrap(sentence, max(20, width - 3)) if sentence else [""]
+        pieces = [*pieces[: NOTICE_LINES - 1], " ".join(pieces[NOTICE_LINES - 1 :])][: len(pieces)]
+        leads = [f" {glyph if sentence else ' '} ", *["   "] * (NOTICE_LINES - 1)]
+        self.styles.height = len(pieces)
+        self.show(*(crop(((f"{lead}{piece}", role),), width) for lead, piece in zip(leads, pieces, strict=False)))
+
+
+class StudyHints(KeyHints):
+    """The keys of a study's screen; each can be clicked."""
+
+    def draw(self) -> None:  # type: ignore[override]
+        actions = [*actions_in("study"), *(BY_ID[id] for id in ("filter", "palette", "help", "quit"))]
+        words = {"quit": "leave"}
+        self.show_pieces(
+            [
+                ([(f" {first_key_label(each)}", "key"), (f" {words.get(each.id, each.hint)} ", "plain")], each.id)
+                for each in actions
+            ]
+        )
