@@ -30,7 +30,8 @@ def status_lines(state: StudyState) -> list[str]:
     rows += [_participant_row(each, strata) for each in standing.participants]
     lines += table_lines(rows) if standing.participants else ["  participants.csv has no participants yet"]
     if standing.cells:
-        lines += ["", "cells of the plan", *table_lines(_cell_rows(state))]
+        hidden = " (conditions are hidden until a session begins)" if study.assignment.hidden else ""
+        lines += ["", f"cells of the plan{hidden}", *table_lines(_cell_rows(state))]
     if standing.rehearsals:
         counts: dict[str, int] = {}
         for each in standing.rehearsals:
@@ -120,16 +121,19 @@ def _last_text(last: SessionEntry | None) -> str:
 
 
 def _cell_rows(state: StudyState) -> list[list[str]]:
-    """Without the planned number where nobody knows how many come of each stratum."""
-    cells = state.standing.cells
+    """Without the planned number where nobody knows how many come of each stratum; of a hidden study only the strata,
+    for whoever sees how full each cell is can guess what comes next."""
+    cells, hidden = state.standing.cells, state.study.assignment.hidden
     columns = list(cells[0].strata)
     known = not columns and any(each.planned for each in cells)
-    rows = [[*columns, "condition", "complete", "open", *(["planned"] if known else [])]]
+    counts: dict[tuple[str, ...], list[int]] = {}
     for each in cells:
-        planned = [str(each.planned)] if known else []
-        condition = each.condition or "(one)"
-        rows.append([*each.strata.values(), condition, str(each.complete), str(each.open), *planned])
-    return rows
+        name = (*each.strata.values(), *([] if hidden else [each.condition or "(one)"]))
+        count = counts.setdefault(name, [0, 0, 0])
+        for at, number in enumerate((each.complete, each.open, each.planned)):
+            count[at] += number
+    rows = [[*columns, *([] if hidden else ["condition"]), "complete", "open", *(["planned"] if known else [])]]
+    return rows + [[*name, *map(str, count if known else count[:2])] for name, count in counts.items()]
 
 
 def table_lines(rows: Sequence[Sequence[str]]) -> list[str]:

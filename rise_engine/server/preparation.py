@@ -28,7 +28,7 @@ from rise_engine.scenario.model import Scenario
 from rise_engine.server.hub import SessionHub
 from rise_engine.server.refusal import ServeRefused as ServeRefused
 from rise_engine.server.spawn import ReportStartup, StartupProgress
-from rise_engine.server.study_session import StudyPreparation, study_of_session
+from rise_engine.server.study_session import StudyPreparation
 from rise_engine.session.folder import (
     JOURNAL,
     SessionError,
@@ -46,6 +46,7 @@ from rise_engine.session.journal import Journal
 from rise_engine.session.lock import JournalLock, JournalLockedError, one_at_a_time, running_message
 from rise_engine.session.recovery import RecoveredSession, recover
 from rise_engine.study.study_log import StudyLogError
+from rise_engine.study.traces import study_of_session
 
 
 class SessionPreparation:

@@ -18,7 +18,7 @@ from rise_engine.kernel.view import SessionView
 from rise_engine.protocol.session_options import SessionOptions
 from rise_engine.protocol.session_start import assigned_keys
 from rise_engine.server.refusal import ServeRefused
-from rise_engine.session.folder import SessionError, SessionInfo, find_session, mark_abandoned, read_info
+from rise_engine.session.folder import SessionError, SessionInfo, find_session, mark_abandoned
 from rise_engine.session.lock import read_holder
 from rise_engine.study.begin import (
     BeginRequest,
@@ -240,12 +240,3 @@ def give_up(log: LockedLog, session: StudySession) -> None:
     """
     log.append("outcome", **given_up_fields(session))
     mark_abandoned(session.path)
-
-
-def study_of_session(folder: Path) -> Path | None:
-    """The study whose session lies in this folder; None: it is of none, or lies elsewhere."""
-    study = folder.absolute().parent.parent
-    try:
-        return study if read_info(folder).study and (study / "study.toml").is_file() else None
-    except SessionError:
-        return None

@@ -15,7 +15,7 @@ from rise_engine.protocol.registry import running_names, session_name
 from rise_engine.protocol.session_options import SessionOptions
 from rise_engine.scenario.model import Scenario
 from rise_engine.server.spawn import EngineRefused, EngineStarted, start_engine
-from rise_engine.server.study_session import study_of_session
+from rise_engine.study.traces import study_of_session
 from rise_tui.cli.study_folder import find_study
 from rise_tui.cli.terminal import UNNAMED
 from rise_tui.config.launch import Launcher, RecoveredClient, ReportProgress, startup_notice

@@ -19,7 +19,6 @@ from rise_engine.protocol.registry import RegistryError, ask_summary
 from rise_engine.protocol.session_options import SessionOptions
 from rise_engine.scenario import load as load_scenario
 from rise_engine.server.spawn import EngineRefused, start_engine
-from rise_engine.server.study_session import study_of_session
 from rise_engine.session.folder import JOURNAL
 from rise_engine.session.journal_format import InputLine, JournalHeader, LineError, read_line
 from rise_engine.session.lock import is_journal_locked, read_holder
@@ -32,6 +31,7 @@ from rise_engine.study.sessions import SESSIONS
 from rise_engine.study.state import OpenStudy, StudyState, StudyUnusable, read_state
 from rise_engine.study.study_log import LOG_FILE, StudyLogError
 from rise_engine.study.study_toml import STUDY_FILE, load_study
+from rise_engine.study.traces import study_of_session
 from rise_tui.config.launch import startup_notice
 from rise_tui.config.paths import expand_home
 from rise_tui.config.study_source import (

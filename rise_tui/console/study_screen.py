@@ -154,6 +154,7 @@ class StudyScreen(Screen[None]):
         """A session has ended: read what came of it, and go on to the next participant, or to the one that is named."""
         self.busy, self._stop_pressed = "", False
         self._goes_to_next, self._select = True, participant or self._select
+        self.lists.clear_find()  # else who is next may not be among those who were searched for
         self.say(sentence)
         self.read()
 

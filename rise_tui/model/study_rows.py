@@ -132,7 +132,7 @@ def begun_text(started: str) -> str:
 
 def plan_rows(standing: StudyStanding, conditions: Conditions, width: int) -> list[ListRow]:
     """How far each cell of the plan is; of a hidden study only the strata."""
-    cells = [_Cell(_cell_name(cell, conditions), cell.complete, cell.open, cell.planned) for cell in standing.cells]
+    cells = [_Cell(_cell_name(cell, conditions), cell.complete, cell.open, _planned(cell)) for cell in standing.cells]
     if conditions.hidden:
         cells = _totals(standing.cells)
     rows: list[ListRow] = []
@@ -146,6 +146,8 @@ def plan_rows(standing: StudyStanding, conditions: Conditions, width: int) -> li
 
 
 class _Cell(NamedTuple):
+    """A line of the plan; `planned` is 0 where nobody knows how many will come of it."""
+
     name: str
     complete: int
     open: int
@@ -155,6 +157,11 @@ class _Cell(NamedTuple):
 def _cell_name(cell: CellStanding, conditions: Conditions) -> str:
     strata = " ".join(map(clean, cell.strata.values()))
     return "  ".join(filter(None, (strata, conditions.shown(cell.condition)))) or "all"
+
+
+def _planned(cell: CellStanding) -> int:
+    """How many are wanted of a cell: with strata, nobody knows how many of each will come."""
+    return 0 if cell.strata else cell.planned
 
 
 def _totals(cells: Sequence[CellStanding]) -> list[_Cell]:
@@ -167,7 +174,7 @@ def _totals(cells: Sequence[CellStanding]) -> list[_Cell]:
             " ".join(map(clean, values)) or "all",
             sum(cell.complete for cell in members),
             sum(cell.open for cell in members),
-            sum(cell.planned for cell in members),
+            sum(map(_planned, members)),
         )
         for values, members in found.items()
     ]
@@ -175,12 +182,13 @@ def _totals(cells: Sequence[CellStanding]) -> list[_Cell]:
 
 def _cell_line(cell: _Cell, names: int) -> StyledLine:
     """`de  calm   ▰▰▰▱▱▱   3 of 6, 1 open`: a bar of the plan, and the same in numbers."""
-    most = max(1, cell.planned)
-    length = min(BAR, most)
+    most = cell.planned or max(1, cell.complete + cell.open)
+    length = min(BAR, most if cell.planned else cell.complete + cell.open)
     done, begun = (min(length, round(count * length / most)) for count in (cell.complete, cell.complete + cell.open))
     begun = max(done, begun)
     bar: StyledLine = (("▰" * done, "accent"), ("▰" * (begun - done), "wait"), ("▱" * (length - begun), "muted"))
     pad: StyledLine = ((" " * (BAR - length + 2), "plain"),)
+    count = f"{cell.complete:>2} of {cell.planned}" if cell.planned else f"{cell.complete:>2} complete"
     more = f", {cell.open} begun" if cell.open else ""
     return (
         (" ", "plain"),
@@ -188,7 +196,7 @@ def _cell_line(cell: _Cell, names: int) -> StyledLine:
         ("  ", "plain"),
         *bar,
         *pad,
-        (f"{cell.complete:>2} of {cell.planned}{more}", "plain"),
+        (f"{count}{more}", "plain"),
     )
 
 

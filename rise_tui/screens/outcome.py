@@ -25,6 +25,7 @@ MEANINGS: dict[str, str] = {
     "aborted": "It does not count; they keep the slot and may run it again.",
     "excluded": "They do not count; their slot goes to the next participant.",
 }
+CHOOSE = "say how it is to count: complete, aborted or excluded (← →)"
 NEEDS_REASON = ("aborted", "excluded")
 
 
@@ -106,7 +107,10 @@ class OutcomeDialog(SingleDismissModal[Outcome | None]):
         if event.key == "enter" and self.choice.has_focus:
             event.stop()
             event.prevent_default()
-            self.set_focus(self.reason)
+            if self.choice.value:
+                self.set_focus(self.reason)
+            else:
+                self._say(CHOOSE)
 
     @on(Input.Submitted, "#reason")
     def _reason_given(self, event: Input.Submitted) -> None:
@@ -132,7 +136,7 @@ class OutcomeDialog(SingleDismissModal[Outcome | None]):
         """What is still missing; the cursor goes there."""
         if not self.choice.value:
             self.set_focus(self.choice)
-            return "say how it is to count: complete, aborted or excluded (← →)"
+            return CHOOSE
         if self.choice.value in NEEDS_REASON and not self.reason.value.strip():
             self.set_focus(self.reason)
             return f"{self.choice.value}: say why, for the record"

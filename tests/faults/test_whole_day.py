@@ -17,7 +17,7 @@ from typing import Any
 
 import pytest
 
-from rise_engine.kernel.view import SessionView
+from rise_engine.kernel.records import MemoryRecord, TaskRecord
 from rise_engine.session.folder import JOURNAL, read_info
 from rise_engine.session.journal_reader import read_journal
 from rise_engine.session.replay import compare_replay
@@ -70,19 +70,27 @@ class Day:
     def __init__(self, it: Terminal) -> None:
         self.it = it
 
-    def select(self, participant: str) -> None:
+    def open(self, participant: str) -> None:
+        """Find somebody, and press Enter on them."""
         self.it.still()
         self.it.press(b"/")
         self.it.until_screen("a participant, a state")
         self.it.press(participant.encode() + b"\r")
-        self.it.until_screen(f"→ {participant} ")
+        self.it.until_screen(f"find {participant}  1 of")
         self.it.still()
         self.it.press(b"\r")
-        self.it.until_screen(f"─  {participant} ")
+
+    def leave(self) -> None:
+        """Close what is open, and show everybody again."""
         self.it.still()
+        self.it.press(b"\x1b")
+        self.it.still()
+        self.it.press(b"\x1b")
+        self.it.until_screen("next: ")
 
     def begin(self, participant: str, run: int) -> None:
-        self.select(participant)
+        self.open(participant)
+        self.it.until_screen(f"─  {participant} ")
         self.it.until_screen("enter makes the checks")
         self.it.until_screen("hidden until the session begins")
         self.it.press(b"\r")
@@ -133,7 +141,11 @@ def planned_study() -> Iterator[tuple[Path, str]]:
 def command(it: Terminal, *arguments: str) -> str:
     """`rise-engine`, as typed in another window."""
     return subprocess.run(
-        [sys.executable, "-m", "rise_engine", *arguments], env=it.environment, capture_output=True, text=True, check=True
+        [sys.executable, "-m", "rise_engine", *arguments],
+        env=it.environment,
+        capture_output=True,
+        text=True,
+        check=True,
     ).stdout
 
 
@@ -144,9 +156,9 @@ def play_the_day(folder: Path, home: str) -> dict[str, Any]:
         it.until_screen("next: P01")
         day.session("P01", 1)
         day.session("P01", 2)
-        day.select("P01")  # tried a third time
-        it.until_screen("has done every run before")
-        it.press(b"\x1b")
+        day.open("P01")  # who has been there before
+        it.until_screen("P01: is complete; nothing is to come")
+        day.leave()
 
         day.begin("P02", 1)  # its engine crashes
         os.kill(it.engines()[0], signal.SIGKILL)
@@ -155,10 +167,12 @@ def play_the_day(folder: Path, home: str) -> dict[str, Any]:
         it.until_screen("Back to the study (b)")
         it.press(b"b")
         it.until_screen("◐ unfinished")
-        day.select("P02")
+        day.open("P02")
         it.until_screen("did not end")
+        it.still()
         it.press(b"r")
-        it.until_screen("the session goes on")
+        it.until_screen("P02 run 1")
+        it.until_screen("LIVE")
         day.end("P02", 1)
         day.session("P02", 2)
 
@@ -175,9 +189,9 @@ def play_the_day(folder: Path, home: str) -> dict[str, Any]:
         day.begin("P04", 1)
         day.end("P04", 1, "aborted", "felt unwell")
         command(it, "study", "exclude", str(folder), "P04", "did not come back")
-        day.select(NOT_YET)
-        it.until_screen("no date in consent_study")
-        it.press(b"\x1b")
+        day.open(NOT_YET)
+        it.until_screen(f"{NOT_YET} has not consented")
+        day.leave()
         day.begin("P06", 1)
         day.end("P06", 1, "aborted", "the robot was silent")
         day.session("P06", 1)  # once more
@@ -197,14 +211,15 @@ def plan_rows(folder: Path) -> dict[int, dict[str, str]]:
         return {int(row["slot"]): row for row in csv.DictReader(file)}
 
 
-def memory_at_start(session: Path) -> dict[str, Any]:
-    """The memory when everything that the study sets had been set, as the records tell it."""
-    view = SessionView()
+def memory_when_it_began(session: Path) -> dict[str, Any]:
+    """The memory before anybody asked for anything: the start values, and what the study has set."""
+    memory: dict[str, Any] = {}
     for record in read_journal(session / JOURNAL).read_records():
-        if record.t > 0:
+        if isinstance(record, TaskRecord):
             break
-        view.apply(record)
-    return {key: entry.value for key, entry in view.memory.items()}
+        if isinstance(record, MemoryRecord):
+            memory[record.key] = record.value
+    return memory
 
 
 def test_a_whole_day_leaves_what_was_planned() -> None:
@@ -224,8 +239,10 @@ def test_a_whole_day_leaves_what_was_planned() -> None:
             row = rows[info.slot]
             levels = [row["side"], row["order"].split()[info.run - 1]]
             assert info.condition == "+".join(levels)
-            memory = memory_at_start(session)
-            assert {key: memory[key] for key, _ in map(MEMORY.get, levels)} == dict(map(MEMORY.get, levels))  # type: ignore[misc, arg-type]
+            memory = memory_when_it_began(session)
+            assert [(MEMORY[level][0], memory[MEMORY[level][0]]) for level in levels] == [
+                MEMORY[each] for each in levels
+            ]
             assert compare_replay(session).identical
             assert info.participant in session.name
             seen.setdefault((info.participant, info.run), []).append(session.name)

@@ -158,7 +158,7 @@ async def test_a_running_session_is_shown_as_running() -> None:
 
 async def test_labels_stand_for_levels_and_cells_are_filled_against_the_plan() -> None:
     async with day(size=(120, 40)) as at:
-        assert "de  A" in at.screen.lists.beside.text and "1 of 6, 1 begun" in at.screen.lists.beside.text
+        assert "de  A" in at.screen.lists.beside.text and "1 complete, 1 begun" in at.screen.lists.beside.text
         await at.select("P01")
         at.screen.draw()
         assert "A+loud" in at.screen.lists.beside.text and "yes+loud" not in at.screen.lists.beside.text
@@ -174,7 +174,7 @@ async def test_a_hidden_study_shows_no_condition_before_and_none_of_others(size:
             at.screen.draw()
             everything = at.screen.lists.people.text + at.screen.lists.beside.text
             assert not any(word in everything for word in ("quiet", "loud", "yes", "A+", " A ", " B "))
-        assert "de  " in at.screen.lists.beside.text and "1 of 12, 1 begun" in at.screen.lists.beside.text
+        assert "de  " in at.screen.lists.beside.text and "1 complete, 1 begun" in at.screen.lists.beside.text
         await at.select("P07")
         await at.press("enter")
         plan = await at.shows(ChecksScreen)
