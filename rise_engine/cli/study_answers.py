@@ -17,7 +17,7 @@ from rise_engine.scenario.model import Json, Scenario
 from rise_engine.scenario.shipped_studies import shipped_studies
 from rise_engine.study.check_kinds import AUTOMATIC
 from rise_engine.study.design import PLAN_COLUMNS
-from rise_engine.study.level_checks import memory_key_problem
+from rise_engine.study.level_checks import memory_key_problem, memory_type_problem
 from rise_engine.study.model import FactorKind, Level, StudyCheck
 from rise_engine.study.personal_data import WHY, personal_column
 from rise_engine.study.study_toml import MAX_PARTICIPANTS, RESERVED_COLUMNS
@@ -124,10 +124,19 @@ def parse_level(name: str, text: str, scenario: Scenario) -> Level:
         parse_scenario(path.strip())
         return Level(name, scenario=path.strip())
     memory = _parse_memory(text)
-    for key in memory:
+    for key, value in memory.items():
         if problem := memory_key_problem(scenario, key):
             raise ValueError(problem)
+        memory[key] = value = _as_bool(value) if isinstance(scenario.memory.get(key), bool) else value
+        if problem := memory_type_problem(scenario, key, value):
+            raise ValueError(problem)
     return Level(name, memory)
+
+
+def _as_bool(value: Json) -> Json:
+    """`yes` and `no`, where true and false are meant."""
+    word = value.casefold() if isinstance(value, str) else ""
+    return True if word in _ON else False if word in _OFF else value
 
 
 def _parse_memory(text: str) -> dict[str, Json]:

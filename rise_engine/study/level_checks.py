@@ -43,6 +43,14 @@ def memory_key_problem(scenario: Scenario, key: str) -> str:
     return paths.writing_problem(key)
 
 
+def memory_type_problem(scenario: Scenario, key: str, value: Json) -> str:
+    """That a value is of another type than the key's start value, or empty."""
+    start = lookup(scenario.memory, key)[1]
+    if start is None or value is None or _kind(start) == _kind(value):
+        return ""
+    return f"`{key}` is {_kind(start)} at the start, and this is {_kind(value)}"
+
+
 def _scenarios_of(study: Study, factor: Factor, level: Level) -> Iterator[str]:
     """The scenarios that can run in this level, as study.toml names them."""
     if level.scenario:
@@ -62,10 +70,8 @@ def _check_level(table: TomlTable, factor: Factor, level: Level, scenario: Scena
         if problem := memory_key_problem(scenario, key):
             table.report_key("unknown-key", f"in {name}: {problem}", *keys)
             continue
-        start = lookup(scenario.memory, key)[1]
-        if start is not None and value is not None and _kind(start) != _kind(value):
-            message = f"in {name}, `{key}` is {_kind(start)} at the start, and this is {_kind(value)}"
-            table.diagnostics.warning("memory-type", table.value_location(*keys), message)
+        if problem := memory_type_problem(scenario, key, value):
+            table.diagnostics.warning("memory-type", table.value_location(*keys), f"in {name}, {problem}")
 
 
 def _kind(value: Json) -> str:

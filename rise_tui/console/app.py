@@ -194,8 +194,8 @@ class ConsoleApp(TerminalApp):
             await self._exit_without_session("\n".join((*map(str, clashes), how_to_mend(self._keys.path))), code=2)
             return
         self._session = session
-        if session.store.is_of_study:
-            self.run_worker(self._day.read(session, self._launcher.find_study), group="study")
+        # Also while nobody knows whether it is of a study: of a session that has just begun there is no record yet.
+        self.run_worker(self._day.read(session, self._launcher.find_study), group="study")
         if self._settings is None:
             self._settings = settings_of_session(session.store.attach_reply)
         screen = ConsoleScreen(session)

@@ -16,7 +16,7 @@ from rise_engine.kernel.records import SessionRecord
 from rise_engine.protocol.client import AttachReply
 from rise_engine.study.model import SessionEntry
 from rise_tui.config.launch import RecoveredClient
-from rise_tui.config.study_source import ReportProgress, StudyNow, StudyRefused, StudySource
+from rise_tui.config.study_source import ReportProgress, StudyRefused, StudySource
 from rise_tui.console.session import ConsoleSession
 from rise_tui.console.study_dialogs import StudyChecker
 from rise_tui.model.check_list import CheckList
@@ -50,7 +50,6 @@ class StudyDay:
     def __init__(self, source: StudySource | None) -> None:
         self.source = source
         """None: the session is of no study, or nothing is to be known of it."""
-        self._loaded = StudyNow()
 
     def has(self, session: ConsoleSession) -> bool:
         """Whether a session is one of this study, and this console may act in it."""
@@ -58,18 +57,15 @@ class StudyDay:
         return self.source is not None and store.is_of_study and store.attach_reply.role == "wizard"
 
     async def read(self, session: ConsoleSession, find: Callable[[AttachReply], StudySource | None]) -> None:
-        """Read the study of a session: the labels of its conditions, and what is looked at after a session.
+        """Read how the study of a session calls its conditions.
 
         `find`: finds a study that nobody has named by the session's folder.
         """
         if self.source is None:
             self.source = await asyncio.to_thread(find, session.store.attach_reply)
-        if self.source is not None:
-            self._loaded = await asyncio.to_thread(self.source.load)
-        of, study = session.store.view.session, self._loaded.study
-        if of is not None:
-            session.store.condition_label = conditions_of(study).label(of.condition) if study else of.condition
-            session.on_change({"status"})
+        study = (await asyncio.to_thread(self.source.load)).study if self.source is not None else None
+        session.store.condition_labels = conditions_of(study).labels if study is not None else {}
+        session.on_change({"status"})
 
     def recover(self, attach_reply: AttachReply, report: ReportProgress) -> RecoveredClient:
         """As `Launcher.recover`, for a session of this study: it goes on as its participant's. Raises StudyRefused."""
@@ -123,8 +119,10 @@ class StudyDay:
     ) -> tuple[CheckReport, ...] | None:
         """What is looked at after the session; None when somebody leaves."""
         store = session.store
-        study, source = self._loaded.study, self.source
-        if not self._loaded.after or source is None or study is None:
+        if (source := self.source) is None:
+            return ()
+        now = await asyncio.to_thread(source.load)  # what is looked at after a session may have been written meanwhile
+        if not now.after or (study := now.study) is None:
             return ()
         attached = store.attach_reply
         context = CheckContext(
@@ -140,7 +138,7 @@ class StudyDay:
         warn = partial(self._warn, session)
         screen = ChecksScreen(
             f"After the session of {participant_text(store)}",
-            CheckList(self._loaded.after, "counted", binding=False),
+            CheckList(now.after, "counted", binding=False),
             StudyChecker(app, source, context, warn),
             go="say how the session counts, and end it",
             wizard=store.own_name,

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from rise_engine.kernel.records import SessionRecord
 from rise_engine.scenario.study import condition_label
 from rise_tui.model.store import Store
 from rise_tui.model.task_messages import act_label
@@ -20,8 +21,15 @@ def participant_parts(store: Store) -> list[str]:
     run = f"run {session.run}" if session.study and session.run else ""
     rehearsal = session.purpose if session.purpose not in ("counted", "debug") else ""  # debug is said as the mode
     who = " ".join(filter(None, (session.participant, run, rehearsal)))
-    labelled = store.condition_label or "" if session.study else condition_label(store.scenario, session.condition)
-    return [text for text in (who, labelled) if text]
+    return [text for text in (who, _labelled_condition(store, session)) if text]
+
+
+def _labelled_condition(store: Store, session: SessionRecord) -> str:
+    """Empty as long as the study has not been read: a blinded wizard must not see the name for a moment."""
+    if not session.study:
+        return condition_label(store.scenario, session.condition)
+    labels = store.condition_labels
+    return "" if labels is None else labels.get(session.condition, session.condition)
 
 
 def participant_text(store: Store) -> str:

@@ -139,8 +139,9 @@ class Store:
     shown_act: str = ""
     """The act that started last, or the one that the wizard selected since; empty while free speech is the newest."""
     shown_rule: str = ""
-    condition_label: str | None = None
-    """How the study calls the session's condition on screens; None: it has not been read yet, and nothing is shown."""
+    condition_labels: Mapping[str, str] | None = None
+    """How the session's study calls its conditions on screens, by their names; None: it has not been read yet, and no
+    condition is shown."""
     last_deletion: tuple[str, Any] | None = None
     """The memory key that the wizard deleted last, and its value."""
 

@@ -52,6 +52,11 @@ needed = ["study"]
 [[check]]
 id = "lamp"
 ask = "The lamp is on"
+
+[[check]]
+id = "debrief"
+ask = "They were debriefed"
+when = "after"
 """
 MEMORY = {"left": ("side", "left"), "right": ("side", "right"), "one": ("task", 1), "three": ("task", 3)}
 """What each level of the design sets, written down once more: the test is no reader of the design."""
@@ -99,13 +104,18 @@ class Day:
         self.it.until_screen(f"enter: begin the session of {participant} in REAL")
         self.it.still(0.8)  # an Enter that is held down counts once
         self.it.press(b"\r")
-        self.it.until_screen(f"{participant} run {run}")
+        self.it.until_screen(f"{participant} run {run} · ")  # and here, at last, the condition
         self.it.until_screen("LIVE")
 
     def end(self, participant: str, run: int, outcome: str = "complete", reason: str = "") -> None:
         self.it.press(b"\x03")
         self.it.until_screen("End the session (ctrl+x)")
         self.it.press(b"\x18")
+        self.it.until_screen("debrief: answer with y or n")
+        self.it.press(b"y")
+        self.it.until_screen("enter: say how the session counts")
+        self.it.still(0.8)
+        self.it.press(b"\r")
         self.it.until_screen("Type end and press enter")
         for _ in range(CHOICES[outcome]):
             self.it.press(RIGHT)

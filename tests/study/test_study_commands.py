@@ -327,6 +327,7 @@ def test_broken_off(tmp_path: Path, terminal: Terminal, last: str) -> None:
         ("person_name = Ada", {"person_name": "Ada"}),
         ('person_name = "Ada, B."', {"person_name": "Ada, B."}),
         ("person_name = Ada B, task = 2", {"person_name": "Ada B", "task": 2}),
+        ("hesitation = yes, distraction = No", {"hesitation": True, "distraction": False}),
         ("-", {}),
         ("", {}),
     ],
@@ -335,6 +336,20 @@ def test_memory_values_as_people_write_them(text: str, memory: dict[str, object]
     scenario = load(shipped_studies()["lablinking"]).scenario
     assert scenario is not None
     assert answers.parse_level("x", text, scenario).memory == memory
+
+
+@pytest.mark.parametrize(
+    ("text", "sentence"),
+    [
+        ("hesitation = maybe", "`hesitation` is true or false at the start, and this is a text"),
+        ("pause_ms = short", "`pause_ms` is a number at the start, and this is a text"),
+    ],
+)
+def test_memory_values_of_another_type(text: str, sentence: str) -> None:
+    scenario = load(shipped_studies()["lablinking"]).scenario
+    assert scenario is not None
+    with pytest.raises(ValueError, match=sentence):
+        answers.parse_level("x", text, scenario)
 
 
 # --- check and plan ---------------------------------------------------------------------------------------------------
