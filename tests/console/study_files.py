@@ -16,6 +16,7 @@ seed = 7
 n = 4
 scenario = "scenario"
 mode = "real"
+robot = "generic"
 
 [factors.side]
 kind = "between"

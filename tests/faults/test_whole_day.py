@@ -32,6 +32,7 @@ seed = 20261122
 n = 8
 scenario = "scenario"
 mode = "real"
+robot = "generic"
 
 [factors.side]
 kind = "between"
@@ -112,6 +113,7 @@ class Day:
         self.it.until_screen("End the session (ctrl+x)")
         self.it.press(b"\x18")
         self.it.until_screen("debrief: answer with y or n")
+        self.it.still(0.8)  # a key that is held down is no answer
         self.it.press(b"y")
         self.it.until_screen("enter: say how the session counts")
         self.it.still(0.8)

@@ -12,7 +12,7 @@ from typing import Any, get_args
 
 import pytest
 from click.testing import CliRunner, Result
-from hypothesis import HealthCheck, given, settings
+from hypothesis import given, settings
 from hypothesis import strategies as st
 from msgspec import inspect
 
@@ -236,7 +236,7 @@ def leaves(value: Any) -> Iterator[str]:
 
 
 @pytest.mark.slow
-@settings(max_examples=40, deadline=None, suppress_health_check=[HealthCheck.too_slow])
+@settings(max_examples=40)
 @given(VALUES, st.lists(WAYS, max_size=8))
 def test_nothing_of_a_private_value(root: Path, value: Any, ways: list[str]) -> None:
     for path in root.iterdir():

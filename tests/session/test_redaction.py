@@ -11,7 +11,7 @@ from typing import Any
 
 import pytest
 from click.testing import CliRunner, Result
-from hypothesis import HealthCheck, given, settings
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from rise_engine.cli import main
@@ -337,7 +337,7 @@ def root(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
 
 
 @pytest.mark.slow
-@settings(max_examples=40, deadline=None, suppress_health_check=[HealthCheck.too_slow])
+@settings(max_examples=40)
 @given(typings(), st.lists(NAMES, min_size=1, max_size=3, unique=True))
 def test_random_words_in_random_sessions(root: Path, typed: list[tuple[str, str]], names: list[str]) -> None:
     for path in root.iterdir():

@@ -336,5 +336,5 @@ class StudyDay(RuleBasedStateMachine):
         assert len(held) == len(set(held))
 
 
-StudyDay.TestCase.settings = settings(max_examples=25, stateful_step_count=20, deadline=None, phases=PHASES)
+StudyDay.TestCase.settings = settings(max_examples=25, stateful_step_count=20, phases=PHASES)
 test_random_days = pytest.mark.slow(StudyDay.TestCase)

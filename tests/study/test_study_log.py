@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import errno
 import json
-import multiprocessing
+import subprocess
+import sys
 from datetime import datetime, timedelta, timezone
 from pathlib import Path
 
@@ -138,24 +139,25 @@ def test_the_log_is_put_anew_while_another_one_opens_it(tmp_path: Path, monkeypa
     assert [entry.kind for entry in read_log(tmp_path)] == ["planned", "taken"]
 
 
-def _append_many(folder: str, writer: int, rewrite_at: int) -> None:
-    for number in range(25):
-        with LockedLog(Path(folder)) as log:
-            if number == rewrite_at:
-                log.rewrite(log.entries())
-            log.append("taken", writer=writer, number=number, before=len(log.entries()))
+WRITER = """
+import sys
+from pathlib import Path
+from rise_engine.study.study_log import LockedLog
+folder, writer = Path(sys.argv[1]), int(sys.argv[2])
+for number in range(25):
+    with LockedLog(folder) as log:
+        if number == 10 + writer:
+            log.rewrite(log.entries())
+        log.append("taken", writer=writer, number=number, before=len(log.entries()))
+"""
 
 
 def test_many_writers_at_once(tmp_path: Path) -> None:
     """Each sees what all others wrote before: the number of entries before grows by one each time; also while the file
     is put anew."""
-    context = multiprocessing.get_context("spawn")
-    writers = [context.Process(target=_append_many, args=(str(tmp_path), writer, 10 + writer)) for writer in range(4)]
-    for process in writers:
-        process.start()
-    for process in writers:
-        process.join()
-    assert [process.exitcode for process in writers] == [0] * 4
+    commands = [[sys.executable, "-c", WRITER, str(tmp_path), str(writer)] for writer in range(4)]
+    writers = [subprocess.Popen(command, stderr=subprocess.PIPE, text=True) for command in commands]
+    assert [process.communicate()[1] for process in writers] == [""] * 4
     entries = read_log(tmp_path)
     assert [entry.get("before") for entry in entries] == list(range(100))
     assert sorted((entry.get("writer"), entry.get("number")) for entry in entries) == [
