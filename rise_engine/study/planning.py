@@ -133,7 +133,7 @@ def _plan_again(
     if study.assignment.between == "list":
         return _take_list_again(study, scenarios, log, holders, reason)
     if planned.get("design_hash") == study.design_hash and plan_hash(folder) == planned.get("plan_hash"):
-        raise PlanError("nothing that the plan is made of has changed in study.toml: the plan stays as it is")
+        return _take_scenarios(study, scenarios, log, planned, reason)
     held = _held_rows(study, planned, holders)
     taken = [int(each.get("slot") or 0) for each in entries if each.kind == "taken"]
     slots = make_plan(study, held, max(taken, default=0) + 1)
@@ -153,13 +153,28 @@ def _plan_again(
     return MadePlan(slots, prove_balance(study, slots), sentence)
 
 
+def _take_scenarios(
+    study: Study, scenarios: Mapping[str, Scenario], log: LockedLog, planned: LogEntry, reason: str
+) -> MadePlan:
+    """The same plan, with what its scenarios are now: somebody has mended one, and says why."""
+    hashes, before = scenario_hashes(study, scenarios), dict(planned.get("scenarios") or {})
+    changed = [name for name, digest in hashes.items() if before.get(name) != digest]
+    if not changed:
+        raise PlanError("nothing that the plan is made of has changed: the plan stays as it is")
+    what = f"The plan stays as it is; from now on {in_backquotes(changed)} counts as it is now, with this robot"
+    made = _read(study, f"{what}. Sessions before ran what it was before: each has a copy of it.")
+    fields = _entry_fields(study, scenarios, made.slots, plan_hash(Path(study.folder)))
+    log.append("planned", **fields, reason=reason)
+    return made
+
+
 def _take_list_again(
     study: Study, scenarios: Mapping[str, Scenario], log: LockedLog, holders: Mapping[int, str], reason: str
 ) -> MadePlan:
     made = _read(study, f"Your {PLAN_FILE} is the plan now.")
     present = plan_hash(Path(study.folder))
     if (planned := last_planned(log.entries())) is not None and planned.get("plan_hash") == present:
-        raise PlanError(f"{PLAN_FILE} has not changed: the plan stays as it is")
+        return _take_scenarios(study, scenarios, log, planned, reason)
     _refuse_lost(holders, made.slots)
     fields = _entry_fields(study, scenarios, made.slots, present)
     log.append("planned", **fields, reason=reason, kept=list(holders))

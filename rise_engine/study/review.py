@@ -121,7 +121,10 @@ def _check_scenarios(
     before = dict(planned.get("scenarios") or {})
     for name, digest in scenario_hashes(study, scenarios).items():
         if name in before and before[name] != digest:
-            message = f"this scenario was changed after the plan was made on {planned.at[:10]}"
+            message = (
+                f"this scenario, or the robot that it runs on, was changed after the plan of {planned.at[:10]}: put it "
+                "back, or say that it is meant: rise-engine study plan --again REASON"
+            )
             diagnostics.warning("scenario-changed", SourceLocation(name), message)
 
 

@@ -22,7 +22,7 @@ from rise_engine.study.plan_file import (
     set_plan_aside,
     write_new_plan,
 )
-from rise_engine.study.planning import MadePlan, held_slots, plan_study
+from rise_engine.study.planning import MadePlan, held_slots, last_planned, plan_study
 from rise_engine.study.review import review_study
 from rise_engine.study.study_log import LockedLog, read_log
 from rise_engine.study.study_toml import load_study
@@ -431,7 +431,22 @@ def test_check_says_that_a_scenario_was_changed(tmp_path: Path) -> None:
     plan(tmp_path)
     (tmp_path / "scenario" / "scenario.toml").write_text('title = "Other"')
     (found,) = review(tmp_path)
-    assert found.startswith("scenario:1:1: warning scenario-changed: this scenario was changed after the plan was made")
+    assert found.startswith("scenario:1:1: warning scenario-changed: this scenario, or the robot that it runs on, was")
+
+
+def test_a_mended_scenario_is_taken_with_a_reason_and_the_plan_stays(tmp_path: Path) -> None:
+    study_folder(tmp_path)
+    first = plan(tmp_path)
+    before = (tmp_path / "plan.csv").read_bytes()
+    (tmp_path / "scenario" / "scenario.toml").write_text('title = "Other"')
+    again = plan(tmp_path, "a word was misspelt")
+    assert again.slots == first.slots and (tmp_path / "plan.csv").read_bytes() == before
+    assert again.sentence.startswith("The plan stays as it is; from now on `scenario` counts as it is now")
+    entry = last_planned(read_log(tmp_path))
+    assert entry is not None and entry.get("reason") == "a word was misspelt"
+    assert review(tmp_path) == []
+    with pytest.raises(PlanError, match="nothing that the plan is made of has changed"):
+        plan(tmp_path, "once more")
 
 
 def test_check_finds_everything_at_once(tmp_path: Path) -> None:
