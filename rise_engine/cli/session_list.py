@@ -10,7 +10,7 @@ from typing import Any, Literal
 
 from msgspec import Struct, to_builtins
 
-from rise_engine.cli.study_report import table_lines
+from rise_engine.cli.study_status import table_lines
 from rise_engine.session.folder import (
     JOURNAL,
     SessionError,

@@ -11,7 +11,7 @@ from rise_engine.cli.arguments import exit_with_usage
 from rise_engine.cli.options import JSON, MODE
 from rise_engine.cli.study_day_commands import exclude, next_participant, outcome, status
 from rise_engine.cli.study_new import USUAL_CHECKS, NewStudyOptions, new_report
-from rise_engine.cli.study_reports import check_report, plan_report
+from rise_engine.cli.study_planning import check_report, plan_report
 from rise_engine.cli.withdraw import withdraw
 from rise_engine.scenario.model import Mode
 from rise_engine.study.study_toml import MAX_SEED

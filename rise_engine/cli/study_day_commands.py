@@ -18,8 +18,8 @@ from rise_engine.cli.study_checks import (
     gather_check_reports,
     read_check_options,
 )
-from rise_engine.cli.study_report import next_json, next_lines, status_json, status_lines
-from rise_engine.cli.study_reports import resolve_study_folder
+from rise_engine.cli.study_planning import resolve_study_folder
+from rise_engine.cli.study_status import next_json, next_lines, status_json, status_lines
 from rise_engine.cli.terminal import write_json
 from rise_engine.kernel.records import OutcomeStatus
 from rise_engine.study.judge import CannotJudge, exclude_participant, judge_session, session_to_judge

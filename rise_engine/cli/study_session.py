@@ -14,7 +14,7 @@ from rise_engine import exit_status
 from rise_engine.checks import CheckContext
 from rise_engine.cli.arguments import exit_with_usage
 from rise_engine.cli.study_checks import CheckOptions, ChecksRefused, gather_check_reports
-from rise_engine.cli.study_reports import resolve_study_folder
+from rise_engine.cli.study_planning import resolve_study_folder
 from rise_engine.kernel.inputs import CheckReport, SessionStarted
 from rise_engine.kernel.records import Purpose
 from rise_engine.protocol.session_options import SessionOptions

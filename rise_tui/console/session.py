@@ -10,6 +10,7 @@ from time import monotonic
 from rise_engine.kernel.inputs import CheckReport, Note, OutcomeReport, Submit
 from rise_engine.protocol.client import AttachReply, Client, ControlVerb, EngineGone, LinkLost, UpdateOrResync
 from rise_tui.key_labels import key_name, why_blocked
+from rise_tui.model.blocked import Deed
 from rise_tui.model.notice import Notice
 from rise_tui.model.store import ALL_PARTS, SentTask, Store, StorePart
 from rise_tui.model.task_messages import task_label
@@ -151,16 +152,7 @@ class ConsoleSession:
 
     async def add_note(self, text: str) -> bool:
         """Add a remark to the record. False when it was not taken; the reason is shown."""
-        reason = why_blocked(self.store, "remark")
-        if not reason:
-            try:
-                reply = await self.client.send(Note(text=text, source=self.store.own_name))
-                reason = "" if reply.accepted else reply.reason
-            except LinkLost:
-                reason = "the connection was cut; it may or may not have arrived"
-            except EngineGone as gone:
-                self._note_engine_gone(str(gone), over=False)
-                reason = why_blocked(self.store, "reach")
+        reason = await self._put_on_record(Note(text=text, source=self.store.own_name), "remark")
         if reason:
             self.show_notice(Notice(f"the note was not taken: {reason}", "wait"))
         return not reason
@@ -169,20 +161,23 @@ class ConsoleSession:
         """Put on record what came of checks, and how the session is to count. False when that was not taken; the
         reason is shown."""
         for each in reports:
-            reason = why_blocked(self.store, "change")
-            if not reason:
-                try:
-                    reply = await self.client.send(each)
-                    reason = "" if reply.accepted else reply.reason
-                except LinkLost:
-                    reason = "the connection was cut; it may or may not have arrived"
-                except EngineGone as gone:
-                    self._note_engine_gone(str(gone), over=False)
-                    reason = why_blocked(self.store, "reach")
-            if reason:
+            if reason := await self._put_on_record(each, "change"):
                 self.show_notice(Notice(f"the session goes on, because this was not taken: {reason}", "fault"))
                 return False
         return True
+
+    async def _put_on_record(self, message: Note | CheckReport | OutcomeReport, deed: Deed) -> str:
+        """Send what is no task. Returns why it was not taken, or empty; `deed`: what one must be able to do for it."""
+        if reason := why_blocked(self.store, deed):
+            return reason
+        try:
+            reply = await self.client.send(message)
+        except LinkLost:
+            return "the connection was cut; it may or may not have arrived"
+        except EngineGone as gone:
+            self._note_engine_gone(str(gone), over=False)
+            return why_blocked(self.store, "reach")
+        return "" if reply.accepted else reply.reason
 
     async def change_control(self, verb: ControlVerb) -> None:
         """Take, ask for, give or release control; what comes of it arrives as a record."""
