@@ -69,6 +69,8 @@ def next_lines(state: StudyState) -> list[str]:
     """Who is next and with which commands, or that nobody is."""
     following = next_json(state)
     if not following["participant"]:
+        if state.standing.complete >= state.standing.wanted:
+            return ["nobody is next: the study is complete"]
         reasons = [each for each in state.standing.due if each]
         return ["nobody is next" + (f": {reasons[0]}" if reasons else "")]
     where, participant = shlex.quote(state.study.folder), following["participant"]

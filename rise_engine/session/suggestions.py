@@ -14,7 +14,7 @@ from typing import Any
 from msgspec import Struct
 
 from rise_engine.kernel.inputs import AnyInput, SessionStarted, Submit
-from rise_engine.kernel.records import AnyRecord, MemoryRecord
+from rise_engine.kernel.records import ENGINE, AnyRecord, MemoryRecord
 from rise_engine.session.folder import JOURNAL, SCENARIO_COPY, read_info
 from rise_engine.session.journal_format import InputLine, JournalHeader
 from rise_engine.session.journal_reader import read_journal
@@ -73,7 +73,7 @@ def _typed_texts(input: AnyInput) -> Iterator[str]:
     if isinstance(input, Submit):
         if input.function in ("say", "markCue") or not input.source.startswith(("rule:", "engine")):
             yield input.behavior
-    elif not isinstance(input, SessionStarted):
+    elif not isinstance(input, SessionStarted) and getattr(input, "source", "") != ENGINE:
         for name in _FREE_TEXT:
             if isinstance(text := getattr(input, name, ""), str):
                 yield text

@@ -117,7 +117,8 @@ class StudyLists(Vertical):
 
     def _draw_people(self, standing: StudyStanding, width: int) -> None:
         rows = made = participant_rows(standing, width)
-        note = f"next: {standing.next}" if standing.next else "nobody can begin now"
+        done = "the study is complete" if standing.complete >= standing.wanted else "nobody can begin now"
+        note = f"next: {standing.next}" if standing.next else done
         if self._filter is not None:
             rows = self._found_rows(self._filter, made)
             note = f"find {self._filter.text}  {len(rows)} of {len(made)}"

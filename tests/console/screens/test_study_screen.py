@@ -156,6 +156,13 @@ async def test_a_running_session_is_shown_as_running() -> None:
         assert "► running" in at.screen.lists.people.text and "nobody can begin now" in at.screen.lists.people_head.text
 
 
+async def test_a_study_that_is_complete_says_so() -> None:
+    people = (person(1, "complete"), person(2, "complete"))
+    done = standing(participants=people, next="", complete=2, wanted=2)
+    async with day(FakeStudy(StudyNow(study(n=2), done))) as at:
+        assert "the study is complete" in at.screen.lists.people_head.text
+
+
 async def test_labels_stand_for_levels_and_cells_are_filled_against_the_plan() -> None:
     async with day(size=(120, 40)) as at:
         assert "de  A" in at.screen.lists.beside.text and "1 complete, 1 begun" in at.screen.lists.beside.text
