@@ -1,21 +1,30 @@
 """Makes the pictures of the console for README and docs: `.venv/bin/python docs/captures.py`.
 
-The real console over the real engine, at ten times the speed, in the middle of the LabLinking study.
+The real console over the real engine, at ten times the speed, in the middle of the LabLinking study; and the screen of
+a study that was made by the real commands, with sessions that were really begun.
 """
 
 from __future__ import annotations
 
 import asyncio
 import os
+import subprocess
+import sys
 from collections.abc import Callable
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
+from rise_engine.client import connect
 from rise_engine.client.socket import SocketClient
+from rise_engine.kernel.inputs import CheckReport
+from rise_engine.kernel.records import OutcomeStatus
+from rise_engine.ports.bridge import RosConnection
 from rise_engine.protocol.client import EngineGone
 from rise_engine.protocol.session_options import SessionOptions
 from rise_engine.scenario.model import Scenario
 from rise_engine.server.spawn import EngineRefused, start_engine
+from rise_engine.study.study_toml import load_study
+from rise_tui.cli.study_folder import open_study
 from rise_tui.config.launch import Launcher, load_scenario
 from rise_tui.console.app import ConsoleApp
 
@@ -81,6 +90,63 @@ async def capture(
         await console.console_screen.session.close(end_session=True)
 
 
+def command(*arguments: str) -> None:
+    subprocess.run([sys.executable, "-m", "rise_engine", *arguments], check=True, stdout=subprocess.DEVNULL)
+
+
+def make_study(folder: str) -> None:
+    """LabLinking with two factors and ten participants, of whom one has not consented."""
+    levels = [
+        f"--level={level}"
+        for level in (
+            "hesitation.yes=hesitation = true",
+            "hesitation.no=hesitation = false",
+            "noise.quiet=distraction = false",
+            "noise.loud=distraction = true",
+        )
+    ]
+    options = ["--title=Hesitation and noise", "--id=hesitation", "--scenario=lablinking", "--n=8", "--seed=7"]
+    options += ["--robot=generic", "--auto=disk", "--ask=The lamp behind the robot is on", "--ask-after=-", "--yes"]
+    command("study", "new", folder, *options, "--factor=hesitation=between", "--factor=noise=within", *levels)
+    with Path(folder, "participants.csv").open("a", encoding="utf-8") as file:
+        for number in range(1, 11):
+            file.write(f"P{number:02},{'2026-11-20' if number != 6 else ''},,\n")
+    command("study", "plan", folder)
+
+
+async def run_session(folder: str, participant: str, outcome: OutcomeStatus = "complete", reason: str = "") -> None:
+    """A session of the study, as short as can be."""
+    known = load_study(folder).study
+    assert known is not None
+    checks = tuple(CheckReport(id=check.id, result="passed") for check in known.checks if check.when == "before")
+    started = start_engine(SessionOptions("", study=folder, participant=participant, wizard="anna", checks=checks))
+    assert not isinstance(started, EngineRefused), started.lines
+    async with connect(started.name, "anna") as session:
+        await session.report_outcome(outcome, reason)
+        await session.end("for a picture")
+
+
+async def capture_study(place: str) -> None:
+    """The screen of a study after some sessions, and what is asked before the next one."""
+    folder = str(Path(place, "hesitation"))
+    await asyncio.to_thread(make_study, folder)
+    for participant in ("P01", "P01", "P02", "P02", "P03"):
+        await run_session(folder, participant)
+    await run_session(folder, "P04", "aborted", "felt unwell")
+
+    async def not_here(*_: object) -> SocketClient:
+        raise EngineGone("no session is begun for a picture")
+
+    for name, size in (("study-80x24", (80, 24)), ("study-120x40", (120, 40))):
+        study = open_study(folder, RosConnection("off"))
+        console = ConsoleApp(None, launcher=Launcher(start=not_here), study=study, wizard="anna")  # type: ignore[arg-type]
+        async with console.run_test(size=size) as pilot:
+            while console.study_screen is None or not console.study_screen.is_read:
+                await pilot.pause(0.05)
+            await pilot.pause(0.5)
+            console.save_screenshot(f"{name}.svg", path=str(IMAGES))
+
+
 async def main() -> None:
     await capture("console-120x40", (120, 40))
     await capture("console-80x24", (80, 24))
@@ -96,3 +162,4 @@ if __name__ == "__main__":
     with TemporaryDirectory() as place:
         os.environ |= {"RISE_SESSIONS": f"{place}/sessions", "RISE_RUNTIME": f"{place}/run"}
         asyncio.run(main())
+        asyncio.run(capture_study(place))

@@ -69,7 +69,13 @@ def plan(folder: str, again: str | None) -> None:
 @click.option("--consent", metavar="A,B", help="What must be consented to; - for nothing. Default: study.")
 @click.option("--auto", "automatic", metavar="A,B", help=f"Automatic checks; - for none. Default: {USUAL_CHECKS}.")
 @click.option("--ask", "asked", metavar="SENTENCE", multiple=True, help="To be confirmed before a session. Repeatable.")
-@click.option("--ask-after", "asked_after", metavar="SENTENCE", multiple=True, help="The same after it. Repeatable.")
+@click.option(
+    "--ask-after",
+    "asked_after",
+    metavar="SENTENCE",
+    multiple=True,
+    help="The same after it; - for nothing. Repeatable.",
+)
 @click.option("--hidden", is_flag=True, help="Screens show the condition only when the session begins.")
 @click.option("--yes", is_flag=True, help="Ask nothing: what no option says is as usual.")
 def new(folder: str, mode: Mode | None, **options: Any) -> None:

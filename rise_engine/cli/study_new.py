@@ -330,6 +330,8 @@ class _Questions:
         checks = list(self.answer(question, USUAL_CHECKS, answers.parse_automatic, options.automatic, "--auto"))
         for after, sentences in ((False, options.asked), (True, options.asked_after)):
             for sentence in sentences:
+                if sentence.strip() == answers.NOTHING:
+                    continue
                 checks.append(answers.asked_check(sentence, [check.id for check in checks], after=after))
         if not self.asks:
             if not options.asked_after:

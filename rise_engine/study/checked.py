@@ -83,13 +83,18 @@ def due_after_checks(study: Study, sessions: Iterable[SessionEntry], entries: It
     after = [check for check in study.checks if check.when == "after"]
     made = made_after(entries)
     return [
-        f"{session.participant}: nobody has confirmed “{check_text(check)}” "
-        f"(check {check.id}, session {session.folder})"
+        f"{session.participant}, run {session.run}{attempt_text(session)}: nobody has confirmed “{check_text(check)}” "
+        f"(check {check.id})"
         for session in sessions
         if session.status == "ended" and session.purpose == "counted"
         for check in after
         if (session.folder, check.id) not in made
     ]
+
+
+def attempt_text(session: SessionEntry) -> str:
+    """`, attempt 2`; empty for the first."""
+    return f", attempt {session.attempt}" if session.attempt > 1 else ""
 
 
 def made_after(entries: Iterable[LogEntry]) -> frozenset[tuple[str, str]]:

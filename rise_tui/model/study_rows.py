@@ -181,12 +181,12 @@ def _totals(cells: Sequence[CellStanding]) -> list[_Cell]:
 
 
 def _cell_line(cell: _Cell, names: int) -> StyledLine:
-    """`de  calm   ▰▰▰▱▱▱   3 of 6, 1 open`: a bar of the plan, and the same in numbers."""
+    """`de  calm   ███░░░   3 of 6, 1 open`: a bar of the plan, and the same in numbers."""
     most = cell.planned or max(1, cell.complete + cell.open)
     length = min(BAR, most if cell.planned else cell.complete + cell.open)
     done, begun = (min(length, round(count * length / most)) for count in (cell.complete, cell.complete + cell.open))
     begun = max(done, begun)
-    bar: StyledLine = (("▰" * done, "accent"), ("▰" * (begun - done), "wait"), ("▱" * (length - begun), "muted"))
+    bar: StyledLine = (("█" * done, "accent"), ("▒" * (begun - done), "wait"), ("░" * (length - begun), "muted"))
     pad: StyledLine = ((" " * (BAR - length + 2), "plain"),)
     count = f"{cell.complete:>2} of {cell.planned}" if cell.planned else f"{cell.complete:>2} complete"
     more = f", {cell.open} begun" if cell.open else ""

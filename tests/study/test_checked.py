@@ -85,17 +85,22 @@ def test_consent_is_never_skipped_in_a_session_that_counts() -> None:
 
 
 def session(folder: str, **more: object) -> SessionEntry:
-    fields = {"purpose": "counted", "status": "ended"} | more
-    return SessionEntry("P07", 1, 1, folder=folder, started="", **fields)  # type: ignore[arg-type]
+    fields = {"attempt": 1, "purpose": "counted", "status": "ended"} | more
+    return SessionEntry("P07", 1, folder=folder, started="", **fields)  # type: ignore[arg-type]
 
 
 def test_what_nobody_has_looked_at_afterwards_is_due() -> None:
-    sessions = [session("one"), session("two"), session("three", purpose="pilot"), session("four", status="running")]
+    sessions = [
+        session("one"),
+        session("two", attempt=2),
+        session("three", purpose="pilot"),
+        session("four", status="running"),
+    ]
     log = [
         checked("debrief", "passed", NOW, when="after", session="one"),
         checked("debrief", "failed", NOW, when="after", session="two"),
     ]
-    sentence = "P07: nobody has confirmed “Participant was debriefed” (check debrief, session two)"
+    sentence = "P07, run 1, attempt 2: nobody has confirmed “Participant was debriefed” (check debrief)"
     assert due_after_checks(LAB, sessions, log) == [sentence]
     log.append(checked("debrief", "skipped", NOW, when="after", session="two", reason="left in a hurry"))
     assert due_after_checks(LAB, sessions, log) == []

@@ -108,7 +108,7 @@ def test_a_day(lab: Path) -> None:
     ]
     assert checks[2]["reason"] == "the real one is being mended"
 
-    assert "P01: nobody has confirmed “Participant was debriefed” (check debrief, session 2" in due(lab)
+    assert "P01, run 1: nobody has confirmed “Participant was debriefed” (check debrief)" in due(lab)
     assert judge(lab, "P01", "complete", "--confirm", "debreif").exit_code == 1
     judged = judge(lab, "P01", "complete")
     assert judged.exit_code == 0 and "nobody has confirmed “Participant was debriefed”" in judged.output

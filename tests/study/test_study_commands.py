@@ -77,6 +77,12 @@ def test_a_study_by_options(tmp_path: Path) -> None:
     assert study("check", str(folder)).output.startswith("no findings (2 factors, 2 cells, 2 runs each, 8 wanted")
 
 
+def test_nothing_is_asked_after_a_session_when_that_is_said(tmp_path: Path) -> None:
+    path = tmp_path / "made"
+    assert study("new", str(path), "--scenario", "lablinking", "--ask-after", "-", "--yes").exit_code == 0
+    assert not any(check.when == "after" for check in loaded(path).checks)
+
+
 def test_a_study_of_nothing_but_usual_answers(tmp_path: Path) -> None:
     folder = tmp_path / "deep" / "my first study"
     assert study("new", str(folder), "--yes").exit_code == 0
