@@ -30,7 +30,7 @@ from rise_engine.cli.study_session import rehearsed_session, study_session
 from rise_engine.engine.drivers import DriverError, RobotOptionsError
 from rise_engine.ports.bridge import BridgeError, RosConnection, RosTransport
 from rise_engine.protocol.session_options import SessionOptions
-from rise_engine.protocol.session_start import start_problems
+from rise_engine.protocol.session_start import set_conflicts, start_problems
 from rise_engine.scenario.model import Scenario
 from rise_engine.server.process import serve as serve_session
 from rise_engine.session.levels import LEVELS, ExportLevel
@@ -103,7 +103,12 @@ def run(
     try:
         scenario = _load_or_exit(options)
         options = replace(options, first_tasks=tasks_at_start(scenario, settings, rules, acts))
-        if started is None and (problems := start_problems(scenario, options)):
+        problems = (
+            start_problems(scenario, options)
+            if started is None
+            else set_conflicts(scenario, started, options.first_tasks)
+        )
+        if problems:
             raise UnusableArgument("\n".join(f"error: {problem}" for problem in problems))
         script, stream = read_tasks_option(tasks, virtual=virtual)
         run_options = RunOptions(
