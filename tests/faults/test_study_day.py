@@ -36,17 +36,3 @@ def test_a_hundred_kills_while_sessions_start_run_end_and_are_judged() -> None:
     counts = kill(100)
     assert counts["kills"] == 100
     assert counts["killed while it starts"] > 10 and counts["killed while it ends"] > 5
-
-
-@pytest.mark.soak
-@pytest.mark.pty
-def test_a_hundred_consoles_are_killed_while_sessions_begin_run_and_end() -> None:
-    result = subprocess.run(
-        [sys.executable, "-m", "tests.faults.study_consoles", "--kills", "100"],
-        cwd=ROOT,
-        capture_output=True,
-        text=True,
-        timeout=3600,
-        check=False,
-    )
-    assert result.returncode == 0, result.stdout + result.stderr
