@@ -600,6 +600,23 @@ async def test_a_session_ends_with_its_outcome_and_the_next_participant_is_selec
         assert "P07, run 2: complete" in at.notice and at.app.console_screen is None
 
 
+async def test_after_a_session_that_was_searched_for_everybody_is_shown_and_who_is_next() -> None:
+    async with day() as at:
+        await at.press("slash")
+        await at.type("to go")
+        await at.press("enter")
+        await at.begin()
+        await at.ask_to_end()
+        await answer_debrief(at)
+        await at.shows(OutcomeDialog)
+        await at.press("right", "enter", "enter")
+        at.source.now = replace(at.source.now, standing=standing(next="P10"))
+        await at.type("end")
+        await at.press("enter")
+        await at.until(lambda: at.screen.lists.people.count == 10, "only those who were searched for are shown")
+        await at.until(lambda: at.screen.lists.people.current_id == "P10")
+
+
 async def test_aborted_and_excluded_need_a_reason_and_nothing_is_chosen_to_begin_with() -> None:
     async with day() as at:
         await at.begin()
