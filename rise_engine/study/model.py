@@ -77,6 +77,43 @@ class StudyCheck(Struct, frozen=True):
     """Seconds that it may take (`limit = "2min"`); None: as usual for its kind (`rise_engine.checks.limit_seconds`)."""
 
 
+class RecorderSettings(Struct, frozen=True):
+    """One recorder (`camera = { by = "ffmpeg", ... }` in `[recording]`)."""
+
+    name: str
+    driver: str
+    """Which recorder it is; the name, where `by` is not given."""
+    options: dict[str, Json] = {}
+
+
+class MarkerSettings(Struct, frozen=True):
+    """What goes to LSL while the session runs (`lsl` in `[recording]`)."""
+
+    scope: Literal["machine", "link", "site"] = "machine"
+    """How far it can be seen."""
+    payload: Literal["short", "json"] = "short"
+
+
+class SyncSettings(Struct, frozen=True):
+    """Marks that recordings show (`sync` in `[recording]`)."""
+
+    start: bool = True
+    end: bool = True
+    medium: Literal["sound", "flash"] = "sound"
+    play: tuple[str, ...] = ()
+    """The program that plays the sound, with `{file}`; empty: one of those that are usual here."""
+
+
+class RecordingSettings(Struct, frozen=True):
+    """`[recording]`: what records a session of the study."""
+
+    recorders: tuple[RecorderSettings, ...] = ()
+    markers: MarkerSettings | None = None
+    """None: nothing goes to LSL."""
+    sync: SyncSettings | None = None
+    """None: no marks."""
+
+
 class Study(Struct, frozen=True):
     """A checked study.toml."""
 
@@ -107,6 +144,9 @@ class Study(Struct, frozen=True):
     """Days after which `media` and `sessions` are due to be deleted."""
     robot: str = ""
     """Another robot than the scenario's; empty: the scenario's."""
+    recording: RecordingSettings = RecordingSettings()
+    report: dict[str, str] = {}
+    """What people must say for the reporting sheet, by the name of its item (`[report]`)."""
     hash: str = ""
     """SHA-256 of study.toml."""
     design_hash: str = ""

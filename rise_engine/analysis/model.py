@@ -1,0 +1,255 @@
+"""What happened in a session, in types. Every export and every report is made from these and from nothing else.
+
+Times are seconds on the session's clock (`t` of a record), None where something did not happen. What an export level
+does not tell (`rise_engine.session.levels`) is not in here at all: a level is applied once, when a session is read.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any, Literal, TypeAlias
+
+from msgspec import Struct
+
+from rise_engine.kernel.records import (
+    ActionStatus,
+    AnyRecord,
+    CheckRecord,
+    Mark,
+    OutcomeStatus,
+    Purpose,
+    RecordingRecord,
+    SyncRecord,
+    TaskStatus,
+)
+from rise_engine.session.levels import ExportLevel
+from rise_engine.session.media import MediaFile
+
+ActorKind: TypeAlias = Literal["wizard", "rule", "program", "engine"]
+"""Who asked for something. program: a node, a client, the command line."""
+
+
+class SessionFacts(Struct, frozen=True, kw_only=True):
+    """What is true of a whole session; it stands in every row of a table."""
+
+    session: str
+    """The folder's name, as the level tells it: unique among the sessions that are exported together."""
+    participant: str = ""
+    condition: str = ""
+    factors: dict[str, Any] = {}
+    """The level of each factor."""
+    study: str = ""
+    """The study's id; empty: the session is of no study."""
+    study_hash: str = ""
+    slot: int | None = None
+    run: int = 0
+    attempt: int = 0
+    purpose: Purpose | Literal[""] = ""
+    mode: str = ""
+    """debug: the robot was simulated; this is no data of a participant."""
+    outcome: OutcomeStatus | None = None
+    """None: nobody has said it."""
+    outcome_reason: str = ""
+    title: str = ""
+    scenario_hash: str = ""
+    robot: str = ""
+    seed: int = 0
+    speed: float = 1.0
+    started: str = ""
+    """ISO 8601 with offset; empty where the level tells no times of day."""
+    duration: float = 0.0
+    """Seconds until its last record."""
+    ended: bool = False
+    """Whether the record has an end."""
+    downtime: float = 0.0
+    """Seconds by the wall clock that lie between parts of a recovered session, and that session time does not count."""
+    recoveries: int = 0
+    versions: dict[str, str] = {}
+
+
+class ActPart(Struct, frozen=True, kw_only=True):
+    """One action of an act, as the robot did it."""
+
+    action: str
+    """Its actionID within the act."""
+    type: str
+    """`Speech`, `LookAt`, ..."""
+    channels: tuple[str, ...]
+    """Of the robot, that it takes: speech, gaze, face, body, arms; empty: it only waits, or nobody knows."""
+    parameters: dict[str, Any]
+    text: str
+    """What it says, or its most telling parameter, in a few words; empty: nothing to tell."""
+    accepted_at: float | None
+    """The robot confirmed it."""
+    ended_at: float | None
+    status: ActionStatus
+    """Its ending; `started` or `accepted` where the record ends before that."""
+
+
+class PlayedAct(Struct, frozen=True, kw_only=True):
+    """One act (or free speech) from whoever asked for it to its end, with the parts of its latency.
+
+    Every task that started an act is one, also one that was rejected or never had its turn.
+    """
+
+    task: int
+    act: str
+    """`say` for free speech."""
+    source: str
+    """As the record has it: `wizard:anna`, `rule:Greeting`."""
+    actor: ActorKind
+    status: TaskStatus
+    reason: str = ""
+    filler: bool
+    """It bridged the time of a cue, and is no answer to it."""
+    cue_at: float | None
+    """When the participant's turn ended that it answers or bridges."""
+    key_at: float | None
+    """When the key was pressed."""
+    accepted_at: float
+    """When the engine took it."""
+    started_at: float | None
+    """When its turn came."""
+    robot_at: float | None
+    """When the robot confirmed its first action. It is no time of the first sound."""
+    voice_at: float | None
+    """When the robot confirmed its first action that takes the voice; the first sound comes later."""
+    ended_at: float | None
+    mark: Mark | None = None
+    """What a wizard said was wrong about it; None: nothing, or it was taken back."""
+    parts: tuple[ActPart, ...] = ()
+    speaks: bool = False
+    """Whether one of its actions takes the voice."""
+
+    @property
+    def wizard_s(self) -> float | None:
+        """Cue to key: the wizard."""
+        return _between(self.cue_at, self.key_at)
+
+    @property
+    def way_s(self) -> float | None:
+        """Key to the engine (from the cue, where no key was pressed)."""
+        return _between(self.key_at if self.key_at is not None else self.cue_at, self.accepted_at)
+
+    @property
+    def queue_s(self) -> float | None:
+        """In the queue."""
+        return _between(self.accepted_at, self.started_at)
+
+    @property
+    def robot_s(self) -> float | None:
+        """From its turn until the robot confirms."""
+        return _between(self.started_at, self.robot_at)
+
+    @property
+    def voice_s(self) -> float | None:
+        """From the first confirmed action to the first that takes the voice."""
+        return _between(self.robot_at, self.voice_at)
+
+    @property
+    def response_s(self) -> float | None:
+        """Cue to answer: to the voice, of an act that speaks, else to the first action. The parts add up to it."""
+        return _between(self.cue_at, self.voice_at if self.speaks else self.robot_at)
+
+
+class Cue(Struct, frozen=True, kw_only=True):
+    """The participant's turn ended, and somebody marked it."""
+
+    at: float
+    source: str
+    text: str = ""
+    filled_at: float | None = None
+    """When the first filler was confirmed by the robot."""
+    answered_at: float | None = None
+    """When the robot began to answer (`PlayedAct.response_s` after the cue); None: nothing answered, or it was undone."""
+    task: int | None = None
+    """The act that answered."""
+    undone_at: float | None = None
+
+
+class Phase(Struct, frozen=True, kw_only=True):
+    """A rule was in a state."""
+
+    rule: str
+    state: str
+    start: float
+    end: float
+    """Of the session, for the state in which it was when the record ended."""
+    trigger: str
+    """What led to it."""
+    source: str = ""
+    """Who started the rule; only of its first state."""
+    ended_by: str = ""
+    """`ended`, `stopped`, `faulted` for the last one of a run of the rule; else empty."""
+    stepped_back: bool = False
+    """Whether a wizard stepped back into it."""
+
+
+PointKind: TypeAlias = Literal[
+    "note", "mistake", "stop", "sync", "event", "memory", "control", "robot", "fault", "check"
+]
+
+
+class Point(Struct, frozen=True, kw_only=True):
+    """Something that happened at one moment."""
+
+    at: float
+    kind: PointKind
+    name: str
+    """What it is about: an event's topic, a memory key, a mark, `latched`."""
+    value: str = ""
+    """What is told of it."""
+    source: str = ""
+    task: int | None = None
+
+
+class Repairs(Struct, frozen=True):
+    """How often something was mended while it ran."""
+
+    repeated: int = 0
+    """Acts that were done again after they had failed."""
+    stepped_back: int = 0
+    """Rules that a wizard put back into an earlier state."""
+    cues_undone: int = 0
+    canceled: int = 0
+    """Acts that a wizard stopped or interrupted after they had begun."""
+    released: int = 0
+    """Stops that were released."""
+
+    @property
+    def total(self) -> int:
+        return self.repeated + self.stepped_back + self.cues_undone + self.canceled + self.released
+
+
+class SessionData(Struct, frozen=True, kw_only=True):
+    """Everything about one session, at one level."""
+
+    facts: SessionFacts
+    level: ExportLevel
+    folder: Path
+    """Where it lies; for what is read from there besides. Never to be told in an export."""
+    records: tuple[AnyRecord, ...]
+    """All of them, as the level tells them (`wall` is empty where that tells no times of day)."""
+    acts: tuple[PlayedAct, ...] = ()
+    """By when the engine took them."""
+    cues: tuple[Cue, ...] = ()
+    phases: tuple[Phase, ...] = ()
+    """Also those of no length."""
+    points: tuple[Point, ...] = ()
+    """In the order of the record."""
+    checks: tuple[CheckRecord, ...] = ()
+    """The last one of each id."""
+    recordings: tuple[RecordingRecord, ...] = ()
+    """The last one of each name."""
+    syncs: tuple[SyncRecord, ...] = ()
+    media: tuple[MediaFile, ...] = ()
+    """Files that belong to the session; only at the level `full`."""
+    repairs: Repairs = Repairs()
+    problems: tuple[str, ...] = ()
+    """What could not be read, in sentences."""
+
+
+def _between(earlier: float | None, later: float | None) -> float | None:
+    if earlier is None or later is None:
+        return None
+    return round(later - earlier, 6)

@@ -1,0 +1,1 @@
+"""A study as one folder for others: an RO-Crate, and what runs it again."""

@@ -1,0 +1,51 @@
+"""What every export format is to the command that writes it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable
+from pathlib import Path
+from typing import Literal, TypeAlias
+
+from msgspec import Struct, field
+
+from rise_engine.analysis.model import SessionData
+from rise_engine.session.levels import ExportLevel
+from rise_engine.study.model import Study, StudyStanding
+
+Shape: TypeAlias = Literal["file", "file-per-session", "folder"]
+"""What an export becomes. file: one, whatever the number of sessions; file-per-session: one of each, in a new folder
+when there are several; folder: always a new one."""
+
+
+class ExportContext(Struct):
+    """What is the same for all sessions of one export."""
+
+    level: ExportLevel
+    study: Study | None = None
+    standing: StudyStanding | None = None
+    """Of the study, when all of it is exported."""
+    warnings: list[str] = field(default_factory=list)
+    """Sentences for whoever exports; a format appends to it."""
+
+
+class ExportError(Exception):
+    """The export cannot be made; the text says why, in a sentence or several lines."""
+
+
+class ExportFormat(Struct, frozen=True):
+    """One format.
+
+    `write` gets a path that does not exist yet (a file's, or that of a folder that it makes), the sessions one after
+    the other, and the context. It must take one session at a time and keep none of them: a study may have hundreds.
+    With `file-per-session` it is called once for each, with that one alone. It raises ExportError, or OSError.
+    """
+
+    name: str
+    about: str
+    """In a line of help."""
+    shape: Shape
+    suffix: str
+    """With its dot; empty for a folder."""
+    write: Callable[[Path, Iterable[SessionData], ExportContext], None]
+    extra: str = ""
+    """The extra of the package that it needs."""
