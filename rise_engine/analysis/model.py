@@ -161,7 +161,7 @@ class Cue(Struct, frozen=True, kw_only=True):
     filled_at: float | None = None
     """When the first filler was confirmed by the robot."""
     answered_at: float | None = None
-    """When the robot began to answer (`PlayedAct.response_s` after the cue); None: nothing answered, or it was undone."""
+    """When the robot began to answer (`PlayedAct.response_s` later); None: nothing did, or it was undone."""
     task: int | None = None
     """The act that answered."""
     undone_at: float | None = None
