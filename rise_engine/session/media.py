@@ -47,6 +47,8 @@ class MediaFile(Struct, frozen=True, kw_only=True):
     marks: tuple[FoundMark, ...] = ()
     added: str = ""
     """ISO 8601 with offset."""
+    fps: float | None = None
+    """Frames per second; None: not known, or it has none."""
 
     @property
     def drift_ppm(self) -> float:
