@@ -1,4 +1,4 @@
-"""A session as tiers: rows of annotations, as those who code videos have them. ELAN, Praat and BORIS get theirs from here.
+"""A session as tiers: rows of annotations, as those who code videos have them. ELAN, Praat and BORIS get theirs here.
 
 Tiers follow one law: annotations do not overlap, each is at least a millisecond long, and none begins before 0. What a
 session has beside that is laid out so that it holds: of two that overlap the second goes to a tier `NAME 2`, a moment
@@ -97,9 +97,9 @@ def lay_out(
     for name, members in groups.items():
         lanes, fell_off = _pack(members, clock)
         lost += fell_off
-        for lane, annotations in enumerate(lanes):
-            given = names.give(name, lane)
-            tiers.append(Tier(name=given, lane=lane, doer=members[0].doer, annotations=tuple(annotations)))
+        for number, lane in enumerate(lanes):
+            given = names.give(name, number)
+            tiers.append(Tier(name=given, lane=number, doer=members[0].doer, annotations=tuple(lane)))
     if not tiers:
         tiers.append(Tier(name=ROBOT_SPEECH, lane=0, doer="robot", annotations=()))
     ends = [tier.annotations[-1].end for tier in tiers if tier.annotations]
@@ -107,7 +107,7 @@ def lay_out(
 
 
 def one_line(text: str) -> str:
-    """The text as one line that XML and every reader of lines can hold: blanks for line ends and tabs, `�` for controls."""
+    """The text as one line that XML and every reader can hold: blanks for line ends and tabs, `�` for controls."""
     text = text.replace("\r\n", " ")
     text = _UNFIT.sub(lambda found: " " if found[0] in "\t\n\r\x0b\x0c\x85\u2028\u2029" else "\ufffd", text)
     return text.strip()
