@@ -51,12 +51,13 @@ def write_eaf(out: Path, sessions: Iterable[SessionData], context: ExportContext
         clock = session_clock(data, context.warnings)
         found = lay_out(spans_of(data), clock, data.facts.duration)
         warn_of_lost(data, found.lost, context.warnings)
-        document = etree.ElementTree(_document(data, clock, found, out))
+        folder = context.folder if context.folder is not None else out.absolute().parent
+        document = etree.ElementTree(_document(data, clock, found, folder))
         with out.open("xb") as file:
             document.write(file, xml_declaration=True, encoding="UTF-8", pretty_print=True)
 
 
-def _document(data: SessionData, clock: MediaClock, found: TierSet, out: Path) -> etree._Element:
+def _document(data: SessionData, clock: MediaClock, found: TierSet, folder: Path) -> etree._Element:
     root = etree.Element("ANNOTATION_DOCUMENT", nsmap={"xsi": _XSI})
     root.set("AUTHOR", AUTHOR)
     root.set("DATE", _date(data.facts.started))
@@ -65,7 +66,7 @@ def _document(data: SessionData, clock: MediaClock, found: TierSet, out: Path) -
     root.set(f"{{{_XSI}}}noNamespaceSchemaLocation", _SCHEMA)
     header = etree.SubElement(root, "HEADER", MEDIA_FILE="", TIME_UNITS="milliseconds")
     for linked in clock.linked:
-        _add_media(header, linked, out)
+        _add_media(header, linked, folder)
     annotations = sum(len(tier.annotations) for tier in found.tiers)
     for name, value in _properties(data, clock, annotations):
         etree.SubElement(header, "PROPERTY", NAME=name).text = one_line(value)
@@ -79,11 +80,11 @@ def _document(data: SessionData, clock: MediaClock, found: TierSet, out: Path) -
     return root
 
 
-def _add_media(header: etree._Element, linked: LinkedFile, out: Path) -> None:
+def _add_media(header: etree._Element, linked: LinkedFile, folder: Path) -> None:
     path = linked.path.as_posix()
     descriptor = etree.SubElement(header, "MEDIA_DESCRIPTOR")
     descriptor.set("MEDIA_URL", _as_text(f"file:///{path.lstrip('/')}"))
-    relative = Path(os.path.relpath(linked.path, out.absolute().parent)).as_posix()
+    relative = Path(os.path.relpath(linked.path, folder)).as_posix()
     descriptor.set("RELATIVE_MEDIA_URL", _as_text(relative if relative.startswith("../") else f"./{relative}"))
     descriptor.set("MIME_TYPE", _MIME_TYPES.get(linked.path.suffix.lower(), f"{linked.file.kind}/*"))
     if origin := max(0, round(linked.origin * 1000)):
