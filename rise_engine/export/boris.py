@@ -89,7 +89,8 @@ def write_boris(out: Path, sessions: Iterable[SessionData], context: ExportConte
         names: set[str] = set()
         dates: set[str] = set()
         for data in sessions:
-            name = next(each for each in _candidates(data.facts.session or "session", "") if each not in names)
+            wanted = one_line(data.facts.session) or "session"
+            name = next(each for each in _candidates(wanted, "") if each not in names)
             observation = _observation(data, ethogram, context.warnings)
             file.write(",\n" if names else "\n")
             file.write(f"{json.dumps(name)}: {json.dumps(observation)}")
@@ -139,7 +140,14 @@ def _can_play(file: MediaFile) -> bool:
 
 def _media(clock: MediaClock) -> tuple[dict[str, list[str]], dict[str, dict[str, Any]]]:
     files: dict[str, list[str]] = {}
-    info: dict[str, dict[str, Any]] = {"length": {}, "fps": {}, "hasVideo": {}, "hasAudio": {}, "offset": {}}
+    info: dict[str, dict[str, Any]] = {
+        "length": {},
+        "fps": {},
+        "hasVideo": {},
+        "hasAudio": {},
+        "offset": {},
+        "display": {},
+    }
     for player, linked in enumerate(clock.linked[:PLAYERS], 1):
         path = str(linked.path).encode("utf-8", "replace").decode()
         files[str(player)] = [path]
@@ -147,6 +155,8 @@ def _media(clock: MediaClock) -> tuple[dict[str, list[str]], dict[str, dict[str,
         info["fps"][path] = linked.file.fps or 0.0
         info["hasVideo"][path] = linked.file.kind == "video"
         info["hasAudio"][path] = True
+        if player == 1:
+            info["display"][path] = "Nothing"  # no spectrogram; BORIS would add it, and then ask whether to save
         info["offset"][str(player)] = round(-linked.origin, 3)  # when it begins, in the time of the first
     return files, info if files else {}
 

@@ -95,11 +95,13 @@ def lay_out(
     tiers: list[Tier] = []
     lost = 0
     for name, members in groups.items():
+        doers = {span.doer for span in members}
+        doer: Doer = members[0].doer if len(doers) == 1 else "session"
         lanes, fell_off = _pack(members, clock)
         lost += fell_off
         for number, lane in enumerate(lanes):
             given = names.give(name, number)
-            tiers.append(Tier(name=given, lane=number, doer=members[0].doer, annotations=tuple(lane)))
+            tiers.append(Tier(name=given, lane=number, doer=doer, annotations=tuple(lane)))
     if not tiers:
         tiers.append(Tier(name=ROBOT_SPEECH, lane=0, doer="robot", annotations=()))
     ends = [tier.annotations[-1].end for tier in tiers if tier.annotations]

@@ -41,12 +41,9 @@ def session(folder: Path = Path("/nowhere"), **parts: Any) -> SessionData:
 
 
 def act(start: float, end: float, name: str = "R_Hello", **more: Any) -> PlayedAct:
-    told: dict[str, Any] = {
-        **{"task": 1, "act": name, "source": "wizard:anna", "actor": "wizard", "status": "SUCCEEDED", "filler": False},
-        **{"cue_at": None, "key_at": None, "accepted_at": start, "started_at": start, "robot_at": start},
-        **{"voice_at": None, "ended_at": end},
-    }
-    return PlayedAct(**(told | more))
+    asked = {"task": 1, "act": name, "source": "wizard:anna", "actor": "wizard", "filler": False, "cue_at": None}
+    done = {"status": "SUCCEEDED", "accepted_at": start, "started_at": start, "robot_at": start, "ended_at": end}
+    return PlayedAct(**(asked | done | {"key_at": None, "voice_at": None} | more))
 
 
 def point(at: float, kind: Any = "note", name: str = "note", value: str = "hm", **more: Any) -> Point:
@@ -125,7 +122,10 @@ def phases(draw: st.DrawFn) -> tuple[Phase, ...]:
 def points(draw: st.DrawFn) -> Point:
     kinds = ["note", "mistake", "stop", "sync", "event", "memory", "control", "robot", "fault", "check"]
     kind = draw(st.sampled_from(kinds))
-    names = {"stop": st.sampled_from(["requested", "latched", "released"]), "robot": st.sampled_from(["lost", "connected"])}
+    names = {
+        "stop": st.sampled_from(["requested", "latched", "released"]),
+        "robot": st.sampled_from(["lost", "connected"]),
+    }
     source = draw(st.sampled_from(["wizard:anna", "engine", "rule:Talk", "node:ears"]))
     return point(draw(times), kind, draw(names.get(kind, texts)), draw(texts), source=source)
 
@@ -151,7 +151,9 @@ def sessions(draw: st.DrawFn, *, media: bool = True) -> SessionData:
 
     zones = ["", "2026-11-23T09:30:00.000+01:00", "2026-06-01T09:30:00+05:30", "1890-01-01T00:00:00+00:53:28", "soon"]
     started = draw(st.sampled_from([*zones, "2026-01-01T23:59:59-09:30", "2026-01-01T00:00:00+23:59"]))
-    factors = draw(st.dictionaries(st.sampled_from(["hesitation", "condition", "a|b"]), st.sampled_from(["yes", 2, None])))
+    factors = draw(
+        st.dictionaries(st.sampled_from(["hesitation", "condition", "a|b"]), st.sampled_from(["yes", 2, None]))
+    )
     return session(
         Path("/nowhere/sessions/one"),
         facts={"session": draw(texts), "started": started, "duration": draw(times), "factors": factors},

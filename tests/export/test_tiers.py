@@ -173,7 +173,13 @@ def test_what_the_study_raises_itself_is_no_event_for_a_coder() -> None:
     def event(at: float, name: str, source: str) -> object:
         return point(at, "event", name, "Talk", source=source)
 
-    sources = {"/yes": "wizard:anna", "/saw": "node:eyes", "/R_end": "engine", "/on": "rule:Talk", "/cue": "wizard:anna"}
+    sources = {
+        "/yes": "wizard:anna",
+        "/saw": "node:eyes",
+        "/R_end": "engine",
+        "/on": "rule:Talk",
+        "/cue": "wizard:anna",
+    }
     data = session(points=tuple(event(at, *each) for at, each in enumerate(sources.items())))  # type: ignore[arg-type]
     assert [text for *_, text in rows(tiers_of(data))["event"]] == ["/yes → Talk", "/saw → Talk"]
 
