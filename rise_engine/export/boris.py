@@ -91,7 +91,7 @@ def write_boris(out: Path, sessions: Iterable[SessionData], context: ExportConte
         for data in sessions:
             wanted = one_line(data.facts.session) or "session"
             name = next(each for each in _candidates(wanted, "") if each not in names)
-            observation = _observation(data, ethogram, context.warnings)
+            observation = _observation(data, ethogram, context)
             file.write(",\n" if names else "\n")
             file.write(f"{json.dumps(name)}: {json.dumps(observation)}")
             names.add(name)
@@ -100,7 +100,8 @@ def write_boris(out: Path, sessions: Iterable[SessionData], context: ExportConte
         file.write("}," + json.dumps(tail)[1:] + "\n")
 
 
-def _observation(data: SessionData, ethogram: _Ethogram, warnings: list[str]) -> dict[str, Any]:
+def _observation(data: SessionData, ethogram: _Ethogram, context: ExportContext) -> dict[str, Any]:
+    warnings = context.warnings
     clock = recording_clock(data, warnings, first="video", fits=_can_play)
     unfit = [each for each in data.media if each.kind in ("video", "audio") and not _can_play(each)]
     warnings += [
@@ -120,7 +121,7 @@ def _observation(data: SessionData, ethogram: _Ethogram, warnings: list[str]) ->
         "type": "MEDIA" if files else "LIVE",
         "time offset": 0.0,
         "observation time interval": [0, 0],
-        "independent_variables": _variables(data, ethogram),
+        "independent_variables": _variables(data, context.factors, ethogram),
         "visualize_spectrogram": False,
         "visualize_waveform": False,
         "close_behaviors_between_videos": False,
@@ -258,7 +259,7 @@ def _configuration(ethogram: _Ethogram) -> dict[str, Any]:
     }
 
 
-def _variables(data: SessionData, ethogram: _Ethogram) -> dict[str, str]:
+def _variables(data: SessionData, factors: Iterable[str], ethogram: _Ethogram) -> dict[str, str]:
     facts = data.facts
     told = {
         "participant": (facts.participant, "Who took part, by a pseudonym"),
@@ -269,7 +270,8 @@ def _variables(data: SessionData, ethogram: _Ethogram) -> dict[str, str]:
         "run": (str(facts.run or ""), "Which of the participant's runs"),
         "attempt": (str(facts.attempt or ""), "The how-manieth session of that run"),
     }
-    for name, level in facts.factors.items():
+    for name in dict.fromkeys([*factors, *facts.factors]):  # so every observation has them all
+        level = facts.factors.get(name, "")
         label = next(each for each in _candidates(one_line(name) or "factor", "factor") if each not in told)
         told[label] = (level if isinstance(level, str) else json.dumps(level), "A factor of the study")
     ethogram.variables |= {label: about for label, (_, about) in told.items()}
