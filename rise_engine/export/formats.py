@@ -12,6 +12,10 @@ from rise_engine.export.format import ExportError, ExportFormat
 
 _OWN = {
     "tables": "rise_engine.export.tables:FORMAT",
+    "eaf": "rise_engine.export.eaf:FORMAT",
+    "elan-tab": "rise_engine.export.elan_tab:FORMAT",
+    "textgrid": "rise_engine.export.textgrid:FORMAT",
+    "boris": "rise_engine.export.boris:FORMAT",
     "csv": "rise_engine.export.records:CSV",
     "jsonl": "rise_engine.export.records:JSONL",
 }

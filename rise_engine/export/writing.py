@@ -55,6 +55,7 @@ def export_sessions(
     with new_path(out) as here:
         folder = format.shape == "folder" or (format.shape == "file-per-session" and (several or not format.suffix))
         report.warnings += note_export(folders, out, format.name, context.level, folder=folder)
+        context.folder = (out if folder else out.parent).absolute()
         sessions = _read(folders, context.level, private, report)
         try:
             if format.shape != "file-per-session":

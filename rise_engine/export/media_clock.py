@@ -1,0 +1,161 @@
+"""Recordings of a session, and what session time becomes where they are annotated.
+
+media time = offset + rate * session time (`rise_engine.session.media`). Who annotates a recording wants times on its
+clock: annotations are scaled by its rate, because no format of annotations can say that a camera runs fast. Where a
+format lets each file begin elsewhere (ELAN, BORIS), the others are laid against the first of them.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from pathlib import Path
+
+from msgspec import Struct
+
+from rise_engine.analysis.model import SessionData
+from rise_engine.ports.recorder import MediaKind
+from rise_engine.session.media import MediaFile
+from rise_engine.text import pluralize
+
+LONG_SECONDS = 20 * 60.0
+"""From here on a drift that nobody measured can be seen: 50 millionths, usual between two clocks, are 60 ms."""
+FRAME_SECONDS = 0.04
+"""One frame of a video; less than this nobody sees."""
+SAME_START_SECONDS = 30.0
+"""Recorders that are started together begin within this time. What begins later is another part: of a camera that was
+started again, say."""
+
+
+class LinkedFile(Struct, frozen=True, kw_only=True):
+    """A recording that an export names."""
+
+    file: MediaFile
+    path: Path
+    """Absolute."""
+    origin: float
+    """Its own time, in seconds, where the annotations are at 0. Negative: it begins later."""
+
+
+class MediaClock(Struct, frozen=True, kw_only=True):
+    """annotation time = shift + rate * session time, in seconds."""
+
+    rate: float = 1.0
+    shift: float = 0.0
+    linked: tuple[LinkedFile, ...] = ()
+    """The recordings; the first is the one whose clock this is."""
+
+    def to_ms(self, at: float) -> int:
+        """A session time in whole milliseconds of annotation time; a later one is never given an earlier."""
+        return math.floor((self.shift + self.rate * at) * 1000 + 0.5)
+
+
+def recording_clock(
+    data: SessionData,
+    warnings: list[str],
+    *,
+    first: MediaKind,
+    alone: bool = False,
+    fits: Callable[[MediaFile], bool] = lambda file: True,
+) -> MediaClock:
+    """The clock of one recording: annotation time is its own time. Without one, session time.
+
+    `first`: the kind of file that is taken if there is one. `alone`: only that one is linked. `fits`: which files the
+    format can use. What is not certain about the files is told in `warnings`.
+    """
+    files = [each for each in _aligned_files(data, warnings, first) if fits(each)]
+    if not files:
+        return MediaClock()
+    leader = files[0]
+    files = files[:1] if alone else files
+    offset = _offset(leader)
+    linked = [LinkedFile(file=each, path=_path(data, each), origin=_offset(each) - offset) for each in files]
+    _tell_doubts(data, files, warnings)
+    return MediaClock(rate=leader.rate, shift=offset, linked=tuple(linked))
+
+
+def session_clock(data: SessionData, warnings: list[str]) -> MediaClock:
+    """Session time, scaled by the rate of the first video, and moved only as far as ELAN needs it.
+
+    ELAN cannot show a file that begins after the annotations do (its time origin would be negative). When recordings
+    began after the session, annotation time 0 is when the last of them began. One that began much later than the first
+    is not linked: to link it would throw away everything before it.
+    """
+    files = _aligned_files(data, warnings, "video")
+    if not files:
+        return MediaClock()
+    earliest = min(-_offset(each) for each in files)
+    together = [each for each in files if -_offset(each) <= max(0.0, earliest) + SAME_START_SECONDS]
+    for each in files:
+        if each not in together:
+            warnings.append(
+                f"{data.facts.session}: {each.path} begins {-_offset(each):.1f} s after the session and long after "
+                "the first recording, which ELAN cannot show together; it is not linked"
+            )
+    leader = together[0]
+    late = max(0.0, *(-_offset(each) for each in together))
+    linked = [LinkedFile(file=each, path=_path(data, each), origin=_offset(each) + late) for each in together]
+    _tell_doubts(data, together, warnings)
+    return MediaClock(rate=leader.rate, shift=-late, linked=tuple(linked))
+
+
+def warn_of_lost(data: SessionData, lost: int, warnings: list[str]) -> None:
+    """Say how much happened before the annotations begin."""
+    if lost:
+        warnings.append(
+            f"{data.facts.session}: the recording begins later than the session, so {pluralize(lost, 'annotation')} "
+            f"of what happened before {'is' if lost == 1 else 'are'} left out; `--format tables` has everything"
+        )
+
+
+def _aligned_files(data: SessionData, warnings: list[str], first: MediaKind) -> list[MediaFile]:
+    """What can be annotated: of kind `first` before the others, and of each kind those whose drift is known first."""
+    found: list[MediaFile] = []
+    for file in data.media:
+        if file.kind not in ("video", "audio"):
+            continue
+        if file.offset is not None:
+            found.append(file)
+        else:
+            warnings.append(
+                f"{data.facts.session}: where {file.path} lies against the session is not known, so it is not linked; "
+                "`rise-engine media add` with --find-marks or --at says it"
+            )
+    return sorted(found, key=lambda file: (file.kind != first, not _rate_is_measured(file)))
+
+
+def _tell_doubts(data: SessionData, files: list[MediaFile], warnings: list[str]) -> None:
+    """What is not certain about files that are linked; the first is the one with whose clock annotations run."""
+    leader, session = files[0], data.facts.session
+    for file in files:
+        if not _path(data, file).exists():
+            warnings.append(f"{session}: {file.path} is not there now; it is linked where it was")
+        if file.aligned_by == "start":
+            warnings.append(
+                f"{session}: {file.path} is laid by when its recorder was started, which can be off by a second; "
+                "`rise-engine media add --find-marks` lays it by its marks"
+            )
+        if not _rate_is_measured(file) and max(data.facts.duration, file.duration or 0.0) > LONG_SECONDS:
+            warnings.append(
+                f"{session}: how much faster or slower the clock of {file.path} runs was not measured, and it is "
+                "longer than 20 minutes; two marks far apart in it say so (`rise-engine media add --find-marks`)"
+            )
+        apart = abs(file.rate - leader.rate) * data.facts.duration
+        if apart > FRAME_SECONDS:
+            warnings.append(
+                f"{session}: annotations run with {leader.path}; against it {file.path} is {apart:.2f} s off at the "
+                "end, because their clocks differ"
+            )
+
+
+def _rate_is_measured(file: MediaFile) -> bool:
+    return len(file.marks) >= 2 or file.rate != 1.0
+
+
+def _offset(file: MediaFile) -> float:
+    assert file.offset is not None
+    return file.offset
+
+
+def _path(data: SessionData, file: MediaFile) -> Path:
+    return (data.folder / file.path).absolute()
