@@ -58,14 +58,17 @@ class MarkerWords:
         self,
         confirms: Callable[[ActionRecord], Confirmation],
         is_known: Callable[[Literal["act", "topic"], str], bool] = lambda kind, name: True,
+        hide: Callable[[str], str] = str,
     ) -> None:
         """
         :param confirms: what the record of an action says of its act; of each act only the first of each counts.
         :param is_known: whether the name of an act or a topic (without its slash) is the scenario's; another one that a
             person gave is not told.
+        :param hide: takes out of other names what is private.
         """
         self._confirms = confirms
         self._is_known = is_known
+        self._hide = hide
         self._told: dict[int, set[str]] = {}
         """By task that is not over, the moments that were told."""
 
@@ -133,11 +136,13 @@ class MarkerWords:
         return tuple(f"act/{record.act}/{step}" for step in new)
 
     def _name(self, kind: Literal["act", "topic"], name: str, source: str) -> str:
-        return name if self._is_known(kind, name) or not source.startswith(_TYPED_BY) else OTHER
+        if self._is_known(kind, name):
+            return name
+        return OTHER if source.startswith(_TYPED_BY) else self._hide(name)
 
 
-def live_words(scenario: Scenario) -> MarkerWords:
-    """For a session that runs `scenario`."""
+def live_words(scenario: Scenario, hide: Callable[[str], str]) -> MarkerWords:
+    """For a running session of `scenario`; `hide` takes private values out of a text."""
 
     def confirms(record: ActionRecord) -> Confirmation:
         spec = scenario.robot.actions.get(record.sent_as or record.type)
@@ -148,7 +153,7 @@ def live_words(scenario: Scenario) -> MarkerWords:
     def is_known(kind: Literal["act", "topic"], name: str) -> bool:
         return name in (scenario.acts if kind == "act" else scenario.topics)
 
-    return MarkerWords(confirms, is_known)
+    return MarkerWords(confirms, is_known, hide)
 
 
 def recorded_markers(data: SessionData) -> list[tuple[float, str]]:
