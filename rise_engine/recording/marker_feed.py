@@ -219,11 +219,10 @@ class MarkerFeed:
 
 
 def session_facts(session: Session) -> SessionFacts:
-    """What a stream may say of a running session, as the export level `shared` tells it."""
+    """What a stream says of a running session. Its name is told whole: today's date is no secret to who listens now."""
     reply, about = session.attach_reply, session.view.session
-    name = Path(reply.folder).name if reply.folder else ""
     return SessionFacts(
-        session=LevelFilter("shared", None).session_name(name),
+        session=Path(reply.folder).name if reply.folder else "",
         participant=about.participant if about is not None else "",
         condition=about.condition if about is not None else "",
         factors=about.factors if about is not None else {},
