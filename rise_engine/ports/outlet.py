@@ -1,50 +1,40 @@
-"""The port behind which markers leave for other programs while a session runs: the Lab Streaming Layer, say.
+"""The port behind which an outlet stands: a program that passes on what happens in a session while it runs, as markers
+for other recorders (Lab Streaming Layer).
 
-An outlet is found by an entry point of the group `rise.outlets`. It lives in a process of its own (`rise-engine lsl`),
-so that nothing that it does can touch the session.
+An outlet is found by an entry point of the group `rise.outlets`. It runs in a process of its own and attaches to the
+session as any client does (`rise_engine.client.connect`), so that nothing that it does can hold up a session.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from typing import Literal, Protocol, TypeAlias
+from asyncio import Event
+from collections.abc import Awaitable, Callable
+from typing import Literal, TypeAlias
 
 from msgspec import Struct
 
 from rise_engine.errors import RiseError
 
-Scope: TypeAlias = Literal["machine", "link", "site"]
-"""How far a stream can be seen: this computer, its network segment, the whole site."""
-
 
 class OutletError(RiseError):
-    """Markers cannot be sent; a sentence for a person, with what to do."""
+    """It cannot pass on anything, or not any more; a sentence for the wizard, with what to do."""
 
 
-class MarkerStream(Struct, frozen=True, kw_only=True):
-    """What a stream says about itself."""
+class OutletPlan(Struct, frozen=True):
+    """What is to be passed on."""
 
-    name: str
-    type: str
-    source_id: str
-    """By which receivers find it again after its process was started anew."""
-    description: dict[str, str]
-    """Of its session, by element name."""
-
-
-class Outlet(Protocol):
-    """One stream. No method blocks."""
-
-    def send(self, text: str, at: float) -> None:
-        """Send one marker. `at`: when it happened, on this computer's monotonic clock (`time.monotonic()`), in seconds;
-        that may be long ago."""
-
-    def has_consumers(self) -> bool:
-        """Whether anybody receives it now."""
-
-    def close(self) -> None:
-        """Take the stream away. What consumers have not fetched by now may be lost."""
+    socket: str
+    """Of the session: a path, or its name, as `rise_engine.client.connect` takes it."""
+    session: str = ""
+    """Name of the session's folder."""
+    task: str = ""
+    """The study's id; empty: the session is of no study."""
+    scope: Literal["machine", "link", "site"] = "machine"
+    """How far it can be seen."""
+    payload: Literal["short", "json"] = "short"
+    """Short words, or whole records."""
 
 
-OutletOpener: TypeAlias = Callable[[MarkerStream, Scope], Outlet]
-"""What an entry point names. Raises OutletError."""
+OutletRunner: TypeAlias = Callable[[OutletPlan, Event], Awaitable[None]]
+"""What an entry point names: (plan, finish) -> None. It returns when the session is over, or soon after `finish` was
+set. It raises OutletError when it cannot go on."""

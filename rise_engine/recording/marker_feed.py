@@ -1,27 +1,29 @@
-"""Follows a running session and hands its markers to an outlet (`rise_engine.ports.outlet`), each with the exact time
-at which it happened: never when it was sent.
+"""Follows a running session and hands its markers to a stream, each with the exact time at which it happened: never
+when it was sent.
 
 It is an observer of the session. Markers wait for the first consumer, so that who starts a recorder a little late loses
-nothing; the session waits for nobody.
+nothing; the session waits for nobody. The payload `short` is what happened, in names of the scenario
+(`rise_engine.analysis.markers`); `json` is whole records, as the export level `shared` tells them.
 """
 
 from __future__ import annotations
 
 import asyncio
+import logging
 from collections import deque
 from collections.abc import Callable, Iterable
-from importlib.metadata import entry_points
 from pathlib import Path
-from typing import Any, Literal, TypeAlias
+from typing import Any, Protocol, TypeAlias
 
 import msgspec
+from msgspec import Struct
 
 from rise_engine.analysis.markers import describe_session, live_words, source_id
 from rise_engine.analysis.model import SessionFacts
 from rise_engine.client import LinkLost, Session, connect
 from rise_engine.json_codec import encode
 from rise_engine.kernel.records import AnyRecord
-from rise_engine.ports.outlet import MarkerStream, Outlet, OutletError, OutletOpener, Scope
+from rise_engine.ports.outlet import OutletError, OutletPlan
 from rise_engine.session.errors import SessionError
 from rise_engine.session.folder import JOURNAL
 from rise_engine.session.journal_format import encode_record
@@ -31,9 +33,8 @@ from rise_engine.session.private_values import PrivateValues
 from rise_engine.study.traces import study_of_session, wizard_names
 from rise_engine.text import pluralize
 
-Payload: TypeAlias = Literal["short", "json"]
-"""short: what happened, in names of the scenario. json: whole records, as the export level `shared` tells them."""
-OUTLETS = "rise.outlets"
+_LOG = logging.getLogger(__name__)
+
 CLIENT_NAME = "lsl"
 MAX_WAITING = 30_000
 """Markers that wait for a consumer; of more, the oldest are given up. The library itself keeps 36,000."""
@@ -45,41 +46,46 @@ LINGER_SECONDS = 1.5
 """For which consumers get to fetch the last markers."""
 
 
-def find_outlet(name: str) -> OutletOpener:
-    """The outlet of that name. Raises OutletError when it is not installed or cannot be loaded."""
-    entry = next(iter(entry_points(group=OUTLETS, name=name)), None)
-    if entry is None:
-        raise OutletError(f"no outlet {name!r} is installed: no entry point of that name in the group {OUTLETS!r}")
-    try:
-        opener: OutletOpener = entry.load()
-    except Exception as error:  # code of others runs as it is imported
-        raise OutletError(f"the outlet {name!r} ({entry.value}) cannot be loaded: {error}") from error
-    return opener
+class MarkerStream(Struct, frozen=True, kw_only=True):
+    """What a stream says about itself."""
+
+    name: str
+    type: str
+    source_id: str
+    """By which receivers find it again after its process was started anew."""
+    description: dict[str, str]
+    """Of its session, by element name."""
+
+
+class MarkerOutlet(Protocol):
+    """One stream. No method blocks."""
+
+    def send(self, text: str, at: float) -> None:
+        """Send one marker. `at`: when it happened, on this computer's monotonic clock (`time.monotonic()`), in seconds;
+        that may be long ago."""
+
+    def has_consumers(self) -> bool:
+        """Whether anybody receives it now."""
+        ...
+
+    def close(self) -> None:
+        """Take the stream away. What consumers have not fetched by now may be lost."""
+
+
+OpenStream: TypeAlias = Callable[[MarkerStream], MarkerOutlet]
+"""Raises OutletError."""
 
 
 class MarkerFeed:
     """Sends the markers of one session."""
 
-    def __init__(
-        self,
-        session: str,
-        opener: OutletOpener,
-        *,
-        scope: Scope = "machine",
-        payload: Payload = "short",
-        on_open: Callable[[str], object] = lambda sentence: None,
-        warn: Callable[[str], object] = lambda sentence: None,
-    ) -> None:
+    def __init__(self, plan: OutletPlan, open_stream: OpenStream) -> None:
         """
-        :param session: the name of a running session, or the path of its socket.
-        :param opener: makes the outlet.
-        :param on_open: gets a sentence once the stream is there.
-        :param warn: gets sentences about what a person should know.
+        :param plan: which session, and what is told of it.
+        :param open_stream: makes the outlet, once.
         """
-        self._session, self._opener = session, opener
-        self._scope, self._payload = scope, payload
-        self._on_open, self._warn = on_open, warn
-        self._outlet: Outlet | None = None
+        self._plan, self._open_stream = plan, open_stream
+        self._outlet: MarkerOutlet | None = None
         self._waiting: deque[tuple[str, float]] = deque()
         self._lost = 0
         self._arrived = asyncio.Event()
@@ -87,18 +93,18 @@ class MarkerFeed:
         self.sent = 0
         """Markers that consumers were given."""
 
-    async def run(self, stop: asyncio.Event) -> None:
-        """Send until the session ends, or `stop` is set; then let consumers fetch the last ones.
+    async def run(self, finish: asyncio.Event) -> None:
+        """Send until the session ends, or `finish` is set; then let consumers fetch the last ones.
 
         Raises EngineGone when there is no such session, or its engine went without an end, and OutletError.
         """
-        stopping = asyncio.create_task(stop.wait())
+        stopping = asyncio.create_task(finish.wait())
         following = asyncio.create_task(self._follow())
         sending = asyncio.create_task(self._send_waiting())
         tasks: tuple[asyncio.Task[Any], ...] = (stopping, following, sending)
         try:
             await asyncio.wait(tasks, return_when=asyncio.FIRST_COMPLETED)
-            if stop.is_set():  # what was on record by then is perhaps still on its way
+            if finish.is_set():  # what was on record by then is perhaps still on its way
                 await asyncio.wait((following,), timeout=GRACE_SECONDS)
             for task in (following, sending):
                 if task.done():
@@ -112,10 +118,10 @@ class MarkerFeed:
     async def _follow(self) -> None:
         while True:
             try:
-                async with connect(self._session, CLIENT_NAME, role="observer") as session:
+                async with connect(self._plan.socket, CLIENT_NAME, role="observer") as session:
                     records = session.records()
                     if self._last_seq and (missed := session.view.seq - self._last_seq) > 0:
-                        self._warn(f"the connection was cut; {pluralize(missed, 'record')} of it gave no marker")
+                        _LOG.warning(f"the connection was cut; {pluralize(missed, 'record')} of it gave no marker")
                     word = await self._make_words(session)
                     self._open(session)
                     origin, speed = session.attach_reply.origin or 0.0, session.attach_reply.speed
@@ -141,21 +147,23 @@ class MarkerFeed:
             source_id=source_id(facts.study, facts.session),
             description={
                 **describe_session(facts),
-                "format": self._payload,
+                "format": self._plan.payload,
                 "session_start": f"{reply.origin:.6f}",
                 "speed": f"{reply.speed:g}",
             },
         )
-        self._outlet = self._opener(stream, self._scope)
-        where = {"machine": "this computer", "link": "the network segment", "site": "the whole network"}[self._scope]
-        self._on_open(
+        self._outlet = self._open_stream(stream)
+        where = {"machine": "this computer", "link": "the network segment", "site": "the whole network"}[
+            self._plan.scope
+        ]
+        _LOG.info(
             f"sending markers of {facts.session} to LSL: stream rise, source {stream.source_id}, seen on {where}, "
             f"from {max(session.now(), 0.0):.1f} s of the session on"
         )
         if session.view.t > 0 and session.view.tasks:
-            self._warn("what happened before is not sent; `rise-engine export --format xdf` has all of it afterwards")
-        if self._payload == "json":
-            self._warn("whole records go out in clear text: all that is said, but for private keys, notes and names")
+            _LOG.warning("what happened before is not sent; `rise-engine export --format xdf` has all of it afterwards")
+        if self._plan.payload == "json":
+            _LOG.warning("whole records go out in clear text: all that is said, but for private keys, notes and names")
 
     async def _make_words(self, session: Session) -> Callable[[AnyRecord], Iterable[str]]:
         """What makes markers of records. Raises OutletError when nobody can say what must not go out."""
@@ -163,9 +171,9 @@ class MarkerFeed:
         folder = Path(session.attach_reply.folder) if session.attach_reply.folder else None
         study = study_of_session(folder) if folder is not None else None
         tells = LevelFilter("shared", private, wizard_names(study))
-        if self._payload == "json" or private.keys:  # what was private before must not be told now
+        if self._plan.payload == "json" or private.keys:  # what was private before must not be told now
             tells.note(await asyncio.to_thread(_records_before, folder))
-        if self._payload == "json":
+        if self._plan.payload == "json":
 
             def word_whole(record: AnyRecord) -> Iterable[str]:
                 tells.note([record])
@@ -213,7 +221,7 @@ class MarkerFeed:
             if self.sent and self._outlet.has_consumers():
                 await asyncio.sleep(LOOK_SECONDS)
         if unsent := len(self._waiting) + self._lost:
-            self._warn(f"{pluralize(unsent, 'marker')} went to nobody: no program received the stream")
+            _LOG.warning(f"{pluralize(unsent, 'marker')} went to nobody: no program received the stream")
         self._outlet.close()
         self._outlet = None
 

@@ -31,12 +31,14 @@ async def start(*arguments: str) -> asyncio.subprocess.Process:
     )
 
 
-async def line(process: asyncio.subprocess.Process, word: str) -> str:
-    """The next line of its output with that word in it."""
-    assert process.stdout is not None and process.stderr is not None
+async def line(stream: asyncio.StreamReader | None, word: str) -> str:
+    """The next line of a process's output with that word in it."""
+    assert stream is not None
+    seen = ""
     async with asyncio.timeout(SECONDS):
-        while word not in (found := (await process.stdout.readline()).decode()):
-            assert found, (await process.stderr.read()).decode()
+        while word not in (found := (await stream.readline()).decode()):
+            seen += found
+            assert found, f"the process has ended: {seen}"
     return found
 
 
@@ -55,8 +57,8 @@ async def test_labrecorder_has_every_marker_in_order_with_its_exact_time(scratch
     file = scratch / "session.xdf"
     bounds: list[tuple[float, float]] = []
     async with served(scratch, GREETING, speed=1.0, disk=Disk()) as session:
-        outlet = await start("rise_engine", "lsl", str(session.path), "--leash")
-        opened = await line(outlet, "sending markers")
+        outlet = await start("rise_engine", "lsl", str(session.path))
+        opened = await line(outlet.stderr, "sending markers")
         source = f"rise/{session.folder.name}"
         assert source in opened
         async with connect(session.path, "marker") as program:
@@ -69,16 +71,21 @@ async def test_labrecorder_has_every_marker_in_order_with_its_exact_time(scratch
 
             await raise_events(range(BEFORE))
             recorder = await start("tests.recording.lab_recorder", str(file), source)
-            await line(recorder, "recording")
+            await line(recorder.stdout, "recording")
             await raise_events(range(BEFORE, COUNT))
             times = [record.t for record in session.hub.view.unhandled][-3:]
             origin = program.attach_reply.origin
-        assert await finish(outlet) == ""  # it has waited until they were fetched
-        await finish(recorder)
+        ended = asyncio.Event()
+        session.engine.on_ended(ended.set)
+        session.engine.end("all is recorded")
+        await asyncio.wait_for(ended.wait(), SECONDS)
+    assert "went to nobody" not in await finish(outlet)  # it ends with the session, when its markers were fetched
+    await finish(recorder)
     (stream,), _ = pyxdf.load_xdf(file, synchronize_clocks=False, dejitter_timestamps=False)
     assert stream["info"]["name"] == ["rise"] and stream["info"]["type"] == ["Markers"]
     assert stream["info"]["desc"][0]["session"] == [session.folder.name]
     found = [(marker, stamp) for (marker,), stamp in zip(stream["time_series"], stream["time_stamps"], strict=True)]
+    assert found[-1][0] == "session/ended"
     events = [(marker, stamp) for marker, stamp in found if marker.startswith("event/")]
     assert [marker for marker, _ in events] == [f"event/m{number}" for number in range(COUNT)]
     # Each stamp lies between the moment at which the program sent the event and the one at which it was recorded.

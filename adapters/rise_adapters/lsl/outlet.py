@@ -1,4 +1,4 @@
-"""A stream of the Lab Streaming Layer. It implements `rise_engine.ports.outlet.Outlet` with pylsl (extra `lsl`)."""
+"""A stream of the Lab Streaming Layer, by pylsl (extra `lsl`)."""
 
 from __future__ import annotations
 
@@ -7,16 +7,18 @@ import os
 import socket
 import sys
 import time
+from asyncio import Event
 from contextlib import suppress
 from importlib import import_module
 from pathlib import Path
 from types import ModuleType
 from typing import Any
 
-from rise_engine.ports.outlet import MarkerStream, OutletError, Scope
+from rise_engine.ports.outlet import OutletError, OutletPlan
+from rise_engine.recording.marker_feed import MarkerFeed, MarkerStream
 
 CONFIG_PLACES = ("lsl_api.cfg", "~/lsl_api/lsl_api.cfg", "/etc/lsl_api/lsl_api.cfg")
-"""Where the library looks for a lab's settings, after the variable LSLAPICFG
+"""Where the library looks for a lab's settings, after the variable `LSLAPICFG`
 (https://labstreaminglayer.readthedocs.io/info/lslapicfg.html)."""
 KEPT_SECTIONS = ("lab", "ports", "tuning")
 """What of these holds here, too: by another session id, the lab's programs would not see the stream."""
@@ -24,21 +26,27 @@ CLOCK_LOOKS = 20
 """How often the two clocks are compared: the quickest look counts."""
 
 
-def open_outlet(stream: MarkerStream, scope: Scope) -> LslOutlet:
-    """A stream that programs within `scope` can find (`rise_engine.ports.outlet.OutletOpener`).
+async def send_markers(plan: OutletPlan, finish: Event) -> None:
+    """Send a session's markers (`rise_engine.ports.outlet.OutletRunner`).
 
-    Once in a process: the library reads its settings only once. Raises OutletError.
+    Once in a process: the library reads its settings only once. Raises OutletError, and EngineGone when there is no
+    such session, or its engine goes without an end.
     """
     pylsl = _load_library()
-    try:
-        pylsl.set_config_content(library_settings(scope))
-        return LslOutlet(pylsl, stream, only_here=scope == "machine")
-    except (AttributeError, RuntimeError, OSError, ValueError) as error:  # an old library has no such setting
-        raise OutletError(f"the Lab Streaming Layer does not start: {error}") from error
+
+    def open_stream(stream: MarkerStream) -> LslOutlet:
+        try:
+            pylsl.set_config_content(library_settings(plan.scope))
+            return LslOutlet(pylsl, stream, only_here=plan.scope == "machine")
+        except (AttributeError, RuntimeError, OSError, ValueError) as error:  # an old library has no such setting
+            raise OutletError(f"the Lab Streaming Layer does not start: {error}") from error
+
+    await MarkerFeed(plan, open_stream).run(finish)
 
 
 class LslOutlet:
-    """One outlet of one string channel without a rate, as all markers are."""
+    """One outlet of one string channel without a rate, as all markers are
+    (`rise_engine.recording.marker_feed.MarkerOutlet`)."""
 
     def __init__(self, pylsl: Any, stream: MarkerStream, *, only_here: bool) -> None:
         """`only_here`: take connections from this computer only, where the system lets that be said."""
@@ -62,7 +70,7 @@ class LslOutlet:
         del self._outlet  # which is how pylsl takes it away
 
 
-def library_settings(scope: Scope) -> str:
+def library_settings(scope: str) -> str:
     """The library's settings for a stream of that scope: the lab's own ones, but for how far it is seen."""
     settings = configparser.ConfigParser(strict=False, interpolation=None)
     settings.optionxform = str  # type: ignore[assignment,method-assign]  # its names have capitals
