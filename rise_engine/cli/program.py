@@ -24,8 +24,9 @@ _STUDY = "rise_engine.cli.study_commands"
 _COMMANDS = {
     **dict.fromkeys(("check", "doctor", "eval", "expand", "new", "robots", "schema"), _SCENARIO),
     "lsl": "rise_engine.cli.lsl",
+    "export": "rise_engine.cli.export",
     "redact": "rise_engine.cli.redact",
-    **dict.fromkeys(("export", "replay", "run", "serve", "sessions", "stop"), _SESSION),
+    **dict.fromkeys(("replay", "run", "serve", "sessions", "stop"), _SESSION),
     "study": _STUDY,
 }
 """Each command's name, and the module where it is the value of `COMMANDS`."""
