@@ -120,6 +120,8 @@ class SocketClient:
             folder=hello.folder,
             replay=hello.replay,
             journaling=hello.journaling,
+            speed=hello.speed,
+            origin=hello.origin,
         )
 
     def records(self) -> AsyncIterator[Sequence[UpdateOrResync]]:

@@ -113,6 +113,12 @@ class RealClock:
         self.speed = speed
         self._origin = loop.time() - start / speed
 
+    @property
+    def origin(self) -> float:
+        """The loop's clock at session time 0: it shows `origin + t / speed` at `t`. Of a session that goes on, where it
+        would have been, had the session run since then."""
+        return self._origin
+
     def now(self) -> float:
         return (self._loop.time() - self._origin) * self.speed
 

@@ -18,6 +18,7 @@ _OWN = {
     "boris": "rise_engine.export.boris:FORMAT",
     "csv": "rise_engine.export.records:CSV",
     "jsonl": "rise_engine.export.records:JSONL",
+    "xdf": "rise_engine.export.xdf:FORMAT",
 }
 """Where each is, in the order in which help lists them. Loaded when it is asked for: some take a while."""
 ENTRY_POINTS = "rise.exports"

@@ -84,6 +84,11 @@ class AttachReply(Struct, frozen=True):
     replay: bool = False
     """This is no session but the replay of one: nothing can be submitted."""
     journaling: JournalStatus = JournalStatus()
+    speed: float = 1.0
+    """Session seconds in a second."""
+    origin: float | None = None
+    """This computer's monotonic clock (`time.monotonic()`) at session time 0: at `t` it shows `origin + t / speed`, in
+    every process. Of a session that was recovered it holds from there on. None: nobody knows."""
 
 
 class Reply(Struct, frozen=True):

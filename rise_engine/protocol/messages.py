@@ -143,6 +143,9 @@ class HelloMessage(Struct, tag_field="type", tag="hello", frozen=True):
     tasks: int = 0
     """How many tasks the state has. A second `hello` on a connection is a new state after records that were left out:
     of its tasks only those follow that are not over, or have changed meanwhile."""
+    origin: float | None = None
+    """This computer's monotonic clock at session time 0, in seconds: at `t` it shows `origin + t / speed`. Of a session
+    that was recovered it holds from there on. Null: the session's time is virtual."""
 
 
 class ScenarioMessage(Struct, tag_field="type", tag="scenario", frozen=True):

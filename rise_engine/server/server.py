@@ -393,6 +393,7 @@ class SessionServer:
             speed=getattr(engine.clock, "speed", 1.0),
             state=without_tasks(hub.view),
             tasks=len(hub.view.tasks),
+            origin=getattr(engine.clock, "origin", None),
         )
 
     @cached_property

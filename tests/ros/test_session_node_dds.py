@@ -13,7 +13,7 @@ from pathlib import Path
 
 import pytest
 from rise_adapters.ros2.actions.client import ALL_GOALS
-from rise_adapters.ros2.session_node.record_topics import RECORDS_LATCHED
+from rise_adapters.ros2.record_messages import RECORDS_LATCHED
 from rise_adapters.ros2.transport.port import STATUS, QoS
 
 from rise_engine.client.socket import SocketClient

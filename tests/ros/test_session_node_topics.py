@@ -8,9 +8,10 @@ from datetime import datetime
 from pathlib import Path
 
 import pytest
+from rise_adapters.ros2.record_messages import RULES_LATCHED
 from rise_adapters.ros2.session_node import diagnostics, record_topics
 from rise_adapters.ros2.session_node.diagnostics import ERROR, OK, STALE, WARN
-from rise_adapters.ros2.session_node.record_topics import REPEATED_STATUS, RULES_LATCHED
+from rise_adapters.ros2.session_node.record_topics import REPEATED_STATUS
 from rise_adapters.ros2.transport.port import Message
 
 from rise_engine.kernel.inputs import RobotChanged, StopReport, Submit

@@ -17,11 +17,12 @@ import asyncio
 import logging
 from time import time_ns
 
+from rise_adapters.ros2.record_messages import make_header
 from rise_adapters.ros2.session_node import diagnostics
 from rise_adapters.ros2.session_node.domain_task import DomainTaskServer
 from rise_adapters.ros2.session_node.memory_service import MemoryService
 from rise_adapters.ros2.session_node.neighbours import NeighbourSessions
-from rise_adapters.ros2.session_node.record_topics import RecordTopics, make_header
+from rise_adapters.ros2.session_node.record_topics import RecordTopics
 from rise_adapters.ros2.transport.port import Message, PortError, QoS, Transport
 from rise_engine.kernel.inputs import Note
 from rise_engine.kernel.records import TaskRecord

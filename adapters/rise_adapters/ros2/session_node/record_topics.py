@@ -9,27 +9,32 @@ from datetime import datetime
 from pathlib import Path
 from time import time_ns
 
+from rise_adapters.ros2.record_messages import (
+    RECORD,
+    RECORD_TYPE,
+    RECORDS_LATCHED,
+    RULE_STATE,
+    RULE_STATE_TYPE,
+    RULES_LATCHED,
+    TASK_STATE,
+    TASK_STATE_TYPE,
+    TASKS_LATCHED,
+    make_header,
+    record_message,
+    rule_state_message,
+    task_state_message,
+    wall_to_nanoseconds,
+)
 from rise_adapters.ros2.session_node import rosout as rosout_topic
 from rise_adapters.ros2.transport.port import Message, PortError, Publisher, QoS, Transport
 from rise_engine.kernel.inputs import Submit
 from rise_engine.kernel.records import AnyRecord, RuleRecord, TaskRecord
-from rise_engine.kernel.view import RuleView
 from rise_engine.server.hub import SessionHub
-from rise_engine.session.journal_format import encode_record
 from rise_engine.session.private_values import PrivateValues
 from rise_engine.text import escape_all_surrogates
 
 _LOG = logging.getLogger(__name__)
 
-RECORD, TASK_STATE, RULE_STATE = "rise/record", "rise/task_state", "rise/rule_state"
-RECORD_TYPE = "rise_interfaces/msg/Record"
-TASK_STATE_TYPE = "rise_interfaces/msg/TaskState"
-RULE_STATE_TYPE = "rise_interfaces/msg/RuleState"
-
-RECORDS_LATCHED = 1000
-TASKS_LATCHED = 100
-RULES_LATCHED = 100
-"""Or twice as many as the scenario has rules."""
 MAX_WAITING = 20_000
 """Records that wait to be published at most; it takes 2 seconds or so to publish them."""
 
@@ -68,7 +73,7 @@ class RecordTopics:
         """By running rule, the number of its latest message, and that; the one that was said first comes first."""
         for name, rule in hub.view.rules.items():  # of a session that goes on
             if rule.running:
-                state = _rule_state(name, REPEATED_STATUS, rule, make_header(time_ns()))
+                state = rule_state_message(name, REPEATED_STATUS, rule, make_header(time_ns()))
                 self._publish_rule_message(name, state, state)
 
     @property
@@ -109,30 +114,12 @@ class RecordTopics:
         elif isinstance(record, TaskRecord):  # also while nobody hears it: who comes later gets the latest of them
             self._publish(
                 self._tasks,
-                {
-                    "header": header,
-                    "id": record.id,
-                    "domain_task_behavior": record.behavior,
-                    "function_type": record.function,
-                    "calling_type": record.calling_type,
-                    "source": record.source,
-                    "status": record.status,
-                    "reason": record.reason,
-                    "position": -1 if record.position is None else record.position,
-                    "goal_id": record.ref if record.ref is not None and record.source.startswith("ros:") else "",
-                },
+                task_state_message(record, header),
             )
         if record.seq != _NO_SEQ:
             self._publish(
                 self._records,
-                {
-                    "header": header,
-                    "session": self._session,
-                    "seq": record.seq,
-                    "t": record.t,
-                    "kind": record.__struct_config__.tag,
-                    "json": encode_record(record).decode(),
-                },
+                record_message(record, self._session, header),
             )
 
     def _publish_log_line(self, line: rosout_topic.LogLine | None, header: Message) -> None:
@@ -144,7 +131,7 @@ class RecordTopics:
         )
 
     def _publish_rule(self, record: RuleRecord, header: Message) -> None:
-        message = _rule_state(record.name, record.status, record, header)
+        message = rule_state_message(record.name, record.status, record, header)
         is_running = record.status in ("started", "entered", "stayed")
         self._publish_rule_message(record.name, message, {**message, "status": REPEATED_STATUS} if is_running else None)
 
@@ -178,28 +165,3 @@ class RecordTopics:
             self.error = str(error)
         else:
             self.error = ""
-
-
-def wall_to_nanoseconds(wall: str) -> int:
-    """The time of a record's label, in nanoseconds since 1970; 0 when it has none."""
-    if not wall:
-        return 0
-    return round(datetime.fromisoformat(wall).timestamp() * 1e6) * 1000
-
-
-def make_header(since_1970: int) -> Message:
-    """The std_msgs/msg/Header of a moment, which is given in nanoseconds."""
-    seconds, rest = divmod(since_1970, 1_000_000_000)
-    return {"stamp": {"sec": seconds, "nanosec": rest}}
-
-
-def _rule_state(name: str, status: str, rule: RuleRecord | RuleView, header: Message) -> Message:
-    return {
-        "header": header,
-        "rule": name,
-        "status": status,
-        "state": rule.state or "",
-        "previous_state": rule.previous or "",
-        "trigger": rule.trigger or "",
-        "priority": float(rule.priority),
-    }

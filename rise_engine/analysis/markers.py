@@ -1,0 +1,199 @@
+"""Markers: what happened in a session, each moment in a few words, for programs that lay it beside an EEG or a video.
+
+    act/R_Welcome/robot     cue/marked     state/Greeting/Welcome     event/H_arrived     sync/2     stop/latched
+
+They hold names that the scenario gives and nothing that anybody said or typed, so that they may go to a network in
+clear. All of them: docs/reference/exports.md, "Markers". The live stream (`rise-engine lsl`) and `--format xdf` have
+the same.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Literal, TypeAlias
+
+import msgspec
+
+from rise_engine.analysis.model import SessionData, SessionFacts
+from rise_engine.kernel.records import (
+    ActionRecord,
+    AnyRecord,
+    CueRecord,
+    EventRecord,
+    MistakeRecord,
+    NoteRecord,
+    OutcomeRecord,
+    RecordingRecord,
+    RobotRecord,
+    RuleRecord,
+    SessionRecord,
+    StopRecord,
+    SyncRecord,
+    TaskRecord,
+)
+from rise_engine.kernel.speech import SAY
+from rise_engine.kernel.view import SessionView
+from rise_engine.scenario.model import Scenario
+from rise_engine.scenario.spoken import SPEECH_CHANNEL
+
+OTHER = "other"
+"""In the place of a name that somebody may have typed: the scenario does not have it."""
+Confirmation: TypeAlias = Literal["", "robot", "voice"]
+"""What an action's record says of its act: nothing; that the robot has begun with it; that it has begun to be heard."""
+_MOMENTS = {
+    "PENDING": "accepted",
+    "ACTIVE": "started",
+    "SUCCEEDED": "succeeded",
+    "ABORTED": "failed",
+    "CANCELED": "canceled",
+    "REJECTED": "rejected",
+}
+_TYPED_BY = ("wizard:", "observer:")
+
+
+class MarkerWords:
+    """Words records, one after the other, in the order of the session."""
+
+    def __init__(
+        self,
+        confirms: Callable[[ActionRecord], Confirmation],
+        is_known: Callable[[Literal["act", "topic"], str], bool] = lambda kind, name: True,
+        hide: Callable[[str], str] = str,
+    ) -> None:
+        """
+        :param confirms: what the record of an action says of its act; of each act only the first of each counts.
+        :param is_known: whether the name of an act or a topic (without its slash) is the scenario's; another one that a
+            person gave is not told.
+        :param hide: takes out of other names what is private.
+        """
+        self._confirms = confirms
+        self._is_known = is_known
+        self._hide = hide
+        self._told: dict[int, set[str]] = {}
+        """By task that is not over, the moments that were told."""
+
+    def skip_to(self, view: SessionView) -> None:
+        """Begin with a session that is under way: what is in `view` is over and will not be told."""
+        for id in (*view.running, *view.waiting):
+            task = view.tasks.get(id)
+            if task is None:
+                continue
+            told = self._told.setdefault(id, {"accepted", "started"} if id in view.running else {"accepted"})
+            for name, action in task.actions.items():
+                if action.confirmed is not None:
+                    record = ActionRecord(
+                        0, action.confirmed, "", id, task.behavior, name, action.type, {}, "accepted",
+                        sent_as=action.sent_as,
+                    )  # fmt: skip
+                    told.update(_steps(self._confirms(record)))
+
+    def words(self, record: AnyRecord) -> tuple[str, ...]:
+        """The markers of a record, none for most kinds."""
+        match record:
+            case TaskRecord(function="startCommunicationRobotAct" | "say"):
+                return self._task(record)
+            case ActionRecord(status="accepted" | "succeeded"):
+                return self._action(record)
+            case RuleRecord(status="entered", state=str(state)):
+                return (f"state/{record.name}/{state}",)
+            case RuleRecord(status="stayed"):
+                return ()
+            case RuleRecord():
+                return (f"rule/{record.name}/{record.status}",)
+            case EventRecord():
+                return (f"event/{self._name('topic', record.topic.lstrip('/'), record.source)}",)
+            case SessionRecord() | StopRecord() | CueRecord() | RobotRecord() | OutcomeRecord():
+                return (f"{record.__struct_config__.tag}/{record.status}",)
+            case MistakeRecord():
+                return (f"mistake/{record.mark}",)
+            case SyncRecord():
+                return (f"sync/{record.number}",)
+            case RecordingRecord(status="started" | "stalled" | "stopped" | "failed"):
+                return (f"recording/{record.name}/{record.status}",)
+            case NoteRecord():
+                return ("note",)
+            case _:
+                return ()
+
+    def _task(self, record: TaskRecord) -> tuple[str, ...]:
+        moment = _MOMENTS[record.status]
+        if record.status in ("PENDING", "ACTIVE"):
+            told = self._told.setdefault(record.id, set())
+            if moment in told:  # its place in the queue has changed
+                return ()
+            told.add(moment)
+        else:
+            self._told.pop(record.id, None)
+        name = SAY if record.function == SAY else self._name("act", record.behavior, record.source)
+        return (f"act/{name}/{moment}",)
+
+    def _action(self, record: ActionRecord) -> tuple[str, ...]:
+        told = self._told.get(record.task)
+        if told is None:
+            return ()
+        new = [step for step in _steps(self._confirms(record)) if step not in told]
+        told.update(new)
+        return tuple(f"act/{record.act}/{step}" for step in new)
+
+    def _name(self, kind: Literal["act", "topic"], name: str, source: str) -> str:
+        if self._is_known(kind, name):
+            return name
+        return OTHER if source.startswith(_TYPED_BY) else self._hide(name)
+
+
+def live_words(scenario: Scenario, hide: Callable[[str], str]) -> MarkerWords:
+    """For a running session of `scenario`; `hide` takes private values out of a text."""
+
+    def confirms(record: ActionRecord) -> Confirmation:
+        spec = scenario.robot.actions.get(record.sent_as or record.type)
+        if spec is None or spec.engine:
+            return ""
+        return "voice" if SPEECH_CHANNEL in spec.channels else "robot"
+
+    def is_known(kind: Literal["act", "topic"], name: str) -> bool:
+        return name in (scenario.acts if kind == "act" else scenario.topics)
+
+    return MarkerWords(confirms, is_known, hide)
+
+
+def recorded_markers(data: SessionData) -> list[tuple[float, str]]:
+    """The markers of a recorded session: session seconds and words, in order."""
+    acts = {act.task: act for act in data.acts}
+
+    def confirms(record: ActionRecord) -> Confirmation:
+        act = acts.get(record.task)
+        if act is None:
+            return ""
+        return "voice" if record.t == act.voice_at else "robot" if record.t == act.robot_at else ""
+
+    words = MarkerWords(confirms)
+    return [(record.t, each) for record in data.records for each in words.words(record)]
+
+
+def describe_session(facts: SessionFacts) -> dict[str, str]:
+    """What a stream says about its session; what is not known is left out."""
+    found = {
+        "session": facts.session,
+        "participant": facts.participant,
+        "condition": facts.condition,
+        "factors": msgspec.json.encode(facts.factors).decode() if facts.factors else "",
+        "study": facts.study,
+        "run": str(facts.run or ""),
+        "purpose": facts.purpose,
+        "outcome": facts.outcome or "",
+        "mode": facts.mode,
+        "robot": facts.robot,
+        "scenario": facts.title,
+        "scenario_hash": facts.scenario_hash,
+        "version": facts.versions.get("rise-tui", ""),
+    }
+    return {name: value for name, value in found.items() if value}
+
+
+def source_id(study: str, session: str) -> str:
+    """What tells a session's stream from all others, also after its process was started again."""
+    return "/".join(each for each in ("rise", study, session) if each)
+
+
+def _steps(confirmation: Confirmation) -> tuple[str, ...]:
+    return ("robot", "voice") if confirmation == "voice" else (confirmation,) if confirmation else ()

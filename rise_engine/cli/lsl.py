@@ -1,0 +1,83 @@
+"""`rise-engine lsl`: markers of a running session for the Lab Streaming Layer, from a process of its own."""
+
+from __future__ import annotations
+
+import asyncio
+import logging
+import signal
+import sys
+from typing import Literal
+
+import click
+
+from rise_engine.client import EngineGone
+from rise_engine.exit_status import FAILED, INTERRUPTED, NO_SUCH_SESSION, OK, USAGE
+from rise_engine.ports.outlet import OutletError, OutletPlan
+from rise_engine.protocol.registry import RegistryError, find_running, socket_path
+from rise_engine.recording.outlets import find_outlet
+from rise_engine.text import clean
+
+OUTLET = "lsl"
+"""The entry point in the group `rise.outlets`."""
+
+
+@click.command()
+@click.argument("session", metavar="SESSION")
+@click.option(
+    "--scope",
+    type=click.Choice(["machine", "link", "site"]),
+    default="machine",
+    show_default=True,
+    help="Who can see the stream: this computer, its network segment, or the whole network.",
+)
+@click.option(
+    "--payload",
+    type=click.Choice(["short", "json"]),
+    default="short",
+    show_default=True,
+    help="short: names of the scenario, as act/R_Nod/robot. json: whole records, with all that is said.",
+)
+def lsl(session: str, scope: Literal["machine", "link", "site"], payload: Literal["short", "json"]) -> None:
+    """Send the markers of the running SESSION to the Lab Streaming Layer, until it ends.
+
+    SESSION is its name (rise-engine sessions), or the path of its socket. It is only watched: whatever happens here,
+    the session goes on. A stamp is the time at which something happened, however late it is sent. Markers wait until
+    a program receives the stream.
+
+    Exit status: 0 when the session has ended; 1 there is no such session; 2 wrong usage, or no stream can be made; 70
+    the engine went without an end; 130 interrupted.
+    """
+    try:
+        socket = session if "/" in session else str(socket_path(find_running(session)))
+    except RegistryError as error:
+        click.echo(clean(f"error: {error}"), err=True)
+        sys.exit(NO_SUCH_SESSION)
+    _log_to_standard_error()
+    sys.exit(asyncio.run(_send(OutletPlan(socket, scope=scope, payload=payload))))
+
+
+async def _send(plan: OutletPlan) -> int:
+    finish = asyncio.Event()
+    for number in (signal.SIGINT, signal.SIGTERM):
+        asyncio.get_running_loop().add_signal_handler(number, finish.set)
+    try:
+        await find_outlet(OUTLET)(plan, finish)
+    except OutletError as error:
+        click.echo(clean(f"error: {error}"), err=True)
+        return USAGE
+    except EngineGone as error:
+        click.echo(clean(f"error: {error}"), err=True)
+        return FAILED
+    return INTERRUPTED if finish.is_set() else OK
+
+
+def _log_to_standard_error() -> None:
+    """What the stream has to say is for who started it."""
+    handler = logging.StreamHandler()
+    handler.setFormatter(logging.Formatter("%(message)s"))
+    log = logging.getLogger("rise_engine.recording")
+    log.addHandler(handler)
+    log.setLevel(logging.INFO)
+
+
+COMMANDS = {"lsl": lsl}

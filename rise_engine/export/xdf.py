@@ -1,0 +1,169 @@
+"""A session as an XDF file, as LabRecorder makes them, for who puts it beside an EEG without a live stream.
+
+Extensible Data Format 1.0 (https://github.com/sccn/xdf/wiki/Specifications): `XDF:`, then chunks, each with its length,
+a tag and its content. One file header; of each stream a header, its samples, and a footer that counts them; a boundary
+before each stream's samples and at least every ten seconds of them lets a reader go on in a file that was damaged.
+
+Two streams. `rise`, type `Markers`: the same markers as the live stream (`rise_engine.analysis.markers`).
+`rise-records`, type `Records`: every record as JSON. Stamps are session seconds: no clock of the Lab Streaming Layer
+was there, so there are no clock offsets either, and none are made up.
+"""
+
+from __future__ import annotations
+
+import struct
+from collections.abc import Iterable, Sequence
+from datetime import datetime
+from pathlib import Path
+from typing import BinaryIO
+
+from lxml import etree
+
+from rise_engine.analysis.markers import describe_session, recorded_markers, source_id
+from rise_engine.analysis.model import SessionData, SessionFacts
+from rise_engine.export.format import ExportContext, ExportFormat
+from rise_engine.session.journal_format import encode_record
+from rise_engine.text import escape_surrogates
+
+MAGIC = b"XDF:"
+BOUNDARY = bytes.fromhex("43a546dccbf5410fb30ed5467383cbe4")
+"""The 16 bytes by which a reader finds its way again."""
+FILE_HEADER, STREAM_HEADER, SAMPLES, STREAM_FOOTER, BOUNDARY_TAG = 1, 2, 3, 6, 5
+SECONDS_AT_ONCE = 10.0
+SAMPLES_AT_ONCE = 1000
+"""Of a chunk of samples, at most: what a damaged byte can take with it."""
+MARKERS, RECORDS = "rise", "rise-records"
+
+Sample = tuple[float, str]
+"""Its stamp in seconds, and its text."""
+
+
+def write_xdf(path: Path, sessions: Iterable[SessionData], context: ExportContext) -> None:
+    """Write the one session of `sessions` to the new file `path`. Raises OSError."""
+    for data in sessions:
+        with path.open("xb") as file:
+            write_session(file, data)
+
+
+def write_session(file: BinaryIO, data: SessionData) -> None:
+    """Write a session to a binary file that is open for writing."""
+    file.write(MAGIC)
+    _write_chunk(file, FILE_HEADER, _xml({"version": "1.0", **_file_time(data.facts)}))
+    streams: tuple[tuple[str, str, Sequence[Sample]], ...] = (
+        (MARKERS, "Markers", recorded_markers(data)),
+        (RECORDS, "Records", [(record.t, encode_record(record).decode()) for record in data.records]),
+    )
+    for number, (name, type, _) in enumerate(streams, 1):
+        _write_chunk(file, STREAM_HEADER, _stream_header(name, type, data.facts), number)
+    for number, (_, _, samples) in enumerate(streams, 1):
+        _write_samples(file, number, samples)
+    for number, (_, _, samples) in enumerate(streams, 1):
+        _write_chunk(file, STREAM_FOOTER, _stream_footer(samples), number)
+
+
+def _stream_header(name: str, type: str, facts: SessionFacts) -> bytes:
+    return _xml(
+        {
+            "name": name,
+            "type": type,
+            "channel_count": "1",
+            "nominal_srate": "0",
+            "channel_format": "string",
+            "source_id": source_id(facts.study, facts.session),
+            "version": "1.0",
+            "created_at": "0",
+            "desc": {**describe_session(facts), "clock": "session seconds"},
+        }
+    )
+
+
+def _stream_footer(samples: Sequence[Sample]) -> bytes:
+    first, last = (samples[0][0], samples[-1][0]) if samples else (0.0, 0.0)
+    return _xml(
+        {
+            "first_timestamp": repr(first),
+            "last_timestamp": repr(last),
+            "sample_count": str(len(samples)),
+            "measured_srate": "0",
+        }
+    )
+
+
+def _file_time(facts: SessionFacts) -> dict[str, str]:
+    """When it was recorded, where the level tells that, as LabRecorder writes it."""
+    try:
+        return {"datetime": datetime.fromisoformat(facts.started).strftime("%Y-%m-%dT%H:%M:%S%z")}
+    except ValueError:
+        return {}
+
+
+def _write_samples(file: BinaryIO, stream: int, samples: Sequence[Sample]) -> None:
+    _write_boundary(file)
+    begin = 0
+    while begin < len(samples):
+        end = begin + 1
+        until = samples[begin][0] + SECONDS_AT_ONCE
+        while end < len(samples) and end - begin < SAMPLES_AT_ONCE and samples[end][0] < until:
+            end += 1
+        chunk = bytearray(_count(end - begin))
+        for stamp, text in samples[begin:end]:
+            value = _text_bytes(text)
+            chunk += b"\x08" + struct.pack("<d", stamp) + _count(len(value)) + value
+        _write_chunk(file, SAMPLES, bytes(chunk), stream)
+        _write_boundary(file)
+        begin = end
+
+
+def _write_boundary(file: BinaryIO) -> None:
+    _write_chunk(file, BOUNDARY_TAG, BOUNDARY)
+
+
+def _write_chunk(file: BinaryIO, tag: int, content: bytes, stream: int | None = None) -> None:
+    body = struct.pack("<H", tag) + (b"" if stream is None else struct.pack("<I", stream)) + content
+    file.write(_count(len(body)) + body)
+
+
+def _count(number: int) -> bytes:
+    """A number with the count of its bytes before it: 1, 4 or 8."""
+    if number < 1 << 8:
+        return struct.pack("<BB", 1, number)
+    return struct.pack("<BI", 4, number) if number < 1 << 32 else struct.pack("<BQ", 8, number)
+
+
+def _text_bytes(text: str) -> bytes:
+    try:
+        return text.encode()
+    except UnicodeEncodeError:  # half a character, as it stands for the bytes of a file name that is no text
+        return escape_surrogates(text).encode()
+
+
+def _xml(values: dict[str, str | dict[str, str]]) -> bytes:
+    """An `info` element with an element of each name."""
+    info = etree.Element("info")
+    for name, value in values.items():
+        element = etree.SubElement(info, name)
+        if isinstance(value, dict):
+            for inner, text in value.items():
+                etree.SubElement(element, inner).text = _xml_text(text)
+        else:
+            element.text = _xml_text(value)
+    return etree.tostring(info, xml_declaration=True, encoding="UTF-8")
+
+
+def _xml_text(text: str) -> str:
+    """Without characters that XML cannot hold (https://www.w3.org/TR/xml/#charsets)."""
+    return "".join(
+        each
+        if each in "\t\n\r" or " " <= each < "\ud800" or "\ue000" <= each < "\ufffe" or each > "\uffff"
+        else "\ufffd"
+        for each in text
+    )
+
+
+FORMAT = ExportFormat(
+    name="xdf",
+    about="markers and records as an XDF file, for EEG labs (MNE, EEGLAB, pyxdf)",
+    shape="file-per-session",
+    suffix=".xdf",
+    write=write_xdf,
+)

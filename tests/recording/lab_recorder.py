@@ -1,0 +1,35 @@
+"""LabRecorder's own code in a process: `python -m tests.recording.lab_recorder FILE SOURCE_ID`.
+
+Prints `recording` once it records the stream, goes on until its standard input ends, and prints `done`.
+"""
+
+from __future__ import annotations
+
+import os
+import sys
+import tempfile
+from pathlib import Path
+
+SETTINGS = "[multicast]\nResolveScope = machine\n[ports]\nIPv6 = disable\n[log]\nlevel = -2\n"
+FIND_SECONDS = 60.0
+
+
+def main(file: str, source: str) -> None:
+    with tempfile.TemporaryDirectory() as folder:
+        settings = Path(folder) / "lsl_api.cfg"
+        settings.write_text(SETTINGS)
+        os.environ["LSLAPICFG"] = str(settings)
+        import labrecorder  # both read the settings when they are loaded
+        import pylsl
+
+        streams = pylsl.resolve_byprop("source_id", source, timeout=FIND_SECONDS)
+        assert len(streams) == 1, streams
+        recording = labrecorder.Recording(file, streams)
+        print("recording", flush=True)
+        sys.stdin.read()
+        recording.stop()
+        print("done", flush=True)
+
+
+if __name__ == "__main__":
+    main(*sys.argv[1:])
