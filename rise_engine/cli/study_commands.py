@@ -8,6 +8,7 @@ from typing import Any
 import click
 
 from rise_engine.cli.arguments import exit_with_usage
+from rise_engine.cli.bundle import bundle
 from rise_engine.cli.options import JSON, MODE
 from rise_engine.cli.study_day_commands import exclude, next_participant, outcome, status
 from rise_engine.cli.study_new import USUAL_CHECKS, NewStudyOptions, new_report
@@ -87,6 +88,7 @@ def new(folder: str, mode: Mode | None, **options: Any) -> None:
 
 
 STUDY: dict[str, click.Command] = {
+    "bundle": bundle,
     "check": check,
     "exclude": exclude,
     "new": new,

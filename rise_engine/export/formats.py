@@ -16,6 +16,7 @@ _OWN = {
     "elan-tab": "rise_engine.export.elan_tab:FORMAT",
     "textgrid": "rise_engine.export.textgrid:FORMAT",
     "boris": "rise_engine.export.boris:FORMAT",
+    "bids": "rise_engine.export.bids:FORMAT",
     "csv": "rise_engine.export.records:CSV",
     "jsonl": "rise_engine.export.records:JSONL",
     "xdf": "rise_engine.export.xdf:FORMAT",

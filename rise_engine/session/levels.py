@@ -22,6 +22,8 @@ LEVELS: tuple[ExportLevel, ...] = ("full", "shared", "public")
 _STARTED = re.compile(r"^\d{4}-\d{2}-\d{2}_\d{6}_")
 _PERSON = re.compile(r"^(wizard|observer):(.*)$", re.DOTALL)
 _NOBODY = frozenset({"command-line"})
+_COUNTED = re.compile(r"\[(?:note|free text|free speech), \d+ words?\]")
+"""What was counted before: in a session that was shared."""
 _TYPED = {"note": "text", "cue": "text", "check": "reason", "outcome": "reason", "recording": "reason"}
 """By kind of record, the field into which people type."""
 
@@ -69,18 +71,29 @@ class LevelFilter:
         """A record as JSON has it, at this level."""
         if self._private is None or self.level == "full":
             return values
-        kind = values["kind"]
-        typed = _TYPED.get(kind, "")
-        if typed and values[typed] and _is_typed(kind, values["source"]):
-            values = {**values, typed: _count_words("note" if kind == "note" else "free text", values[typed])}
-        if kind == "task" and values["function"] == "markCue" and values["behavior"]:
-            values = {**values, "behavior": _count_words("free text", values["behavior"])}
-        if kind == "recording":
-            values = {**values, "path": ""}
+        values = _without_typed(values["kind"], values)
         if self.level == "public":
             values = _without_free_speech(values)
         values = {name: self._hide_people(name, each) for name, each in values.items()}
         return {**self._private.hide_fields(values), "wall": ""}
+
+    def apply_to_input(self, values: dict[str, Any], *, rejected: bool = False) -> dict[str, Any]:
+        """An input as JSON has it, without what people typed and without their names; what is private is left to
+        `PrivateValues`.
+
+        :param values: its fields.
+        :param rejected: whether it is a task that was rejected.
+        """
+        if self.level == "full":
+            return values
+        kind = values["input"]
+        values = _without_typed("task" if kind == "submit" else kind, values)
+        if self.level == "public" and kind == "submit":
+            told = _without_free_speech(
+                {**values, "kind": "task", "status": "REJECTED" if rejected else "", "reason": ""}
+            )
+            values = {**values, "behavior": told["behavior"]}
+        return {name: self._hide_people(name, each) for name, each in values.items()}
 
     def _note_person(self, role: str, name: str) -> None:
         if not name or name in _NOBODY or name in self._people:
@@ -110,6 +123,18 @@ class LevelFilter:
         return value
 
 
+def _without_typed(kind: str, values: dict[str, Any]) -> dict[str, Any]:
+    """A record, or an input, whose fields have the same names, without what somebody may have typed."""
+    typed = _TYPED.get(kind, "")
+    if typed and values.get(typed) and _is_typed(kind, values["source"]):
+        values = {**values, typed: _count_words("note" if kind == "note" else "free text", values[typed])}
+    if kind == "task" and values["function"] == "markCue" and values["behavior"]:
+        values = {**values, "behavior": _count_words("free text", values["behavior"])}
+    if kind == "recording":
+        values = {**values, "path": ""}
+    return values
+
+
 def _is_typed(kind: str, source: str) -> bool:
     """Whether somebody may have typed it: a note of a program can be what it heard, and the engine's own never is."""
     return source != ENGINE if kind in ("note", "cue") else _PERSON.match(source) is not None
@@ -132,4 +157,4 @@ def _without_free_speech(values: dict[str, Any]) -> dict[str, Any]:
 
 
 def _count_words(what: str, text: str) -> str:
-    return f"[{what}, {pluralize(len(text.split()), 'word')}]"
+    return text if _COUNTED.fullmatch(text) else f"[{what}, {pluralize(len(text.split()), 'word')}]"

@@ -8,7 +8,7 @@ of it. A number is only looked for as a word of its own.
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from typing import Any, TypeVar
 
 import msgspec
@@ -116,17 +116,31 @@ class PrivateValues:
 
     def hide_value(self, value: Any) -> Any:
         """A JSON value in whose texts no value of a private key stands."""
+        return self.replace_values(value, lambda slot, found: slot)
+
+    def replace_values(self, value: Any, stand_in: Callable[[str, str | int | float], Any]) -> Any:
+        """A JSON value in whose texts something else stands wherever a private key's value did.
+
+        :param value: a JSON value.
+        :param stand_in: gets the key as `{person_name}` and what was found, a text or a number; for a text it gives
+            one.
+        """
         if self._values and isinstance(value, str):
             if self._pattern is None:
                 self._pattern = self._make_pattern()
-            return self._pattern.sub(lambda found: self._order[(found.lastindex or 1) - 1], value)
+            return self._pattern.sub(
+                lambda found: str(stand_in(self._order[(found.lastindex or 1) - 1], found[0])), value
+            )
         if isinstance(value, int | float) and not isinstance(value, bool):
             text = spoken_text(value)
-            return self._values.get(text, value) if len(text) >= WITHIN_NUMBERS else value
+            known = len(text) >= WITHIN_NUMBERS and text in self._values
+            return stand_in(self._values[text], value) if known else value
         if isinstance(value, list | tuple):
-            return [self.hide_value(each) for each in value]
+            return [self.replace_values(each, stand_in) for each in value]
         if isinstance(value, dict):
-            return {self.hide_value(key): self.hide_value(each) for key, each in value.items()}
+            return {
+                self.replace_values(key, stand_in): self.replace_values(each, stand_in) for key, each in value.items()
+            }
         return value
 
     def is_hidden(self, key: str) -> bool:

@@ -114,6 +114,7 @@ class _ParticipantsReader:
                 if column.startswith(CONSENT_PREFIX)
             },
             status=status,
+            columns={column: values[column] for column in self.study.columns if column in values},
             comment=values.get("comment", ""),
             line=line,
         )

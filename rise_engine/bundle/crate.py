@@ -1,0 +1,188 @@
+"""The metadata of a bundle: RO-Crate 1.1 with Process Run Crate 0.5, one JSON-LD file.
+
+Each session is a CreateAction: the program was the instrument, design and scenario went in, the record came out.
+
+https://www.researchobject.org/ro-crate/specification/1.1/
+https://www.researchobject.org/workflow-run-crate/profiles/0.5/process_run_crate/
+"""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any, TypeAlias
+
+from msgspec import Struct
+
+from rise_engine import __version__
+from rise_engine.analysis.model import SessionFacts
+from rise_engine.bundle.manifest import files_in
+
+METADATA = "ro-crate-metadata.json"
+CRATE = "https://w3id.org/ro/crate/1.1"
+PROFILE = "https://w3id.org/ro/wfrun/process/0.5"
+PROGRAM = "#rise-tui"
+Entity: TypeAlias = dict[str, Any]
+_LICENSES = {
+    "CC0-1.0": "https://creativecommons.org/publicdomain/zero/1.0/",
+    "CC-BY-4.0": "https://creativecommons.org/licenses/by/4.0/",
+    "CC-BY-SA-4.0": "https://creativecommons.org/licenses/by-sa/4.0/",
+    "CC-BY-NC-4.0": "https://creativecommons.org/licenses/by-nc/4.0/",
+    "ODbL-1.0": "https://opendatacommons.org/licenses/odbl/1-0/",
+    "ODC-By-1.0": "https://opendatacommons.org/licenses/by/1-0/",
+    "PDDL-1.0": "https://opendatacommons.org/licenses/pddl/1-0/",
+    "MIT": "https://opensource.org/license/mit",
+}
+_FORMATS = {
+    ".csv": "text/csv",
+    ".html": "text/html",
+    ".json": "application/json",
+    ".jsonl": "application/jsonl",
+    ".md": "text/markdown",
+    ".toml": "application/toml",
+    ".tsv": "text/tab-separated-values",
+    ".txt": "text/plain",
+    ".xml": "application/xml",
+}
+
+
+class CrateSession(Struct, frozen=True):
+    """A session in a bundle."""
+
+    facts: SessionFacts
+    folder: str
+    """From the bundle on; empty: the session itself is not in it, only in the exports."""
+
+
+class CrateContents(Struct, frozen=True):
+    """What the metadata tell."""
+
+    name: str
+    description: str
+    published: str
+    """Date, ISO 8601."""
+    license: str
+    """An SPDX id, an address, or empty: the file LICENSE says it."""
+    authors: tuple[str, ...]
+    sessions: tuple[CrateSession, ...]
+    inputs: tuple[str, ...]
+    """Files and folders from the bundle on that every session was run from: the design, the scenarios."""
+
+
+def license_url(license: str) -> str:
+    """The address of a licence; empty: nobody knows it."""
+    if license.startswith(("https://", "http://")):
+        return license
+    return next((url for name, url in _LICENSES.items() if name.casefold() == license.casefold()), "")
+
+
+def metadata_text(root: Path, contents: CrateContents) -> str:
+    """The metadata of everything that lies in a bundle's folder now, as JSON."""
+    graph = [_descriptor(), *_dataset(root, contents), *_license(contents), _profile(), _program()]
+    graph += [{"@id": f"#author-{n}", "@type": "Person", "name": name} for n, name in enumerate(contents.authors, 1)]
+    graph.append({"@id": "#team", "@type": "Organization", "name": "The people who ran the study"})
+    graph += [_run_of(session, contents) for session in contents.sessions]
+    return json.dumps({"@context": f"{CRATE}/context", "@graph": graph}, indent=2, ensure_ascii=False) + "\n"
+
+
+def _descriptor() -> Entity:
+    return {
+        "@id": METADATA,
+        "@type": "CreativeWork",
+        "conformsTo": {"@id": CRATE},
+        "about": {"@id": "./"},
+    }
+
+
+def _profile() -> Entity:
+    return {"@id": PROFILE, "@type": "CreativeWork", "name": "Process Run Crate", "version": "0.5"}
+
+
+def _program() -> Entity:
+    return {
+        "@id": PROGRAM,
+        "@type": "SoftwareApplication",
+        "name": "rise-tui",
+        "description": "Runs human-robot interaction studies from a terminal",
+        "softwareVersion": __version__,
+        "version": __version__,
+    }
+
+
+def _dataset(root: Path, contents: CrateContents) -> list[Entity]:
+    """The bundle, its folders and its files."""
+    files = [name for name in files_in(root) if name != METADATA]
+    folders = sorted({f"{parent.as_posix()}/" for name in files for parent in Path(name).parents if parent.name})
+    url = license_url(contents.license)
+    dataset: Entity = {
+        "@id": "./",
+        "@type": "Dataset",
+        "name": contents.name,
+        "description": contents.description,
+        "datePublished": contents.published,
+        "license": {"@id": url or "LICENSE"},
+        "conformsTo": {"@id": PROFILE},
+        "hasPart": [{"@id": name} for name in [*folders, *files]],
+        "mentions": [{"@id": _run_id(each)} for each in contents.sessions],
+    }
+    if contents.authors:
+        dataset["author"] = [{"@id": f"#author-{number}"} for number in range(1, len(contents.authors) + 1)]
+    entities: list[Entity] = [dataset]
+    for folder in folders:
+        entities.append({"@id": folder, "@type": "Dataset", "name": folder.rstrip("/")})
+    for name in files:
+        path = root / name
+        entity: Entity = {
+            "@id": name,
+            "@type": "File",
+            "name": name,
+            "contentSize": str(path.stat().st_size),
+        }
+        if form := _FORMATS.get(path.suffix):
+            entity["encodingFormat"] = form
+        entities.append(entity)
+    return entities
+
+
+def _license(contents: CrateContents) -> list[Entity]:
+    url = license_url(contents.license)
+    if not url:
+        return []
+    return [
+        {
+            "@id": url,
+            "@type": "CreativeWork",
+            "name": contents.license,
+            "description": f"The licence of this bundle: {contents.license}",
+        }
+    ]
+
+
+def _run_of(session: CrateSession, contents: CrateContents) -> Entity:
+    facts = session.facts
+    outcome = facts.outcome or ("complete" if facts.ended else "aborted")
+    about = ", ".join(filter(None, [facts.participant, facts.condition, f"{facts.duration:.0f} s", outcome]))
+    action: Entity = {
+        "@id": _run_id(session),
+        "@type": "CreateAction",
+        "name": f"Session {facts.session}",
+        "description": f"A session with a robot ({facts.robot or 'unknown'}): {about}",
+        "instrument": {"@id": PROGRAM},
+        "agent": {"@id": "#team"},
+        "object": [{"@id": each} for each in contents.inputs],
+        "result": [{"@id": session.folder}] if session.folder else [],
+        "actionStatus": {
+            "@id": "http://schema.org/CompletedActionStatus"
+            if outcome != "aborted"
+            else "http://schema.org/FailedActionStatus"
+        },
+    }
+    if outcome == "aborted":
+        action["error"] = facts.outcome_reason or "the session was broken off"
+    if facts.started:
+        action["startTime"] = facts.started
+    return action
+
+
+def _run_id(session: CrateSession) -> str:
+    return f"#session-{session.facts.session}"

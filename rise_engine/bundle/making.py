@@ -1,0 +1,280 @@
+"""Making a bundle: everything of a study that others need, at one level, and a plain list of what is in it."""
+
+from __future__ import annotations
+
+import shutil
+from collections import Counter
+from collections.abc import Iterator, Sequence
+from datetime import datetime
+from pathlib import Path
+
+from msgspec import Struct, field
+from msgspec.structs import replace
+
+from rise_engine.analysis.model import SessionData
+from rise_engine.analysis.reading import read_sessions
+from rise_engine.bundle.archive import write_zip
+from rise_engine.bundle.crate import METADATA, CrateContents, CrateSession, metadata_text
+from rise_engine.bundle.environment import environment_text
+from rise_engine.bundle.errors import BundleError
+from rise_engine.bundle.look_at import LookAt
+from rise_engine.bundle.manifest import MANIFEST, manifest_text
+from rise_engine.bundle.report import REPORT, write_report
+from rise_engine.bundle.study_files import copy_scenarios, log_text, participants_text, study_text
+from rise_engine.bundle.texts import license_text, readme_text
+from rise_engine.export.format import ExportContext, ExportError
+from rise_engine.export.formats import format_names, load_format
+from rise_engine.export.writing import export_context, new_path, note_export
+from rise_engine.session.disk import make_private_folder
+from rise_engine.session.errors import SessionError
+from rise_engine.session.folder import INFO, JOURNAL, SCENARIO_COPY
+from rise_engine.session.levels import ExportLevel
+from rise_engine.session.media import MEDIA_FILE
+from rise_engine.session.sharing import CannotShare, share_session
+from rise_engine.study.plan_file import PLAN_FILE
+from rise_engine.study.state import StudyState
+from rise_engine.study.study_log import LOG_FILE
+from rise_engine.study.study_toml import STUDY_FILE
+from rise_engine.study.traces import PARTICIPANTS_FILE, wizard_names
+from rise_engine.text import pluralize
+
+SESSIONS = "sessions"
+_FORMATS = ("tables", "bids")
+"""Exports that are in every bundle."""
+
+
+class BundleOptions(Struct, frozen=True):
+    """What somebody decides about a bundle."""
+
+    level: ExportLevel = "shared"
+    private: tuple[str, ...] = ()
+    """Further private memory keys."""
+    license: str = ""
+    """Instead of what `[report]` in study.toml says."""
+
+
+class BundleReport(Struct):
+    """What came of making a bundle, in lines for a person."""
+
+    contents: list[str] = field(default_factory=list)
+    left_out: list[str] = field(default_factory=list)
+    look_at: list[str] = field(default_factory=list)
+    """What somebody should look at before others get it."""
+    sessions: int = 0
+    """How many can be run again from it."""
+
+
+def make_bundle(
+    state: StudyState, folders: Sequence[Path], out: Path, options: BundleOptions, remarks: Sequence[str] = ()
+) -> BundleReport:
+    """Make the bundle of a study.
+
+    :param state: the study as it stands.
+    :param folders: its sessions, in the order in which they began.
+    :param out: a new folder, or a new file whose name ends in `.zip`.
+    :param options: how much it tells.
+    :param remarks: what of the study's sessions is not among `folders`, in sentences.
+    :raises BundleError: it cannot be made; nothing of it is there.
+    """
+    if not folders:
+        raise BundleError("\n".join(["there is no session to put into a bundle", *remarks]))
+    bundle = _Bundle(state, folders, options)
+    bundle.report.left_out += remarks
+    try:
+        with new_path(out) as here:
+            bundle.report.left_out += note_export(folders, out, "bundle", options.level)
+            root = here if out.suffix != ".zip" else here.with_name("bundle")
+            root.mkdir(0o700)
+            bundle.write(root)
+            if root != here:
+                write_zip(root, here)
+    except (ExportError, SessionError) as error:
+        raise BundleError(str(error)) from None
+    return bundle.report
+
+
+class _Bundle:
+    """One bundle that is being made."""
+
+    def __init__(self, state: StudyState, folders: Sequence[Path], options: BundleOptions) -> None:
+        self._state = state
+        self._study = state.study
+        self._folders = list(folders)
+        self._options = options
+        self._level = options.level
+        self._people = dict(wizard_names(Path(state.study.folder)))
+        """What each wizard is called, by name."""
+        self._sessions: list[CrateSession] = []
+        self._names: dict[str, str] = {}
+        """What each session is called in the bundle, by its folder's name."""
+        self._versions: dict[str, set[str]] = {}
+        self._look_at = LookAt(state.study, options.level)
+        self.report = BundleReport()
+
+    def write(self, root: Path) -> None:
+        """Everything, its metadata and check sums at last. Raises SessionError, ExportError, BundleError, OSError."""
+        self._write_sessions(root / SESSIONS)
+        inputs = self._write_study(root)
+        self._write_exports(root)
+        license = self._options.license or self._study.report.get("license", "")
+        (root / "LICENSE").write_text(license_text(license, self._study), "utf-8")
+        (root / "environment.txt").write_text(environment_text(self._versions), "utf-8")
+        self.report.look_at += self._look_at.sentences(root, self._people, license)
+        self.report.contents += self._contents(root)
+        readme = readme_text(self._study, self._level, self.report.contents, self.report.left_out)
+        (root / "README.md").write_text(readme, "utf-8")
+        (root / METADATA).write_text(metadata_text(root, self._crate_contents(inputs, license)), "utf-8")
+        (root / MANIFEST).write_text(manifest_text(root), "utf-8")
+
+    # --- sessions ---
+
+    def _read(self) -> Iterator[SessionData]:
+        return read_sessions(
+            self._folders, level=self._level, private=self._options.private, on_unreadable=self._note_unreadable
+        )
+
+    def _note_unreadable(self, folder: Path, error: SessionError) -> None:
+        sentence = f"{folder.name} cannot be read: {error}"
+        if sentence not in self.report.left_out:
+            self.report.left_out.append(sentence)
+
+    def _write_sessions(self, target: Path) -> None:
+        target.mkdir(0o700)
+        for data in self._read():
+            name = data.facts.session
+            self._names[data.folder.name] = name
+            for program, version in data.facts.versions.items():
+                self._versions.setdefault(program, set()).add(version)
+            self._look_at.add(data)
+            where = f"{SESSIONS}/{name}/"
+            try:
+                self._write_session(data, target / name)
+                self.report.sessions += 1
+            except CannotShare as error:
+                self.report.left_out.append(
+                    f"session {name} itself, because {error}. What the level tells of it is in the exports"
+                )
+                where = ""
+            self._sessions.append(CrateSession(data.facts, where))
+            if self._level == "full" and data.media:
+                recordings = pluralize(len(data.media), "recording")
+                self.report.left_out.append(f"{recordings} of {name}: add the files yourself, if people agreed to that")
+        if not self._sessions:
+            raise BundleError("\n".join(["no session could be read", *self.report.left_out]))
+
+    def _write_session(self, data: SessionData, target: Path) -> None:
+        if self._level == "full":
+            _copy_session(data.folder, target)
+            return
+        shared = share_session(
+            data.folder, target, level=self._level, private=self._options.private, wizards=self._people
+        )
+        self._people.update(shared.people)
+        self._look_at.add_shared(target, shared)
+
+    # --- the study ---
+
+    def _write_study(self, root: Path) -> list[str]:
+        """Its files; those that every session was run from."""
+        study, folder = self._study, Path(self._study.folder)
+        text = (folder / STUDY_FILE).read_text("utf-8")
+        (root / STUDY_FILE).write_text(study_text(text, self._people, self._level), "utf-8")
+        there = {each.facts.participant for each in self._sessions}
+        people = [each for each in self._state.participants if each.participant in there]
+        (root / PARTICIPANTS_FILE).write_text(participants_text(study, people, self._level), "utf-8")
+        self._look_at.add_people(people)
+        others = len(self._state.participants) - len(people)
+        if others:
+            self.report.left_out.append(
+                f"{pluralize(others, 'participant')} of {PARTICIPANTS_FILE} who {'has' if others == 1 else 'have'} no "
+                "session in it"
+            )
+        self.report.left_out.append(f"the comments in {PARTICIPANTS_FILE}")
+        inputs = [STUDY_FILE]
+        standing = self._state.standing
+        if standing.complete >= standing.wanted and (folder / PLAN_FILE).is_file():
+            shutil.copyfile(folder / PLAN_FILE, root / PLAN_FILE)
+            inputs.append(PLAN_FILE)
+        elif (folder / PLAN_FILE).is_file():
+            self.report.left_out.append(
+                f"{PLAN_FILE}, because the study is not complete and it says what the next participants get"
+            )
+        names, people_names = self._names, self._people
+        (root / LOG_FILE).write_text(log_text(self._state.log, names, people_names, self._level), "utf-8")
+        copied, left_out = copy_scenarios(study, root)
+        self.report.left_out += left_out
+        return [*inputs, *copied]
+
+    # --- exports ---
+
+    def _write_exports(self, root: Path) -> None:
+        for name in _FORMATS:
+            if name in format_names():
+                context = self._context()
+                load_format(name).write(root / name, self._read(), context)
+                self._look_at.add_warnings(name, context.warnings)
+        make_private_folder((root / REPORT).parent)
+        context = self._context()
+        if why := write_report(root / REPORT, self._read(), context):
+            (root / REPORT).parent.rmdir()
+            self.report.left_out.append(f"a report: {why}")
+
+    def _context(self) -> ExportContext:
+        context = export_context(self._folders, self._level)
+        context.standing = self._state.standing
+        return context
+
+    # --- about all of it ---
+
+    def _contents(self, root: Path) -> list[str]:
+        """What is in it, a line each."""
+        counts: Counter[str] = Counter()
+        for path in root.rglob("*"):
+            if path.is_file():
+                counts[path.relative_to(root).parts[0]] += 1
+        people = len({each.facts.participant for each in self._sessions})
+        told = {
+            SESSIONS: f"{pluralize(self.report.sessions, 'session')} of {pluralize(people, 'participant')}, which can "
+            "be run again (rise-engine reproduce)",
+            STUDY_FILE: "the design",
+            PARTICIPANTS_FILE: "pseudonyms, strata, declared columns",
+            PLAN_FILE: "who got what",
+            LOG_FILE: "what happened with the study",
+            "tables": "acts, events and sessions as tables",
+            "bids": "the same as a data set of BIDS",
+            "report": "the report",
+            "LICENSE": "what others may do with it",
+            "environment.txt": "versions of programs",
+        }
+        lines = []
+        for name in sorted(counts):
+            files = f" ({pluralize(counts[name], 'file')})" if (root / name).is_dir() else ""
+            lines.append(f"{name}{'/' if files else ''}: {told.get(name, 'a scenario')}{files}")
+        return lines
+
+    def _crate_contents(self, inputs: Sequence[str], license: str) -> CrateContents:
+        study = self._study
+        authors = tuple(each.strip() for each in study.report.get("authors", "").split(";") if each.strip())
+        standing = self._state.standing
+        return CrateContents(
+            name=study.title,
+            description=f"The study {study.title!r} ({study.id}): design, scenario, records of "
+            f"{pluralize(len(self._sessions), 'session')} with a robot, exports. Level: {self._level}. "
+            f"{standing.complete} of {standing.wanted} participants are complete.",
+            published=datetime.now().astimezone().date().isoformat(),
+            license=license,
+            authors=authors,
+            sessions=tuple(
+                replace(each, facts=replace(each.facts, started="")) if self._level != "full" else each
+                for each in self._sessions
+            ),
+            inputs=tuple(inputs),
+        )
+
+
+def _copy_session(source: Path, target: Path) -> None:
+    for path in [source / INFO, source / JOURNAL, source / MEDIA_FILE, *sorted((source / SCENARIO_COPY).rglob("*"))]:
+        if path.is_file() and not path.is_symlink():
+            copy = target / path.relative_to(source)
+            make_private_folder(copy.parent)
+            shutil.copyfile(path, copy)

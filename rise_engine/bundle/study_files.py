@@ -1,0 +1,155 @@
+"""The files of a study as a bundle has them: study.toml, participants.csv, plan.csv, study.jsonl, its scenarios."""
+
+from __future__ import annotations
+
+import csv
+import io
+import re
+import shutil
+import tomllib
+from collections.abc import Iterable, Mapping
+from pathlib import Path
+from typing import Any
+
+from rise_engine.bundle.errors import BundleError
+from rise_engine.json_codec import encode
+from rise_engine.session.disk import make_private_folder
+from rise_engine.session.levels import ExportLevel, LevelFilter
+from rise_engine.study.model import Participant, Study
+from rise_engine.study.study_log import LogEntry
+from rise_engine.study.study_scenarios import scenario_folder
+from rise_engine.study.withdrawn import without_salts
+
+GIVEN = "1900-01-01"
+"""Stands for the date of a consent where the level tells no dates: a day on which nobody gave it."""
+OLDEST = 89
+"""Years: at level public nobody is older."""
+_TABLE = re.compile(r"^\s*\[wizards\]")
+_NEXT_TABLE = re.compile(r"^\s*\[")
+_INLINE = re.compile(r"^\s*wizards\s*[.=]")
+_DATE = re.compile(r"^\d{4}-\d{2}-\d{2}_\d{6}_")
+_TYPED = ("reason", "value")
+"""Fields of the log into which people type."""
+
+
+def study_text(text: str, people: Mapping[str, str], level: ExportLevel) -> str:
+    """study.toml; without everything being told, without the names of its wizards.
+
+    :param text: as it stands.
+    :param people: what each is called in the bundle, by name.
+    :raises BundleError: they cannot be taken out.
+    """
+    if level == "full" or "wizards" not in tomllib.loads(text):
+        return text
+    kept: list[str] = []
+    within = False
+    for line in text.splitlines(keepends=True):
+        within = bool(_TABLE.match(line)) or (within and not _NEXT_TABLE.match(line))
+        if not within and not _INLINE.match(line):
+            kept.append(line)
+    new = "".join(kept).rstrip("\n") + "\n"
+    names = dict.fromkeys(people.values())
+    if names:
+        new += "\n[wizards]\n" + "".join(f'"{name}" = "{name}"\n' for name in names)
+    before = {name: value for name, value in tomllib.loads(text).items() if name != "wizards"}
+    after = {name: value for name, value in tomllib.loads(new).items() if name != "wizards"}
+    if before != after:
+        raise BundleError(
+            "the names of wizards in study.toml cannot be taken out: write [wizards] as a table of its own"
+        )
+    return new
+
+
+def participants_text(study: Study, people: Iterable[Participant], level: ExportLevel) -> str:
+    """participants.csv without comments; without everything being told, without dates; at level public without ages
+    above 89."""
+    consents = [f"consent_{name}" for name in study.consent]
+    columns = ["participant", *study.strata, *consents, "status", *study.columns]
+    text = io.StringIO()
+    rows = csv.writer(text, lineterminator="\n")
+    rows.writerow(columns)
+    for person in people:
+        given = [person.consent.get(name, "") for name in study.consent]
+        further = [_told(name, person.columns.get(name, ""), level) for name in study.columns]
+        rows.writerow(
+            [
+                person.participant,
+                *(person.strata.get(name, "") for name in study.strata),
+                *(each if level == "full" or not each else GIVEN for each in given),
+                person.status,
+                *further,
+            ]
+        )
+    return text.getvalue()
+
+
+def _told(column: str, value: str, level: ExportLevel) -> str:
+    if level == "public" and column.casefold() in ("age", "alter", "edad") and value.strip().isdigit():
+        return str(min(int(value), OLDEST))
+    return value
+
+
+def log_text(log: Iterable[LogEntry], names: Mapping[str, str], people: Mapping[str, str], level: ExportLevel) -> str:
+    """study.jsonl without salts; without everything being told, without dates, names, what people typed, and where
+    exports went.
+
+    :param log: its entries.
+    :param names: what sessions are called in the bundle, by their folders' names.
+    :param people: what wizards are called.
+    :param level: how much is told.
+    """
+    entries = without_salts(list(log))
+    if level == "full":
+        return _lines((each.at, each.kind, each.fields) for each in entries)
+    count = LevelFilter(level, None).count_typed_words
+    told = []
+    for each in entries:
+        if each.kind == "exported":
+            continue
+        fields = {name: _without_people(value, people) for name, value in each.fields.items()}
+        for name in ("folder", "session"):
+            if isinstance(folder := fields.get(name), str):
+                fields[name] = names.get(folder, _DATE.sub("", folder))
+        if "started" in fields:
+            fields["started"] = ""
+        for name in _TYPED:
+            if isinstance(typed := fields.get(name), str) and (name == "reason" or each.kind != "checked"):
+                fields[name] = count(typed)
+        told.append(("", each.kind, fields))
+    return _lines(told)
+
+
+def _lines(entries: Iterable[tuple[str, str, dict[str, Any]]]) -> str:
+    return "".join(encode({"kind": kind, "at": at, **fields}).decode() + "\n" for at, kind, fields in entries)
+
+
+def _without_people(value: Any, people: Mapping[str, str]) -> Any:
+    """In sources as `wizard:anna`."""
+    if isinstance(value, str):
+        kind, colon, name = value.partition(":")
+        return f"{kind}:{people.get(name, 'W')}" if colon and kind in ("wizard", "observer") else value
+    return value
+
+
+def copy_scenarios(study: Study, root: Path) -> tuple[list[str], list[str]]:
+    """Copy the scenarios that lie in the study's folder; the folders from the bundle on, and sentences about others."""
+    named = [study.scenario, *(level.scenario for factor in study.factors for level in factor.levels)]
+    copied, left_out = [], []
+    for name in dict.fromkeys(filter(None, named)):
+        source = Path(scenario_folder(study, name))
+        if not source.is_dir():
+            continue
+        if not source.is_relative_to(study.folder) or source == Path(study.folder):
+            left_out.append(f"the scenario in {name} lies outside of the study: each session has its own copy of it")
+            continue
+        where = source.relative_to(study.folder)
+        if (root / where).exists():
+            continue  # it lies in one that was copied
+        for path in sorted(source.rglob("*")):
+            hidden = any(part.startswith(".") for part in path.relative_to(source).parts)
+            if path.is_file() and not path.is_symlink() and not hidden:
+                target = root / where / path.relative_to(source)
+                make_private_folder(target.parent)
+                shutil.copyfile(path, target)
+        copied.append(f"{where.as_posix()}/")
+    return copied, left_out

@@ -1,0 +1,310 @@
+"""Sessions as a data set of BIDS 1.11.1, the Brain Imaging Data Structure, modality `beh`.
+
+    dataset_description.json  README.md  CHANGES
+    participants.tsv          participants.json
+    task-ID_events.json       task-ID_beh.json        what the columns mean
+    sub-P07/sub-P07_scans.tsv                         a row for each session
+    sub-P07/beh/sub-P07_task-ID_run-1_events.tsv      everything that has a time
+    sub-P07/beh/sub-P07_task-ID_run-1_beh.tsv         a row for each act, with the parts of its latency
+    sourcedata/rise/sub-P07/...                       what all of it was made of, as far as the level tells it
+
+https://bids-specification.readthedocs.io/en/v1.11.1/modality-specific-files/behavioral-experiments.html
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import shutil
+from collections.abc import Iterable
+from pathlib import Path
+from typing import Any
+
+from msgspec import Struct, field
+
+from rise_engine import __version__
+from rise_engine.analysis.model import SessionData, SessionFacts
+from rise_engine.export.bids_columns import (
+    ACT_COLUMNS,
+    EVENT_COLUMNS,
+    SESSION_COLUMNS,
+    Description,
+    factor_column,
+)
+from rise_engine.export.bids_people import Labels, label_of, participants_table
+from rise_engine.export.bids_rows import Row, act_rows, event_rows, session_row, table_text
+from rise_engine.export.format import ExportContext, ExportError, ExportFormat
+from rise_engine.session.disk import make_private_folder
+from rise_engine.session.folder import INFO, JOURNAL, SCENARIO_COPY
+from rise_engine.session.journal_format import encode_record
+from rise_engine.session.media import MEDIA_FILE
+from rise_engine.study.model import Participant
+from rise_engine.study.participants import load_participants
+
+VERSION = "1.11.1"
+"""Of BIDS."""
+_NO_TASK = "session"
+"""The task's label where nothing has a title."""
+
+
+class _Person(Struct):
+    """One participant's sessions so far."""
+
+    rows: list[Row] = field(default_factory=list)
+    group: str = ""
+
+
+class _Dataset:
+    """A data set that is being written, one session after the other."""
+
+    def __init__(self, root: Path, context: ExportContext) -> None:
+        self._root = root
+        self._context = context
+        self._labels = Labels()
+        self._people: dict[str, _Person] = {}
+        self._names: set[str] = set()
+        self._tasks: dict[str, list[SessionFacts]] = {}
+        self._factors: list[str] = []
+        self._media = False
+
+    def add(self, data: SessionData) -> None:
+        """Write a session's own files."""
+        facts = data.facts
+        label = self._labels.label(facts.participant)
+        person = self._people.setdefault(facts.participant, _Person())
+        task = label_of(facts.study) or label_of(facts.title) or _NO_TASK
+        facts_of_task = self._tasks.setdefault(task, [])
+        if not any(each.versions == facts.versions for each in facts_of_task):
+            facts_of_task.append(facts)
+        name = self._file_name(facts, label, task, len(person.rows) + 1)
+        folder = self._root / f"sub-{label}"
+        self._write(folder / "beh" / f"{name}_events.tsv", table_text(list(EVENT_COLUMNS), event_rows(data)))
+        self._write(folder / "beh" / f"{name}_beh.tsv", table_text(list(ACT_COLUMNS), act_rows(data)))
+        person.rows.append(session_row(data, f"beh/{name}_events.tsv"))
+        person.group = person.group or self._group(facts)
+        self._factors += [each for each in facts.factors if each not in self._factors]
+        self._media = self._media or bool(data.media or data.recordings)
+        self._write_source(data, self._root / "sourcedata" / "rise" / f"sub-{label}", name)
+
+    def close(self) -> None:
+        """Write what is about all sessions. Raises ExportError when there was none."""
+        if not self._people:
+            raise ExportError("there is no session that could be exported")
+        columns = self._session_columns()
+        for participant, label in self._labels.items():
+            stem = self._root / f"sub-{label}" / f"sub-{label}_scans"
+            self._write(stem.with_suffix(".tsv"), table_text(list(columns), self._people[participant].rows))
+            self._write_json(stem.with_suffix(".json"), columns)
+        for task, facts in sorted(self._tasks.items()):
+            about = self._task_description(task, facts)
+            self._write_json(self._root / f"task-{task}_events.json", {**about, **EVENT_COLUMNS})
+            self._write_json(self._root / f"task-{task}_beh.json", {**about, **ACT_COLUMNS})
+        self._write_participants()
+        self._write_json(self._root / "dataset_description.json", self._description())
+        self._write(self._root / "README.md", self._readme())
+        self._write(self._root / "CHANGES", f"1.0.0\n  - Exported by rise-tui {__version__}.\n")
+
+    # --- names ---
+
+    def _file_name(self, facts: SessionFacts, label: str, task: str, number: int) -> str:
+        """Entities of BIDS; what does not count, and what was begun again, say so in `acq`."""
+        rehearsal = facts.purpose if facts.purpose not in ("", "counted") else ""
+        again = f"attempt{facts.attempt}" if facts.attempt > 1 else ""
+        run = facts.run or number
+        for extra in ("", *(f"n{each}" for each in range(2, 10_000))):
+            acquisition = f"_acq-{rehearsal}{again}{extra}" if rehearsal or again or extra else ""
+            name = f"sub-{label}_task-{task}{acquisition}_run-{run}"
+            if name not in self._names:
+                break
+        self._names.add(name)
+        return name
+
+    def _group(self, facts: SessionFacts) -> str:
+        study = self._context.study
+        between = [each.name for each in study.factors if each.kind == "between"] if study is not None else []
+        return "+".join(str(facts.factors[name]) for name in between if name in facts.factors)
+
+    def _session_columns(self) -> dict[str, Description]:
+        columns: dict[str, Description] = {}
+        for name, description in SESSION_COLUMNS.items():
+            if name == "acq_time" and self._context.level != "full":
+                continue  # an empty one is no time
+            columns[name] = description
+            if name == "condition":
+                for factor in self._factors:
+                    columns[f"factor_{factor}"] = factor_column(factor, self._levels(factor))
+        return columns
+
+    def _levels(self, factor: str) -> dict[str, str]:
+        study = self._context.study
+        found = next((each for each in study.factors if each.name == factor), None) if study is not None else None
+        if found is None:
+            return {}
+        levels = {}
+        for level in found.levels:
+            sets = [f"{key} = {json.dumps(value, ensure_ascii=False)}" for key, value in level.memory.items()]
+            sets += [f"scenario {level.scenario}"] if level.scenario else []
+            levels[level.name] = "; ".join(sets) or level.name
+        return levels
+
+    # --- what is about all ---
+
+    def _write_participants(self) -> None:
+        study, context = self._context.study, self._context
+        people: tuple[Participant, ...] = load_participants(study).participants if study is not None else ()
+        groups = {name: person.group for name, person in self._people.items()}
+        columns, rows, warnings = participants_table(self._labels, groups, study, people)
+        context.warnings += warnings
+        changed = [f"{name or 'nobody'}: sub-{label}" for name, label in self._labels.changed().items()]
+        if changed:
+            context.warnings.append(
+                "BIDS has letters and digits only in a participant's name, so some have others there: "
+                + ", ".join(changed)
+            )
+        self._write(self._root / "participants.tsv", table_text(list(columns), rows))
+        self._write_json(self._root / "participants.json", columns)
+
+    def _description(self) -> dict[str, Any]:
+        study = self._context.study
+        said = study.report if study is not None else {}
+        titles = dict.fromkeys(each.title for facts in self._tasks.values() for each in facts)
+        description: dict[str, Any] = {
+            "Name": study.title if study is not None else ", ".join(titles) or "RISE sessions",
+            "BIDSVersion": VERSION,
+            "DatasetType": "raw",
+            "GeneratedBy": [
+                {
+                    "Name": "rise-tui",
+                    "Version": __version__,
+                    "Description": f"rise-engine export --format bids --level {self._context.level}",
+                }
+            ],
+            "SourceDatasets": [{"URL": "bids::sourcedata/rise"}],
+        }
+        if said.get("license"):
+            description["License"] = said["license"]
+        authors = [each.strip() for each in said.get("authors", "").split(";") if each.strip()]
+        if authors:
+            description["Authors"] = authors
+        missing = [name for name in ("authors", "license") if not said.get(name)]
+        if missing:
+            self._context.warnings.append(
+                f"dataset_description.json does not say {' and '.join(missing)}: write them there, or in study.toml "
+                '([report] authors = "Doe, J.; Roe, M." and license = "CC-BY-4.0") and export again'
+            )
+        return description
+
+    def _task_description(self, task: str, facts: list[SessionFacts]) -> dict[str, Any]:
+        study = self._context.study
+        said = study.report if study is not None else {}
+        versions = dict.fromkeys(each.versions.get("rise-tui", "") for each in facts)
+        systems = dict.fromkeys(each.versions.get("system", "") for each in facts)
+        return {
+            "TaskName": task,
+            "TaskDescription": said.get("scenario") or ", ".join(dict.fromkeys(each.title for each in facts)),
+            "Instructions": said.get("instructions") or "n/a",
+            "InstitutionName": said.get("institution") or "n/a",
+            "InstitutionAddress": said.get("institution_address") or "n/a",
+            "InstitutionalDepartmentName": said.get("department") or "n/a",
+            "StimulusPresentation": {
+                "OperatingSystem": ", ".join(filter(None, systems)) or "n/a",
+                "SoftwareName": "rise-tui",
+                "SoftwareVersion": ", ".join(filter(None, versions)) or "n/a",
+                "Code": "n/a",
+            },
+        }
+
+    def _readme(self) -> str:
+        sessions = sum(len(person.rows) for person in self._people.values())
+        what = {
+            "full": "Everything is told, as it was recorded: what people wrote, too, and when the sessions were.",
+            "shared": "There are no dates, no notes and no names of wizards; what is private is shown as its name.",
+            "public": "There are no dates, no notes, no names of wizards, and no words that wizards said freely; what "
+            "is private is shown as its name.",
+        }[self._context.level]
+        study = self._context.study
+        lines = [
+            f"# {study.title if study is not None else 'Sessions with a robot'}",
+            "",
+            f"{sessions} sessions of {len(self._people)} participants with a robot, recorded and exported by rise-tui "
+            f"{__version__}.",
+            "",
+            f"Level `{self._context.level}`: {what}",
+            "",
+            "- `sub-*/beh/*_events.tsv`: everything that has a time. Onsets are seconds since the session began.",
+            "- `sub-*/beh/*_beh.tsv`: a row for each act of the robot, with the parts of its latency.",
+            "- `sub-*/*_scans.tsv`: a row for each session: condition, factors, outcome.",
+            "- `*.json`: what every column means.",
+            "- `sourcedata/rise`: "
+            + (
+                "the session folders themselves, which rise-tui replays."
+                if self._context.level == "full"
+                else "the records of the sessions, one JSON object a line, as this level tells them."
+            ),
+        ]
+        if self._media:
+            lines += [
+                "",
+                "Recordings are not in here: in `beh` BIDS has no place for them yet (BEP047).",
+            ]
+        return "\n".join([*lines, ""])
+
+    # --- files ---
+
+    def _write_source(self, data: SessionData, folder: Path, name: str) -> None:
+        """The session itself at level full; else its records as the level tells them."""
+        if data.level != "full":
+            records = b"".join(encode_record(record) + b"\n" for record in data.records)
+            self._write_bytes(folder / f"{name}_records.jsonl", records)
+            return
+        target = folder / data.facts.session
+        for each in (INFO, JOURNAL, MEDIA_FILE):
+            if (data.folder / each).is_file():
+                self._copy(data.folder / each, target / each)
+        for path in sorted((data.folder / SCENARIO_COPY).rglob("*")):
+            if path.is_file() and not path.is_symlink():
+                self._copy(path, target / path.relative_to(data.folder))
+
+    def _copy(self, source: Path, target: Path) -> None:
+        make_private_folder(target.parent)
+        with source.open("rb") as file, os.fdopen(_open_new(target), "wb") as copy:
+            shutil.copyfileobj(file, copy)
+
+    def _write_json(self, path: Path, value: dict[str, Any]) -> None:
+        self._write(path, json.dumps(value, indent=2, ensure_ascii=False) + "\n")
+
+    def _write(self, path: Path, text: str) -> None:
+        self._write_bytes(path, text.encode("utf-8", "replace"))
+
+    def _write_bytes(self, path: Path, data: bytes) -> None:
+        make_private_folder(path.parent)
+        with os.fdopen(_open_new(path), "wb") as file:
+            file.write(data)
+
+
+def write_bids(folder: Path, sessions: Iterable[SessionData], context: ExportContext) -> None:
+    """Write a data set of BIDS.
+
+    :param folder: where it goes; it is made.
+    :param sessions: one after the other; none is kept.
+    :param context: the level, and the study where there is one. Sentences about what is left to do go to its warnings.
+    :raises ExportError: there is no session.
+    """
+    folder.mkdir(0o700)
+    dataset = _Dataset(folder, context)
+    for data in sessions:
+        dataset.add(data)
+    dataset.close()
+
+
+def _open_new(path: Path) -> int:
+    return os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL | os.O_CLOEXEC, 0o600)
+
+
+FORMAT = ExportFormat(
+    name="bids",
+    about="a data set of BIDS 1.11.1 (behaviour): events, acts, participants",
+    shape="folder",
+    suffix="",
+    write=write_bids,
+)

@@ -1,0 +1,299 @@
+"""A session as it can be given to others: told as far as an export level tells it, and it still replays.
+
+What people typed, who they are and what is private goes from the inputs; a fresh kernel makes the records of what is
+left. Told at the level, these must be the records of the session told at the level, else the words decided something,
+and the session cannot be shared. So a shared session says no more than the level's exports do, beside the scenario.
+
+There are no times of day in it: `wall` is empty, and session.toml has no date, no paths and no machine.
+"""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Iterable, Iterator, Mapping
+from pathlib import Path
+from typing import Any
+
+import msgspec
+from msgspec import Struct, field
+from msgspec.structs import replace
+
+from rise_engine.kernel import Kernel
+from rise_engine.kernel.inputs import AnyInput, SessionStarted, Submit
+from rise_engine.kernel.records import ENGINE, AnyRecord, MemoryRecord, TaskRecord
+from rise_engine.session.disk import make_private_folder, write_private_file
+from rise_engine.session.errors import SessionError
+from rise_engine.session.folder import (
+    INFO,
+    JOURNAL,
+    SCENARIO_COPY,
+    SessionInfo,
+    _write_info,
+    load_scenario_copy,
+    read_info,
+)
+from rise_engine.session.journal_format import (
+    InputLine,
+    JournalHeader,
+    encode_header,
+    encode_input,
+    encode_record,
+    fields_left_out,
+    with_checksum,
+)
+from rise_engine.session.journal_reader import JournalContents, read_journal
+from rise_engine.session.levels import ExportLevel, LevelFilter
+from rise_engine.session.private_values import PrivateValues
+from rise_engine.session.replay import compare_replay
+from rise_engine.session.stand_ins import StandIns
+
+_OWN_SENTENCES = frozenset({"reason", "error"})
+"""Fields of records in which the program says something about what happened, and quotes what was asked for."""
+_BY_NUMBER = frozenset({"cancelTask", "moveTask", "markMistake", "goOn", "repeatAct", "stopRuleOfAct", "releaseStop"})
+"""Functions whose behaviour names a task, or rules by their names."""
+_BY_NAME = frozenset(
+    {
+        "startCommunicationRobotAct",
+        "stopCommunicationRobotAct",
+        "startInteractionRule",
+        "stopInteractionRule",
+        "stepBack",
+    }
+)
+
+
+class CannotShare(SessionError):
+    """The session cannot be given to others; the text says why."""
+
+
+class SharedSession(Struct):
+    """What came of sharing a session."""
+
+    people: dict[str, str] = field(default_factory=dict)
+    """What each wizard and observer is called in it, by name."""
+    changed: int = 0
+    """Inputs that are others now."""
+    own_values: list[str] = field(default_factory=list)
+    """Private keys that have a start value in the scenario's own files, which are shared as they are."""
+
+
+def share_session(
+    folder: Path,
+    target: Path,
+    *,
+    level: ExportLevel,
+    private: Iterable[str] = (),
+    wizards: Mapping[str, str] | None = None,
+) -> SharedSession:
+    """Write the session in `folder` to the new folder `target`, as `level` tells it.
+
+    :param level: `shared` or `public`.
+    :param private: further private memory keys, beside those that the session's scenario names.
+    :param wizards: what to call each wizard, by name.
+    :raises CannotShare: it is damaged, it does not replay, or it would be another session without what is private.
+        Nothing is left at `target`, then.
+    :raises OSError: it cannot be written.
+    """
+    return _Sharing(folder, level, tuple(private), wizards or {}).write(target)
+
+
+class _Sharing:
+    """One session that is being shared."""
+
+    def __init__(self, folder: Path, level: ExportLevel, private: tuple[str, ...], wizards: Mapping[str, str]) -> None:
+        self._folder = folder
+        try:
+            self._info = read_info(folder)
+            self._contents = read_journal(folder / JOURNAL)
+            self._scenario = load_scenario_copy(folder, self._info)
+        except SessionError as error:
+            raise CannotShare(str(error)) from None
+        _refuse_damaged(self._contents)
+        self._keys = private
+        self._level = level
+        values = PrivateValues(self._scenario, private)
+        self._own_values = sorted(key for key in values.keys if self._scenario.memory.get(key) not in (None, ""))
+        self._old = LevelFilter(level, values, wizards)
+        self._rejected: set[int] = set()
+        self._note_everything(values)
+        self._stand_ins = StandIns(values, self._scenario.known_keys)
+        self._report = SharedSession(self._old.people, own_values=self._own_values)
+
+    def _note_everything(self, values: PrivateValues) -> None:
+        """What is private, who the people are, and which tasks were rejected; also of inputs that left no record."""
+        self._old.note(self._contents.read_records())
+        task: tuple[int, Submit] | None = None
+        for _, _, found in self._contents.lines():
+            if isinstance(found, InputLine):
+                task = (found.n, found.input) if isinstance(found.input, Submit) else None
+                if isinstance(found.input, SessionStarted):
+                    for key, value in found.input.memory.items():
+                        values.note_memory(key, value)
+            elif isinstance(found, TaskRecord) and found.status == "REJECTED" and task is not None:
+                number, asked = task
+                if (found.source, found.function) == (asked.source, asked.function):
+                    self._rejected.add(number)
+
+    def write(self, target: Path) -> SharedSession:
+        inputs = [
+            (line.n, self._shared_input(line)) for _, _, line in self._contents.lines() if isinstance(line, InputLine)
+        ]
+        new = self._new_filter(inputs)
+        self._compare(inputs, new)
+        target.mkdir(0o700)
+        try:
+            self._write(target, inputs)
+            comparison = compare_replay(target)
+            if not comparison.identical:
+                raise CannotShare(f"what would be shared does not replay: {comparison.difference}")
+        except BaseException:
+            _remove(target)
+            raise
+        return self._report
+
+    # --- the inputs ---
+
+    def _shared_input(self, line: InputLine) -> AnyInput:
+        body: dict[str, Any] = msgspec.json.decode(msgspec.json.encode(line.input))
+        told = self._old.apply_to_input(body, rejected=line.n in self._rejected)
+        private = self._without_private(line.input, told)
+        if private == body:
+            return line.input
+        self._report.changed += 1
+        try:
+            shared: AnyInput = msgspec.convert(private, type(line.input))
+        except msgspec.ValidationError as error:
+            raise CannotShare(f"an input would not be one any more ({error})") from None
+        return shared
+
+    def _without_private(self, input: AnyInput, body: dict[str, Any]) -> dict[str, Any]:
+        if isinstance(input, SessionStarted):
+            return {**body, "memory": self._stand_ins.replace_memory(body["memory"])}
+        if isinstance(input, Submit):
+            if self._is_name(input):
+                return body
+            if input.function == "assignValue":
+                return {**body, "behavior": self._stand_ins.replace_assignment(body["behavior"])}
+            return {**body, "behavior": self._stand_ins.replace(body["behavior"])}
+        fields = ("text", "reason", "detail", "value", "confirmed", "unconfirmed")
+        return {
+            name: self._stand_ins.replace(each) if name in fields and isinstance(each, str | list) else each
+            for name, each in body.items()
+        }
+
+    def _is_name(self, task: Submit) -> bool:
+        """Whether its behaviour is the scenario's word or a number, and no text."""
+        if task.function in _BY_NUMBER:
+            return True
+        known = self._scenario.acts if "Act" in task.function else self._scenario.rules
+        if task.function not in _BY_NAME:
+            return False
+        return task.behavior in known or task.behavior.lstrip().startswith("{")
+
+    # --- is it the same session ---
+
+    def _new_filter(self, inputs: list[tuple[int, AnyInput]]) -> LevelFilter:
+        """Tells the new records as the level does. It also knows what the old filter hides: where the scenario itself
+        says such a word, both hide it."""
+        values = PrivateValues(self._scenario, self._keys)
+        for record in self._contents.read_records():
+            values.note(record)
+        for slot, value in self._stand_ins.values():
+            values.note_memory(slot[1:-1], value)
+        people = self._old.people
+        new = LevelFilter(self._level, values, {**people, **{name: name for name in people.values()}})
+        new.note(self._contents.read_records())
+        new.note(record for records in self._replay(inputs) for record in records)
+        return new
+
+    def _replay(self, inputs: list[tuple[int, AnyInput]]) -> Iterator[list[AnyRecord]]:
+        kernel = Kernel(self._scenario, self._info.seed)
+        for _, input in inputs:
+            try:
+                records, _ = kernel.handle(input)
+            except Exception as error:  # what the kernel never met
+                raise CannotShare(f"without what is private, it cannot be carried out ({error})") from error
+            yield records
+
+    def _compare(self, inputs: list[tuple[int, AnyInput]], new: LevelFilter) -> None:
+        made: deque[AnyRecord] = deque()
+        replay = self._replay(inputs)
+        for _, line, found in self._contents.lines():
+            if isinstance(found, JournalHeader):
+                continue
+            if isinstance(found, InputLine):
+                if made:
+                    raise self._difference(made[0], "is not there")
+                made.extend(next(replay))
+                continue
+            if not made or made[0].seq != found.seq:
+                raise self._difference(found, "would not be there")
+            record = made.popleft()
+            before: dict[str, Any] = self._old.apply(msgspec.json.decode(encode_record(found)))
+            after: dict[str, Any] = new.apply(msgspec.json.decode(encode_record(record)))
+            unknown = fields_left_out(line, before["kind"], self._contents.format)
+            for name in dict.fromkeys([*before, *after]):
+                if name in unknown or name in _OWN_SENTENCES or (name == "text" and before.get("source") == ENGINE):
+                    continue  # what the program says depends on what was written, and nothing depends on that
+                if before.get(name) != after.get(name):
+                    raise self._difference(found, f"differs in `{name}`")
+        if made:
+            raise self._difference(made[0], "is not there")
+
+    def _difference(self, record: AnyRecord, what: str) -> CannotShare:
+        kind = type(record).__name__.removesuffix("Record").lower()
+        try:
+            comparison = compare_replay(self._folder)
+        except SessionError as error:
+            return CannotShare(str(error))
+        if not comparison.identical:
+            return CannotShare(
+                f"it does not replay with this version of the program ({comparison.difference}), so nobody can prove "
+                "what it is without what is private"
+            )
+        key = f" (`{record.key}`)" if isinstance(record, MemoryRecord) else ""
+        return CannotShare(
+            f"what is private, or was typed, decides what happened: without it record {record.seq} ({kind}{key}, at "
+            f"{record.t:.1f} s) {what}"
+        )
+
+    # --- files ---
+
+    def _write(self, target: Path, inputs: list[tuple[int, AnyInput]]) -> None:
+        parts = [encode_header(f"rise-tui {self._info.versions.get('rise-tui', '')}".strip())]
+        for (number, input), records in zip(inputs, self._replay(inputs), strict=True):
+            parts.append(encode_input(number, input))
+            parts += [with_checksum(encode_record(record)) for record in records]
+        write_private_file(target / JOURNAL, b"".join(parts))
+        _write_info(target / INFO, self._shared_info())
+        copy = self._folder / SCENARIO_COPY
+        for path in sorted(copy.rglob("*")):
+            if path.is_file() and not path.is_symlink():
+                destination = target / SCENARIO_COPY / path.relative_to(copy)
+                make_private_folder(destination.parent)
+                write_private_file(destination, path.read_bytes())
+        (target / SCENARIO_COPY).mkdir(0o700, exist_ok=True)
+
+    def _shared_info(self) -> SessionInfo:
+        info = self._info
+        return replace(
+            info,
+            scenario_folder="",
+            started="",
+            ros_args=(),
+            wizard=self._old.people.get(info.wizard, "") if info.wizard else "",
+            machine={},
+        )
+
+
+def _refuse_damaged(contents: JournalContents) -> None:
+    if contents.torn or contents.damaged or contents.gaps or contents.header is None:
+        raise CannotShare("its journal is damaged, so nobody can prove what it is without what is private")
+    if not contents.ended:
+        raise CannotShare("it has not ended")
+
+
+def _remove(folder: Path) -> None:
+    for path in sorted(folder.rglob("*"), reverse=True):
+        path.rmdir() if path.is_dir() else path.unlink()
+    folder.rmdir()
