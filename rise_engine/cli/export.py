@@ -164,8 +164,8 @@ def _why_left_out(session: StudySession) -> str:
 
 def _export(selection: Selection, format: ExportFormat, request: ExportRequest) -> int:
     if request.out is None or request.out == "-":
-        folder = selection.several and format.shape != "file"
-        what = "folder" if folder or format.shape == "folder" else f"file, such as {format.name}{format.suffix}"
+        folder = selection.several and format.shape == "file-per-session"
+        what = f"file, such as {format.name}{format.suffix}" if format.suffix and not folder else "folder"
         raise ExportError(f"say where: -o names a new {what}")
     folders = selection.folders
     context = export_context(folders, request.level)

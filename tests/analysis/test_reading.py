@@ -136,7 +136,8 @@ def test_actions_with_their_channels_and_words(data: SessionData) -> None:
 def test_an_answer_that_waited_before_its_cue(tmp_path: Path) -> None:
     script = [act("Ask", 1.0), act("Thanks", 1.5), (2.0, task("markCue"))]
     found = read_session(play_session(tmp_path / "sessions", script, until=20)).acts[1]
-    assert (found.act, found.cue_at, found.key_at, found.wizard_s) == ("Thanks", 2.0, 1.48, -0.52)
+    assert (found.act, found.cue_at, found.key_at, found.before_cue) == ("Thanks", 2.0, 1.48, True)
+    assert (found.wizard_s, found.way_s) == (None, None)
     assert found.started_at is not None and found.started_at > 2.0
     parts = (found.wizard_s, found.way_s, found.queue_s, found.robot_s, found.voice_s)
     assert found.response_s == pytest.approx(sum(part or 0.0 for part in parts), abs=1e-6)

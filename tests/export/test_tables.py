@@ -30,6 +30,7 @@ from rise_engine.kernel.records import (
     TaskStatus,
 )
 from rise_engine.ports.recorder import MediaKind
+from rise_engine.session.folder import INFO
 from rise_engine.session.levels import ExportLevel
 from rise_engine.session.media import MEDIA_FILE, AlignedBy
 
@@ -320,6 +321,14 @@ def test_every_column_is_described_and_filled(tables: Path) -> None:
         found = rows(tables, schema.name)
         empty = {name for name in found[0] if not any(row[name] for row in found)}
         assert empty <= never | {"value", "reason"}, (schema.name, empty)
+
+
+def test_factors_of_a_session_without_session_file(study: Path, tmp_path: Path) -> None:
+    folder = tmp_path / "copy"
+    shutil.copytree(sessions_of(study)[1], folder)
+    (folder / INFO).unlink()
+    out = make_tables(tmp_path, [folder])
+    assert rows(out, "sessions")[0]["factor_noise"] == "loud"
 
 
 def test_factors_that_the_export_does_not_know_are_refused(study: Path, tmp_path: Path) -> None:
