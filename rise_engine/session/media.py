@@ -48,7 +48,7 @@ class MediaFile(Struct, frozen=True, kw_only=True):
     added: str = ""
     """ISO 8601 with offset."""
     fps: float | None = None
-    """Frames per second; None: not known, or it has none."""
+    """Frames per second; None: not known, or no video."""
 
     @property
     def drift_ppm(self) -> float:
