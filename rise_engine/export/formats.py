@@ -12,12 +12,12 @@ from rise_engine.export.format import ExportError, ExportFormat
 
 _OWN = {
     "tables": "rise_engine.export.tables:FORMAT",
+    "csv": "rise_engine.export.records:CSV",
+    "jsonl": "rise_engine.export.records:JSONL",
     "eaf": "rise_engine.export.eaf:FORMAT",
     "elan-tab": "rise_engine.export.elan_tab:FORMAT",
     "textgrid": "rise_engine.export.textgrid:FORMAT",
     "boris": "rise_engine.export.boris:FORMAT",
-    "csv": "rise_engine.export.records:CSV",
-    "jsonl": "rise_engine.export.records:JSONL",
 }
 """Where each is, in the order in which help lists them. Loaded when it is asked for: some take a while."""
 ENTRY_POINTS = "rise.exports"
