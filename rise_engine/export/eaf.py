@@ -101,7 +101,8 @@ def _properties(data: SessionData, clock: MediaClock, annotations: int) -> list[
         "rise study": facts.study,
         "rise scenario": facts.scenario_hash,
         "rise mode": facts.mode,
-        "rise time": f"annotation seconds = {clock.shift:.6f} + {clock.rate:.9f} * session seconds",
+        "rise time": f"annotation seconds = {clock.shift:.6f} + {clock.rate:.9f} * session seconds"
+        + "".join(f"; {gap.seconds:.3f} s more from session second {gap.at:.3f} on" for gap in clock.gaps),
     }
     name = "/".join((facts.study, facts.session, facts.scenario_hash, str(facts.seed), str(facts.duration)))
     urn = uuid.uuid5(uuid.NAMESPACE_OID, name.encode("utf-8", "replace").decode())

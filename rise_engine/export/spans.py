@@ -17,6 +17,8 @@ from rise_engine.scenario.model import CUE_TOPICS
 ROBOT_TIERS = (ROBOT_SPEECH, "robot gaze", "robot face", "robot body", "robot arms")
 """By channel, in the order in which they stand; channels that only one robot has come after them."""
 ROBOT_OTHER = ("robot other", "robot wait")
+WAIT = "Wait"
+"""The action that is a pause (core_actions.toml)."""
 ACT_TIERS = ("wizard acts", "rule acts", "program acts", "engine acts")
 FILLERS = "fillers"
 QUEUE = "queue"
@@ -73,12 +75,13 @@ def _tier_order(spans: list[Span]) -> dict[str, int]:
 def _robot_spans(data: SessionData) -> Iterator[Span]:
     for act in data.acts:
         for part in act.parts:
-            if part.accepted_at is None:
+            begun = part.started_at if _is_pause(part) else part.accepted_at
+            if begun is None:
                 continue
             for tier in _tiers_of(part):
                 yield Span(
                     tier=tier,
-                    start=part.accepted_at,
+                    start=begun,
                     end=part.ended_at if part.ended_at is not None else data.facts.duration,
                     text=_with_ending(_words_of(part, tier), part.status),
                     code=tier,
@@ -89,7 +92,12 @@ def _robot_spans(data: SessionData) -> Iterator[Span]:
 def _tiers_of(part: ActPart) -> list[str]:
     if part.channels:
         return [f"robot {channel}" for channel in part.channels]
-    return ["robot wait" if part.type.lower() == "wait" else "robot other"]
+    return ["robot wait" if _is_pause(part) else "robot other"]
+
+
+def _is_pause(part: ActPart) -> bool:
+    """Whether it is a pause, which no robot confirms."""
+    return part.type == WAIT and not part.channels
 
 
 def _words_of(part: ActPart, tier: str) -> str:

@@ -131,7 +131,7 @@ class _Names:
         return f"{name} {number}"
 
 
-class _Piece(Struct):
+class _LaidSpan(Struct):
     """A span in milliseconds, whose end may still move when it is a moment."""
 
     start: int
@@ -143,17 +143,17 @@ class _Piece(Struct):
 
 def _pack(spans: list[Span], clock: MediaClock) -> tuple[list[list[Annotation]], int]:
     """Rows without overlaps, as few as it takes, and how many spans lie before 0."""
-    pieces: list[_Piece] = []
+    pieces: list[_LaidSpan] = []
     for span in spans:
         start = clock.to_ms(span.start)
         end = start if span.end is None else clock.to_ms(span.end)
         moment = end <= start
         if (start if moment else end - 1) < 0:
             continue
-        pieces.append(_Piece(max(start, 0), start + MOMENT_MS if moment else end, moment, span))
+        pieces.append(_LaidSpan(max(start, 0), start + MOMENT_MS if moment else end, moment, span))
     fell_off = len(spans) - len(pieces)
     pieces.sort(key=lambda piece: piece.start)  # stable: what was told first comes first
-    lanes: list[list[_Piece]] = []
+    lanes: list[list[_LaidSpan]] = []
     for piece in pieces:
         for lane in lanes:
             last = lane[-1]
@@ -166,6 +166,6 @@ def _pack(spans: list[Span], clock: MediaClock) -> tuple[list[list[Annotation]],
     return [[_annotation(piece) for piece in lane] for lane in lanes], fell_off
 
 
-def _annotation(piece: _Piece) -> Annotation:
+def _annotation(piece: _LaidSpan) -> Annotation:
     text = one_line(piece.span.text) or one_line(piece.span.code) or "?"
     return Annotation(start=piece.start, end=piece.end, moment=piece.yields, text=text, span=piece.span)

@@ -80,6 +80,7 @@ def acts(draw: st.DrawFn) -> PlayedAct:
             accepted_at=draw(st.none() | st.just(heard)),
             ended_at=draw(st.none() | st.just(heard + draw(lengths))),
             status=draw(st.sampled_from(["succeeded", "failed", "accepted"])),
+            started_at=begun,
         )
         for _ in range(draw(st.integers(0, 2)) if heard is not None else 0)
     ]

@@ -193,6 +193,12 @@ def test_what_overlaps_is_a_behaviour_of_its_own_and_no_code_stands_twice(tmp_pa
     }
 
 
+def test_an_act_of_no_length_has_a_millisecond_in_time_budgets(tmp_path: Path) -> None:
+    project = write(tmp_path, session(acts=(act(2, 2, "Blink"),)))
+    (observation,) = project["observations"].values()
+    assert [(each[0], each[2]) for each in observation["events"]] == [(2.0, "Blink"), (2.001, "Blink")]
+
+
 @pytest.mark.parametrize("level", ["shared", "public"])
 def test_other_levels_tell_no_date_and_nothing_private(level: ExportLevel, tmp_path: Path) -> None:
     project = write(tmp_path, read_session(play_session(tmp_path / "lab"), level=level))

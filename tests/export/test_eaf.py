@@ -23,6 +23,7 @@ from rise_engine.export.media_clock import session_clock
 from rise_engine.export.spans import spans_of
 from rise_engine.export.tiers import lay_out
 from rise_engine.session.levels import ExportLevel
+from rise_engine.session.media import FoundMark
 
 from ..analysis.samples import play_session
 from .made_sessions import HARD_TEXTS, act, phase, point, session, sessions, video
@@ -58,6 +59,8 @@ def rule_errors(file: Path) -> list[str]:
         found.append(f"order {order}")
     slots = {slot.get("TIME_SLOT_ID"): slot.get("TIME_VALUE") or "" for slot in root.iter("TIME_SLOT")}
     found += [f"time {value}" for value in slots.values() if not re.fullmatch(r"\d+", value)]
+    if not found and (times := [int(value) for value in slots.values()]) != sorted(times):
+        found.append("time slots in disorder")
     types = {each.get("LINGUISTIC_TYPE_ID") for each in root.iter("LINGUISTIC_TYPE")}
     names = [tier.get("TIER_ID") for tier in root.iter("TIER")]
     found += [f"tier twice: {name}" for name in names if names.count(name) > 1]
@@ -231,3 +234,32 @@ def test_broken_copies_are_refused(what: str, real: SessionData, tmp_path: Path)
 
 def test_what_help_says_of_it() -> None:
     assert (FORMAT.name, FORMAT.suffix, FORMAT.shape) == ("eaf", ".eaf", "file-per-session")
+
+
+def test_marks_lie_in_every_file_where_they_were_found(tmp_path: Path) -> None:
+    """A camera that is 50 ppm fast and began late, and a sound file: annotation + origin = its time."""
+    rate = 1.00005
+    offsets = {"room.mp4": -1.7, "voice.wav": 0.4}
+    media = tuple(
+        video(
+            path,
+            kind="video" if path.endswith("mp4") else "audio",
+            offset=offset,
+            rate=rate,
+            aligned_by="marks",
+            marks=tuple(
+                FoundMark(number=number, session_at=at, media_at=offset + rate * at, strength=9.0)
+                for number, at in ((1, 2.0), (2, 3599.0))
+            ),
+        )
+        for path, offset in offsets.items()
+    )
+    syncs = tuple(point(at, "sync", name, "sound") for name, at in (("1", 2.0), ("2", 3599.0)))
+    data = session(tmp_path, media=media, points=syncs, facts={"duration": 3600.0})
+    found = Eaf(str(write(data, tmp_path)))
+    begun = [start for start, _, _ in sorted(found.get_annotation_data_for_tier("sync"))]
+    for file, linked in zip(media, found.media_descriptors, strict=True):
+        origin = int(linked.get("TIME_ORIGIN", 0))
+        assert linked["RELATIVE_MEDIA_URL"] == f"./{file.path}"
+        for start, mark in zip(begun, file.marks, strict=True):
+            assert abs(start + origin - mark.media_at * 1000) <= 1

@@ -2,15 +2,20 @@
 
 from __future__ import annotations
 
+from datetime import datetime
 from pathlib import Path
 
 import pytest
 from hypothesis import given
+from msgspec import structs
 
 from rise_engine.analysis.model import SessionData
-from rise_engine.export.media_clock import MediaClock, recording_clock, session_clock
-from rise_engine.session.media import MediaFile
+from rise_engine.analysis.reading import read_session
+from rise_engine.export.media_clock import MediaClock, find_gaps, recording_clock, session_clock
+from rise_engine.kernel.records import SessionRecord
+from rise_engine.session.media import FoundMark, MediaFile
 
+from ..analysis.samples import recovered_session
 from .made_sessions import MARKS, session, sessions, video
 
 
@@ -102,3 +107,36 @@ def test_no_time_origin_is_negative_and_media_time_is_right_for_every_file(data:
         annotation = clock.shift + clock.rate * 100.0
         drift = abs(linked.file.rate - clock.rate) * 100.0
         assert abs(annotation + linked.origin - (linked.file.offset + linked.file.rate * 100.0)) <= drift + 1e-6
+
+
+def test_a_camera_goes_on_while_the_session_has_no_engine(tmp_path: Path) -> None:
+    folder = recovered_session(tmp_path, at=26.0, away=95.0)
+    (folder / "room.mp4").write_bytes(b"")
+    data = read_session(folder)
+    (gap,) = find_gaps(data)
+    recovered = next(each for each in data.records if isinstance(each, SessionRecord) and each.status == "recovered")
+    assert gap.at == recovered.t and data.facts.downtime - 1.5 <= gap.seconds <= 95.0
+    before = structs.replace(data, media=(video(offset=2.0, marks=MARKS[:1]),))
+    clock = recording_clock(before, warnings := [], first="video")
+    assert (clock.to_ms(10.0), clock.to_ms(60.0)) == (12_000, round((62.0 + gap.seconds) * 1000))
+    assert [each for each in warnings if f"{gap.seconds:.1f} s at {gap.at:.1f} s" in each]
+    later = next(each for each in data.records if each.t > 60.0)
+    passed = datetime.fromisoformat(later.wall) - datetime.fromisoformat(data.records[0].wall)
+    assert clock.to_ms(later.t) == pytest.approx((2.0 + passed.total_seconds()) * 1000, abs=2)  # as a camera has it
+
+
+def test_a_file_is_laid_against_the_part_of_the_session_in_which_its_marks_are(tmp_path: Path) -> None:
+    data = read_session(recovered_session(tmp_path, at=26.0, away=95.0))
+    after = FoundMark(number=2, session_at=60.0, media_at=5.0, strength=9.0)
+    later = structs.replace(data, media=(video(offset=-55.0, marks=(after,)),))
+    assert recording_clock(later, [], first="video").to_ms(60.0) == 5_000
+    both = video(offset=2.0, marks=(MARKS[0], after))
+    assert recording_clock(structs.replace(data, media=(both,)), warnings := [], first="video").linked
+    assert [each for each in warnings if "marks before and after that" in each]
+    elan = session_clock(structs.replace(data, media=(video(offset=2.0, marks=MARKS[:1]), *later.media)), [])
+    assert [each.file.offset for each in elan.linked] == [2.0]  # the second part began 80 s and more later
+
+
+def test_a_session_without_recordings_stays_in_its_own_time(tmp_path: Path) -> None:
+    data = read_session(recovered_session(tmp_path))
+    assert session_clock(data, warnings := []) == MediaClock() and warnings == []

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
 import pytest
 from hypothesis import given
@@ -61,7 +62,7 @@ def test_a_real_session_as_a_coder_sees_it(tmp_path: Path) -> None:
     assert_lawful(found)
     told = rows(found)
     assert list(told) == [
-        *("robot speech", "robot gaze", "robot face", "robot body", "robot arms"),
+        *("robot speech", "robot gaze", "robot face", "robot body", "robot arms", "robot wait"),
         *("wizard acts", "wizard acts 2", "rule acts", "program acts", "fillers", "queue", "rejected", "cue"),
         *("rule Visit", "rule Lamp", "stopped", "event", "note", "mistake", "sync"),
     ]
@@ -71,6 +72,7 @@ def test_a_real_session_as_a_coder_sees_it(tmp_path: Path) -> None:
     assert (13520, 17729, "That is a very good question, let us have a look at it.") in told["robot speech"]
     assert (71020, 72550, "That is a very good question, let us have a look at it. (canceled)") in told["robot speech"]
     assert told["fillers"] == [(11020, 11514, "Hm"), (46820, 48800, "Think")]
+    assert told["robot wait"][0] == (32014, 32514, "Wait: 500 ms")
     assert told["queue"] == [(30400, 32514, "Thanks")]
     assert told["cue"][0] == (10000, 13520, "waits 3.52 s (asks something)")
     assert told["cue"][2] == (28000, 28900, "taken back")
@@ -137,10 +139,10 @@ def test_acts_that_went_wrong_or_never_had_their_turn_say_so() -> None:
 
 def test_an_action_stands_on_the_tier_of_each_channel_that_it_takes() -> None:
     def part(type: str, *channels: str, at: float | None = 1.0) -> ActPart:
-        told = {"action": type, "type": type, "channels": channels, "parameters": {}, "text": "big"}
-        return ActPart(**told, accepted_at=at, ended_at=2.0, status="succeeded")
+        told: dict[str, Any] = {"action": type, "type": type, "channels": channels, "parameters": {}, "text": "big"}
+        return ActPart(**told, accepted_at=at, ended_at=2.0, status="succeeded", started_at=0.5)
 
-    parts = (part("Grin", "face", "eyes"), part("Wait"), part("Beep"), part("Speech", "speech", at=None))
+    parts = (part("Grin", "face", "eyes"), part("Wait", at=None), part("Beep"), part("Speech", "speech", at=None))
     told = rows(tiers_of(session(acts=(act(1, 2, parts=parts),))))
     assert {name: [text for *_, text in rows] for name, rows in told.items() if name.startswith("robot")} == {
         "robot face": ["Grin: big"],
