@@ -53,7 +53,8 @@ def export_sessions(
     """
     report = ExportReport()
     with new_path(out) as here:
-        report.warnings += note_export(folders, out, format.name, context.level)
+        folder = format.shape == "folder" or (format.shape == "file-per-session" and (several or not format.suffix))
+        report.warnings += note_export(folders, out, format.name, context.level, folder=folder)
         sessions = _read(folders, context.level, private, report)
         try:
             if format.shape != "file-per-session":
@@ -110,7 +111,9 @@ def new_path(path: Path) -> Iterator[Path]:
         raise ExportError(f"{path} could not be written: {error_message(error)}") from None
 
 
-def note_export(folders: Iterable[Path], out: Path, format: str, level: ExportLevel) -> list[str]:
+def note_export(
+    folders: Iterable[Path], out: Path, format: str, level: ExportLevel, *, folder: bool = False
+) -> list[str]:
     """Note an export in the log of each study whose sessions are in it, before it is written: so that a participant
     who withdraws is taken out of it, too.
 
@@ -118,24 +121,28 @@ def note_export(folders: Iterable[Path], out: Path, format: str, level: ExportLe
     :param out: what is about to be written.
     :param format: its name, for people.
     :param level: how much it tells.
+    :param folder: whether it is a folder, which a withdrawal erases with everything in it.
     :return: sentences about studies that could not be told.
     """
     by_study: dict[Path, list[Path]] = {}
-    for folder in folders:
-        study = study_of_session(folder)
+    for session in folders:
+        study = study_of_session(session)
         if study is not None:
-            by_study.setdefault(study, []).append(folder)
+            by_study.setdefault(study, []).append(session)
     path = out.resolve()
     problems = []
     for study, theirs in by_study.items():
         named = str(path.relative_to(study)) if path.is_relative_to(study) else str(path)
         try:
-            participants = dict.fromkeys(filter(None, map(owner_of, theirs)))
-            sessions = [folder.resolve().name for folder in theirs]
+            fields = {
+                "path": named,
+                "format": format,
+                "level": level,
+                "sessions": [session.resolve().name for session in theirs],
+                "participants": [*dict.fromkeys(filter(None, map(owner_of, theirs)))],
+            }
             with LockedLog(study) as log:
-                log.append(
-                    "exported", path=named, format=format, level=level, sessions=sessions, participants=[*participants]
-                )
+                log.append("exported", **fields, **({"folder": True} if folder else {}))
         except StudyLogError as error:
             problems.append(f"the study does not know of {out}, so a withdrawal will not erase it: {error}")
     return problems
