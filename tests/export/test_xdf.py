@@ -198,6 +198,7 @@ def test_a_reader_goes_on_behind_what_is_damaged(data: SessionData) -> None:
     assert 550 < len(streams[1]["time_series"]) <= 600
 
 
+@pytest.mark.slow
 @settings(max_examples=25)
 @given(st.lists(st.tuples(st.floats(0, 1e6), st.text(max_size=300)), max_size=30))
 def test_any_text_comes_back(notes: list[tuple[float, str]]) -> None:
