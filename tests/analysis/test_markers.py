@@ -17,7 +17,7 @@ from rise_engine.session.folder import load_scenario_copy, read_info
 
 from .samples import play_session
 
-PAGE = Path(__file__).parents[2] / "docs" / "reference" / "exports.md"
+PAGE = Path(__file__).parents[2] / "docs" / "reference" / "markers.md"
 
 
 @pytest.fixture(scope="module")
