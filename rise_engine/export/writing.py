@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 
 from msgspec import Struct, field
 
 from rise_engine.analysis.model import SessionData
 from rise_engine.analysis.reading import read_sessions
+from rise_engine.analysis.session_records import SessionRecords
 from rise_engine.export.format import ExportContext, ExportError, ExportFormat
 from rise_engine.session.disk import error_message
 from rise_engine.session.errors import SessionError
@@ -55,6 +56,7 @@ def export_sessions(
     with new_path(out) as here:
         folder = format.shape == "folder" or (format.shape == "file-per-session" and (several or not format.suffix))
         report.warnings += note_export(folders, out, format.name, context.level, folder=folder)
+        context.folder = (out if folder else out.parent).absolute()
         sessions = _read(folders, context.level, private, report)
         try:
             if format.shape != "file-per-session":
@@ -84,14 +86,22 @@ def export_context(folders: Iterable[Path], level: ExportLevel) -> ExportContext
     factors: dict[str, None] = {}
     for folder in folders:
         studies[study_of_session(folder)] = None
-        try:
-            factors.update(dict.fromkeys(read_info(folder).factors))
-        except SessionError:  # its record is all there is, and it may say more
-            continue
+        factors.update(dict.fromkeys(_factors_of(folder)))
     where = next(iter(studies)) if len(studies) == 1 else None
     study = load_study(where, check_scenarios=False).study if where is not None else None
     planned = dict.fromkeys(factor.name for factor in study.factors) if study is not None else {}
     return ExportContext(level, study, factors=tuple(planned | factors))
+
+
+def _factors_of(folder: Path) -> Iterable[str]:
+    """Which factors a session knows."""
+    try:
+        return read_info(folder).factors
+    except SessionError:
+        with suppress(SessionError):  # whoever reads it is told
+            begun = SessionRecords(folder).begun
+            return begun.factors if begun is not None else ()
+        return ()
 
 
 @contextmanager
