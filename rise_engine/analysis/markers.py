@@ -3,7 +3,7 @@
     act/R_Welcome/robot     cue/marked     state/Greeting/Welcome     event/H_arrived     sync/2     stop/latched
 
 They hold names that the scenario gives and nothing that anybody said or typed, so that they may go to a network in
-clear. All of them: docs/reference/exports.md, "Markers". The live stream (`rise-engine lsl`) and `--format xdf` have
+clear. All of them: docs/reference/markers.md. The live stream (`rise-engine lsl`) and `--format xdf` have
 the same.
 """
 

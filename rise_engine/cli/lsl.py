@@ -6,6 +6,7 @@ import asyncio
 import logging
 import signal
 import sys
+from pathlib import Path
 from typing import Literal
 
 import click
@@ -49,6 +50,8 @@ def lsl(session: str, scope: Literal["machine", "link", "site"], payload: Litera
     """
     try:
         socket = session if "/" in session else str(socket_path(find_running(session)))
+        if not Path(socket).exists():
+            raise RegistryError(f"no session runs at {socket}")
     except RegistryError as error:
         click.echo(clean(f"error: {error}"), err=True)
         sys.exit(NO_SUCH_SESSION)

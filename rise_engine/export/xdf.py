@@ -5,8 +5,8 @@ a tag and its content. One file header; of each stream a header, its samples, an
 before each stream's samples and at least every ten seconds of them lets a reader go on in a file that was damaged.
 
 Two streams. `rise`, type `Markers`: the same markers as the live stream (`rise_engine.analysis.markers`).
-`rise-records`, type `Records`: every record as JSON. Stamps are session seconds: no clock of the Lab Streaming Layer
-was there, so there are no clock offsets either, and none are made up.
+`rise-records`, type `Records`: every record as JSON. Stamps are session seconds. Both streams and the file have that
+one clock, so their clock offsets are 0; without any, readers take the streams for ones that were never synchronised.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ from rise_engine.text import escape_surrogates
 MAGIC = b"XDF:"
 BOUNDARY = bytes.fromhex("43a546dccbf5410fb30ed5467383cbe4")
 """The 16 bytes by which a reader finds its way again."""
-FILE_HEADER, STREAM_HEADER, SAMPLES, STREAM_FOOTER, BOUNDARY_TAG = 1, 2, 3, 6, 5
+FILE_HEADER, STREAM_HEADER, SAMPLES, CLOCK_OFFSET, BOUNDARY_TAG, STREAM_FOOTER = range(1, 7)
 SECONDS_AT_ONCE = 10.0
 SAMPLES_AT_ONCE = 1000
 """Of a chunk of samples, at most: what a damaged byte can take with it."""
@@ -48,7 +48,7 @@ def write_xdf(path: Path, sessions: Iterable[SessionData], context: ExportContex
 def write_session(file: BinaryIO, data: SessionData) -> None:
     """Write a session to a binary file that is open for writing."""
     file.write(MAGIC)
-    _write_chunk(file, FILE_HEADER, _xml({"version": "1.0", **_file_time(data.facts)}))
+    _write_chunk(file, FILE_HEADER, _xml(_info({"version": "1.0", **_file_time(data.facts)})))
     streams: tuple[tuple[str, str, Sequence[Sample]], ...] = (
         (MARKERS, "Markers", recorded_markers(data)),
         (RECORDS, "Records", [(record.t, encode_record(record).decode()) for record in data.records]),
@@ -57,29 +57,30 @@ def write_session(file: BinaryIO, data: SessionData) -> None:
         _write_chunk(file, STREAM_HEADER, _stream_header(name, type, data.facts), number)
     for number, (_, _, samples) in enumerate(streams, 1):
         _write_samples(file, number, samples)
+    looks = (0.0, max(1.0, data.facts.duration))
     for number, (_, _, samples) in enumerate(streams, 1):
-        _write_chunk(file, STREAM_FOOTER, _stream_footer(samples), number)
+        for at in looks:
+            _write_chunk(file, CLOCK_OFFSET, struct.pack("<dd", at, 0.0), number)
+        _write_chunk(file, STREAM_FOOTER, _stream_footer(samples, looks), number)
 
 
 def _stream_header(name: str, type: str, facts: SessionFacts) -> bytes:
-    return _xml(
-        {
-            "name": name,
-            "type": type,
-            "channel_count": "1",
-            "nominal_srate": "0",
-            "channel_format": "string",
-            "source_id": source_id(facts.study, facts.session),
-            "version": "1.0",
-            "created_at": "0",
-            "desc": {**describe_session(facts), "clock": "session seconds"},
-        }
-    )
+    values = {
+        "name": name,
+        "type": type,
+        "channel_count": "1",
+        "nominal_srate": "0",
+        "channel_format": "string",
+        "source_id": source_id(facts.study, facts.session),
+        "version": "1.0",
+        "created_at": "0",
+    }
+    return _xml(_info(values, {**describe_session(facts), "clock": "session seconds"}))
 
 
-def _stream_footer(samples: Sequence[Sample]) -> bytes:
+def _stream_footer(samples: Sequence[Sample], looks: Sequence[float]) -> bytes:
     first, last = (samples[0][0], samples[-1][0]) if samples else (0.0, 0.0)
-    return _xml(
+    info = _info(
         {
             "first_timestamp": repr(first),
             "last_timestamp": repr(last),
@@ -87,6 +88,12 @@ def _stream_footer(samples: Sequence[Sample]) -> bytes:
             "measured_srate": "0",
         }
     )
+    offsets = etree.SubElement(info, "clock_offsets")
+    for at in looks:
+        offset = etree.SubElement(offsets, "offset")
+        etree.SubElement(offset, "time").text = repr(at)
+        etree.SubElement(offset, "value").text = "0"
+    return _xml(info)
 
 
 def _file_time(facts: SessionFacts) -> dict[str, str]:
@@ -137,16 +144,19 @@ def _text_bytes(text: str) -> bytes:
         return escape_surrogates(text).encode()
 
 
-def _xml(values: dict[str, str | dict[str, str]]) -> bytes:
-    """An `info` element with an element of each name."""
+def _info(values: dict[str, str], description: dict[str, str] | None = None) -> etree._Element:
+    """An `info` element with an element of each name, and perhaps `desc` with more."""
     info = etree.Element("info")
     for name, value in values.items():
-        element = etree.SubElement(info, name)
-        if isinstance(value, dict):
-            for inner, text in value.items():
-                etree.SubElement(element, inner).text = _xml_text(text)
-        else:
-            element.text = _xml_text(value)
+        etree.SubElement(info, name).text = _xml_text(value)
+    if description is not None:
+        inner = etree.SubElement(info, "desc")
+        for name, value in description.items():
+            etree.SubElement(inner, name).text = _xml_text(value)
+    return info
+
+
+def _xml(info: etree._Element) -> bytes:
     return etree.tostring(info, xml_declaration=True, encoding="UTF-8")
 
 

@@ -43,7 +43,7 @@ LOOK_SECONDS = 0.1
 GRACE_SECONDS = 0.3
 """For which records are still taken after somebody has said that it is enough."""
 LINGER_SECONDS = 1.5
-"""For which consumers get to fetch the last markers."""
+"""For which consumers get to fetch the last markers: the library tells nobody when they have."""
 
 
 class MarkerStream(Struct, frozen=True, kw_only=True):
@@ -89,7 +89,8 @@ class MarkerFeed:
         self._waiting: deque[tuple[str, float]] = deque()
         self._lost = 0
         self._arrived = asyncio.Event()
-        self._last_seq = 0
+        self.seq = 0
+        """Of the last record that was taken in."""
         self.sent = 0
         """Markers that consumers were given."""
 
@@ -120,13 +121,13 @@ class MarkerFeed:
             try:
                 async with connect(self._plan.socket, CLIENT_NAME, role="observer") as session:
                     records = session.records()
-                    if self._last_seq and (missed := session.view.seq - self._last_seq) > 0:
+                    if self.seq and (missed := session.view.seq - self.seq) > 0:
                         _LOG.warning(f"the connection was cut; {pluralize(missed, 'record')} of it gave no marker")
                     word = await self._make_words(session)
                     self._open(session)
                     origin, speed = session.attach_reply.origin or 0.0, session.attach_reply.speed
                     async for record in records:
-                        self._last_seq = record.seq
+                        self.seq = record.seq
                         for text in word(record):
                             self._add(text, origin + record.t / speed)
                 return

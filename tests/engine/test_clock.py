@@ -91,3 +91,15 @@ async def test_a_speed_must_be_above_zero() -> None:
     for speed in (0, -1, float("inf"), float("nan")):
         with pytest.raises(ValueError, match="above 0"):
             RealClock(loop, speed)
+
+
+async def test_the_origin_says_what_the_loop_s_clock_shows_at_a_session_time() -> None:
+    """Also of a session that goes on at 100 s, and of one that runs ten times as fast."""
+    loop = asyncio.get_running_loop()
+    for speed, start in ((1.0, 0.0), (1.0, 100.0), (10.0, 0.0), (10.0, 100.0)):
+        before = loop.time()
+        clock = RealClock(loop, speed, start)
+        after = loop.time()
+        assert before - 1e-6 <= clock.origin + start / speed <= after + 1e-6
+        t = clock.now()
+        assert after - 1e-6 <= clock.origin + t / speed <= loop.time() + 1e-6
