@@ -23,7 +23,7 @@ from rise_engine.bundle.report import REPORT, write_report
 from rise_engine.bundle.study_files import copy_scenarios, log_text, participants_text, study_text
 from rise_engine.bundle.texts import license_text, readme_text
 from rise_engine.export.format import ExportContext, ExportError
-from rise_engine.export.formats import format_names, load_format
+from rise_engine.export.formats import load_format
 from rise_engine.export.writing import export_context, new_path, note_export
 from rise_engine.session.disk import make_private_folder
 from rise_engine.session.errors import SessionError
@@ -82,7 +82,7 @@ def make_bundle(
     bundle.report.left_out += remarks
     try:
         with new_path(out) as here:
-            bundle.report.left_out += note_export(folders, out, "bundle", options.level)
+            bundle.report.left_out += note_export(folders, out, "bundle", options.level, folder=out.suffix != ".zip")
             root = here if out.suffix != ".zip" else here.with_name("bundle")
             root.mkdir(0o700)
             bundle.write(root)
@@ -209,10 +209,9 @@ class _Bundle:
 
     def _write_exports(self, root: Path) -> None:
         for name in _FORMATS:
-            if name in format_names():
-                context = self._context()
-                load_format(name).write(root / name, self._read(), context)
-                self._look_at.add_warnings(name, context.warnings)
+            context = self._context()
+            load_format(name).write(root / name, self._read(), context)
+            self._look_at.add_warnings(name, context.warnings)
         make_private_folder((root / REPORT).parent)
         context = self._context()
         if why := write_report(root / REPORT, self._read(), context):

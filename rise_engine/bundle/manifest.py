@@ -10,7 +10,8 @@ from pathlib import Path
 
 from msgspec import Struct, field
 
-MANIFEST = "manifest-sha256.txt"
+from rise_engine.study.traces import MANIFEST_FILE as MANIFEST
+
 _BLOCK = 1 << 20
 
 

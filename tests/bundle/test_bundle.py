@@ -4,18 +4,21 @@ from __future__ import annotations
 
 import csv
 import json
-import subprocess
-import sys
 import zipfile
 from pathlib import Path
 
+import click
 import pytest
+from click.testing import CliRunner
 
 from rise_engine.bundle.archive import opened_bundle
 from rise_engine.bundle.errors import BundleError
 from rise_engine.bundle.making import BundleOptions, BundleReport, make_bundle
 from rise_engine.bundle.reproducing import check_bundle, reproduce_sessions
 from rise_engine.bundle.study_files import log_text, participants_text, study_text
+from rise_engine.cli.bundle import bundle as bundle_command
+from rise_engine.cli.export import export
+from rise_engine.cli.reproduce import reproduce
 from rise_engine.session.levels import ExportLevel
 from rise_engine.study.state import read_state
 from rise_engine.study.study_log import LogEntry, read_log
@@ -25,8 +28,6 @@ from ..analysis.samples import make_study, play_session, sessions_of, task, writ
 from ..export.test_bids import VALIDATOR, validate, with_validator
 
 SECRETS = ("zelda", "quux", "anna", "felt sick", "looks away", "hurry", "asks something", "/data/", "2026-11-23")
-CRATE_PYTHON = Path(__file__).parents[2] / ".venv-crate" / "bin" / "python"
-CONTEXT = Path(__file__).with_name("ro-crate-1.1-context.jsonld")
 
 
 def bundle_of(
@@ -38,10 +39,9 @@ def bundle_of(
     return make_bundle(read_state(study), folders, out, BundleOptions(level, license=license))
 
 
-def rise_engine(*arguments: object) -> tuple[int, str, str]:
-    command = [sys.executable, "-m", "rise_engine", *map(str, arguments)]
-    done = subprocess.run(command, capture_output=True, text=True, timeout=300)
-    return done.returncode, done.stdout, done.stderr
+def run(command: click.Command, *arguments: object) -> tuple[int, str, str]:
+    result = CliRunner().invoke(command, [str(each) for each in arguments])
+    return result.exit_code, result.stdout, result.stderr
 
 
 def texts_in(root: Path) -> str:
@@ -129,13 +129,12 @@ def test_the_bids_data_set_of_real_sessions_is_valid(bundle: Path) -> None:
 def test_an_export_of_the_bundle_is_the_export_of_the_study(study: Path, bundle: Path, tmp_path: Path) -> None:
     """Whoever has the bundle can make every other format, and finds the same in it."""
     for name, folder in (("a", study), ("b", bundle)):
-        status, _, errors = rise_engine(
-            "export", folder, "--format", "bids", "--level", "shared", "-o", tmp_path / name
-        )
+        status, _, errors = run(export, folder, "--format", "bids", "--level", "shared", "-o", tmp_path / name)
         assert status == 0, errors
     first, second = (sorted((tmp_path / name).rglob("*_beh.tsv")) for name in "ab")
     assert [path.name for path in first] == [path.name for path in second]
     assert [path.read_bytes() for path in first] == [path.read_bytes() for path in second]
+    assert check_bundle(bundle).whole  # an export is noted in studies, and not in bundles
 
 
 def test_what_is_said_of_it(study: Path, tmp_path: Path) -> None:
@@ -296,18 +295,17 @@ def test_what_is_no_bundle(tmp_path: Path) -> None:
 # --- a command line, and a scenario that words decide ---------------------------------------------------------------
 
 
-@pytest.mark.slow
 def test_bundle_and_reproduce_on_the_command_line(study: Path, tmp_path: Path) -> None:
     out = tmp_path / "bundle.zip"
-    status, said, errors = rise_engine("study", "bundle", study, "-o", out)
+    status, said, errors = run(bundle_command, study, "-o", out)
     assert (status, errors) == (0, "")
     assert "look at this before anybody else gets it:" in said
     assert "1 pilot" in said
-    status, said, errors = rise_engine("reproduce", out)
+    status, said, errors = run(reproduce, out)
     assert (status, errors) == (0, "")
     assert "7 of 7 sessions identical" in said
-    assert rise_engine("study", "bundle", tmp_path, "-o", tmp_path / "x")[0] == 2
-    status, _, errors = rise_engine("study", "bundle", study, "-o", out)
+    assert run(bundle_command, tmp_path, "-o", tmp_path / "x")[0] == 2
+    status, _, errors = run(bundle_command, study, "-o", out)
     assert (status, "is there already" in errors) == (1, True)
 
 
