@@ -18,7 +18,7 @@ from rise_engine.bundle.crate import METADATA, CrateContents, CrateSession, meta
 from rise_engine.bundle.environment import environment_text
 from rise_engine.bundle.errors import BundleError
 from rise_engine.bundle.look_at import LookAt
-from rise_engine.bundle.manifest import MANIFEST, manifest_text
+from rise_engine.bundle.manifest import manifest_text
 from rise_engine.bundle.report import REPORT, write_report
 from rise_engine.bundle.study_files import copy_scenarios, log_text, participants_text, study_text
 from rise_engine.bundle.texts import license_text, readme_text
@@ -35,7 +35,7 @@ from rise_engine.study.plan_file import PLAN_FILE
 from rise_engine.study.state import StudyState
 from rise_engine.study.study_log import LOG_FILE
 from rise_engine.study.study_toml import STUDY_FILE
-from rise_engine.study.traces import PARTICIPANTS_FILE, wizard_names
+from rise_engine.study.traces import MANIFEST_FILE, PARTICIPANTS_FILE, wizard_names
 from rise_engine.text import pluralize
 
 SESSIONS = "sessions"
@@ -124,7 +124,7 @@ class _Bundle:
         readme = readme_text(self._study, self._level, self.report.contents, self.report.left_out)
         (root / "README.md").write_text(readme, "utf-8")
         (root / METADATA).write_text(metadata_text(root, self._crate_contents(inputs, license)), "utf-8")
-        (root / MANIFEST).write_text(manifest_text(root), "utf-8")
+        (root / MANIFEST_FILE).write_text(manifest_text(root), "utf-8")
 
     # --- sessions ---
 

@@ -9,10 +9,11 @@ from msgspec import Struct
 
 from rise_engine.bundle.crate import METADATA
 from rise_engine.bundle.errors import BundleError
-from rise_engine.bundle.manifest import MANIFEST, ManifestCheck, check_manifest
+from rise_engine.bundle.manifest import ManifestCheck, check_manifest
 from rise_engine.session.errors import SessionError
 from rise_engine.session.folder import JOURNAL
 from rise_engine.session.replay import ReplayComparison, compare_replay
+from rise_engine.study.traces import MANIFEST_FILE
 
 SESSIONS = "sessions"
 
@@ -37,7 +38,7 @@ def check_bundle(root: Path) -> ManifestCheck:
     :param root: its folder.
     :raises BundleError: it is no bundle, or cannot be read.
     """
-    missing = [name for name in (METADATA, MANIFEST) if not (root / name).is_file()]
+    missing = [name for name in (METADATA, MANIFEST_FILE) if not (root / name).is_file()]
     if missing:
         raise BundleError(f"it is no bundle: it has no {' and no '.join(missing)}")
     try:

@@ -12,13 +12,14 @@ from click.testing import CliRunner
 
 from rise_engine.bundle.courses import compare_courses, read_recorded
 from rise_engine.bundle.making import BundleOptions, make_bundle
-from rise_engine.bundle.manifest import MANIFEST, manifest_text
+from rise_engine.bundle.manifest import manifest_text
 from rise_engine.cli.other_robot import CannotRun, compare_on_robot, load_for_robot, run_on_robot
 from rise_engine.cli.reproduce import reproduce
 from rise_engine.kernel.records import RuleRecord, TaskRecord
 from rise_engine.session.folder import load_scenario_copy, read_info
 from rise_engine.session.journal_format import encode_record, read_line, with_checksum
 from rise_engine.study.state import read_state
+from rise_engine.study.traces import MANIFEST_FILE
 
 from ..analysis.samples import act, make_study, play_session, sessions_of, task, write_scenario
 
@@ -80,7 +81,7 @@ def _add(bundle: Path) -> None:
 
 
 def _spoil_manifest(bundle: Path) -> None:
-    with (bundle / MANIFEST).open("a", encoding="utf-8") as file:
+    with (bundle / MANIFEST_FILE).open("a", encoding="utf-8") as file:
         file.write("nonsense\n")
 
 
@@ -114,7 +115,7 @@ def test_a_record_that_somebody_changed_is_found_also_with_new_check_sums(bundle
     record.status = "ABORTED"
     lines[at] = with_checksum(encode_record(record))
     journal.write_bytes(b"".join(lines))
-    (bundle / MANIFEST).write_text(manifest_text(bundle), "utf-8")
+    (bundle / MANIFEST_FILE).write_text(manifest_text(bundle), "utf-8")
     status, said, _ = run(bundle)
     assert status == 1
     assert "whole: " in said
