@@ -3,9 +3,11 @@
     RiseError
       BehaviorError               A behaviour that cannot be read
       BridgeError                 The connection cannot be had
+      BundleError                 A bundle cannot be made or read
       CannotBegin                 The session cannot begin
       CannotJudge                 Nothing was written
       CannotLook                  The robot cannot be looked for
+      CannotRun                   A session cannot be run on another robot
       ChecksRefused               The session cannot begin
       ClipboardTooLarge           It does not fit on a clipboard
       DriverError                 No usable driver of that name is installed
@@ -35,6 +37,7 @@
       NotAdmitted                 Somebody cannot attach
       NothingStarted              Nothing is started and nothing attached to
       OutletError                 It cannot pass on anything
+      NothingToKeep               Nothing may be kept of somebody
       OutputError                 Standard output cannot be written
       ParameterError              A value that an action's parameter cannot take
         OutOfRangeError           A number beyond the smallest or the largest that a parameter can have
@@ -48,6 +51,7 @@
       ScenarioDecodeError         What was received is no scenario of this version
       ServeRefused                Nothing is served
       SessionError                A session's folder cannot be used
+        CannotShare               The session cannot be given to others
         HeldElsewhereError        Another computer had the session last
         JournalLockedError        An engine runs the session
         RedactionRefused          Nothing was changed

@@ -105,7 +105,6 @@ def _program() -> Entity:
         "name": "rise-tui",
         "description": "Runs human-robot interaction studies from a terminal",
         "softwareVersion": __version__,
-        "version": __version__,
     }
 
 
@@ -123,10 +122,12 @@ def _dataset(root: Path, contents: CrateContents) -> list[Entity]:
         "license": {"@id": url or "LICENSE"},
         "conformsTo": {"@id": PROFILE},
         "hasPart": [{"@id": name} for name in [*folders, *files]],
-        "mentions": [{"@id": _run_id(each)} for each in contents.sessions],
+        "mentions": _one_or_all([{"@id": _run_id(each)} for each in contents.sessions]),
     }
     if contents.authors:
-        dataset["author"] = [{"@id": f"#author-{number}"} for number in range(1, len(contents.authors) + 1)]
+        dataset["author"] = _one_or_all(
+            [{"@id": f"#author-{number}"} for number in range(1, len(contents.authors) + 1)]
+        )
     entities: list[Entity] = [dataset]
     for folder in folders:
         entities.append({"@id": folder, "@type": "Dataset", "name": folder.rstrip("/")})
@@ -140,6 +141,8 @@ def _dataset(root: Path, contents: CrateContents) -> list[Entity]:
         }
         if form := _FORMATS.get(path.suffix):
             entity["encodingFormat"] = form
+        elif not path.suffix:
+            entity["encodingFormat"] = "text/plain"
         entities.append(entity)
     return entities
 
@@ -169,19 +172,21 @@ def _run_of(session: CrateSession, contents: CrateContents) -> Entity:
         "description": f"A session with a robot ({facts.robot or 'unknown'}): {about}",
         "instrument": {"@id": PROGRAM},
         "agent": {"@id": "#team"},
-        "object": [{"@id": each} for each in contents.inputs],
-        "result": [{"@id": session.folder}] if session.folder else [],
-        "actionStatus": {
-            "@id": "http://schema.org/CompletedActionStatus"
-            if outcome != "aborted"
-            else "http://schema.org/FailedActionStatus"
-        },
+        "object": _one_or_all([{"@id": each} for each in contents.inputs]),
+        "actionStatus": f"http://schema.org/{'Failed' if outcome == 'aborted' else 'Completed'}ActionStatus",
     }
+    if session.folder:
+        action["result"] = {"@id": session.folder}
     if outcome == "aborted":
         action["error"] = facts.outcome_reason or "the session was broken off"
     if facts.started:
         action["startTime"] = facts.started
     return action
+
+
+def _one_or_all(entities: list[Entity]) -> Entity | list[Entity]:
+    """What JSON-LD compacts to: a single one is no list."""
+    return entities[0] if len(entities) == 1 else entities
 
 
 def _run_id(session: CrateSession) -> str:

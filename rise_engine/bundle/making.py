@@ -18,12 +18,12 @@ from rise_engine.bundle.crate import METADATA, CrateContents, CrateSession, meta
 from rise_engine.bundle.environment import environment_text
 from rise_engine.bundle.errors import BundleError
 from rise_engine.bundle.look_at import LookAt
-from rise_engine.bundle.manifest import MANIFEST, manifest_text
+from rise_engine.bundle.manifest import manifest_text
 from rise_engine.bundle.report import REPORT, write_report
 from rise_engine.bundle.study_files import copy_scenarios, log_text, participants_text, study_text
 from rise_engine.bundle.texts import license_text, readme_text
 from rise_engine.export.format import ExportContext, ExportError
-from rise_engine.export.formats import format_names, load_format
+from rise_engine.export.formats import load_format
 from rise_engine.export.writing import export_context, new_path, note_export
 from rise_engine.session.disk import make_private_folder
 from rise_engine.session.errors import SessionError
@@ -35,7 +35,7 @@ from rise_engine.study.plan_file import PLAN_FILE
 from rise_engine.study.state import StudyState
 from rise_engine.study.study_log import LOG_FILE
 from rise_engine.study.study_toml import STUDY_FILE
-from rise_engine.study.traces import PARTICIPANTS_FILE, wizard_names
+from rise_engine.study.traces import MANIFEST_FILE, PARTICIPANTS_FILE, wizard_names
 from rise_engine.text import pluralize
 
 SESSIONS = "sessions"
@@ -82,7 +82,7 @@ def make_bundle(
     bundle.report.left_out += remarks
     try:
         with new_path(out) as here:
-            bundle.report.left_out += note_export(folders, out, "bundle", options.level)
+            bundle.report.left_out += note_export(folders, out, "bundle", options.level, folder=out.suffix != ".zip")
             root = here if out.suffix != ".zip" else here.with_name("bundle")
             root.mkdir(0o700)
             bundle.write(root)
@@ -124,7 +124,7 @@ class _Bundle:
         readme = readme_text(self._study, self._level, self.report.contents, self.report.left_out)
         (root / "README.md").write_text(readme, "utf-8")
         (root / METADATA).write_text(metadata_text(root, self._crate_contents(inputs, license)), "utf-8")
-        (root / MANIFEST).write_text(manifest_text(root), "utf-8")
+        (root / MANIFEST_FILE).write_text(manifest_text(root), "utf-8")
 
     # --- sessions ---
 
@@ -209,10 +209,9 @@ class _Bundle:
 
     def _write_exports(self, root: Path) -> None:
         for name in _FORMATS:
-            if name in format_names():
-                context = self._context()
-                load_format(name).write(root / name, self._read(), context)
-                self._look_at.add_warnings(name, context.warnings)
+            context = self._context()
+            load_format(name).write(root / name, self._read(), context)
+            self._look_at.add_warnings(name, context.warnings)
         make_private_folder((root / REPORT).parent)
         context = self._context()
         if why := write_report(root / REPORT, self._read(), context):

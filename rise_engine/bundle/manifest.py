@@ -10,7 +10,8 @@ from pathlib import Path
 
 from msgspec import Struct, field
 
-MANIFEST = "manifest-sha256.txt"
+from rise_engine.study.traces import MANIFEST_FILE
+
 _BLOCK = 1 << 20
 
 
@@ -48,20 +49,20 @@ def files_in(root: Path) -> list[str]:
 
 def manifest_text(root: Path) -> str:
     """The manifest of everything that lies in a folder now."""
-    return "".join(f"{file_hash(root / name)}  {name}\n" for name in files_in(root) if name != MANIFEST)
+    return "".join(f"{file_hash(root / name)}  {name}\n" for name in files_in(root) if name != MANIFEST_FILE)
 
 
 def check_manifest(root: Path) -> ManifestCheck:
     """Compare a bundle with its manifest. Raises OSError."""
     check = ManifestCheck()
     listed: dict[str, str] = {}
-    for number, line in enumerate((root / MANIFEST).read_text("utf-8", "replace").splitlines(), start=1):
+    for number, line in enumerate((root / MANIFEST_FILE).read_text("utf-8", "replace").splitlines(), start=1):
         digest, blanks, name = line.partition("  ")
         if not blanks or len(digest) != 64 or Path(name).is_absolute() or ".." in Path(name).parts:
-            check.unreadable.append(f"line {number} of {MANIFEST} is no check sum of a file in here")
+            check.unreadable.append(f"line {number} of {MANIFEST_FILE} is no check sum of a file in here")
         else:
             listed[name] = digest
-    present = set(files_in(root)) - {MANIFEST}
+    present = set(files_in(root)) - {MANIFEST_FILE}
     check.missing = sorted(set(listed) - present)
     check.unlisted = sorted(present - set(listed))
     for name in sorted(set(listed) & present):

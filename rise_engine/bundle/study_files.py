@@ -51,9 +51,11 @@ def study_text(text: str, people: Mapping[str, str], level: ExportLevel) -> str:
     names = dict.fromkeys(people.values())
     if names:
         new += "\n[wizards]\n" + "".join(f'"{name}" = "{name}"\n' for name in names)
-    before = {name: value for name, value in tomllib.loads(text).items() if name != "wizards"}
-    after = {name: value for name, value in tomllib.loads(new).items() if name != "wizards"}
-    if before != after:
+    try:
+        before, after = tomllib.loads(text), tomllib.loads(new)
+    except tomllib.TOMLDecodeError:  # they are still there
+        before, after = {}, {"wizards": {}}
+    if before | {"wizards": {}} != after | {"wizards": {}} or not before:
         raise BundleError(
             "the names of wizards in study.toml cannot be taken out: write [wizards] as a table of its own"
         )

@@ -26,6 +26,7 @@ _COMMANDS = {
     "lsl": "rise_engine.cli.lsl",
     "export": "rise_engine.cli.export",
     "redact": "rise_engine.cli.redact",
+    "reproduce": "rise_engine.cli.reproduce",
     **dict.fromkeys(("replay", "run", "serve", "sessions", "stop"), _SESSION),
     "study": _STUDY,
 }

@@ -10,6 +10,9 @@ import click
 
 from rise_engine.errors import RiseError
 from rise_engine.exit_status import OK, PARTIAL, REFUSED, USAGE
+from rise_engine.export.anonymous import NothingToKeep, rows_to_keep
+from rise_engine.session.errors import SessionError
+from rise_engine.study.kept_rows import FILE as KEPT_FILE
 from rise_engine.study.study_log import LOG_FILE, StudyLogError
 from rise_engine.study.traces import STUDY_FILE
 from rise_engine.study.withdrawal import WithdrawalError, WithdrawalPlan, plan_withdrawal
@@ -21,12 +24,21 @@ from rise_engine.text import clean, pluralize
 @click.argument("folder", metavar="STUDY", type=click.Path())
 @click.argument("participant", metavar="PARTICIPANT")
 @click.option("--yes", is_flag=True, help="Do not ask. It cannot be undone.")
-def withdraw(folder: str, participant: str, yes: bool) -> None:
+@click.option(
+    "--keep-anonymous",
+    is_flag=True,
+    help="Keep how their sessions went, in numbers, under a fresh id, because they agreed to that (consent_anonymous).",
+)
+def withdraw(folder: str, participant: str, yes: bool, keep_anonymous: bool) -> None:
     """Erase everything about PARTICIPANT from STUDY, because they have withdrawn their consent.
 
     Their session folders, the recordings that these have registered, and what was exported of them with `export -o` are
     erased. In study.jsonl a salted hash takes the place of the pseudonym, and their slot is free. What cannot be
     reached from here is listed. It cannot be undone; when it was interrupted, say it again.
+
+    With --keep-anonymous, anonymous.csv keeps a row for each of their sessions that counts: condition, duration,
+    numbers of acts, answer times; no date, no slot, no words. It is refused unless participants.csv has a date in
+    consent_anonymous for them.
 
     Exit status: 0 done; 1 refused, or they are still named in the study's folder; 2 wrong usage.
     """
@@ -35,11 +47,14 @@ def withdraw(folder: str, participant: str, yes: bool) -> None:
         sys.exit(_print_error(f"{folder} is no study: it has no {STUDY_FILE}", USAGE))
     try:
         plan = plan_withdrawal(study, participant)
+        keep = rows_to_keep(study, participant, plan.sessions) if keep_anonymous else []
         _print_lines(_plan_lines(plan))
+        if keep:
+            _print_lines([f"{pluralize(len(keep), 'row')} of numbers stay in {KEPT_FILE}, as {keep[0]['id']}"])
         if not yes:
             _ask(participant)
-        report = withdraw_participant(study, participant)
-    except (WithdrawalError, StudyLogError) as error:
+        report = withdraw_participant(study, participant, keep=keep)
+    except (WithdrawalError, StudyLogError, NothingToKeep, SessionError) as error:
         sys.exit(_print_error(error, REFUSED))
     lines = [f"{participant} has withdrawn: {pluralize(len(report.erased), 'thing')} erased; their slot is free"]
     if report.make_again:

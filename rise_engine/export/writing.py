@@ -19,7 +19,7 @@ from rise_engine.session.levels import ExportLevel
 from rise_engine.session.unfinished_files import unfinished
 from rise_engine.study.study_log import LockedLog, StudyLogError
 from rise_engine.study.study_toml import load_study
-from rise_engine.study.traces import owner_of, study_of_session
+from rise_engine.study.traces import MANIFEST_FILE, owner_of, study_of_session
 
 
 class ExportReport(Struct):
@@ -137,7 +137,7 @@ def note_export(
     by_study: dict[Path, list[Path]] = {}
     for session in folders:
         study = study_of_session(session)
-        if study is not None:
+        if study is not None and not (study / MANIFEST_FILE).is_file():  # a bundle stays as its check sums have it
             by_study.setdefault(study, []).append(session)
     path = out.resolve()
     problems = []

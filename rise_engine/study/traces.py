@@ -19,6 +19,8 @@ from rise_engine.study.sessions import SESSIONS
 from rise_engine.study.study_log import LOG_FILE
 
 PARTICIPANTS_FILE, STUDY_FILE = "participants.csv", "study.toml"
+MANIFEST_FILE = "manifest-sha256.txt"
+"""The check sums of a bundle (`rise_engine.bundle`): a study's folder that has them is nobody's to write into."""
 _SMALL = 5_000_000
 """Bytes: of larger files that are no text, only the name is looked at."""
 _TEXTS = (".jsonl", ".csv", ".json", ".toml", ".txt", ".md")

@@ -25,6 +25,7 @@ from rise_engine.session.erasure import erase_file, erase_folder, overwrite
 from rise_engine.session.folder import JOURNAL, sessions_folder
 from rise_engine.session.lock import is_journal_locked, read_holder, running_message
 from rise_engine.session.unfinished_files import erase_unfinished
+from rise_engine.study.kept_rows import add_rows
 from rise_engine.study.sessions import SESSIONS
 from rise_engine.study.study_log import SET_ASIDE_FILE, LockedLog, LogEntry, read_log
 from rise_engine.study.traces import (
@@ -64,6 +65,8 @@ class WithdrawalPlan(Struct):
     """What their sessions have registered and cannot be erased, in sentences."""
     export_folders: list[str] = field(default_factory=list)
     """Those of `exports` that were written as folders: they are erased with everything in them."""
+    kept: list[dict[str, str]] = field(default_factory=list)
+    """Rows that stay in the study's `anonymous.csv`."""
 
 
 class WithdrawalReport(Struct):
@@ -99,11 +102,14 @@ def plan_withdrawal(study: Path, participant: str) -> WithdrawalPlan:
     raise WithdrawalError(f"the study in {study} knows no participant {participant!r}; nothing was done")
 
 
-def withdraw(study: Path, participant: str, disk: Disk | None = None) -> WithdrawalReport:
+def withdraw(
+    study: Path, participant: str, disk: Disk | None = None, *, keep: Sequence[dict[str, str]] = ()
+) -> WithdrawalReport:
     """Erase everything about a participant that can be reached; run again after an interruption, it finishes.
 
     :param study: the study's folder.
     :param participant: their pseudonym.
+    :param keep: rows that stay (`rise_engine.study.kept_rows`), where they have agreed to it.
     :param disk: what writes, for tests that let it fail.
     :raises WithdrawalError: as `plan_withdrawal`, or something cannot be erased; what was not stays listed for the next
         time.
@@ -113,7 +119,7 @@ def withdraw(study: Path, participant: str, disk: Disk | None = None) -> Withdra
     plan_withdrawal(study, participant)
     try:
         with LockedLog(study, disk=disk) as log:
-            work = _take_out(study, participant, log, disk)
+            work = _take_out(study, participant, log, disk, keep)
         report = _erase(study, work, participant, disk) if work is not None else WithdrawalReport()
     except OSError as error:
         raise WithdrawalError(
@@ -128,12 +134,15 @@ def withdraw(study: Path, participant: str, disk: Disk | None = None) -> Withdra
 # --- under the log's lock -------------------------------------------------------------------------------------------
 
 
-def _take_out(study: Path, participant: str, log: LockedLog, disk: Disk) -> Path | None:
+def _take_out(
+    study: Path, participant: str, log: LockedLog, disk: Disk, keep: Sequence[dict[str, str]] = ()
+) -> Path | None:
     """Make the list, move the folders out of the study's sessions, write the log anew. The folder of what is to be
     erased; None: there is nothing."""
     _erase_unlisted(study, disk)
     entries = log.entries()
     plan = _make_plan(study, participant, entries)
+    plan.kept = list(keep)
     work = _left_work(study, participant)
     if work is not None:
         plan = _join(_read_list(work), plan)
@@ -335,6 +344,7 @@ def _join(before: WithdrawalPlan, now: WithdrawalPlan) -> WithdrawalPlan:
         {**before.exports, **now.exports},
         list(dict.fromkeys([*before.unreachable, *now.unreachable])),
         list(dict.fromkeys([*before.export_folders, *now.export_folders])),
+        [*before.kept, *now.kept],
     )
 
 
@@ -344,6 +354,7 @@ def _join(before: WithdrawalPlan, now: WithdrawalPlan) -> WithdrawalPlan:
 def _erase(study: Path, work: Path, participant: str, disk: Disk) -> WithdrawalReport:
     plan = _read_list(work)
     report = WithdrawalReport(beyond=list(plan.unreachable))
+    add_rows(study, plan.kept, disk)  # first: from here on they stand nowhere else
     for path in map(Path, plan.recordings):
         for each in dict.fromkeys((path.resolve(), path)):
             if each.is_dir() and not each.is_symlink():
