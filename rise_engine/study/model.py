@@ -112,6 +112,12 @@ class RecordingSettings(Struct, frozen=True):
     """None: nothing goes to LSL."""
     sync: SyncSettings | None = None
     """None: no marks."""
+    folder: str = ""
+    """Where recorders that name their file themselves put it, absolute: a folder for each session is made in there.
+    Empty: into the session's own folder."""
+    consent: str = "recording"
+    """What a participant must have consented to before anything records them: `recording` is the column
+    consent_recording."""
 
 
 class Study(Struct, frozen=True):
