@@ -84,6 +84,8 @@ class RecorderSettings(Struct, frozen=True):
     driver: str
     """Which recorder it is; the name, where `by` is not given."""
     options: dict[str, Json] = {}
+    stalled_after: float | None = None
+    """Seconds without growth after which it counts as stalled; None: as its driver says."""
 
 
 class MarkerSettings(Struct, frozen=True):

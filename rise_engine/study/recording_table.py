@@ -10,9 +10,13 @@ from rise_engine.nearest_name import did_you_mean, in_backquotes, nearest_name
 from rise_engine.ports.recorder import RecorderError
 from rise_engine.scenario.toml_tables import TomlTable
 from rise_engine.study.model import MarkerSettings, RecorderSettings, RecordingSettings, SyncSettings
+from rise_engine.study.quantities import parse_length
 from rise_engine.study.recorder_drivers import open_recorder, recorder_drivers
 
 _OWN_KEYS = ("lsl", "sync", "folder", "consent")
+_COMMON_OPTIONS = ("by", "stalled")
+SHORTEST_STALL, LONGEST_STALL = 3.0, 3600.0
+"""Seconds."""
 _TAKEN = frozenset({"lsl", "marks", "recorders"})
 """What records call other things that can fail."""
 _NAME = re.compile(r"[A-Za-z][A-Za-z0-9_-]{0,39}\Z")
@@ -60,12 +64,22 @@ def _read_recorder(table: TomlTable, name: str) -> RecorderSettings | None:
         table.report_key("bad-name", f"records call something else `{name}`; take another name", name)
     settings = TomlTable(table.file, (*table.path, name), values, table.diagnostics)
     driver = settings.read("by", str, name, form=': by = "ffmpeg"')
-    options = {key: value for key, value in values.items() if key != "by"}
+    options = {key: value for key, value in values.items() if key not in _COMMON_OPTIONS}
     if driver not in recorder_drivers():
         _report_driver(table, settings, driver)
     else:
         _report_options(settings, driver, name, options)
-    return RecorderSettings(name, driver, options)
+    return RecorderSettings(name, driver, options, _read_stalled(settings))
+
+
+def _read_stalled(settings: TomlTable) -> float | None:
+    text = settings.read("stalled", str, "", form=': stalled = "10 s"')
+    seconds = parse_length(text) if text else None
+    if text and (seconds is None or not SHORTEST_STALL <= seconds <= LONGEST_STALL):
+        message = f"`{text}` is no time without growth after which it counts as stalled; write 10 s, from 3 s to 1 h"
+        settings.report_value("wrong-value", "stalled", message)
+        return None
+    return seconds
 
 
 def _report_driver(table: TomlTable, settings: TomlTable, driver: str) -> None:
