@@ -1,4 +1,4 @@
-"""Gives a mark that recordings show: a sound, or a flash on the consoles' screens, and its record with when it began."""
+"""Gives a mark that recordings show: a sound, or a flash on the consoles' screens; and puts on record when it began."""
 
 from __future__ import annotations
 
@@ -124,17 +124,22 @@ async def _play_with_one_of(commands: Sequence[Sequence[str]], number: int) -> t
     deadline = monotonic() + PLAY_SECONDS
     name, played = "", None
     with tempfile.TemporaryDirectory(prefix="rise-mark-") as folder:  # for its owner alone
-        file = Path(folder, f"mark-{number}.wav")
-        file.write_bytes(mark_sound(number))
+        file = _write_sound(folder, number)
         for command in commands:
             program = shutil.which(command[0])
             if program is None or monotonic() > deadline - SOUND_SECONDS:
                 continue
             name = Path(command[0]).name
-            played = await _play([program, *(each.replace("{file}", str(file)) for each in command[1:])], deadline)
+            played = await _play([program, *(each.replace("{file}", file) for each in command[1:])], deadline)
             if not played.problem:
                 break
     return name, played
+
+
+def _write_sound(folder: str, number: int) -> str:
+    path = Path(folder, f"mark-{number}.wav")
+    path.write_bytes(mark_sound(number))
+    return str(path)
 
 
 async def _play(command: Sequence[str], deadline: float) -> _Played:
