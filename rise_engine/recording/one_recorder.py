@@ -77,7 +77,7 @@ class SupervisedRecorder:
         self.files: list[RecordedFile] = []
         """What it has recorded, once it is stopped."""
         self.settled = asyncio.Event()
-        """Set when it records, or could not be started for the first time."""
+        """Set when its file has begun to grow, or something is wrong for the first time."""
         self._state: RecordingState | None = None
         self._path = ""
 
@@ -85,8 +85,9 @@ class SupervisedRecorder:
         """Record until `finish`; then it stops within CALL_SECONDS and CLOSE_SECONDS. Never raises."""
         while not finish.is_set():
             recorder = await self._begin(finish)
-            self.settled.set()
-            if recorder is not None:
+            if recorder is None:
+                self.settled.set()
+            else:
                 ended = await self._watch(recorder, finish)
                 await self._stop(recorder, ended)
             if finish.is_set():
@@ -161,9 +162,11 @@ class SupervisedRecorder:
     def _set(self, state: RecordingState) -> None:
         """Say it, if it is news: the size alone is none, nor are more of the frames that it has lost."""
         before = self._state
-        if before is not None and (before.status, before.path) == (state.status, state.path):
-            if state.status in ("running", "stalled") or before.reason == state.reason:
-                return
+        if state.status != "started":
+            self.settled.set()
+        is_same = before is not None and (before.status, before.path) == (state.status, state.path)
+        if is_same and before is not None and (state.status in ("running", "stalled") or before.reason == state.reason):
+            return
         self._state = state
         self.say(self.name, state)
 

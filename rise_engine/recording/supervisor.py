@@ -7,7 +7,6 @@ standing still, dying) concerns another one, or the session, which only gets rec
 from __future__ import annotations
 
 import asyncio
-import os
 from collections.abc import Awaitable, Callable
 from datetime import datetime
 from pathlib import Path
@@ -32,14 +31,16 @@ OWN_FOLDER = "recordings"
 """In the session's folder."""
 START_MARK_SECONDS, END_MARK_SECONDS = 8.0, 3.0
 """How long a mark may take."""
+TAIL_SECONDS = 1.0
+"""For which everything still records after the last mark, so that it is in the file, and shown by a console."""
 START_SECONDS = 10.0
 """For which the first mark waits until everything records."""
 
-GiveMark: TypeAlias = Callable[[Session, int, SyncSettings], Awaitable[None]]
+GiveMark: TypeAlias = Callable[[Session, int, SyncSettings], Awaitable[object]]
 
 
 async def supervise(request: CompanionRequest, finish: asyncio.Event, mark: GiveMark = give_mark) -> None:
-    """Record a session until it ends or is to end; then everything is stopped within 10 s.
+    """Record a session until it ends or is to end; then everything is stopped within 11 s.
 
     :param request: what records it.
     :param finish: set when everything is to be stopped.
@@ -69,6 +70,7 @@ async def supervise(request: CompanionRequest, finish: asyncio.Event, mark: Give
             await _first(finish, reports.over)
             if settings.sync is not None and settings.sync.end:
                 await _mark(reports, settings.sync, END_MARK_SECONDS, mark)
+                await asyncio.sleep(TAIL_SECONDS if working else 0.0)
         stop.set()
         if working:
             await asyncio.wait(working)

@@ -23,7 +23,7 @@ from rise_engine.text import clean
 
 _LOG = logging.getLogger(__name__)
 
-FINISH_SECONDS = 10.0
+FINISH_SECONDS = 12.0
 """That all companions together get to finish, when the session is to end."""
 GRACE_SECONDS = 1.0
 """Between being asked to go (SIGTERM) and being ended (SIGKILL)."""
