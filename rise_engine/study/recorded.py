@@ -74,3 +74,9 @@ def recorders_text(settings: RecordingSettings) -> str:
     if settings.markers is not None:
         words.append("markers on LSL")
     return ", ".join(words)
+
+
+def recording_lines(decision: RecordingDecision) -> list[str]:
+    """What to say of it before the session begins, a line each; nothing of a study that has nothing recorded."""
+    text = recorders_text(decision.settings)
+    return [*([f"recorded by {text}"] if text else []), *([decision.remark] if decision.remark else [])]
