@@ -173,7 +173,7 @@ def _recording_cells(store: Store) -> list[StatusCell]:
     name, word, role = found
     glyph, short = ("✗" if role == "fault" else "◐"), shorten(name, NAME)
     texts = (f"{glyph} {short} {word}", f"{short} {word}", f"{glyph} {word}")
-    return [_recording_cell(store), StatusCell(tuple((GAP, (text, role)) for text in texts), (8, 8))]
+    return [_recording_cell(store), StatusCell(tuple((GAP, (text, role)) for text in texts), (8, 11))]
 
 
 def _recording_cell(store: Store) -> StatusCell:
