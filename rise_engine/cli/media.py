@@ -17,7 +17,7 @@ from rise_engine.cli.options import JSON, SESSION
 from rise_engine.cli.terminal import write_json
 from rise_engine.errors import RiseError
 from rise_engine.exit_status import OK, PARTIAL, REFUSED, USAGE
-from rise_engine.kernel.records import RecordingRecord, SyncRecord
+from rise_engine.kernel.records import RecordingRecord, SessionRecord, SyncRecord
 from rise_engine.recording.alignment import (
     UNKNOWN_WITHIN,
     Alignment,
@@ -90,7 +90,7 @@ def add(
         folder = find_session(session)
         path = Path(file).expanduser()
         facts = look_at_media(path)
-        marks = read_marks(folder)
+        marks, interruptions = read_marks(folder)
         given = [parse_moment(each, marks) for each in moments]
     except FileNotFoundError:
         sys.exit(_print_error(f"there is no file {file}", USAGE))
@@ -98,15 +98,16 @@ def add(
         sys.exit(_print_error(f"{file} cannot be read: {error.strerror or error}", USAGE))
     except (SessionError, ValueError) as error:
         sys.exit(_print_error(error, USAGE))
-    sys.exit(_add(folder, path, facts, marks, given, find=find_marks, name=name, as_json=as_json))
+    sys.exit(_add(folder, path, facts, marks, given, interruptions, find=find_marks, name=name, as_json=as_json))
 
 
 def _add(
     folder: Path,
     path: Path,
     facts: MediaFacts,
-    marks: Sequence[SyncRecord],
+    marks: Sequence[SessionMark],
     given: Sequence[FoundMark],
+    interruptions: Sequence[float],
     *,
     find: bool,
     name: str,
@@ -126,7 +127,9 @@ def _add(
         else:
             by, found = "start", _by_start(folder, path)
         if found.offset is not None:
-            file = replace(file, offset=round(found.offset, 6), rate=found.rate, aligned_by=by, marks=found.marks)
+            offset = round(found.offset, 6)
+            found = replace(found, remarks=(*found.remarks, *_interruption_remarks(interruptions, found)))
+            file = replace(file, offset=offset, rate=found.rate, aligned_by=by, marks=found.marks)
         register_media(folder, file)
     except (RiseError, OSError) as error:
         return _print_error(error, USAGE)
@@ -154,10 +157,21 @@ def _describe(stored: str, path: Path, facts: MediaFacts, before: MediaFile | No
     )
 
 
-def _find(path: Path, facts: MediaFacts, records: Sequence[SyncRecord]) -> Alignment:
+def _interruption_remarks(interruptions: Sequence[float], found: Alignment) -> list[str]:
+    """For which part of a session that was recovered this holds."""
+    if not interruptions:
+        return []
+    at = found.marks[0].session_at if found.marks else 0.0
+    after, before = [each for each in interruptions if each <= at], [each for each in interruptions if each > at]
+    ends = [f"after {after[-1]:.1f} s" if after else "", f"before {before[0]:.1f} s" if before else ""]
+    part = " and ".join(filter(None, ends))
+    return [f"the session was interrupted, which a camera does not know: this holds only for what was {part}"]
+
+
+def _find(path: Path, facts: MediaFacts, marks: Sequence[SessionMark]) -> Alignment:
     """By the marks in its sound."""
-    sounds = [session_mark(each) for each in records if each.medium == "sound"]
-    if not sounds and records:
+    sounds = [each for each in marks if each.medium == "sound"]
+    if not sounds and marks:
         return Alignment(problem="the session's marks are flashes: look for them, and say --at FILE=markN")
     if not sounds:
         return align_by_marks(sounds, [])
@@ -181,19 +195,21 @@ def _by_start(folder: Path, path: Path) -> Alignment:
     return Alignment(problem="nobody has said where it lies: --find-marks, or --at FILE=SESSION")
 
 
-def read_marks(folder: Path) -> list[SyncRecord]:
-    """The marks that were given in a session. Raises SessionError."""
-    return [each for each in read_journal(folder / JOURNAL).read_records() if isinstance(each, SyncRecord)]
+def read_marks(folder: Path) -> tuple[list[SessionMark], list[float]]:
+    """The marks that were given in a session, and when it went on after interruptions. Raises SessionError."""
+    marks: list[SessionMark] = []
+    interruptions: list[float] = []
+    for record in read_journal(folder / JOURNAL).read_records():
+        if isinstance(record, SessionRecord) and record.status == "recovered":
+            interruptions.append(record.t)
+        elif isinstance(record, SyncRecord):
+            within = record.within if record.within is not None else UNKNOWN_WITHIN
+            at = record.at if record.at is not None else record.t
+            marks.append(SessionMark(record.number, at, within, record.medium, len(interruptions)))
+    return marks, interruptions
 
 
-def session_mark(record: SyncRecord) -> SessionMark:
-    """A mark, with when it began."""
-    if record.at is None:
-        return SessionMark(record.number, record.t)
-    return SessionMark(record.number, record.at, record.within if record.within is not None else UNKNOWN_WITHIN)
-
-
-def parse_moment(text: str, marks: Sequence[SyncRecord]) -> FoundMark:
+def parse_moment(text: str, marks: Sequence[SessionMark]) -> FoundMark:
     """What `--at` says. Raises ValueError with a sentence.
 
     >>> parse_moment("14.5=12", []), parse_moment("-1.5", []).media_at
@@ -205,7 +221,7 @@ def parse_moment(text: str, marks: Sequence[SyncRecord]) -> FoundMark:
     media_at = _parse_seconds(in_file, text)
     if found := _MARK.fullmatch(in_session.strip()):
         number = int(found[1])
-        named = [session_mark(each) for each in marks if each.number == number]
+        named = [each for each in marks if each.number == number]
         if len(named) == 1:
             return FoundMark(number, named[0].at, media_at, 0.0)
         known = ", ".join(str(each.number) for each in marks) or "none"

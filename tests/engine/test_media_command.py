@@ -11,7 +11,7 @@ import pytest
 from click.testing import CliRunner, Result
 
 from rise_engine.cli import main
-from rise_engine.kernel.records import AnyRecord, RecordingRecord, SyncRecord
+from rise_engine.kernel.records import AnyRecord, RecordingRecord, SessionRecord, SyncRecord
 from rise_engine.session.folder import JOURNAL
 from rise_engine.session.journal_format import encode_header, encode_record, with_checksum
 from rise_engine.session.media import MEDIA_FILE, FoundMark, read_media
@@ -28,6 +28,8 @@ FLASHES: list[AnyRecord] = [SyncRecord(1, 2.0, "", 1, "flash", "", "node:recorde
 def session(root: Path, *records: AnyRecord) -> Path:
     folder = root / "session"
     folder.mkdir()
+    for number, record in enumerate(records, 1):
+        record.seq = number
     lines = [with_checksum(encode_record(each)) for each in records]
     (folder / JOURNAL).write_bytes(encode_header("rise-tui test") + b"".join(lines))
     return folder
@@ -172,6 +174,21 @@ def test_flashes_and_sessions_without_marks_say_what_to_do(tmp_path: Path, sound
     shutil.rmtree(folder)
     done = run("add", session(tmp_path), sound, "--find-marks")
     assert done.exit_code == 1 and "the session has no mark that could be heard" in done.output
+
+
+def test_a_session_that_was_interrupted_says_for_what_it_holds(tmp_path: Path, sound: Path) -> None:
+    recovered = SessionRecord(3, 20.0, "", status="recovered")
+    folder = session(tmp_path, MARKS[0], recovered, MARKS[1])
+    done = run("add", folder, sound, "--find-marks")
+    assert done.exit_code == 1 and "not aligned: 2 marks found" in done.output
+    done = run("add", folder, sound, "--at", "6.5=mark1")
+    assert (
+        "note: the session was interrupted, which a camera does not know: this holds only for what was before 20.0 s"
+        in (done.output)
+    )
+    done = run("add", folder, sound, "--at", "35.5=mark2", "--json")
+    assert done.exit_code == 0, done.output
+    assert json.loads(done.output)["remarks"][0].endswith("this holds only for what was after 20.0 s")
 
 
 def test_a_bag_is_a_folder(tmp_path: Path) -> None:
