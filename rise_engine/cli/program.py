@@ -25,6 +25,7 @@ _COMMANDS = {
     **dict.fromkeys(("check", "doctor", "eval", "expand", "new", "robots", "schema"), _SCENARIO),
     "lsl": "rise_engine.cli.lsl",
     "export": "rise_engine.cli.export",
+    "media": "rise_engine.cli.media",
     "redact": "rise_engine.cli.redact",
     "reproduce": "rise_engine.cli.reproduce",
     **dict.fromkeys(("replay", "run", "serve", "sessions", "stop"), _SESSION),
