@@ -47,23 +47,23 @@ class CourseOfSessions(Struct, frozen=True):
 def latency_figure(facts: LatencyFacts) -> Figure:
     """Small histograms of the parts, and a larger one of the whole response, on the same scale."""
     shown = [facts.response, *(part for part in facts.parts if part.values)]
-    cell, gap, tall, small = 318.0, 23.0, 132.0, 92.0
+    cell, gap, tall, small = 318.0, 23.0, 136.0, 92.0
     rows = (len(shown) - 1 + 2) // 3
     drawing = Drawing(
         WIDTH,
-        tall + 46 + rows * (small + 50),
+        tall + 60 + rows * (small + 36),
         "Histograms of the response and its parts",
         "; ".join(f"{part.name}: {_summary_words(part.summary)}" for part in shown),
         name="histograms",
     )
-    _draw_histogram(drawing, facts.response, 0, 18, WIDTH - 2, tall, names=True)
+    _draw_histogram(drawing, facts.response, 0, 32, WIDTH, tall, names=True)
     for at, part in enumerate(shown[1:]):
-        left, top = (at % 3) * (cell + gap), tall + 66 + (at // 3) * (small + 50)
+        left, top = (at % 3) * (cell + gap), tall + 84 + (at // 3) * (small + 36)
         _draw_histogram(drawing, part, left, top, cell, small - 16, names=False)
     return Figure(
         caption=f"Each bar counts acts within {BIN:g} s; the last one all from {LAST_BIN:g} s on. The line is the "
         "median. Shades are the reference bands, whose limits stand above.",
-        svg=drawing.whole(),
+        svg=(drawing.whole(),),
         text=lambda width: _histogram_lines(shown, width),
     )
 
@@ -82,6 +82,8 @@ def _draw_histogram(
             until = f"{(at + 1) * BIN:g}" if at + 1 < len(counts) else "more"
             hover = f"{part.name}: {count} from {at * BIN:g} to {until} s"
             drawing.box(left + at * BIN * unit + 0.75, bottom - tall, BIN * unit - 1.5, tall, "bar", hover)
+            if count == most and at == counts.index(most):
+                drawing.text(left + (at + 0.5) * BIN * unit, bottom - tall - 3, str(count), "axis", "middle")
     drawing.line(left, bottom, left + width, bottom, "axis-line")
     summary = part.summary
     if summary is not None:
@@ -90,9 +92,18 @@ def _draw_histogram(
     for second in (1, 2, 4, 6):
         drawing.text(left + second * unit, bottom + 12, f"{second} s" if second < 6 else "6+ s", "axis", "middle")
     drawing.text(left, bottom + 12, "0", "axis")
-    title = f"{part.name}: {part.about}"
-    drawing.text(left, top - 5 - 12 * names, title, "chart-title")
-    drawing.text(left + width, top - 5 - 12 * names, _summary_words(summary), "chart-note", "end")
+    if names:
+        drawing.text(left, top - 19, f"{part.name}: {part.about}", "chart-title")
+        drawing.text(left + width, top - 19, _summary_words(summary), "chart-note", "end")
+    else:
+        drawing.text(left, top - 5, f"{part.name}: {part.about}", "chart-title")
+        drawing.text(
+            left + width,
+            top - 5,
+            f"median {seconds_text(summary.median)}" if summary is not None else "none",
+            "chart-note",
+            "end",
+        )
 
 
 def _draw_bands(
@@ -171,7 +182,7 @@ def dot_plot(title: str, rows: Sequence[DotRow], caption: str) -> Figure:
     bottom = top + len(rows) * line
     drawing.line(label, bottom, label + room, bottom, "axis-line")
     _draw_seconds(drawing, label, bottom + 14, unit, room)
-    return Figure(caption=caption, svg=drawing.whole(), text=lambda width: _dot_lines(rows, width))
+    return Figure(caption=caption, svg=(drawing.whole(),), text=lambda width: _dot_lines(rows, width))
 
 
 def _draw_seconds(drawing: Drawing, left: float, y: float, unit: float, room: float) -> None:
@@ -253,7 +264,7 @@ def drift_figure(title: str, courses: Sequence[CourseOfSessions], caption: str) 
             points, [h for h, s in zip(course.hovers, course.summaries, strict=True) if s is not None], strict=True
         ):
             drawing.dot(x, y_median, 3.2, "dot", hover)
-    return Figure(caption=caption, svg=drawing.whole())
+    return Figure(caption=caption, svg=(drawing.whole(),))
 
 
 def _draw_level_bands(drawing: Drawing, left: float, top: float, width: float, height: float, most: float) -> None:

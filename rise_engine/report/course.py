@@ -11,11 +11,12 @@ from rise_engine.report.svg import Drawing
 from rise_engine.text import clean
 
 WIDTH, LABELS, RIGHT = 1000.0, 128.0, 8.0
-LANE, ROW_GAP, AXIS = 17.0, 26.0, 16.0
+LANE, AXIS = 17.0, 16.0
 ROW_SECONDS = (20, 30, 60, 120, 300, 600, 900, 1200, 1800, 3600, 7200, 14400, 28800, 86400)
 """How much of the session a row may show."""
-MAX_ROWS = 6
-CHARACTER = 5.4
+FEW_ROWS, MAX_ROWS, SHORT = 4, 6, 600.0
+"""At most so many rows, for sessions of up to `SHORT` seconds and for longer ones."""
+CHARACTER = 5.9
 """Units that a character of a label takes, at most."""
 _TICKS = (1, 2, 5, 10, 15, 30, 60, 120, 300, 600, 900, 1800, 3600, 7200, 14400)
 
@@ -39,30 +40,32 @@ def course_figure(data: SessionData) -> Figure | None:
 
 
 def row_seconds(duration: float) -> float:
-    """How many seconds of the session a row shows: a round number, so that there are no more than `MAX_ROWS`."""
-    fitting = next((each for each in ROW_SECONDS if duration <= each * MAX_ROWS), None)
-    seconds = float(fitting) if fitting is not None else math.ceil(duration / MAX_ROWS)
-    return max(1.0, math.ceil(duration)) if duration < ROW_SECONDS[0] else seconds
+    """How many seconds of the session a row shows: a round number, so that there are few rows."""
+    if duration < ROW_SECONDS[0]:
+        return max(1.0, math.ceil(duration))
+    most = FEW_ROWS if duration <= SHORT else MAX_ROWS
+    fitting = next((each for each in ROW_SECONDS if duration <= each * most), None)
+    return float(fitting) if fitting is not None else float(math.ceil(duration / most))
 
 
-def _draw(lanes: list[Lane], duration: float) -> str:
+def _draw(lanes: list[Lane], duration: float) -> tuple[str, ...]:
     seconds = row_seconds(duration)
-    rows = max(1, math.ceil(duration / seconds - 1e-9))
-    height = len(lanes) * LANE + AXIS + ROW_GAP
+    return tuple(
+        _draw_row(lanes, row * seconds, min(duration, (row + 1) * seconds), seconds)
+        for row in range(max(1, math.ceil(duration / seconds - 1e-9)))
+    )
+
+
+def _draw_row(lanes: list[Lane], start: float, end: float, seconds: float) -> str:
     names = ", ".join(lane.name for lane in lanes)
     drawing = Drawing(
         WIDTH,
-        rows * height - ROW_GAP + 4,
-        f"Course of the session, {clock_text(duration)} long",
+        len(lanes) * LANE + AXIS + 2,
+        f"Course from {clock_text(start)} to {clock_text(end)}",
         f"Lanes: {names}. The tables of acts, phases and notes say the same in words.",
         name="course",
     )
-    for row in range(rows):
-        _draw_row(drawing, lanes, row * seconds, min(duration, (row + 1) * seconds), seconds, row * height)
-    return drawing.whole()
-
-
-def _draw_row(drawing: Drawing, lanes: list[Lane], start: float, end: float, seconds: float, top: float) -> None:
+    top = 1.0
     unit = (WIDTH - LABELS - RIGHT) / seconds
     bottom = top + len(lanes) * LANE
 
@@ -85,6 +88,7 @@ def _draw_row(drawing: Drawing, lanes: list[Lane], start: float, end: float, sec
         for mark in lane.marks:
             if start <= mark.at < end or mark.at == end == start + seconds:
                 _draw_mark(drawing, mark, x(mark.at), middle, top, bottom)
+    return drawing.whole()
 
 
 def _draw_span(drawing: Drawing, span: Span, left: float, right: float, middle: float) -> None:
@@ -96,7 +100,7 @@ def _draw_span(drawing: Drawing, span: Span, left: float, right: float, middle: 
     width = max(1.5, right - left - 0.75)
     drawing.box(left, middle - LANE / 2 + 2, width, LANE - 4, span.kind, span.hover)
     room = int((width - 6) / CHARACTER)
-    if room >= 3 and span.label:
+    if span.label and room >= min(4, len(span.label)):
         drawing.text(left + 3, middle + 3.2, _shorten(span.label, room), "on")
 
 

@@ -49,8 +49,8 @@ class Figure(Struct, frozen=True, kw_only=True):
     """A drawing, and the same for who cannot see one."""
 
     caption: str
-    svg: str
-    """A whole `<svg>` element, made by `rise_engine.report.svg`."""
+    svg: tuple[str, ...]
+    """Whole `<svg>` elements, made by `rise_engine.report.svg`; a page can break between them."""
     text: Callable[[int], list[str]] | None = None
     """Lines that say the same, for a width in characters; None: the tables beside it do."""
 

@@ -15,6 +15,8 @@ MarkKind: TypeAlias = Literal["note", "mistake", "stop", "sync", "fault"]
 MAX_RULES = 8
 """So many rules have a lane; those with most phases come first."""
 _CHANNELS = ("speech", "gaze", "face", "body", "arms")
+_NO_NEWS = ("latched", "connected")
+"""Of a stop, that it was carried out; of the robot, that it is there."""
 _MARKS: dict[str, MarkKind] = {
     "note": "note",
     "mistake": "mistake",
@@ -110,7 +112,7 @@ def _acts_of(actor: ActorKind, acts: Iterable[PlayedAct], end: float) -> tuple[S
 
 def _moments(points: Iterable[Point]) -> Iterable[MomentMark]:
     for point in points:
-        if (kind := _MARKS.get(point.kind)) is not None and not (point.kind == "stop" and point.name == "latched"):
+        if (kind := _MARKS.get(point.kind)) is not None and point.name not in _NO_NEWS:
             told = " ".join(filter(None, (point.name, point.value)))
             yield MomentMark(point.at, f"{clock_text(point.at)} {point.kind}: {told}", kind)
 

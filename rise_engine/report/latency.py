@@ -39,7 +39,8 @@ class LatencyFacts(Struct, frozen=True):
     """The latencies of the acts that answered a cue, and apart from them those of fillers."""
 
     parts: tuple[Part, ...]
-    """wizard, way, queue, robot, voice: of answers, and they add up to the response."""
+    """wizard, way (or, of acts that no key led to, no key), queue, robot, voice: of answers, and those of an act add up
+    to its response."""
     response: Part
     to_filler: Part
     """From the cue until the first filler."""
@@ -62,7 +63,8 @@ def latencies(acts: Iterable[PlayedAct], cues: Iterable[Cue] = ()) -> LatencyFac
     waits = [(cue, round(cue.answered_at - cue.at, 6)) for cue in marked if cue.answered_at is not None]
     parts = (
         _part("wizard", "cue to key", [act.wizard_s for act in found]),
-        _part("way", "key to engine", [act.way_s for act in found]),
+        _part("way", "key to engine", [act.way_s for act in found if act.key_at is not None]),
+        _part("no key", "cue to engine", [act.way_s for act in found if act.key_at is None]),
         _part("queue", "engine to turn", [act.queue_s for act in found]),
         _part("robot", "turn to confirmation", [act.robot_s for act in found]),
         _part("voice", "confirmation to voice", [act.voice_s for act in found if act.speaks]),

@@ -10,7 +10,7 @@ from rise_engine.report.document import Block, Paragraph, Section, Table, number
 from rise_engine.report.latency import LIMITS, LatencyFacts, Part
 from rise_engine.report.wording import source_name
 
-_HEAD = ("", "n", "median", "1st quartile", "3rd quartile", "95 %", *(f"over {limit:g} s" for limit in LIMITS))
+_HEAD = ("", "n", "median", "middle half", "95 % within", *(f"over {limit:g} s" for limit in LIMITS))
 _NUMBERS = frozenset(range(1, len(_HEAD)))
 
 
@@ -30,10 +30,10 @@ def _blocks(facts: LatencyFacts, by_source: Sequence[Part]) -> Iterable[Block]:
         yield latency_figure(facts)
         yield Table(
             caption="From a cue to the robot's answer, in seconds. The parts of each act add up to its response: the "
-            "wizard presses a key, the key reaches the engine, the act waits for its turn, the robot confirms its "
-            "first action, and, of an act that speaks, its first speech",
+            "wizard presses a key, the key reaches the engine (of an act without a key, all until the engine has "
+            "it), the act waits for its turn, the robot confirms its first action, and, where it speaks, its speech",
             head=_HEAD,
-            rows=tuple(map(_row, (*facts.parts, facts.response))),
+            rows=tuple(_row(part) for part in (*facts.parts, facts.response) if part.values),
             numbers=_NUMBERS,
         )
         if len(by_source) > 1:
@@ -67,8 +67,7 @@ def _row(part: Part) -> tuple[str, ...]:
         name,
         str(summary.n),
         number_text(summary.median),
-        number_text(summary.lower),
-        number_text(summary.upper),
+        f"{number_text(summary.lower)}\u2013{number_text(summary.upper)}",
         number_text(summary.p95),
         *(percent_text(share.fraction or 0.0) for share in shares),
     )

@@ -75,7 +75,7 @@ def _block(block: Block) -> str:
             return _table(block)
         case Figure():
             caption = element("figcaption", escape(block.caption)) if block.caption else ""
-            return element("figure", block.svg + caption)
+            return element("figure", "\n".join(block.svg) + caption)
 
 
 def _facts(rows: Iterable[tuple[str, str]]) -> str:

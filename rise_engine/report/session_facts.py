@@ -9,7 +9,16 @@ from msgspec import Struct
 
 from rise_engine.analysis.model import ActorKind, Phase, PlayedAct, SessionData
 from rise_engine.analysis.statistics import Share, Summary, summarise
-from rise_engine.kernel.records import ActionRecord, ActionStatus, ControlRecord, FailureRecord, Mark, RobotRecord, RuleRecord, StopRecord
+from rise_engine.kernel.records import (
+    ActionRecord,
+    ActionStatus,
+    ControlRecord,
+    FailureRecord,
+    Mark,
+    RobotRecord,
+    RuleRecord,
+    StopRecord,
+)
 from rise_engine.report.latency import LatencyFacts, Part, answers, latencies
 
 MARKS: tuple[Mark, ...] = ("wrong", "late", "early", "double")

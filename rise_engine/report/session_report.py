@@ -102,9 +102,10 @@ def _summary(facts: SessionFacts, figures: SessionFigures) -> str:
         sentences.append(f"None of {pluralize(figures.cues, 'cue')} was answered.")
     mistakes = figures.mistakes
     if mistakes.marked.count:
-        sentences.append(f"{pluralize(mistakes.marked.count, 'act')} of wizards marked as mistakes.")
+        sentences.append(f"A wizard marked {pluralize(mistakes.marked.count, 'act')} as a mistake.")
     if mistakes.stops:
-        sentences.append(f"Everything was stopped {pluralize(mistakes.stops, 'time')}.")
+        times = "once" if mistakes.stops == 1 else f"{mistakes.stops} times"
+        sentences.append(f"Everything was stopped {times}.")
     return " ".join(sentences)
 
 
@@ -272,7 +273,11 @@ def _mistakes(data: SessionData, figures: SessionFigures) -> Iterable[Block]:
             ("Repairs", _repairs(data)),
         )
     )
-    moments = [point for point in data.points if point.kind in ("mistake", "fault", "stop", "robot")]
+    moments = [
+        point
+        for point in data.points
+        if point.kind in ("mistake", "fault", "stop", "robot") and point.name != "connected"
+    ]
     if moments:
         yield Table(
             caption="When",
