@@ -100,9 +100,10 @@ class SessionRecords:
         return self.scenario
 
     def _name(self) -> str:
-        """The folder's name; where the level tells no date, with what else keeps a participant's sessions apart."""
-        name, told = self.filter.session_name(self.folder.resolve().name), self.info or self.begun
-        if self.level == "full" or told is None or not told.run:
+        """The folder's name; where the level cuts its date off, with what else keeps a participant's sessions apart."""
+        folder = self.folder.resolve().name
+        name, told = self.filter.session_name(folder), self.info or self.begun
+        if name == folder or told is None or not told.run:
             return name
         return f"{name}_run{told.run}" + (f"-attempt{told.attempt}" if told.attempt > 1 else "")
 
