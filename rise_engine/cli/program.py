@@ -25,6 +25,7 @@ _COMMANDS = {
     **dict.fromkeys(("check", "doctor", "eval", "expand", "new", "robots", "schema"), _SCENARIO),
     "export": "rise_engine.cli.export",
     "redact": "rise_engine.cli.redact",
+    "report": "rise_engine.cli.report",
     **dict.fromkeys(("replay", "run", "serve", "sessions", "stop"), _SESSION),
     "study": _STUDY,
 }

@@ -41,8 +41,9 @@ class Table(Struct, frozen=True, kw_only=True):
     """Rows that somebody should look at."""
     note: str = ""
     folded: bool = False
-    """Whether it is long, and nobody has to read it: a page shows its caption, and the rest when it is asked for; a
-    terminal leaves it out."""
+    """Whether it is long, and nobody has to read it: a page shows its caption, and the rest when it is asked for."""
+    page_only: bool = False
+    """Whether a terminal only says where it stands."""
 
 
 class Figure(Struct, frozen=True, kw_only=True):

@@ -54,7 +54,12 @@ def _blocks(facts: LatencyFacts, by_source: Sequence[Part]) -> Iterable[Block]:
     if facts.response.summary is not None:
         yield _bands(facts)
         yield Paragraph(" ".join(CAVEATS), "note")
-        yield Paragraph(f"Sources: {_sources()}", "note")
+        yield Table(
+            caption="Sources of the bands",
+            head=("publication", "doi", "what it found, in our words"),
+            rows=tuple((each.citation, each.doi, each.found) for each in SOURCES),
+            page_only=True,
+        )
 
 
 def _row(part: Part) -> tuple[str, ...]:
@@ -83,10 +88,4 @@ def _bands(facts: LatencyFacts) -> Table:
             for band, count in zip(BANDS, facts.in_bands, strict=True)
         ),
         numbers=frozenset({1, 2}),
-    )
-
-
-def _sources() -> str:
-    return (
-        "; ".join(f"{each.citation}{f', doi {each.doi}' if each.doi else ''} ({each.found})" for each in SOURCES) + "."
     )

@@ -54,7 +54,9 @@ def _block(block: Block, width: int) -> list[str]:
         case Figure():
             return [*_wrap(block.caption, width), *block.text(width)] if block.text is not None else []
         case Table():
-            return [] if block.folded else _table(block, width)
+            if block.page_only or block.folded:
+                return _wrap(f"({block.caption}: in the HTML report, -o FILE.html)", width)
+            return _table(block, width)
 
 
 def _facts(rows: Iterable[tuple[str, str]], width: int) -> list[str]:
@@ -71,7 +73,7 @@ def _table(table: Table, width: int) -> list[str]:
     lines = _wrap(table.caption, width)
     shown = [table.head, *table.rows]
     columns = [at for at in range(len(table.head)) if any(row[at] for row in table.rows)]  # empty ones say nothing
-    widths = _column_widths([[clean(row[at]) for at in columns] for row in shown], width)
+    widths, gap = _column_widths([[clean(row[at]).replace("\u00a0", " ") for at in columns] for row in shown], width)
     for number, row in enumerate(shown):
         cells = [_wrap(row[at], widths[place]) or [""] for place, at in enumerate(columns)]
         for at in range(max(map(len, cells), default=0)):
@@ -79,21 +81,32 @@ def _table(table: Table, width: int) -> list[str]:
                 _pad(cell[at] if at < len(cell) else "", widths[place], right=columns[place] in table.numbers)
                 for place, cell in enumerate(cells)
             ]
-            lines.append((" " * _GAP).join(parts).rstrip())
+            lines.append((" " * gap).join(parts).rstrip())
         if number == 0:
-            lines.append("\u2500" * min(width, sum(widths) + _GAP * (len(widths) - 1)))
+            lines.append("\u2500" * min(width, sum(widths) + gap * (len(widths) - 1)))
     return [*lines, *_wrap(table.note, width)]
 
 
-def _column_widths(rows: list[list[str]], width: int) -> list[int]:
-    """As wide as their texts; when that is too much, the widest ones give way."""
+def _column_widths(rows: list[list[str]], width: int) -> tuple[list[int], int]:
+    """As wide as their texts, and the gap between them. When that is too much, the widest ones give way, as long as
+    their words stay whole; then the gaps; then the words."""
     if not rows or not rows[0]:
-        return []
-    widths = [max(cells_wide(row[at]) for row in rows) for at in range(len(rows[0]))]
-    room = width - _GAP * (len(widths) - 1)
-    while sum(widths) > room and max(widths) > _LEAST:
-        widths[widths.index(max(widths))] -= 1
-    return widths
+        return [], _GAP
+    columns = range(len(rows[0]))
+    widths = [max(cells_wide(row[at]) for row in rows) for at in columns]
+    words = [max((cells_wide(word) for row in rows for word in row[at].split()), default=1) for at in columns]
+    gap = _GAP
+    while sum(widths) + gap * (len(widths) - 1) > width:
+        spare = [at for at in columns if widths[at] > max(words[at], _LEAST)]
+        if spare:
+            widths[max(spare, key=lambda at: widths[at])] -= 1
+        elif gap > 1:
+            gap = 1
+        elif max(widths) > 1:
+            widths[widths.index(max(widths))] -= 1
+        else:
+            break
+    return widths, gap
 
 
 def _pad(text: str, width: int, *, right: bool = False) -> str:

@@ -383,4 +383,5 @@ def _in_order(data: SessionData) -> Iterable[Block]:
             rows=tuple((clock_text(at), *row) for at, row in rows),
             numbers=frozenset({0, 4}),
             folded=True,
+            page_only=True,
         )

@@ -22,8 +22,8 @@ from rise_engine.text import pluralize
 
 ORIGIN = (
     "Items paraphrased from the reporting guidelines in Riek 2012, Journal of Human-Robot Interaction 1(1), "
-    "119\u2013136, doi 10.5898/JHRI.1.1.Riek: compare them with the paper's own table. What the record knows is filled in; the rest "
-    "stands in [report] of study.toml."
+    "119\u2013136, doi 10.5898/JHRI.1.1.Riek: compare them with the paper's own table. What the record knows is "
+    "filled in; the rest stands in [report] of study.toml."
 )
 STILL_TO_SAY = "still to say"
 
@@ -47,12 +47,15 @@ class SheetItem(Struct, frozen=True):
         return tuple(name for name, text in zip(self.asked, self.said, strict=True) if not text)
 
 
-def reporting_sheet(study: Study, standing: StudyStanding, figures: StudyFigures) -> list[SheetItem]:
+def reporting_sheet(
+    study: Study, standing: StudyStanding, figures: StudyFigures, withdrawn: int = 0
+) -> list[SheetItem]:
     """The whole sheet.
 
     :param study: the checked design, with what people have said.
     :param standing: how it stands.
     :param figures: of its sessions.
+    :param withdrawn: how many have withdrawn.
     """
     wizards = figures.wizards()
 
@@ -66,7 +69,7 @@ def reporting_sheet(study: Study, standing: StudyStanding, figures: StudyFigures
         item("Robot", "What it did by itself", _autonomy(figures), "autonomy"),
         item("Robot", "What it could do", _abilities(figures)),
         item("Robot", "What was expected of it", (), "robot_hypotheses"),
-        item("Participants", "How many", _how_many(standing)),
+        item("Participants", "How many", _how_many(standing, withdrawn)),
         item("Participants", "Who they were", _strata(study, standing), "demographics"),
         item("Participants", "How they were found and thanked", (), "recruitment", "compensation"),
         item("Participants", "What they were told", _debriefed(study, figures), "instructions"),
@@ -154,13 +157,13 @@ def _abilities(figures: StudyFigures) -> list[str]:
     return [*known, f"Channels used: {', '.join(channels)}."] if channels else known
 
 
-def _how_many(standing: StudyStanding) -> list[str]:
+def _how_many(standing: StudyStanding, withdrawn: int) -> list[str]:
     states = Counter(each.state for each in standing.participants)
     begun = sum(bool(each.sessions) for each in standing.participants)
     told = (
         f"{len(standing.participants)} listed, {begun} began, {standing.complete} of {standing.wanted} wanted complete"
     )
-    told += f", {states['excluded']} excluded, {states['withdrawn']} withdrawn."
+    told += f", {states['excluded']} excluded, {max(withdrawn, states['withdrawn'])} withdrawn."
     cells = [
         f"{' '.join((*cell.strata.values(), cell.condition))}".strip() + f": {cell.complete} complete"
         for cell in standing.cells

@@ -1,4 +1,4 @@
-"""The report of a study, as a document: the plan against what happened, conditions, wizards, checks, reporting sheet."""
+"""The report of a study, as a document: plan against reality, conditions, wizards, checks, the reporting sheet."""
 
 from __future__ import annotations
 
@@ -17,6 +17,7 @@ from rise_engine.report.document import (
     Paragraph,
     Section,
     Table,
+    clock_text,
     length_text,
     number_text,
     seconds_text,
@@ -54,6 +55,8 @@ class StudyReportInput(Struct, frozen=True):
     level: ExportLevel = "full"
     shows_conditions: bool = True
     """Whether conditions are told; a study that hides them and is not complete should not."""
+    withdrawn: int = 0
+    """How many have withdrawn; nothing else is known of them."""
     problems: tuple[str, ...] = ()
     """What could not be read, in sentences."""
 
@@ -61,9 +64,9 @@ class StudyReportInput(Struct, frozen=True):
     def sheet(self) -> list[SheetItem]:
         """Its reporting sheet."""
         if self.shows_conditions:
-            return reporting_sheet(self.study, self.standing, self.figures)
-        cells = replace(self.standing, cells=())
-        return reporting_sheet(self.study, cells, self.figures)
+            return reporting_sheet(self.study, self.standing, self.figures, self.withdrawn)
+        without_cells = replace(self.standing, cells=())
+        return reporting_sheet(self.study, without_cells, self.figures, self.withdrawn)
 
 
 def study_report(given: StudyReportInput) -> Document:
@@ -139,7 +142,7 @@ def _plan(given: StudyReportInput) -> Iterable[Block]:
     for problem in given.problems:
         yield Paragraph(problem, "warning")
     standing = given.standing
-    yield Facts(tuple(_flow(standing)))
+    yield Facts(tuple(_flow(standing, given.withdrawn)))
     out = [each for each in standing.participants if each.state in ("excluded", "aborted", "withdrawn")]
     if out:
         yield Table(
@@ -153,7 +156,7 @@ def _plan(given: StudyReportInput) -> Iterable[Block]:
         yield _cells(standing)
 
 
-def _flow(standing: StudyStanding) -> Iterable[tuple[str, str]]:
+def _flow(standing: StudyStanding, withdrawn: int) -> Iterable[tuple[str, str]]:
     """How many came how far."""
     people = standing.participants
     states = Counter(each.state for each in people)
@@ -167,7 +170,7 @@ def _flow(standing: StudyStanding) -> Iterable[tuple[str, str]]:
     )
     yield "Broken off, may come again", str(states["aborted"])
     yield "Excluded", str(states["excluded"])
-    yield "Withdrawn", str(states["withdrawn"])
+    yield "Withdrawn", str(max(withdrawn, states["withdrawn"]))
     counts = Counter(entry.purpose for entry in standing.rehearsals)
     yield "Rehearsals", ", ".join(f"{number} {purpose}" for purpose, number in counts.items()) or "none"
 
@@ -267,7 +270,7 @@ def _summary_cells(summary: Summary | None) -> tuple[str, str]:
 
 def _median_length(sessions: Sequence[SessionRow]) -> str:
     summary = summarise(row.facts.duration for row in sessions)
-    return length_text(summary.median) if summary is not None else ""
+    return clock_text(summary.median) if summary is not None else ""
 
 
 # --- wizards --------------------------------------------------------------------------------------------------------
@@ -367,7 +370,7 @@ def _sessions(given: StudyReportInput) -> Iterable[Block]:
                 f"{facts.run}{f', attempt {facts.attempt}' if facts.attempt > 1 else ''}" if facts.run else "",
                 facts.condition if given.shows_conditions else "",
                 outcome if facts.purpose == "counted" else facts.purpose,
-                length_text(facts.duration),
+                clock_text(facts.duration),
                 str(found.cues),
                 number_text(summary.median) if summary is not None else "",
                 marks_text(found.mistakes.marks),
@@ -377,7 +380,7 @@ def _sessions(given: StudyReportInput) -> Iterable[Block]:
         )
     yield Table(
         caption="Every session, in the order in which they began; the response is the session's median, in seconds",
-        head=("participant", "run", "condition", "outcome", "length", "cues", "response", "marked", "stops", "skipped"),
+        head=("who", "run", "condition", "outcome", "length", "cues", "response", "marked", "stops", "skipped"),
         rows=tuple(table),
         numbers=frozenset({4, 5, 6, 8}),
         marked=frozenset(at for at, row in enumerate(rows) if row.facts.outcome in ("aborted", "excluded")),
