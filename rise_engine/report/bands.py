@@ -76,7 +76,7 @@ SOURCES = (
     Source(
         "Kendrick & Torreira 2015, Discourse Processes 52(4), 255–289",
         "10.1080/0163853X.2014.955997",
-        "when answers that are not wished for come",
+        "among late answers, those that are not wished for prevail",
     ),
     Source(
         "Shiwa et al. 2008, HRI, 153–160; 2009, International Journal of Social Robotics 1, 141–155",

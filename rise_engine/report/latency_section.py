@@ -56,8 +56,8 @@ def _blocks(facts: LatencyFacts, by_source: Sequence[Part]) -> Iterable[Block]:
         yield Paragraph(" ".join(CAVEATS), "note")
         yield Table(
             caption="Sources of the bands",
-            head=("publication", "doi", "what it found, in our words"),
-            rows=tuple((each.citation, each.doi, each.found) for each in SOURCES),
+            head=("publication", "what it found, in our words"),
+            rows=tuple((f"{each.citation}{f', doi {each.doi}' if each.doi else ''}", each.found) for each in SOURCES),
             page_only=True,
         )
 

@@ -92,15 +92,17 @@ def _table(table: Table) -> str:
         element("tr", "".join(_cells(row, table.numbers)), class_="marked" * (at in table.marked))
         for at, row in enumerate(table.rows)
     ]
-    caption = "" if table.folded else element("caption", escape(table.caption))
     made = element(
         "table",
-        caption + element("thead", element("tr", head)) + element("tbody", "\n".join(lines)),
-        aria_label=table.caption * table.folded,
+        element("thead", element("tr", head)) + element("tbody", "\n".join(lines)),
+        aria_label=table.caption,
+        class_="small" * table.page_only,
     )
     made = element("div", made, class_="scroll")
     made += element("p", escape(table.note), class_="note") if table.note else ""
-    return element("details", element("summary", escape(table.caption)) + made) if table.folded else made
+    if table.folded:
+        return element("details", element("summary", escape(table.caption)) + made)
+    return element("p", escape(table.caption), class_="caption") + made  # a `caption` would be as narrow as its table
 
 
 def _cells(row: tuple[str, ...], numbers: frozenset[int]) -> Iterable[str]:
