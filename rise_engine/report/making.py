@@ -6,10 +6,11 @@ at, and of a study its plan and how it stands.
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from pathlib import Path
 
 from msgspec import Struct
+from msgspec.structs import replace
 
 from rise_engine.analysis.reading import read_session, read_sessions
 from rise_engine.report.document import Document
@@ -36,15 +37,23 @@ class MadeReport(Struct, frozen=True):
     """Of a study: its reporting sheet as Markdown."""
 
 
-def make_session_report(folder: Path, level: ExportLevel = "full", private: Iterable[str] = ()) -> MadeReport:
+def make_session_report(
+    folder: Path,
+    level: ExportLevel = "full",
+    private: Iterable[str] = (),
+    label: Callable[[str], str] | None = None,
+) -> MadeReport:
     """The report of one session; also of one that runs, is torn or damaged.
 
     :param folder: the session's.
     :param level: how much is told.
     :param private: further private memory keys.
+    :param label: how the condition is called for whoever must not know what it stands for.
     :raises SessionError: nothing can be read, or nobody can say what is private.
     """
     data = read_session(folder, level=level, private=private)
+    if label is not None and (shown := label(data.facts.condition)) != data.facts.condition:
+        data = replace(data, facts=replace(data.facts, condition=shown, factors={}))
     return MadeReport(session_report(data, replay_words(folder)), (folder,), data.problems)
 
 
