@@ -140,13 +140,9 @@ def _select_study(selection: Selection, path: Path, *, all: bool, alone: bool) -
     for session in state.sessions:
         why = _why_left_out(session)
         if session.info is None:
-            selection.remarks.append(
-                f"{session.name} is not in the study's sessions any more, so it is not in the export"
-            )
+            selection.remarks.append(f"{session.name} is not in the export: its folder is not there any more")
         elif session.entry.participant in state.places.withdrawn:
-            selection.remarks.append(
-                f"{session.entry.participant} has withdrawn, so {session.name} is not in the export"
-            )
+            selection.remarks.append(f"{session.name} is not in the export: its participant has withdrawn")
         elif why and not all:
             left_out[why] += 1
         else:
@@ -168,8 +164,8 @@ def _why_left_out(session: StudySession) -> str:
 
 def _export(selection: Selection, format: ExportFormat, request: ExportRequest) -> int:
     if request.out is None or request.out == "-":
-        folder = selection.several and format.shape != "file"
-        what = "folder" if folder or format.shape == "folder" else f"file, such as {format.name}{format.suffix}"
+        folder = selection.several and format.shape == "file-per-session"
+        what = f"file, such as {format.name}{format.suffix}" if format.suffix and not folder else "folder"
         raise ExportError(f"say where: -o names a new {what}")
     folders = selection.folders
     context = export_context(folders, request.level)

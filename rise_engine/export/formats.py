@@ -11,6 +11,7 @@ from importlib.metadata import entry_points
 from rise_engine.export.format import ExportError, ExportFormat
 
 _OWN = {
+    "tables": "rise_engine.export.tables:FORMAT",
     "csv": "rise_engine.export.records:CSV",
     "jsonl": "rise_engine.export.records:JSONL",
 }
