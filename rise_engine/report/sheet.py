@@ -18,7 +18,7 @@ from rise_engine.report.study_facts import SessionRow, StudyFigures, WizardCours
 from rise_engine.report.wording import interval_text, marks_text, per_hundred, source_name
 from rise_engine.study.model import Study, StudyStanding
 from rise_engine.study.report_table import REPORT_ITEMS
-from rise_engine.text import pluralize
+from rise_engine.text import clean, pluralize
 
 ORIGIN = (
     "Items paraphrased from the reporting guidelines in Riek 2012, Journal of Human-Robot Interaction 1(1), "
@@ -128,8 +128,8 @@ def sheet_markdown(study: Study, sheet: Sequence[SheetItem]) -> str:
 
 def _plain(text: str) -> str:
     """A text that Markdown takes as it is."""
-    flat = " ".join(text.split())
-    for sign in "\\`*_<>[]#|":
+    flat = " ".join(clean(text, keep="\n\t").split()).replace("&", "&amp;").replace("<", "&lt;")
+    for sign in "\\`*_>[]#|":
         flat = flat.replace(sign, f"\\{sign}")
     return flat
 
