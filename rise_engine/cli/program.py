@@ -28,6 +28,7 @@ _COMMANDS = {
     "media": "rise_engine.cli.media",
     "redact": "rise_engine.cli.redact",
     "reproduce": "rise_engine.cli.reproduce",
+    "report": "rise_engine.cli.report",
     **dict.fromkeys(("replay", "run", "serve", "sessions", "stop"), _SESSION),
     "study": _STUDY,
 }

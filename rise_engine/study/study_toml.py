@@ -24,6 +24,7 @@ from rise_engine.study.personal_data import WHY, personal_column
 from rise_engine.study.plan import rows_wanted
 from rise_engine.study.quantities import DAY, parse_length
 from rise_engine.study.recording_table import read_recording
+from rise_engine.study.report_table import read_report
 from rise_engine.study.study_scenarios import load_scenarios
 
 STUDY_FILE = "study.toml"
@@ -44,6 +45,7 @@ TOP_KEYS = (
     "wizards",
     "retention",
     "recording",
+    "report",
 )
 _ASSIGNMENT_KEYS = ("between", "block", "strata", "within", "spare", "hidden")
 BETWEEN: tuple[BetweenMethod, ...] = ("blocks", "minimise", "random", "list")
@@ -176,6 +178,7 @@ class _StudyReader:
             wizards=self.read_wizards(),
             retention=self.read_retention(),
             recording=read_recording(table, folder),
+            report=read_report(table),
         )
         self.check_size(study)
         return study
