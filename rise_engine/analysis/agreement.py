@@ -5,7 +5,7 @@ four libraries (two of which are GPL, so that none can be a dependency). Where a
 a sentence and no number: `Estimate.value` is None, and `Estimate.why` says why.
 
 Sources: Cohen 1960 (kappa), Fleiss, Cohen and Everitt 1969 (its error), Krippendorff 2004 (alpha), McGraw and Wong 1996
-and Shrout and Fleiss 1979 (ICC), Bland and Altman 1986 (limits of agreement), Wilson 1927 (interval of a share).
+and Shrout and Fleiss 1979 (ICC), Bland and Altman 1986 (limits of agreement).
 """
 
 from __future__ import annotations
@@ -18,8 +18,8 @@ from typing import Literal, TypeAlias, TypeVar
 
 from msgspec import Struct
 
-Z95 = 1.959963984540054
-"""Standard deviations of a normal distribution within which 95 % lie, on both sides of its mean."""
+from rise_engine.analysis.statistics import Z_95, wilson_interval
+
 Value = TypeVar("Value", bound=Hashable)
 Pair: TypeAlias = tuple[Value, Value]
 Scale: TypeAlias = Literal["nominal", "interval"]
@@ -58,21 +58,6 @@ class Differences(Struct, frozen=True, kw_only=True):
     why: str = ""
 
 
-def share_interval(hits: int, n: int) -> tuple[float, float]:
-    """The 95 % interval of a share (Wilson 1927): sensible also at 0 of 5 and at 5 of 5.
-
-    :param hits: how many of `n` it was.
-    :param n: at least 1.
-    :return: its lower and upper end, both between 0 and 1.
-    """
-    if not 0 <= hits <= n or n < 1:
-        raise ValueError(f"{hits} of {n} is no share")
-    share, square = hits / n, Z95 * Z95
-    middle = (share + square / (2 * n)) / (1 + square / n)
-    half = Z95 / (1 + square / n) * sqrt(share * (1 - share) / n + square / (4 * n * n))
-    return (0.0 if hits == 0 else max(0.0, middle - half)), (1.0 if hits == n else min(1.0, middle + half))
-
-
 def percent_agreement(pairs: Sequence[Pair[Value]]) -> Estimate:
     """The share of units of which both say the same, as a number from 0 to 1, with Wilson's interval.
 
@@ -81,7 +66,7 @@ def percent_agreement(pairs: Sequence[Pair[Value]]) -> Estimate:
     if not pairs:
         return Estimate(why=NOTHING_SHARED)
     hits = sum(first == second for first, second in pairs)
-    low, high = share_interval(hits, len(pairs))
+    low, high = wilson_interval(hits, len(pairs)) or (None, None)
     return Estimate(value=hits / len(pairs), low=low, high=high, n=len(pairs))
 
 
@@ -119,7 +104,7 @@ def cohen_kappa(pairs: Sequence[Pair[Value]]) -> Estimate:
     variance = (agreeing + other - (kappa - expected * (1 - kappa)) ** 2) / (n * (1 - expected) ** 2)
     error = sqrt(max(0.0, variance))
     return Estimate(
-        value=kappa, error=error, low=max(-1.0, kappa - Z95 * error), high=min(1.0, kappa + Z95 * error), n=n
+        value=kappa, error=error, low=max(-1.0, kappa - Z_95 * error), high=min(1.0, kappa + Z_95 * error), n=n
     )
 
 
@@ -233,7 +218,7 @@ def limits_of_agreement(pairs: Sequence[tuple[float, float]]) -> Differences:
     if n < 2:
         return Differences(n=n, mean=mean, why="one difference has no spread: at least two are needed")
     deviation = sqrt(fsum((each - mean) ** 2 for each in differences) / (n - 1))
-    return Differences(n=n, mean=mean, deviation=deviation, low=mean - Z95 * deviation, high=mean + Z95 * deviation)
+    return Differences(n=n, mean=mean, deviation=deviation, low=mean - Z_95 * deviation, high=mean + Z_95 * deviation)
 
 
 # --- the distribution F -----------------------------------------------------------------------------------------------
