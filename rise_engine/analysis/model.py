@@ -84,6 +84,8 @@ class ActPart(Struct, frozen=True, kw_only=True):
     ended_at: float | None
     status: ActionStatus
     """Its ending; `started` or `accepted` where the record ends before that."""
+    started_at: float | None = None
+    """It was sent to the robot, or began to wait; None: it ended before that (`skipped`, `failed`)."""
 
 
 class PlayedAct(Struct, frozen=True, kw_only=True):

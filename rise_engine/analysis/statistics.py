@@ -1,9 +1,9 @@
 """The few statistics that tables and reports give, each with its definition, so that others can compute them anew.
 
-Quantiles are those of Hyndman & Fan 1996 (The American Statistician 50(4), 361-365, doi 10.1080/00031305.1996.10473566),
-definition 7: with the values in order, x(1) to x(n), and h = (n - 1) p + 1, the quantile lies between x(floor h) and
-the next one, as far as h lies beyond its floor. It is what `quantile` of R and `numpy.quantile` do when nothing else
-is asked for.
+Quantiles are those of Hyndman & Fan 1996 (The American Statistician 50(4), 361-365; doi
+10.1080/00031305.1996.10473566), definition 7: with the values in order, x(1) to x(n), and h = (n - 1) p + 1, the
+quantile lies between x(floor h) and the next one, as far as h lies beyond its floor. It is what `quantile` of R and
+`numpy.quantile` do when nothing else is asked for.
 """
 
 from __future__ import annotations

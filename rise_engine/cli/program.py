@@ -23,8 +23,9 @@ _SESSION = "rise_engine.cli.session_commands"
 _STUDY = "rise_engine.cli.study_commands"
 _COMMANDS = {
     **dict.fromkeys(("check", "doctor", "eval", "expand", "new", "robots", "schema"), _SCENARIO),
+    "export": "rise_engine.cli.export",
     "redact": "rise_engine.cli.redact",
-    **dict.fromkeys(("export", "replay", "run", "serve", "sessions", "stop"), _SESSION),
+    **dict.fromkeys(("replay", "run", "serve", "sessions", "stop"), _SESSION),
     "study": _STUDY,
 }
 """Each command's name, and the module where it is the value of `COMMANDS`."""

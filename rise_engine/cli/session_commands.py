@@ -1,9 +1,9 @@
-"""The commands about sessions: run, serve, sessions, stop, replay, export."""
+"""The commands about sessions: run, serve, sessions, stop, replay."""
 
 from __future__ import annotations
 
 import sys
-from typing import Any, Literal
+from typing import Any
 
 import click
 from msgspec.structs import replace
@@ -20,7 +20,7 @@ from rise_engine.cli.arguments import (
 )
 from rise_engine.cli.check import load_or_refuse
 from rise_engine.cli.options import FOLDER_OR_NONE, JSON, SESSION, begin_options, session_options, study_options
-from rise_engine.cli.replay import export_report, play_report, replay_report
+from rise_engine.cli.replay import play_report, replay_report
 from rise_engine.cli.run import RunOptions
 from rise_engine.cli.run import run as run_session
 from rise_engine.cli.sessions import print_recorded, print_sessions, stop_session
@@ -33,7 +33,6 @@ from rise_engine.protocol.session_options import SessionOptions
 from rise_engine.protocol.session_start import set_conflicts, start_problems
 from rise_engine.scenario.model import Scenario
 from rise_engine.server.process import serve as serve_session
-from rise_engine.session.levels import LEVELS, ExportLevel
 
 LATEST = 30 * 86_400.0
 """Seconds: the latest --until."""
@@ -289,28 +288,4 @@ def replay_session(session: str, scenario: str | None, as_json: bool, speed: str
     sys.exit(replay_report(session, scenario=scenario, as_json=as_json))
 
 
-@click.command()
-@SESSION
-@click.option("--format", type=click.Choice(["csv", "jsonl"]), required=True, help="A table, or one JSON per record.")
-@click.option("-o", "--output", metavar="FILE", type=click.Path(), help="A new file. Default: standard output.")
-@click.option(
-    "--level",
-    type=click.Choice(LEVELS),
-    default="full",
-    show_default=True,
-    help="How much is told. shared: for other researchers; public: for everybody.",
-)
-@click.option("--private", metavar="KEY", multiple=True, help="A memory key that is private, too. Repeatable.")
-def export(
-    session: str, format: Literal["csv", "jsonl"], output: str | None, level: ExportLevel, private: tuple[str, ...]
-) -> None:
-    """Write the records of SESSION, for analysis. Also of one that is running, torn or damaged.
-
-    SESSION is a session's folder, or its name in the sessions folder ($RISE_SESSIONS, or ~/rise-sessions).
-
-    Exit status: 0; 1 when something could not be read, and the rest was exported; 2 when nothing was.
-    """
-    sys.exit(export_report(session, format, output, level, private))
-
-
-COMMANDS = {"export": export, "replay": replay_session, "run": run, "serve": serve, "sessions": sessions, "stop": stop}
+COMMANDS = {"replay": replay_session, "run": run, "serve": serve, "sessions": sessions, "stop": stop}

@@ -9,6 +9,7 @@ from typing import Literal, TypeAlias
 from msgspec import Struct, field
 
 from rise_engine.analysis.model import SessionData
+from rise_engine.errors import RiseError
 from rise_engine.session.levels import ExportLevel
 from rise_engine.study.model import Study, StudyStanding
 
@@ -24,11 +25,13 @@ class ExportContext(Struct):
     study: Study | None = None
     standing: StudyStanding | None = None
     """Of the study, when all of it is exported."""
+    factors: tuple[str, ...] = ()
+    """The factors of all sessions of the export, in their order: columns of tables."""
     warnings: list[str] = field(default_factory=list)
     """Sentences for whoever exports; a format appends to it."""
 
 
-class ExportError(Exception):
+class ExportError(RiseError):
     """The export cannot be made; the text says why, in a sentence or several lines."""
 
 

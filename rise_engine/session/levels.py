@@ -43,6 +43,15 @@ class LevelFilter:
         """The session's name in a table: without its date, unless everything is told."""
         return folder if self.level == "full" else _STARTED.sub("", folder)
 
+    @property
+    def people(self) -> dict[str, str]:
+        """What each wizard and observer is called, by name; known after `note`."""
+        return dict(self._people)
+
+    def count_typed_words(self, text: str) -> str:
+        """What somebody typed that is in no record (a reason in the study's log), as this level tells it."""
+        return text if self.level == "full" or not text else _count_words("free text", text)
+
     def note(self, records: Iterable[AnyRecord]) -> None:
         """Take in everything: what is private, and who the people are."""
         if self._private is None or self.level == "full":

@@ -17,13 +17,13 @@ from pathlib import Path
 import pytest
 
 from rise_engine.client.replay import ReplayClient
+from rise_engine.export.records import SessionExport
 from rise_engine.kernel import Kernel
 from rise_engine.kernel.records import TaskRecord
 from rise_engine.kernel.view import SessionView
 from rise_engine.protocol.session_options import SessionOptions
 from rise_engine.server.spawn import EngineStarted, start_engine
 from rise_engine.session import journal_reader
-from rise_engine.session.export import SessionExport
 from rise_engine.session.journal_format import encode_record
 from rise_engine.session.journal_reader import read_journal
 from rise_engine.session.recovery import recover

@@ -16,9 +16,9 @@ import msgspec
 import pytest
 from msgspec.structs import replace
 
+from rise_engine.export.records import COLUMNS, SessionExport
 from rise_engine.kernel.inputs import AnyInput, CheckReport, OutcomeReport, SessionEnded, SessionRecovered, Submit
 from rise_engine.kernel.records import OutcomeRecord, SessionRecord, TimingRecord
-from rise_engine.session.export import COLUMNS, SessionExport
 from rise_engine.session.folder import JOURNAL, SessionError
 from rise_engine.session.journal_format import FORMAT, encode_input, encode_record, join_step, with_checksum
 from rise_engine.session.journal_reader import read_journal

@@ -1,0 +1,44 @@
+"""Every export format, by its name: ours, and those that installed packages bring (entry points `rise.exports`).
+
+A format of ours is a module in this package with a constant `FORMAT`, and a line in `_OWN`.
+"""
+
+from __future__ import annotations
+
+from importlib import import_module
+from importlib.metadata import entry_points
+
+from rise_engine.export.format import ExportError, ExportFormat
+
+_OWN = {
+    "tables": "rise_engine.export.tables:FORMAT",
+    "csv": "rise_engine.export.records:CSV",
+    "jsonl": "rise_engine.export.records:JSONL",
+}
+"""Where each is, in the order in which help lists them. Loaded when it is asked for: some take a while."""
+ENTRY_POINTS = "rise.exports"
+"""The group of entry points that name an ExportFormat each."""
+
+
+def format_names() -> list[str]:
+    """What can be asked for here. Nothing is loaded."""
+    others = sorted(entry_points(group=ENTRY_POINTS).names - _OWN.keys())
+    return [*_OWN, *others]
+
+
+def load_format(name: str) -> ExportFormat:
+    """A format by its name, one of `format_names`. Raises ExportError when what brings it cannot be loaded."""
+    if name in _OWN:
+        module, _, constant = _OWN[name].partition(":")
+        found: ExportFormat = getattr(import_module(module), constant)
+        return found
+    entry = next(iter(entry_points(group=ENTRY_POINTS, name=name)), None)
+    if entry is None:
+        raise ExportError(f"there is no format {name!r} here: {', '.join(format_names())}")
+    try:
+        found = entry.load()
+    except Exception as error:  # code of others runs as it is imported
+        raise ExportError(f"the format {name!r} ({entry.value}) cannot be loaded: {error}") from error
+    if not isinstance(found, ExportFormat):
+        raise ExportError(f"the format {name!r} ({entry.value}) is no ExportFormat")
+    return found

@@ -1,0 +1,125 @@
+"""Something new that is put in its place only when it is whole, and what a killed program has left of it.
+
+Until then it lies beside its place, in a folder for its owner alone: `.p07.csv.unfinished-x1y2`. Whoever writes it has
+that folder locked, so that nobody takes for a leftover what is being written.
+"""
+
+from __future__ import annotations
+
+import errno
+import fcntl
+import os
+import shutil
+import tempfile
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
+from pathlib import Path
+
+_CANNOT_LINK = frozenset({errno.EPERM, errno.ENOTSUP, errno.EOPNOTSUPP, errno.ENOSYS, errno.EMLINK})
+
+
+@contextmanager
+def unfinished(path: Path) -> Iterator[Path]:
+    """A path for whoever makes a new file or folder, within a `with` statement; what is made there is put at `path`
+    when the statement ends without an error, and erased when it ends with one.
+
+    What is there already is never replaced. Everything is for its owner alone, and survives a power cut.
+
+    :param path: where it is to be; nothing is there yet.
+    :return: the path at which it is to be made; nothing is there, either.
+    :raises FileExistsError: something is there, or was put there meanwhile.
+    :raises OSError: it cannot be made.
+
+    >>> folder = Path(tempfile.mkdtemp())
+    >>> with unfinished(folder / "new.txt") as here:
+    ...     _ = here.write_text("whole")
+    ...     [each.name for each in folder.iterdir() if not each.name.startswith(".")]
+    []
+    >>> [(each.name, each.read_text()) for each in folder.iterdir()]
+    [('new.txt', 'whole')]
+    """
+    if os.path.lexists(path):
+        raise FileExistsError(errno.EEXIST, os.strerror(errno.EEXIST), str(path))
+    erase_unfinished(path)
+    work = Path(tempfile.mkdtemp(prefix=_prefix(path), dir=path.parent))
+    lock = os.open(work, os.O_RDONLY | os.O_CLOEXEC)
+    try:
+        with suppress(OSError):  # where nothing can be locked, nothing is cleared up after a kill, either
+            fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        here = work / path.name
+        yield here
+        _secure(here)
+        _put(here, path)
+        _sync(path.parent)
+    finally:
+        os.close(lock)
+        shutil.rmtree(work, ignore_errors=True)
+
+
+def erase_unfinished(path: Path) -> list[Path]:
+    """Erase what killed programs have left of something that was to be at `path`; what was erased."""
+    erased: list[Path] = []
+    try:
+        beside = [Path(each.path) for each in os.scandir(path.parent) if each.name.startswith(_prefix(path))]
+    except OSError:  # who makes something there is told so
+        return []
+    for work in beside:
+        try:
+            lock = os.open(work, os.O_RDONLY | os.O_CLOEXEC | os.O_DIRECTORY | os.O_NOFOLLOW)
+        except OSError:
+            continue
+        try:
+            fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except OSError:  # somebody is writing it
+            continue
+        else:
+            shutil.rmtree(work, ignore_errors=True)
+            erased.append(work)
+        finally:
+            os.close(lock)
+    return erased
+
+
+def _prefix(path: Path) -> str:
+    return f".{path.name}.unfinished-"
+
+
+def _secure(made: Path) -> None:
+    """For its owner alone, and on the disk."""
+    if not made.is_dir():
+        made.chmod(0o600)
+        _sync(made)
+        return
+    for folder, folders, files in os.walk(made):
+        for name in files:
+            if not (Path(folder) / name).is_symlink():
+                (Path(folder) / name).chmod(0o600)
+                _sync(Path(folder) / name)
+        for name in folders:
+            (Path(folder) / name).chmod(0o700)
+    made.chmod(0o700)
+
+
+def _sync(path: Path) -> None:
+    descriptor = os.open(path, os.O_RDONLY | os.O_CLOEXEC)
+    try:
+        os.fsync(descriptor)
+    finally:
+        os.close(descriptor)
+
+
+def _put(here: Path, path: Path) -> None:
+    """Unlike a renaming, a link never puts itself in the place of another file."""
+    if here.is_dir():
+        if os.path.lexists(path):
+            raise FileExistsError(errno.EEXIST, os.strerror(errno.EEXIST), str(path))
+        here.rename(path)
+        return
+    try:
+        os.link(here, path)
+    except OSError as error:
+        if error.errno not in _CANNOT_LINK:
+            raise
+        if os.path.lexists(path):
+            raise FileExistsError(errno.EEXIST, os.strerror(errno.EEXIST), str(path)) from None
+        here.rename(path)
