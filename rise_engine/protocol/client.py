@@ -98,6 +98,11 @@ class AttachReply(Struct, frozen=True):
     """This is no session but the cues of one, for a second wizard: what they press is kept, and sent nowhere."""
     journaling: JournalStatus = JournalStatus()
 
+    @property
+    def is_recorded(self) -> bool:
+        """Whether what is shown has happened already, and no robot is there."""
+        return self.replay or self.shadow
+
 
 class Reply(Struct, frozen=True):
     """The engine's answer to one message. An accepted one is on the disk."""
