@@ -103,6 +103,8 @@ def cohen_kappa(pairs: Sequence[Pair[Value]]) -> Estimate:
     )
     variance = (agreeing + other - (kappa - expected * (1 - kappa)) ** 2) / (n * (1 - expected) ** 2)
     error = sqrt(max(0.0, variance))
+    if all(first == second for first, second in cells):
+        return Estimate(value=1.0, error=0.0, n=n, why="they never differed, and then the error tells nothing")
     return Estimate(
         value=kappa, error=error, low=max(-1.0, kappa - Z_95 * error), high=min(1.0, kappa + Z_95 * error), n=n
     )
@@ -136,7 +138,7 @@ def krippendorff_alpha(units: Sequence[Sequence[Value | None]], scale: Scale = "
 def _difference_of(scale: Scale) -> Callable[[Value, Value], float]:
     if scale == "nominal":
         return lambda first, second: float(first != second)
-    return lambda first, second: (first - second) ** 2  # type: ignore[operator, no-any-return]
+    return lambda first, second: (first - second) ** 2  # type: ignore[operator]
 
 
 def _disagreement(counts: Counter[Value], differ: Callable[[Value, Value], float]) -> float:
@@ -202,7 +204,7 @@ def _icc_interval(
     rest = k * raters + (k * n - k - n) * residual
     low = n * (between - lower * residual) / (lower * rest + n * between)
     high = n * (upper * between - residual) / (rest + n * upper * between)
-    return max(-1.0, low), min(1.0, high)
+    return low, high
 
 
 def limits_of_agreement(pairs: Sequence[tuple[float, float]]) -> Differences:

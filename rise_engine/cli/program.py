@@ -23,6 +23,7 @@ _SESSION = "rise_engine.cli.session_commands"
 _STUDY = "rise_engine.cli.study_commands"
 _COMMANDS = {
     **dict.fromkeys(("check", "doctor", "eval", "expand", "new", "robots", "schema"), _SCENARIO),
+    "agree": "rise_engine.cli.agree",
     "export": "rise_engine.cli.export",
     "redact": "rise_engine.cli.redact",
     **dict.fromkeys(("replay", "run", "serve", "sessions", "stop"), _SESSION),

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from rise_tui.model.blocked import KeyNames
-from rise_tui.model.control import short_name
 from rise_tui.model.store import Store
 from rise_tui.rendering.text import StyledLine, format_clock, line_width
 
@@ -25,9 +24,5 @@ def shadow_line(store: Store, key_name: KeyNames, width: int) -> StyledLine:
     else:
         state = ((f"\u25b6 {key_name('control')} pauses", "plain"),)
     nowhere: StyledLine = (("   your keys are kept and sent nowhere", "plain"),)
-    who: StyledLine = ((f" ({short_name(store.own_name)})", "muted"),)
     line = (*lead, *state)
-    for more in (nowhere, who):
-        if line_width(line) + line_width(more) <= width:
-            line = (*line, *more)
-    return line
+    return (*line, *nowhere) if line_width(line) + line_width(nowhere) <= width else line
