@@ -104,7 +104,7 @@ def cohen_kappa(pairs: Sequence[Pair[Value]]) -> Estimate:
     variance = (agreeing + other - (kappa - expected * (1 - kappa)) ** 2) / (n * (1 - expected) ** 2)
     error = sqrt(max(0.0, variance))
     if all(first == second for first, second in cells):
-        return Estimate(value=1.0, error=0.0, n=n, why="they never differed, and then the error tells nothing")
+        return Estimate(value=1.0, error=0.0, n=n, why="no interval: they never differed")
     return Estimate(
         value=kappa, error=error, low=max(-1.0, kappa - Z_95 * error), high=min(1.0, kappa + Z_95 * error), n=n
     )

@@ -26,6 +26,10 @@ FEW = 30
 """Below so many units the statistics of two wizards are hardly more than an anecdote."""
 
 
+LEAST_TIMED = 3
+"""Below so many units an ICC can be anything."""
+
+
 class CellCount(Struct, frozen=True):
     """How often the first wizard did this while the second did that."""
 
@@ -131,7 +135,7 @@ def _compare_cues(group: str, cues: Sequence[JudgedCue], wizards: Sequence[str])
         group=group,
         units=sum(len(cue.decisions) > 1 for cue in cues),
         alpha=krippendorff_alpha(judged),
-        icc=icc_a1(complete),
+        icc=_icc(complete),
         pairs=tuple(pairs),
     )
 
@@ -146,9 +150,15 @@ def _pair(
         percent=percent_agreement(labels),
         kappa=cohen_kappa(labels),
         confusion=tuple(CellCount(one, other, count) for (one, other), count in counts.most_common()),
-        icc=icc_a1(timed),
+        icc=_icc(timed),
         latency=limits_of_agreement(timed),
     )
+
+
+def _icc(rows: Sequence[Sequence[float]]) -> Estimate:
+    if 0 < len(rows) < LEAST_TIMED:
+        return Estimate(n=len(rows), why=f"it needs {LEAST_TIMED} cues to which all of them did something")
+    return icc_a1(rows)
 
 
 def _compare_marks(acts: Sequence[MarkedAct]) -> GroupStatistics | None:
