@@ -24,6 +24,8 @@ from rise_engine.session.errors import SessionError
 SHADOW_FOLDER = "shadow"
 SHADOW_FORMAT = 1
 _MOST = 10_000
+_TYPED = frozenset({"say", "assignValue", "markCue"})
+"""Tasks whose behaviour somebody may have typed."""
 NO_ANSWERS = frozenset({"nextFiller", "markCue", "undoCue", "markMistake", "moveTask", "releaseStop"})
 """Tasks of a wizard that do not answer a cue: they bridge it, mark it, or see to what is there already."""
 
@@ -292,7 +294,8 @@ def unfinished_shadow(folder: Path, wizard: str) -> Shadow | None:
 
 
 def replace_words(line: bytes, replace: Callable[[str], str]) -> bytes:
-    """A line in which what people typed is replaced: the wizard's name, what a key would have said or set, notes.
+    """A line in which what people typed is replaced: the wizard's name, what would have been said or set, notes. The
+    names of acts, events and rules are the scenario's.
 
     :param replace: from a text to another one.
     :return: the line itself when nothing changes, or when it cannot be read (then whoever asks finds the word there).
@@ -305,7 +308,7 @@ def replace_words(line: bytes, replace: Callable[[str], str]) -> bytes:
     match found:
         case ShadowHeader():
             new = msgspec.structs.replace(found, wizard=replace(found.wizard))
-        case ShadowKey():
+        case ShadowKey() if found.function in _TYPED:
             new = msgspec.structs.replace(found, behavior=replace(found.behavior))
         case ShadowNote():
             new = msgspec.structs.replace(found, text=replace(found.text))
