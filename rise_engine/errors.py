@@ -55,6 +55,7 @@
         HeldElsewhereError        Another computer had the session last
         JournalLockedError        An engine runs the session
         RedactionRefused          Nothing was changed
+        ShadowError               A shadow cannot be begun
       SessionGoneError            No session answers
       SnapshotError               A snapshot does not fit the scenario that it is to go on with
       StudyCopyError              A study could not be copied

@@ -35,6 +35,7 @@ KEY_SCOPES: tuple[tuple[KeyScope, str], ...] = (
     ("study", "Screen of a study"),
 )
 
+IN_SHADOW = "this is the shadow of a session that is over"
 Obstacle: TypeAlias = BlockedReason | str | None
 """What stands in the way of an action: a reason of the model, a sentence, or (None, empty) nothing."""
 
@@ -99,7 +100,7 @@ _cue_open = _blocks(
 _failed = _blocks("change", lambda store: store.view.failed or store.view.questions, "no act has failed")
 _asked = _blocks("change", lambda store: store.view.questions, "the study waits for no failed act")
 _releasable = _blocks("change", lambda store: store.key_state == "STOPPED", "nothing is stopped")
-_start_values = _blocks("change", lambda store: store.scenario.folder, "this session's scenario has no folder")
+_savable_values = _blocks("change", lambda store: store.scenario.folder, "this session's scenario has no folder")
 _memory = _blocks("change", lambda store: store.view.memory, "the memory is empty")
 _queue = _blocks("change", lambda store: store.view.running or store.view.waiting, "nothing runs or waits")
 _waiting = _blocks("change", lambda store: len(store.view.waiting) > 1, "fewer than two tasks wait")
@@ -108,9 +109,19 @@ _undo = _blocks("change", lambda store: store.undo_stack, "nothing to undo")
 _rules = _blocks("change", lambda store: store.view.running_rules(), "no rule runs")
 
 
+def _shadowed(store: Store) -> Obstacle:
+    return None if store.attach_reply.shadow else "this is no shadow of a session (rise-tui --shadow)"
+
+
 def _configurable(store: Store) -> Obstacle:
+    if store.attach_reply.shadow:
+        return IN_SHADOW
     of_study = "the study says what runs; the next session begins on its screen"
     return _change(store) or (of_study if store.is_of_study else None)
+
+
+def _start_values(store: Store) -> Obstacle:
+    return IN_SHADOW if store.attach_reply.shadow else _savable_values(store)
 
 
 def _between_sessions(store: Store) -> Obstacle:
@@ -175,6 +186,9 @@ ACTIONS: tuple[ConsoleAction, ...] = (
     ConsoleAction("control", "Control: take, ask, give", ("f8", "ctrl+y"), "console",
            "Who of several consoles may act: take control, ask for it, give it to who asks, or release it.",
            "control", _controllable),
+    ConsoleAction("pause", "Shadow: pause, or go on", (), "console",
+           "While the cues of a recorded session are played to you (rise-tui --shadow): halts it, or lets it go on. "
+           "The key for control does the same then, since nobody else is there.", "", _shadowed),
     ConsoleAction("note", "Add a note", ("ctrl+o",), "console",
            "A remark for the record, with the time and your name. Those who only watch can add notes too.",
            "note", _remark),

@@ -24,6 +24,7 @@ _STUDY = "rise_engine.cli.study_commands"
 _COMMANDS = {
     **dict.fromkeys(("check", "doctor", "eval", "expand", "new", "robots", "schema"), _SCENARIO),
     "lsl": "rise_engine.cli.lsl",
+    "agree": "rise_engine.cli.agree",
     "export": "rise_engine.cli.export",
     "media": "rise_engine.cli.media",
     "redact": "rise_engine.cli.redact",

@@ -87,7 +87,7 @@ def redact_session(
 
 
 def _report_lines(report: RedactionReport, *, try_only: bool, whole_words: bool) -> list[str]:
-    if not report.lines and not report.info_lines:
+    if not report.changed:
         lines = ["nothing was changed: the words stand in nothing that people said or typed"]
     elif try_only:
         lines = [
@@ -97,6 +97,8 @@ def _report_lines(report: RedactionReport, *, try_only: bool, whole_words: bool)
         lines = [f"changed {pluralize(report.lines, 'line')} of the journal, and it replays: identical"]
     if report.info_lines and not try_only:
         lines.append(f"changed {pluralize(report.info_lines, 'line')} of session.toml")
+    if report.shadow_lines and not try_only:
+        lines.append(f"changed {pluralize(report.shadow_lines, 'line')} of what second wizards did (shadow)")
     if report.longer_words:
         longer = ", ".join(f"{word} ({count})" for word, count in list(report.longer_words.items())[:12])
         said = "left within longer words" if whole_words else "within longer words, too"
@@ -111,7 +113,7 @@ def _report_lines(report: RedactionReport, *, try_only: bool, whole_words: bool)
 def _note_in_study(folder: Path, report: RedactionReport) -> list[str]:
     """Note it in the study's log, when the session is of one; exports of the session that were made before."""
     study = study_of_session(folder)
-    if study is None or not (report.lines or report.info_lines):
+    if study is None or not report.changed:
         return []
     try:
         with LockedLog(study) as log:

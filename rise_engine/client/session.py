@@ -26,6 +26,7 @@ from rise_engine.protocol.client import (
     LinkLost,
     Resync,
     Role,
+    ShadowStatus,
     UpdateOrResync,
 )
 from rise_engine.scenario.model import Scenario
@@ -377,7 +378,7 @@ class Session:
                     if isinstance(update, Heartbeat):
                         self.heartbeat = update
                         continue
-                    if isinstance(update, Resync):  # only for clients that ask for it
+                    if isinstance(update, Resync | ShadowStatus):  # only for clients that ask for it
                         continue
                     self.view.apply(update)
                     for queue in self._record_queues:

@@ -61,8 +61,19 @@ class Resync(Struct, frozen=True, tag_field="kind", tag="resync"):
     """How many the whole state has."""
 
 
+class ShadowStatus(Struct, frozen=True):
+    """How a shadow stands (`rise_engine.client.shadow`). Comes among the records whenever it changes; no record itself,
+    and never on a socket."""
+
+    paused: bool
+    shown: int
+    """Cues that were shown."""
+    cues: int
+    """Of how many."""
+
+
 Update: TypeAlias = AnyRecord | JournalStatus | Heartbeat
-UpdateOrResync: TypeAlias = Update | Resync
+UpdateOrResync: TypeAlias = Update | Resync | ShadowStatus
 
 
 class AttachReply(Struct, frozen=True):
@@ -83,12 +94,24 @@ class AttachReply(Struct, frozen=True):
     """The session's folder; empty when nothing is kept."""
     replay: bool = False
     """This is no session but the replay of one: nothing can be submitted."""
+    shadow: bool = False
+    """This is no session but the cues of one, for a second wizard: what they press is kept, and sent nowhere."""
     journaling: JournalStatus = JournalStatus()
     speed: float = 1.0
     """Session seconds in a second."""
     origin: float | None = None
     """This computer's monotonic clock (`time.monotonic()`) at session time 0: at `t` it shows `origin + t / speed`, in
     every process. Of a session that was recovered it holds from there on. None: nobody knows."""
+
+    @property
+    def is_recorded(self) -> bool:
+        """Whether what is shown has happened already, and no robot is there."""
+        return self.replay or self.shadow
+
+    @property
+    def recorded_as(self) -> str:
+        """What it is then, in a word."""
+        return "shadow" if self.shadow else "replay"
 
 
 class Reply(Struct, frozen=True):

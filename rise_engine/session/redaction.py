@@ -31,6 +31,7 @@ from rise_engine.session.journal_format import InputLine, JournalHeader, encode_
 from rise_engine.session.journal_reader import JournalContents, read_journal
 from rise_engine.session.lock import HOLDER_FILE, JournalLock
 from rise_engine.session.replay import Replay, compare_replay, load_session_scenario, require_inputs
+from rise_engine.session.shadow import SHADOW_FOLDER, is_being_written, replace_words, shadow_files
 from rise_engine.words import WordError, Words
 
 NEW_SUFFIX = ".redacting"
@@ -59,12 +60,19 @@ class RedactionReport(Struct):
     """Of the journal that are others now."""
     info_lines: int = 0
     """Of session.toml."""
+    shadow_lines: int = 0
+    """Of what second wizards did (`rise_engine.session.shadow`)."""
     longer_words: dict[str, int] = field(default_factory=dict)
     """Longer words of the inputs in which one of the words stood, and how often."""
     erased: list[str] = field(default_factory=list)
     """Files beside the journal that held the words and are gone."""
     remains: list[str] = field(default_factory=list)
     """Where the words still stand, in sentences."""
+
+    @property
+    def changed(self) -> bool:
+        """Whether anything is another than before, or would be."""
+        return bool(self.lines or self.info_lines or self.shadow_lines)
 
 
 class RedactionRefused(SessionError):
@@ -115,6 +123,8 @@ class _Redaction:
         self._path = folder / JOURNAL
         self._new = folder / (JOURNAL + NEW_SUFFIX)
         self._new_info = folder / (INFO + NEW_SUFFIX)
+        self._new_shadows: dict[Path, Path] = {}
+        """Each new file of a second wizard, and the one whose place it takes."""
         self._report = RedactionReport()
         self._longer: Counter[str] = Counter()
         self._fixed = _FIXED_FIELDS
@@ -131,19 +141,22 @@ class _Redaction:
         try:
             self._write_journal(contents, info)
             self._prove_replay(info)
+            self._write_shadows()
             changed = self._write_info(by)
             self._report.longer_words = dict(self._longer.most_common())
             if try_only:
                 return self._report
             if self._report.lines:
                 self._put_in_place(self._new, self._path)
+            for new, path in self._new_shadows.items():
+                self._put_in_place(new, path)
             if changed:
                 self._put_in_place(self._new_info, self._folder / INFO)
             self._erase_kept_files()
             self._report.remains += find_words(self._folder, self._words)
             return self._report
         finally:
-            for path in (self._new, self._new_info):
+            for path in (self._new, self._new_info, *self._new_shadows):
                 path.unlink(missing_ok=True)
 
     def _refuse_damaged(self, contents: JournalContents) -> None:
@@ -299,7 +312,7 @@ class _Redaction:
                 new = _BY.sub(lambda found: self._words.replace(found[0]), line)
             self._report.info_lines += new != line
             lines.append(new)
-        if not self._report.lines and not self._report.info_lines:
+        if not self._report.changed:
             return False
         now = datetime.now().astimezone().isoformat(timespec="seconds")
         entry = f'{{at = "{now}", by = {msgspec.json.encode(by).decode()}, lines = {self._report.lines}}}'
@@ -312,14 +325,31 @@ class _Redaction:
             while at and not lines[at - 1].strip():
                 at -= 1
             lines.insert(at, f"redacted = [{entry}]")
-        data = "\n".join(lines).encode()
-        descriptor = self._disk.open(self._new_info, create=True)
+        self._write_new(self._new_info, "\n".join(lines).encode())
+        return True
+
+    def _write_new(self, path: Path, data: bytes) -> None:
+        descriptor = self._disk.open(path, create=True)
         try:
             self._disk.write(descriptor, data, 0)
             self._disk.sync(descriptor)
         finally:
             self._disk.close(descriptor)
-        return True
+
+    # --- what second wizards did ---
+
+    def _write_shadows(self) -> None:
+        """The new ones, beside the journal. Nothing in them decides what happened, so there is nothing to prove."""
+        for path in shadow_files(self._folder):
+            if is_being_written(path):
+                raise RedactionRefused(f"{path} is being written by a console: leave that first. Nothing was changed")
+            old = path.read_bytes().split(b"\n")
+            new = [replace_words(line, self._words.replace) for line in old]
+            if changed := sum(before != after for before, after in zip(old, new, strict=True)):
+                target = self._folder / f"{SHADOW_FOLDER}-{path.name}{NEW_SUFFIX}"
+                self._new_shadows[target] = path
+                self._write_new(target, b"\n".join(new))
+                self._report.shadow_lines += changed
 
     # --- into place ---
 
@@ -333,7 +363,7 @@ class _Redaction:
                     os.replace(new, path)  # noqa: PTH105  # as the other system calls here
             else:
                 os.replace(new, path)  # noqa: PTH105
-            self._disk.sync_folder(self._folder)
+            self._disk.sync_folder(path.parent)
             if kept:
                 self._report.remains.append(
                     f"{path.name} has another name elsewhere on this disk (a hard link, as backups make them): "
@@ -384,6 +414,8 @@ def find_words(folder: Path, words: Words) -> list[str]:
 def _whose(name: Path) -> str:
     if name.parts[0] == SCENARIO_COPY:
         return ": the scenario's own words, which are not changed"
+    if name.parts[0] == SHADOW_FOLDER:
+        return ": the scenario's own words, or a line that cannot be read"
     if name.name in (JOURNAL, INFO):
         return ": what the scenario or this program says itself"
     return ": not a file of the record"

@@ -78,7 +78,16 @@ _KEYS = click.option("--keys", metavar="FILE", help="Another key file than the u
     help="Who sits here; stands in every record. Without it: as before in this session, else your login name.",
 )
 @click.option("--replay", "replay", metavar="SESSION", help="Watch a recorded session: its folder, or its name.")
-@click.option("--speed", type=click.FloatRange(0.01, 1000), default=1.0, help="Of a replay; 2 is twice as fast.")
+@click.option(
+    "--shadow",
+    "shadow",
+    metavar="SESSION",
+    help="As a second wizard, answer the cues of a recorded session: your keys are kept and sent nowhere.",
+)
+@click.option("--at", metavar="SECONDS|mark", help="Where a shadow begins; mark2: at the second mark for recordings.")
+@click.option(
+    "--speed", type=click.FloatRange(0.01, 1000), default=1.0, help="Of a replay or a shadow; 2 is twice as fast."
+)
 @click.option("--theme", type=click.Choice(THEMES), help="Without it, the one that was used last; at first, dark.")
 @click.option(
     "--colors",
@@ -148,8 +157,8 @@ def _check_usage(options: CommandLine) -> None:
         "--condition": options.condition,
         "--set": options.sets or None,
         "--place": options.places or None,
-        "--new": options.new or None,
-        "--recover": options.recover or None,
+        "--new": (options.new and options.shadow is None) or None,
+        "--recover": (options.recover and options.shadow is None) or None,
     }
     given = [name for name, value in starting.items() if value is not None]
     if given and options.web is not None:
@@ -160,14 +169,25 @@ def _check_usage(options: CommandLine) -> None:
         raise click.UsageError("say either --new or --recover")
     if options.here and not options.recover:
         raise click.UsageError("--here goes with --recover")
-    which = {"--config": options.folder, "--session": options.session, "--replay": options.replay}
+    which = {
+        "--config": options.folder,
+        "--session": options.session,
+        "--replay": options.replay,
+        "--shadow": options.shadow,
+    }
     named = [name for name, value in which.items() if value is not None]
     if len(named) > 1:
         raise click.UsageError(f"say either {' or '.join(named)}")
     if options.replay is not None and options.web is not None:
         raise click.UsageError("say either --replay or --web: browsers are shown a session that runs")
-    if options.replay is None and options.speed != 1.0:
-        raise click.UsageError("--speed is for --replay")
+    if options.shadow is not None and (options.web is not None or options.observe):
+        raise click.UsageError("--shadow is for a wizard at a terminal: neither --web nor --observe goes with it")
+    if options.replay is None and options.shadow is None and options.speed != 1.0:
+        raise click.UsageError("--speed is for --replay and --shadow")
+    if options.at is not None and options.shadow is None:
+        raise click.UsageError("--at is for --shadow")
+    if options.shadow is not None and options.recover and (options.at is not None or options.speed != 1.0):
+        raise click.UsageError("--recover goes on where the shadow stopped, at its speed: neither --at nor --speed")
     if options.display.colors == "mono" and options.display.theme not in ("", "mono"):
         raise click.UsageError(f"--colors mono leaves no colours for --theme {options.display.theme}")
 

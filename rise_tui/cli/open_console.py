@@ -9,6 +9,7 @@ from pathlib import Path
 import click
 
 from rise_engine.client.replay import ReplayClient
+from rise_engine.client.shadow import ShadowClient
 from rise_engine.client.socket import SocketClient
 from rise_engine.protocol.client import Client
 from rise_engine.protocol.registry import RegistryError, ask_summary
@@ -50,6 +51,11 @@ def run_on_replay(path: Path, options: CommandLine, keys: KeyFile | None) -> int
     return _run_console(ReplayClient(path, options.speed), None, "replay", options, keys)
 
 
+def run_on_shadow(client: ShadowClient, options: CommandLine, keys: KeyFile | None) -> int:
+    """A console in which a second wizard answers the cues of a recorded session; returns the exit status."""
+    return _run_console(client, None, options.wizard or "", options, keys)
+
+
 def _run_console(
     client: Client | None,
     settings: SessionOptions | None,
@@ -61,9 +67,8 @@ def _run_console(
 ) -> int:
     """A console on what a client shows, or on a study; returns the exit status."""
     kept, unused = (Preferences(), "") if options.fresh else load_saved(state_folder() / PREFERENCES_NAME, Preferences)
-    ui_state = UiState(
-        kept, fresh=options.fresh, remark=unused, keeps_changes=not options.observe and options.replay is None
-    )
+    recorded = options.replay is not None or options.shadow is not None
+    ui_state = UiState(kept, fresh=options.fresh, remark=unused, keeps_changes=not options.observe and not recorded)
     if options.wizard is not None:
         save_all(ui_state.keep_wizard(options.wizard))
     app = ConsoleApp(

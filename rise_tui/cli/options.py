@@ -34,6 +34,9 @@ class CommandLine(Struct, frozen=True, kw_only=True):
     wizard: str | None = None
     """None: see `open_console.wizard_name`."""
     replay: str | None = None
+    shadow: str | None = None
+    at: str | None = None
+    """Where a shadow begins, as it was written."""
     speed: float = 1.0
     display: DisplayOptions = DisplayOptions()
     keys: str | None = None

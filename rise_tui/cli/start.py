@@ -47,6 +47,8 @@ def start(options: CommandLine) -> NoReturn:
         keys = _read_keys(options)
         if options.replay is not None:
             _open_replay(options, keys)
+        elif options.shadow is not None:
+            _open_shadow(options, keys)
         elif options.folder is None:
             _attach(options, keys)
         elif is_study(options.folder):
@@ -252,3 +254,14 @@ def _open_replay(options: CommandLine, keys: KeyFile | None) -> NoReturn:
     from rise_tui.cli import open_console  # see above
 
     sys.exit(open_console.run_on_replay(path, options, keys))
+
+
+def _open_shadow(options: CommandLine, keys: KeyFile | None) -> NoReturn:
+    """The cues of a recorded session, for a second wizard."""
+    from rise_tui.cli.shadow import make_shadow
+
+    client, wizard = make_shadow(options, PlainTerminal())
+    _need_terminal()
+    from rise_tui.cli import open_console  # see above
+
+    sys.exit(open_console.run_on_shadow(client, replace(options, wizard=wizard), keys))

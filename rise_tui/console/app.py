@@ -264,7 +264,7 @@ class ConsoleApp(TerminalApp):
 
     def _is_recoverable(self, session: ConsoleSession) -> bool:
         store = session.store
-        recover = self._launcher.recover or self._day.has(session)
+        recover = (self._launcher.recover or self._day.has(session)) and not store.attach_reply.shadow
         return bool(store.gone_reason and not store.ended_in_order and store.attach_reply.folder and recover)
 
     async def _recover(self, session: ConsoleSession) -> None:
@@ -353,11 +353,12 @@ class ConsoleApp(TerminalApp):
                 await self._leave_and_exit(0)
             return
         in_study = self._day.has(session)
-        dialog = (
-            exit_dialogs.engine_gone_dialog(session.store, in_study=in_study)
-            if recoverable
-            else exit_dialogs.leave_dialog(session.store)
-        )
+        if session.store.attach_reply.shadow:
+            dialog = exit_dialogs.leave_shadow_dialog(session.store)
+        elif recoverable:
+            dialog = exit_dialogs.engine_gone_dialog(session.store, in_study=in_study)
+        else:
+            dialog = exit_dialogs.leave_dialog(session.store)
         dialog.add_class("-quit")
 
         def carry_out(key: str | None) -> None:

@@ -13,7 +13,7 @@ from rise_tui.console.layout import Layout
 from rise_tui.key_labels import why_blocked, why_unavailable
 from rise_tui.model.input_lock import LOCKED_ACTIONS
 from rise_tui.model.store import Store
-from rise_tui.widgets.alarm import AlarmBar, AttentionBar, FailureBar
+from rise_tui.widgets.alarm import AlarmBar, AttentionBar, FailureBar, ShadowBar
 from rise_tui.widgets.bars import KeyHints, NoticeLine, StatusLine
 from rise_tui.widgets.mistake_line import MistakeLine
 from rise_tui.widgets.note_line import NoteLine
@@ -33,14 +33,15 @@ class ConsoleBars:
     def __init__(self, store: Store, panes: Layout) -> None:
         """`panes`: what stands between the bars; the hints are those of the pane that has the focus."""
         self._store, self._panes = store, panes
-        self.status_line, self.speech_band = StatusLine(store), SpeechBand(store)
+        self.status_line, self.speech_band, self.shadow_bar = StatusLine(store), SpeechBand(store), ShadowBar(store)
         self.alarm_bar, self.attention_bar, self.failure_bar = AlarmBar(store), AttentionBar(store), FailureBar(store)
         self.notice_line, self.mistake_line, self.note_line = NoticeLine(store), MistakeLine(store), NoteLine()
         self.speech_input, self.key_strip, self.key_hints = SpeechInput(store), KeyStrip(store), KeyHints()
 
     def widgets_above(self) -> Iterator[Widget]:
         """Those above the panes, from the top."""
-        yield from (self.status_line, self.speech_band, self.alarm_bar, self.attention_bar, self.failure_bar)
+        yield from (self.status_line, self.shadow_bar, self.speech_band)
+        yield from (self.alarm_bar, self.attention_bar, self.failure_bar)
 
     def widgets_below(self) -> Iterator[Widget]:
         """Those below them."""

@@ -46,6 +46,13 @@ def engine_gone_dialog(store: Store, *, in_study: bool = False) -> Dialog:
     return Dialog("The engine has gone", lines, *choices, no="Stay")
 
 
+def leave_shadow_dialog(store: Store) -> Dialog:
+    """While the cues of a session are played: what was pressed so far is kept."""
+    lines = [session_title(store), f"It stands at {format_clock(store.now())}. What you have pressed is kept;", ""]
+    lines += ["rise-tui --shadow SESSION --recover goes on with it."]
+    return Dialog("Leave the shadow?", lines, DialogChoice("l", "Leave"), no="Stay", default="l")
+
+
 def exit_message(store: Store, *, end: bool, in_time: bool, patience: float, signal_name: str = "") -> str:
     """What became of the session, in one line.
 
@@ -54,6 +61,11 @@ def exit_message(store: Store, *, end: bool, in_time: bool, patience: float, sig
     if store.attach_reply.replay:
         return ""
     title, lead = store.scenario.title, f"{signal_name}: " if signal_name else ""
+    if store.attach_reply.shadow:
+        kept = abbreviate_home(store.attach_reply.folder)
+        if store.ended_in_order:
+            return f"{lead}all cues were shown; your keys are in {kept}/shadow. Compare: rise-engine agree {kept}"
+        return f"{lead}your keys are in {kept}/shadow; to go on: rise-tui --shadow {kept} --recover"
     if store.gone_reason and not store.ended_in_order:
         again = f"rise-tui --config {abbreviate_home(store.scenario.folder)}"
         return f"{lead}the engine has gone; to recover the session: {again}"

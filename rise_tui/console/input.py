@@ -213,9 +213,11 @@ class InputController:
         """Mark what the wizard did last as wrong at once, and ask for the better word."""
         if self.is_pasting:
             return
-        task = newest_markable(self._store.view.tasks, self._store.person)
+        shadows = self._store.attach_reply.shadow
+        task = newest_markable(self._store.view.tasks, None if shadows else self._store.person)
         if task is None:
-            self._actions.show_notice("you have done nothing yet: there is nothing to mark")
+            who = "the first wizard has" if shadows else "you have"
+            self._actions.show_notice(f"{who} done nothing yet: there is nothing to mark")
             return
         self.send("markMistake", f"{task.id} wrong")
         self._actions.ask_what_was_wrong(task.id)

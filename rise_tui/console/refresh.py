@@ -56,6 +56,7 @@ class RefreshScheduler:
             (frozenset({"status", "stop", "cue"}), self._draw_status),
             (frozenset({"acts", "rules", "memory", "status", "stop", "cue"}), bars.speech_band.draw),
             (frozenset({"acts", "rules", "memory", "status", "stop", "cue"}), bars.key_strip.draw),
+            (frozenset({"status", "cue"}), bars.shadow_bar.draw),
             (frozenset({"status", "stop"}), self._draw_alarms),
             (frozenset({"acts", "tasks", "status", "stop", "memory"}), bars.failure_bar.draw),
             (frozenset({"notice", "cue", "acts"}), self._draw_notice),

@@ -261,6 +261,8 @@ class ConsoleScreen(Screen[None]):
 
     def action_do(self, action: str) -> None:
         """Carry out an action of the registry, or say why not."""
+        if action == "control" and self.store.attach_reply.shadow:
+            action = "pause"  # nobody else is there who could have control
         if reason := why_unavailable(BY_ID[action], self.store):
             self.show_notice(f"{BY_ID[action].title}: not now, {reason}")
             return
@@ -288,6 +290,7 @@ class ConsoleScreen(Screen[None]):
             "theme": lambda: overlays.open_theme_palette(self),
             "release": self.confirmations.ask_to_release_stop,
             "control": self.confirmations.ask_about_control,
+            "pause": lambda: self._run_beside(self.session.toggle_pause()),
             "note": lambda: self.bars.open_note(self._kept_note),
             "say": self.bars.speech_input.open,
             "cue": lambda: self.start(MARK_CUE),

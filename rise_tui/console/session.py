@@ -7,6 +7,7 @@ from collections.abc import Callable, Sequence
 from itertools import count
 from time import monotonic
 
+from rise_engine.client.shadow import ShadowClient
 from rise_engine.kernel.inputs import CheckReport, Note, OutcomeReport, Submit
 from rise_engine.protocol.client import AttachReply, Client, ControlVerb, EngineGone, LinkLost, UpdateOrResync
 from rise_tui.key_labels import key_name, why_blocked
@@ -143,8 +144,10 @@ class ConsoleSession:
             store.sent.pop(ref, None)
             self._note_engine_gone(str(gone), over=False)
             return False
-        if not reply.accepted or reply.task in store.view.tasks:
+        if not reply.accepted or reply.task is None or reply.task in store.view.tasks:
             store.sent.pop(ref, None)
+        if reply.accepted and store.attach_reply.shadow:
+            store.notice = Notice(f"{task_label(function, behavior)}: {reply.reason}")
         if not reply.accepted:
             store.notice = Notice(f"{task_label(function, behavior)} was rejected: {reply.reason}", "wait")
         self.on_change(ALL_PARTS)
@@ -193,6 +196,11 @@ class ConsoleSession:
                 return
         if reason:
             self.show_notice(Notice(f"control is where it was: {reason}", "wait"))
+
+    async def toggle_pause(self) -> None:
+        """Halt the session that is played to a second wizard, or let it go on."""
+        if isinstance(self.client, ShadowClient) and (reason := await self.client.toggle_pause()):
+            self.show_notice(Notice(f"it stands still: {reason}", "fault"))
 
     def show_notice(self, notice: Notice) -> None:
         """Show a sentence."""

@@ -54,7 +54,8 @@ class StudyDay:
     def has(self, session: ConsoleSession) -> bool:
         """Whether a session is one of this study, and this console may act in it."""
         store = session.store
-        return self.source is not None and store.is_of_study and store.attach_reply.role == "wizard"
+        acts = store.attach_reply.role == "wizard" and not store.attach_reply.shadow
+        return self.source is not None and store.is_of_study and acts
 
     async def read(self, session: ConsoleSession, find: Callable[[AttachReply], StudySource | None]) -> None:
         """Read how the study of a session calls its conditions.

@@ -139,7 +139,7 @@ def _robot_alarms(store: Store, key_name: KeyNames) -> Iterator[Alarm]:
     until = "acts fail until the robot is back; rules and memory go on"
     was = f"broken off: {', '.join(broken)}; " if broken else ""
     switch = f"look at the robot and its network; {key_name('stop')} may not reach it, its own switch does"
-    then = "this is a replay: it was so then" if store.attach_reply.replay else switch
+    then = f"this is a {store.attach_reply.recorded_as}: it was so then" if store.attach_reply.is_recorded else switch
     yield Alarm(
         ((" ✗ ROBOT LOST ", "alarm"), (f"{since}: {robot.detail}" if robot.detail else since, "strong")),
         ((f"   {was}{until}", "plain"),),

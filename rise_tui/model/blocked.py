@@ -24,7 +24,7 @@ KeyNames: TypeAlias = Callable[[str], str]
 class BlockedReason(Struct, frozen=True):
     """One thing that stands in the way."""
 
-    code: Literal["over", "gone", "cut", "replay", "control", "not-recording", "stopped", "safe", "locked"]
+    code: Literal["over", "gone", "cut", "replay", "control", "not-recording", "stopped", "safe", "locked", "paused"]
     detail: str = ""
     """What the session ended with, why the engine has gone, what is wrong with the disk."""
     holder: str = ""
@@ -57,3 +57,5 @@ def blocked_text(reason: BlockedReason | None, key_name: KeyNames) -> str:
             return f"SAFE: {key_name('safe')} makes keys act"
         case "locked":
             return f"LOCKED: {key_name('lock')} unlocks"
+        case "paused":
+            return f"paused: {key_name('control')} plays it"

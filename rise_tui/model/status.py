@@ -131,6 +131,8 @@ def _mode_cell(store: Store) -> StatusCell:
     mode: StyledSpan = (attach_reply.mode.upper(), "wait" if attach_reply.mode == "real" else "accent")
     if attach_reply.replay:
         mode = (" REPLAY ", "call")
+    elif attach_reply.shadow:
+        mode = (" SHADOW ", "alarm")
     elif attach_reply.mode == "real" and store.scenario.robot.driver == "simulated":
         mode = ("REAL (simulated!)", "fault")
     return StatusCell(((GAP, mode),))
@@ -139,7 +141,7 @@ def _mode_cell(store: Store) -> StatusCell:
 def _robot_cells(store: Store) -> list[StatusCell]:
     """Its name, its link in a word, and how long ago it was heard of."""
     attach_reply, robot = store.attach_reply, store.view.robot
-    if attach_reply.replay:
+    if attach_reply.replay or attach_reply.shadow:  # there is none
         return []
     status = robot.status if robot is not None else "no link"
     role: TextRole = "plain" if status == "connected" else "wait" if status in ("degraded", "no link") else "fault"
@@ -177,7 +179,7 @@ def _recording_cells(store: Store) -> list[StatusCell]:
 
 
 def _recording_cell(store: Store) -> StatusCell:
-    if store.attach_reply.replay:
+    if store.attach_reply.replay or store.attach_reply.shadow:
         return StatusCell(((),))
     if store.journal_status.trouble:
         return StatusCell(((GAP, ("✗ NOT REC", "fault")),))

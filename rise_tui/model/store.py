@@ -35,7 +35,14 @@ from rise_engine.kernel.records import (
     TaskRecord,
 )
 from rise_engine.kernel.view import ActView, RuleView, SessionView, TaskView
-from rise_engine.protocol.client import AttachReply, Heartbeat, JournalStatus, Resync, UpdateOrResync
+from rise_engine.protocol.client import (
+    AttachReply,
+    Heartbeat,
+    JournalStatus,
+    Resync,
+    ShadowStatus,
+    UpdateOrResync,
+)
 from rise_engine.scenario.model import KeyBinding, Scenario
 from rise_engine.scenario.robot_wording import RobotWording
 from rise_tui.model import control
@@ -128,6 +135,8 @@ class Store:
     journal_status: JournalStatus = field(init=False)
     heartbeat: Heartbeat = field(default_factory=Heartbeat)
     """The last sign of life of the robot and the engine."""
+    shadow: ShadowStatus | None = None
+    """How it stands, while this console plays a session's cues to a second wizard."""
     input_mode: InputMode = "LIVE"
     """Whether this console's keys start anything, as far as its wizard is concerned."""
     control_lost: control.ControlLost | None = None
@@ -254,6 +263,8 @@ class Store:
         if deed in ("change", "start") and not self.has_control:
             watches = self.attach_reply.role == "observer"
             return BlockedReason("control", holder=control.short_name(self.view.control), watches=watches)
+        if deed != "reach" and self.shadow is not None and self.shadow.paused:
+            return BlockedReason("paused")
         return self._start_blocked() if deed == "start" else None
 
     def _start_blocked(self) -> BlockedReason | None:
@@ -338,6 +349,10 @@ class Store:
                 continue
             if isinstance(record, Heartbeat):
                 self.heartbeat = record  # the clock's next second shows it
+                continue
+            if isinstance(record, ShadowStatus):
+                self.shadow = record
+                changed |= ALL_PARTS
                 continue
             if isinstance(record, Resync):
                 self._resync(record)

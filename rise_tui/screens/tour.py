@@ -74,7 +74,7 @@ STEPS = (
 
 def is_tour_due(store: Store) -> bool:
     """Whether a first run is the moment for it: a wizard's own session that has only just begun."""
-    quiet = not (store.gone_reason or store.attach_reply.replay or store.view.tasks or store.view.stop.latched)
+    quiet = not (store.gone_reason or store.attach_reply.is_recorded or store.view.tasks or store.view.stop.latched)
     return quiet and store.has_control and store.attach_reply.role == "wizard" and store.now() <= FRESH_SECONDS
 
 

@@ -10,6 +10,7 @@ from rise_tui.model import failures
 from rise_tui.model.alarms import alarm_lines, current_alarms, degraded_text
 from rise_tui.model.control import control_lost_text, short_name
 from rise_tui.model.recorders import broken_recorders_text
+from rise_tui.model.shadow import shadow_line
 from rise_tui.model.store import Store
 from rise_tui.rendering.text import StyledLine, crop, plain_text
 from rise_tui.widgets.static_lines import StoreLines
@@ -18,6 +19,21 @@ LEAST_ROWS = 5
 """Lines that a failed act may take on the smallest terminal: which, why, two for what was not said, the keys."""
 ROW_SHARE = 4
 """Of the rows at most one in so many: the band above says the first sentence too, and the panes must be seen."""
+
+
+class ShadowBar(StoreLines):
+    """Shown while the cues of a recorded session are played to a second wizard, whose keys reach nobody."""
+
+    DEFAULT_CSS = """
+    ShadowBar { height: 1; background: $accent 25%; display: none; }
+    ShadowBar.-on { display: block; }
+    """
+
+    def draw(self) -> None:
+        width = self.size.width or self.app.size.width
+        line = shadow_line(self.store, key_name, width)
+        self.set_class(bool(line), "-on")
+        self.show(crop(line, width))
 
 
 class AlarmBar(StoreLines):

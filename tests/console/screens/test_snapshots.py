@@ -7,14 +7,17 @@ stands still, the session is played, the cursor does not blink.
 from __future__ import annotations
 
 import asyncio
+from pathlib import Path
 from typing import Any
 
 import pytest
 from textual.pilot import Pilot
 
+from rise_engine.client.shadow import ShadowClient
 from rise_engine.kernel.records import RecordingRecord, RobotRecord, SyncRecord
 from rise_engine.protocol.session_options import SessionOptions
 from rise_tui.console.app import ConsoleApp
+from tests.analysis.cues import make_session
 from tests.console.fake import DEMO, FakeClient, FakeLauncher, demo
 from tests.console.fake_study import FakeStudy
 from tests.virtual_time import VirtualLoop
@@ -71,6 +74,15 @@ SIZES = {"small": (80, 24), "usual": (120, 40), "wide": (200, 50)}
 )
 def test_the_console(snap_compare: Any, size: str, theme: str) -> None:
     assert snap_compare(app(theme), terminal_size=SIZES[size], run_before=settle)
+
+
+@pytest.mark.slow
+def test_a_shadow(snap_compare: Any, tmp_path: Path) -> None:
+    """At its beginning, so that the time stands still."""
+    folder = make_session(tmp_path)
+    fake = FakeClient(demo())
+    console = ConsoleApp(ShadowClient(folder, "ben", at=10.2), wizard="ben", launcher=FakeLauncher(fake))
+    assert snap_compare(console, terminal_size=SIZES["small"], run_before=settle)
 
 
 def test_stopped(snap_compare: Any) -> None:

@@ -1,0 +1,146 @@
+"""`rise-engine agree`: how far wizards agree who answered the same cues."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+from typing import Literal, TypeAlias
+
+import click
+import msgspec
+from msgspec.structs import replace
+
+from rise_engine.analysis.judged_cues import JudgedSession, judge_session, wizards_of
+from rise_engine.analysis.reading import read_sessions
+from rise_engine.analysis.wizard_agreement import AgreementReport, compare_wizards
+from rise_engine.cli.agreement_text import agreement_csv, agreement_json, agreement_text
+from rise_engine.cli.export import select_sessions
+from rise_engine.cli.terminal import discard_rest, escape_json
+from rise_engine.exit_status import BROKEN_PIPE, OK, PARTIAL, USAGE
+from rise_engine.export.format import ExportError
+from rise_engine.export.writing import new_path, note_export
+from rise_engine.json_codec import encode
+from rise_engine.session.errors import SessionError
+from rise_engine.session.levels import LEVELS, ExportLevel
+from rise_engine.session.shadow import shadow_files
+from rise_engine.study.state import StudyUnusable
+from rise_engine.study.study_log import StudyLogError
+from rise_engine.study.traces import study_of_session, wizard_names
+from rise_engine.text import clean, pluralize
+
+Form: TypeAlias = Literal["text", "json", "csv"]
+
+
+@click.command()
+@click.argument("named", metavar="STUDY|SESSION...", type=click.Path(), nargs=-1, required=True)
+@click.option("--format", "form", type=click.Choice(["text", "json", "csv"]), default="text", show_default=True)
+@click.option("-o", "--output", metavar="NEW", type=click.Path(), help="A new file. Default: standard output.")
+@click.option(
+    "--level",
+    type=click.Choice(LEVELS),
+    default="full",
+    show_default=True,
+    help="How much is told; below full, wizards have the names of the study's [wizards], or W1, W2, ...",
+)
+@click.option("--all", "all_sessions", is_flag=True, help="Of a study, also what does not count or did not end.")
+def agree(named: tuple[str, ...], form: Form, output: str | None, level: ExportLevel, all_sessions: bool) -> None:
+    """Compare the wizard of each session with those to whom its cues were played (rise-tui --shadow): cue by cue, with
+    percent agreement, Cohen's kappa, Krippendorff's alpha and the ICC of latencies; and the marks for mistakes, where
+    two have marked any.
+
+    Exit status: 0; 1 when something could not be read, and the rest was compared; 2 when nothing was.
+    """
+    sys.exit(agree_report(named, form, output, level, all=all_sessions))
+
+
+def agree_report(named: Sequence[str], form: Form, output: str | None, level: ExportLevel, *, all: bool = False) -> int:
+    """Compare what is asked for and write it; the exit status."""
+    problems: list[str] = []
+    try:
+        selection = select_sessions(named, all=all)
+        for remark in selection.remarks:
+            _print_error(f"note: {remark}")
+        folders = [folder for folder in selection.folders if shadow_files(folder)]
+        if not folders:
+            raise ExportError(
+                "nobody has judged a session of these yet: rise-tui --shadow SESSION plays its cues to a second wizard"
+            )
+        if without := len(selection.folders) - len(folders):
+            _print_error(f"note: {pluralize(without, 'session')} without a second wizard left out")
+        report = compare_wizards(_judged(folders, level, problems))
+        if not report.cues:
+            raise ExportError("\n".join(["nothing could be compared", *problems]))
+        text = _formatted(report, form)
+        if output is None or output == "-":
+            sys.stdout.buffer.write(text)
+            sys.stdout.buffer.flush()
+        else:
+            with new_path(Path(output)) as here:
+                problems += note_export(folders, Path(output), f"agree {form}", level)
+                here.write_bytes(text)
+    except BrokenPipeError:
+        discard_rest(sys.stdout)
+        return BROKEN_PIPE
+    except (ExportError, SessionError, StudyUnusable, StudyLogError) as error:
+        _print_error(*(f"error: {line}" for line in str(error).splitlines()))
+        return USAGE
+    for problem in problems:
+        _print_error(f"warning: {problem}")
+    if form != "text":
+        for remark in dict.fromkeys(report.remarks):
+            _print_error(f"note: {remark}")
+    return PARTIAL if problems else OK
+
+
+def _judged(folders: Sequence[Path], level: ExportLevel, problems: list[str]) -> Iterator[JudgedSession]:
+    """Each session that can be read. Decisions are told by their labels alone, so what is told of the session itself is
+    all that a level has to say about, and who the people are."""
+
+    def note_unreadable(folder: Path, error: SessionError) -> None:
+        problems.append(f"{folder} could not be read: {error}")
+
+    names = _names(folders) if level != "full" else None
+    told = {
+        data.folder: data.facts
+        for data in read_sessions(folders, level=level, wizards=names, on_unreadable=note_unreadable)
+    }
+    for folder in told:
+        for data in read_sessions([folder]):
+            problems.extend(f"{folder.name}: {problem}" for problem in data.problems)
+            yield judge_session(replace(data, facts=told[folder]), names)
+
+
+def _names(folders: Sequence[Path]) -> dict[str, str]:
+    """What to call everybody: as their study says, or else W1, W2, ... in the order in which they come."""
+    names: dict[str, str] = {}
+    people: dict[str, None] = {}
+    for folder in folders:
+        names.update(wizard_names(study_of_session(folder)))
+        for data in read_sessions([folder], on_unreadable=lambda folder, error: None):
+            people.update(dict.fromkeys(wizards_of(data)))
+    free = (each for number in range(1, 10_000) if (each := f"W{number}") not in set(names.values()))
+    for person in people:
+        if person not in names:
+            names[person] = next(free)
+    return names
+
+
+def _formatted(report: AgreementReport, form: Form) -> bytes:
+    if form == "json":
+        return escape_json(msgspec.json.format(encode(agreement_json(report)), indent=2)) + b"\n"
+    text = agreement_csv(report) if form == "csv" else clean_lines(agreement_text(report))
+    return text.encode("utf-8", "backslashreplace")
+
+
+def clean_lines(text: str) -> str:
+    """Nothing in it acts on a terminal."""
+    return "\n".join(clean(line) for line in text.split("\n"))
+
+
+def _print_error(*lines: str) -> None:
+    for line in lines:
+        sys.stderr.write(clean(line) + "\n")
+
+
+COMMANDS = {"agree": agree}
