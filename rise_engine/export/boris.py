@@ -158,7 +158,7 @@ def _media(clock: MediaClock) -> tuple[dict[str, list[str]], dict[str, dict[str,
         info["hasAudio"][path] = True
         if player == 1:
             info["display"][path] = "Nothing"  # no spectrogram; BORIS would add it, and then ask whether to save
-        info["offset"][str(player)] = round(-linked.origin, 3)  # when it begins, in the time of the first
+        info["offset"][str(player)] = round(0.0 - linked.origin, 3)  # when it begins, in the time of the first
     return files, info if files else {}
 
 

@@ -10,6 +10,7 @@ import re
 from collections.abc import Callable
 from pathlib import Path
 
+import msgspec
 import pytest
 from hypothesis import given
 from lxml import etree
@@ -22,6 +23,7 @@ from rise_engine.export.format import ExportContext
 from rise_engine.export.media_clock import session_clock
 from rise_engine.export.spans import spans_of
 from rise_engine.export.tiers import lay_out
+from rise_engine.export.writing import export_context, export_sessions
 from rise_engine.session.levels import ExportLevel
 from rise_engine.session.media import FoundMark
 
@@ -263,3 +265,18 @@ def test_marks_lie_in_every_file_where_they_were_found(tmp_path: Path) -> None:
         assert linked["RELATIVE_MEDIA_URL"] == f"./{file.path}"
         for start, mark in zip(begun, file.marks, strict=True):
             assert abs(start + origin - mark.media_at * 1000) <= 1
+
+
+@pytest.mark.parametrize("several", [False, True])
+def test_the_command_names_films_relative_to_where_the_file_ends_up(several: bool, tmp_path: Path) -> None:
+    folder = play_session(tmp_path / "sessions")
+    (tmp_path / "films").mkdir()
+    film = tmp_path / "films" / "room.mp4"
+    film.write_bytes(b"")
+    (folder / "media.json").write_bytes(msgspec.json.encode([video(str(film), offset=2.0)]))
+    out = tmp_path / "out"
+    export_sessions(FORMAT, out, [folder], export_context([folder], "full"), several=several)
+    file = next(out.iterdir()) if several else out
+    (linked,) = etree.parse(str(file)).iter("MEDIA_DESCRIPTOR")
+    assert (file.parent / linked.get("RELATIVE_MEDIA_URL", "")).resolve() == film
+    assert linked.get("MEDIA_URL") == f"file://{film}"
