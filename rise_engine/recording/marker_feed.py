@@ -42,8 +42,10 @@ LOOK_SECONDS = 0.1
 """Between two looks whether somebody receives, while markers wait."""
 GRACE_SECONDS = 0.3
 """For which records are still taken after somebody has said that it is enough."""
-LINGER_SECONDS = 1.5
-"""For which consumers get to fetch the last markers: the library tells nobody when they have."""
+LINGER_SECONDS = 5.0
+"""For which consumers get to fetch the last markers, unless they go before: nobody tells when they have them."""
+HASTY_LINGER_SECONDS = 1.5
+"""The same, when somebody waits for this to end."""
 
 
 class MarkerStream(Struct, frozen=True, kw_only=True):
@@ -114,7 +116,7 @@ class MarkerFeed:
             for task in tasks:
                 task.cancel()
             await asyncio.gather(*tasks, return_exceptions=True)
-            await self._finish()
+            await self._finish(HASTY_LINGER_SECONDS if finish.is_set() else LINGER_SECONDS)
 
     async def _follow(self) -> None:
         while True:
@@ -172,6 +174,8 @@ class MarkerFeed:
         folder = Path(session.attach_reply.folder) if session.attach_reply.folder else None
         study = study_of_session(folder) if folder is not None else None
         tells = LevelFilter("shared", private, wizard_names(study))
+        words = live_words(session.scenario, lambda name: str(private.hide_value(name)))
+        words.skip_to(session.view)  # before anything is awaited: the view goes on, and those records are still to come
         if self._plan.payload == "json" or private.keys:  # what was private before must not be told now
             tells.note(await asyncio.to_thread(_records_before, folder))
         if self._plan.payload == "json":
@@ -182,8 +186,6 @@ class MarkerFeed:
                 return (encode(tells.apply(values)).decode(),)
 
             return word_whole
-        words = live_words(session.scenario, lambda name: str(private.hide_value(name)))
-        words.skip_to(session.view)
 
         def word_short(record: AnyRecord) -> Iterable[str]:
             private.note(record)
@@ -214,11 +216,11 @@ class MarkerFeed:
                 self.sent += 1
         return not self._waiting
 
-    async def _finish(self) -> None:
+    async def _finish(self, seconds: float) -> None:
         if self._outlet is None:
             return
         self._send_now()
-        for _ in range(round(LINGER_SECONDS / LOOK_SECONDS)):
+        for _ in range(round(seconds / LOOK_SECONDS)):
             if self.sent and self._outlet.has_consumers():
                 await asyncio.sleep(LOOK_SECONDS)
         if unsent := len(self._waiting) + self._lost:

@@ -1,6 +1,6 @@
 """LabRecorder's own code in a process: `python -m tests.recording.lab_recorder FILE SOURCE_ID`.
 
-Prints `recording` once it records the stream, goes on until its standard input ends, and prints `done`.
+It goes on until its standard input ends. LabRecorder itself prints `Started data collection` when it does.
 """
 
 from __future__ import annotations
@@ -25,10 +25,8 @@ def main(file: str, source: str) -> None:
         streams = pylsl.resolve_byprop("source_id", source, timeout=FIND_SECONDS)
         assert len(streams) == 1, streams
         recording = labrecorder.Recording(file, streams)
-        print("recording", flush=True)
         sys.stdin.read()
         recording.stop()
-        print("done", flush=True)
 
 
 if __name__ == "__main__":

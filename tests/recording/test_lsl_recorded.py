@@ -71,7 +71,7 @@ async def test_labrecorder_has_every_marker_in_order_with_its_exact_time(scratch
 
             await raise_events(range(BEFORE))
             recorder = await start("tests.recording.lab_recorder", str(file), source)
-            await line(recorder.stdout, "recording")
+            await line(recorder.stdout, "Started data collection")
             await raise_events(range(BEFORE, COUNT))
             times = [record.t for record in session.hub.view.unhandled][-3:]
             origin = program.attach_reply.origin

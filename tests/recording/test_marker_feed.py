@@ -6,6 +6,7 @@ import asyncio
 import json
 import logging
 import re
+import threading
 from collections.abc import AsyncIterator, Callable
 from contextlib import asynccontextmanager, suppress
 from itertools import count, pairwise
@@ -15,6 +16,7 @@ from typing import Any
 import pytest
 
 from rise_engine.client import EngineGone, connect
+from rise_engine.kernel.records import AnyRecord
 from rise_engine.ports.outlet import OutletError, OutletPlan
 from rise_engine.recording import marker_feed
 from rise_engine.recording.marker_feed import MarkerFeed, MarkerStream
@@ -29,6 +31,7 @@ SECONDS = 30.0
 def no_lingering(monkeypatch: pytest.MonkeyPatch) -> None:
     """An outlet of a test has whatever it was sent."""
     monkeypatch.setattr(marker_feed, "LINGER_SECONDS", 0.0)
+    monkeypatch.setattr(marker_feed, "HASTY_LINGER_SECONDS", 0.0)
 
 
 class Outlet:
@@ -301,3 +304,27 @@ async def test_the_feed_is_an_observer_that_records_nothing(scratch: Path) -> No
         assert roles == {"node:seer": "node", "observer:lsl": "observer"}
         await eventually(lambda: "observer:lsl" not in session.hub.clients)
         assert session.hub.view.seq == before
+
+
+async def test_what_happens_while_the_record_is_read_is_sent(scratch: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The state goes on meanwhile; what it has then is not over, but still to come."""
+    begun, go_on, read = threading.Event(), threading.Event(), marker_feed._records_before
+
+    def read_slowly(folder: Path | None) -> list[AnyRecord]:
+        begun.set()
+        assert go_on.wait(SECONDS)
+        return read(folder)
+
+    monkeypatch.setattr(marker_feed, "_records_before", read_slowly)
+    outlet = Outlet()
+    async with served(scratch, GREETING, disk=Disk()) as session, connect(session.path, "seer") as program:
+        feed = asyncio.create_task(MarkerFeed(OutletPlan(str(session.path)), outlet).run(asyncio.Event()))
+        assert await asyncio.to_thread(begun.wait, SECONDS)
+        task = await program.start("R_Nod")
+        await program.wait_until(lambda view: any(a.confirmed is not None for a in view.tasks[task].actions.values()))
+        go_on.set()
+        await program.wait_for_task(task)
+        await outlet.until(lambda: "act/R_Nod/succeeded" in outlet.texts)
+        feed.cancel()
+    acts = [text for text in outlet.texts if text.startswith("act/")]
+    assert acts == [f"act/R_Nod/{moment}" for moment in ("accepted", "started", "robot", "succeeded")]
