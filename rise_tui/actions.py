@@ -270,6 +270,9 @@ ACTIONS: tuple[ConsoleAction, ...] = (
     ConsoleAction("study.rehearse", "Rehearse", ("r",), "study",
            "A session that takes no slot and never counts: debug (simulated robot), training or pilot.",
            "rehearse", _between_sessions),
+    ConsoleAction("study.report", "Read the report", ("v",), "study",
+           "What happened in the selected participant's last session that ended: how long they waited, acts, mistakes, "
+           "notes. It is shown after each session, too.", "report", _between_sessions),
     ConsoleAction("study.wizard", "Say who you are", ("w",), "study",
            "The name that stands in every record of the sessions that you begin.", "name", _between_sessions),
     ConsoleAction("study.reload", "Read the study again", ("ctrl+r",), "study",

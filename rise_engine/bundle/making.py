@@ -212,11 +212,7 @@ class _Bundle:
             context = self._context()
             load_format(name).write(root / name, self._read(), context)
             self._look_at.add_warnings(name, context.warnings)
-        make_private_folder((root / REPORT).parent)
-        context = self._context()
-        if why := write_report(root / REPORT, self._read(), context):
-            (root / REPORT).parent.rmdir()
-            self.report.left_out.append(f"a report: {why}")
+        write_report(root, Path(self._study.folder), self._level, self._options.private)
 
     def _context(self) -> ExportContext:
         context = export_context(self._folders, self._level)
@@ -241,7 +237,7 @@ class _Bundle:
             LOG_FILE: "what happened with the study",
             "tables": "acts, events and sessions as tables",
             "bids": "the same as a data set of BIDS",
-            "report": "the report",
+            REPORT: "the report, and the sheet of what a paper should say",
             "LICENSE": "what others may do with it",
             "environment.txt": "versions of programs",
         }

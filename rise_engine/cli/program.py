@@ -26,6 +26,7 @@ _COMMANDS = {
     "export": "rise_engine.cli.export",
     "redact": "rise_engine.cli.redact",
     "reproduce": "rise_engine.cli.reproduce",
+    "report": "rise_engine.cli.report",
     **dict.fromkeys(("replay", "run", "serve", "sessions", "stop"), _SESSION),
     "study": _STUDY,
 }

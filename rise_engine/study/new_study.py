@@ -17,6 +17,7 @@ from rise_engine.scenario.toml_tables import quote_toml_key
 from rise_engine.session.disk import error_message
 from rise_engine.study.model import Level, Study, StudyCheck
 from rise_engine.study.participants import PARTICIPANTS_FILE, header_line
+from rise_engine.study.report_table import REPORT_ITEMS
 from rise_engine.study.study_toml import STUDY_FILE, load_study
 
 
@@ -118,6 +119,7 @@ def study_toml_text(new: NewStudy) -> str:
         *_assignment_lines(study),
         *_consent_lines(study),
         *_check_lines(study.checks),
+        *_report_lines(),
         *_participants_lines(study),
     ]
     return "\n".join(lines) + "\n"
@@ -208,6 +210,15 @@ def _check_lines(checks: Iterable[StudyCheck]) -> Iterable[str]:
         if check.when == "after":
             yield 'when = "after"'
         yield ""
+
+
+def _report_lines() -> Iterable[str]:
+    yield "# What `rise-engine report` asks you for its reporting sheet; the rest it takes from the record."
+    yield "# What is missing stands there as still to say. Take away a # and write; it can change any time."
+    yield "[report]"
+    for item in REPORT_ITEMS:
+        yield f'# {item.name} = ""  # {item.question}'
+    yield ""
 
 
 def _participants_lines(study: Study) -> Iterable[str]:

@@ -17,8 +17,10 @@ from rise_engine.ports.bridge import RosConnection
 from rise_engine.protocol.client import AttachReply
 from rise_engine.protocol.registry import RegistryError, ask_summary
 from rise_engine.protocol.session_options import SessionOptions
+from rise_engine.report.document import Document
 from rise_engine.scenario import load as load_scenario
 from rise_engine.server.spawn import EngineRefused, start_engine
+from rise_engine.session.errors import SessionError
 from rise_engine.session.folder import JOURNAL
 from rise_engine.session.journal_format import InputLine, JournalHeader, LineError, read_line
 from rise_engine.session.lock import is_journal_locked, read_holder
@@ -42,6 +44,7 @@ from rise_tui.config.study_source import (
     StudyNow,
     StudyRefused,
 )
+from rise_tui.model.study_conditions import NO_CONDITIONS, conditions_of
 
 TAIL_BYTES = 262_144
 """Of a journal: more than its last lines take."""
@@ -233,6 +236,17 @@ class StudyFolder:
         if not who:
             raise StudyRefused("the session does not answer: try again, or see `rise-engine sessions`")
         return StartedSession(SocketClient(socket, who, "wizard", resync=True), wizard=who)
+
+    def report(self, folder: str) -> Document:
+        """What happened in a session; a blinded study calls its condition by the label."""
+        from rise_engine.report.making import make_session_report  # what nobody needs who only begins a session
+
+        study = load_study(self.folder, check_scenarios=False).study
+        conditions = conditions_of(study) if study is not None else NO_CONDITIONS
+        try:
+            return make_session_report(self._root / folder, label=conditions.label).document
+        except (SessionError, OSError) as error:
+            raise StudyRefused(_one_line(error)) from None
 
     def judge(self, entry: SessionEntry, status: OutcomeStatus, reason: str, wizard: str) -> None:
         """Write down how a session counts that is over, or that nobody goes on with."""

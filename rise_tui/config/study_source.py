@@ -14,6 +14,7 @@ from rise_engine.checks import CheckContext, CheckOutcome, PendingCheck
 from rise_engine.errors import RiseError
 from rise_engine.kernel.inputs import CheckReport
 from rise_engine.protocol.client import Client
+from rise_engine.report.document import Document
 from rise_engine.scenario.model import KeyBinding
 from rise_engine.study.model import OutcomeStatus, PlannedRun, Purpose, SessionEntry, Study, StudyCheck, StudyStanding
 
@@ -113,6 +114,10 @@ class StudySource(Protocol):
 
     def recover(self, entry: SessionEntry, wizard: str, report: ReportProgress) -> StartedSession:
         """Go on with a session that did not end. Raises StudyRefused."""
+
+    def report(self, folder: str) -> Document:
+        """What happened in a session, by the name of its folder, as the wizard may read it: a blinded study's
+        conditions by their labels. It may take a second. Raises StudyRefused."""
 
     def judge(self, entry: SessionEntry, status: OutcomeStatus, reason: str, wizard: str) -> None:
         """Write down how a session that has ended, or that nobody goes on with, is to count. Raises StudyRefused."""

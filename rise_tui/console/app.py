@@ -5,6 +5,7 @@ from __future__ import annotations
 import asyncio
 import signal
 from contextlib import suppress
+from pathlib import Path
 from types import FrameType
 from typing import Any, Literal
 
@@ -404,6 +405,8 @@ class ConsoleApp(TerminalApp):
             session.show_notice(Notice("the session did not end in time: look at the robot", "fault"))
         elif closed == "done":
             await self._show_study(ending.sentence)
+            if (screen := self.study_screen) is not None and (folder := session.store.attach_reply.folder):
+                screen.show_report(ending.sentence, Path(folder).name)
 
     # --- the end ------------------------------------------------------------------------------------------------------
 

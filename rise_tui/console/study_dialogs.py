@@ -11,7 +11,7 @@ from textual.app import App
 
 from rise_engine.checks import CheckContext, CheckOutcome, PendingCheck
 from rise_engine.kernel.inputs import CheckReport
-from rise_engine.study.model import ParticipantStanding, Purpose, SessionEntry, Study, StudyCheck
+from rise_engine.study.model import ParticipantStanding, Purpose, SessionEntry, Study, StudyCheck, StudyStanding
 from rise_tui.config.paths import abbreviate_home
 from rise_tui.config.study_source import SessionPreview, SessionRequest, StudyRefused, StudySource
 from rise_tui.model.check_list import CheckList
@@ -22,6 +22,7 @@ from rise_tui.screens.checks import CheckMaker, ChecksScreen
 from rise_tui.screens.dialog import Dialog, DialogChoice
 from rise_tui.screens.outcome import Outcome, OutcomeDialog
 from rise_tui.screens.rehearsal import RehearsalDialog
+from rise_tui.screens.report import ReportOf
 from rise_tui.screens.wizard_name import WizardNameDialog
 
 LABEL = 13
@@ -107,6 +108,23 @@ def show_plan(
         intro=plan_lines(plan, each, conditions, wizard),
     )
     app.push_screen(screen, begin)
+
+
+def ended_sessions(each: ParticipantStanding, standing: StudyStanding | None) -> list[ReportOf]:
+    """Every session of a participant that has ended, rehearsals, too, in the order in which they began."""
+    rehearsals = standing.rehearsals if standing is not None else ()
+    theirs = [*each.sessions, *(entry for entry in rehearsals if entry.participant == each.participant)]
+    return [
+        ReportOf(_report_title(entry), entry.folder)
+        for entry in sorted(theirs, key=lambda entry: entry.started)
+        if entry.status == "ended"
+    ]
+
+
+def _report_title(entry: SessionEntry) -> str:
+    what = f"run {entry.run}" if entry.purpose == "counted" else entry.purpose
+    attempt = f", attempt {entry.attempt}" if entry.attempt > 1 else ""
+    return f"{clean(entry.participant)}, {what}{attempt}, {begun_text(entry.started)}"
 
 
 def context_afterwards(study: Study, entry: SessionEntry, wizard: str) -> CheckContext:

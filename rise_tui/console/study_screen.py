@@ -43,6 +43,7 @@ from rise_tui.model.study_rows import (
 from rise_tui.rendering.terminal_app import TerminalApp
 from rise_tui.screens.checks import ChecksScreen
 from rise_tui.screens.outcome import Outcome
+from rise_tui.screens.report import ReportOf, ReportScreen
 from rise_tui.widgets.row_list import RowView
 from rise_tui.widgets.static_lines import StaticLines
 from rise_tui.widgets.study_bars import StudyHead, StudyHints, StudyNotice
@@ -200,6 +201,7 @@ class StudyScreen(Screen[None]):
         calls: dict[str, Callable[[], object]] = {
             "study.open": self.open_selected,
             "study.rehearse": self.rehearse_selected,
+            "study.report": self.report_selected,
             "study.wizard": lambda: self._ask_name(lambda: None),
             "study.reload": self._reload,
             "filter": self.lists.open_find,
@@ -292,6 +294,22 @@ class StudyScreen(Screen[None]):
                 self._named(lambda: self._prepare(request))
 
         study_dialogs.ask_what_to_rehearse(self.app, each.participant, study, self.conditions, go_on)
+
+    # --- what happened in a session ---------------------------------------------------------------------------------
+
+    def report_selected(self) -> None:
+        """The report of the last session of the participant under the cursor, and from there of the others."""
+        each = self.lists.selected
+        ended = study_dialogs.ended_sessions(each, self.loaded.standing) if each is not None else []
+        if ended:
+            self.app.push_screen(ReportScreen(ended, self._source.report))
+        else:
+            who = each.participant if each is not None else "nobody is selected"
+            self.say(f"{who}: no session has ended, so there is no report yet" if each is not None else who, "wait")
+
+    def show_report(self, title: str, folder: str) -> None:
+        """The report of a session that has just ended here, over this screen."""
+        self.app.push_screen(ReportScreen([ReportOf(title, folder)], self._source.report))
 
     # --- whose hands ------------------------------------------------------------------------------------------------
 

@@ -12,6 +12,7 @@ from msgspec.structs import replace
 from rise_engine.checks import CheckContext, CheckOutcome, PendingCheck
 from rise_engine.kernel.inputs import CheckReport
 from rise_engine.kernel.records import SessionRecord
+from rise_engine.report.document import Document, Paragraph, Section
 from rise_engine.scenario.model import KeyBinding
 from rise_engine.study.model import (
     AssignmentSettings,
@@ -163,6 +164,11 @@ class FakeStudy:
         self.recovered: list[SessionEntry] = []
         self.judged: list[tuple[SessionEntry, OutcomeStatus, str, str]] = []
         self.clients: list[FakeClient] = []
+        self.reported: list[str] = []
+        """Sessions whose report was made."""
+        self.report_held: Event | None = None
+        """While it is not set, no report is made."""
+        self.report_refusal = ""
 
     def change(self, **changes: Any) -> None:
         """The study's files say something else."""
@@ -257,6 +263,16 @@ class FakeStudy:
         self.recovered.append(entry)
         run = PlannedRun(7, entry.run, {}, entry.condition, {}, DEMO, 1)
         return StartedSession(self.session(entry.participant, run, entry.purpose), "the session goes on")
+
+    def report(self, folder: str) -> Document:
+        self.reported.append(folder)
+        if self.report_held is not None:
+            self.report_held.wait(60)
+        if self.report_refusal:
+            raise StudyRefused(self.report_refusal)
+        lines = tuple(Paragraph(f"line {number} of {folder}") for number in range(40))
+        sections = (Section("Checks", lines), Section("Acts", lines))
+        return Document(title=folder, kind="Session report", sections=sections)
 
     def judge(self, entry: SessionEntry, status: OutcomeStatus, reason: str, wizard: str) -> None:
         if self.refusal:

@@ -29,7 +29,9 @@ def page_text(text: str) -> str:
     tables = {"facts": column_table(FACTS)}
     for schema in TABLES:
         key = " and ".join(f"`{name}`" for name in schema.key)
-        refers = [f"{' and '.join(f'`{name}`' for name in each.columns)} → {each.table}.csv" for each in schema.references]
+        refers = [
+            f"{' and '.join(f'`{name}`' for name in each.columns)} → {each.table}.csv" for each in schema.references
+        ]
         about = [schema.about, f"Key: {key}.", *([f"{'; '.join(refers)}."] if refers else [])]
         tables[schema.name] = f"{' '.join(about)}\n\n{column_table(schema.columns)}"
     return _MARK.sub(lambda found: f"{found[1]}{tables[found[2]]}\n{found[3]}", text)

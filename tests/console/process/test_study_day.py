@@ -81,6 +81,10 @@ def end(it: Terminal, outcome: bytes = b"\x1b[C", reason: bytes = b"") -> None:
     it.press(reason + b"\r")
     it.still()
     it.press(b"end\r")
+    it.until_screen("SESSION REPORT")
+    it.until_screen("esc closes")
+    it.still()
+    it.press(b"\x1b")
 
 
 def test_a_day_from_the_first_participant_to_the_next() -> None:

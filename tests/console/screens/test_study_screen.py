@@ -29,6 +29,7 @@ from rise_tui.screens.help import HelpScreen
 from rise_tui.screens.outcome import OutcomeDialog
 from rise_tui.screens.palette import Palette
 from rise_tui.screens.rehearsal import RehearsalDialog
+from rise_tui.screens.report import ReportScreen
 from rise_tui.screens.wizard_name import WizardNameDialog
 from tests.console.fake import DEMO, FakeClient, FakeLauncher, demo
 from tests.console.fake_study import CHECKS, FakeStudy, entry, pending, person, standing, study
@@ -108,6 +109,12 @@ class Day:
         await self.press("y", "y", "enter")
         await self.shows(ConsoleScreen)
         await self.until(lambda: "Greet" in self.app.console_screen.pane_layout.panes["acts"].row_view.text)  # type: ignore[union-attr]
+
+    async def leave_report(self) -> None:
+        """What happened in the session that has just ended is shown; Esc goes on."""
+        await self.shows(ReportScreen)
+        await self.press("escape")
+        await self.until(lambda: self.top is self.screen, "the screen of the study did not come back")
 
     async def ask_to_end(self) -> None:
         await self.press("ctrl+c")
@@ -531,7 +538,7 @@ async def test_a_rehearsal_takes_no_slot_asks_no_outcome_and_comes_back() -> Non
         await at.shows(EndSessionDialog)
         await at.type("end")
         await at.press("enter")
-        await at.until(lambda: at.top is at.screen)
+        await at.leave_report()
         assert at.client.closed == [True] and at.client.reports == []
         assert "it does not count" in at.notice
 
@@ -590,7 +597,7 @@ async def test_a_session_ends_with_its_outcome_and_the_next_participant_is_selec
         at.source.now = replace(at.source.now, standing=standing(next="P10"))
         await at.type("end")
         await at.press("enter")
-        await at.until(lambda: at.top is at.screen, "the screen of the study did not come back")
+        await at.leave_report()
         outcome = at.client.reports[-1]
         assert isinstance(outcome, OutcomeReport)
         assert (outcome.status, outcome.reason, outcome.source) == ("complete", "", "wizard:anna")
@@ -643,7 +650,7 @@ async def test_aborted_and_excluded_need_a_reason_and_nothing_is_chosen_to_begin
         question.query_one("#word", Input).value = ""
         await at.type("end")
         await at.press("enter")
-        await at.until(lambda: at.top is at.screen)
+        await at.leave_report()
         outcome = at.client.reports[-1]
         assert isinstance(outcome, OutcomeReport) and (outcome.status, outcome.reason) == ("aborted", "the robot fell")
 
@@ -763,6 +770,8 @@ async def test_a_console_that_was_not_told_the_study_finds_it_by_the_session() -
         await at.press("right", "enter", "enter")
         await at.type("end")
         await at.press("enter")
+        await at.shows(ReportScreen)
+        await at.press("escape")
         await at.until(lambda: isinstance(at.top, StudyScreen) and at.top.wizard == "anna")
 
 
@@ -984,3 +993,70 @@ async def test_a_window_that_is_too_small_says_so() -> None:
 
 def test_the_checks_of_these_tests_are_of_every_kind() -> None:
     assert {bool(each.ask) for each in CHECKS} == {True, False} and any(each.run for each in CHECKS)
+
+
+# --- the report of a session -----------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("size", [(80, 24), (120, 40)])
+async def test_the_report_of_any_session_that_has_ended_is_read_by_keys_alone(size: tuple[int, int]) -> None:
+    async with day(size=size) as at:
+        await at.select("P01")
+        await at.press("v")
+        report = await at.shows(ReportScreen)
+        await at.until(lambda: "line 0 of" in report.text)
+        assert "(2 of 2)" in str(report.query_one("#box").border_title)  # the last one first
+        assert report.query_one("#box").region.bottom <= size[1]
+        widest = max(len(line) for line in report.text.split("\n"))
+        assert widest <= report.list.row_width
+        await at.press("pagedown")
+        assert report.list.scroll_y > 0
+        await at.press("home", "right", "right")
+        assert report.text.split("\n")[round(report.list.scroll_y)].strip() == "Acts"
+        await at.press("left")
+        assert report.text.split("\n")[round(report.list.scroll_y)].strip() == "Checks"
+        await at.press("left_square_bracket")
+        await at.until(lambda: len(at.source.reported) == 2)
+        assert "(1 of 2)" in str(report.query_one("#box").border_title)
+        assert at.source.reported == [each.folder for each in reversed(standing().participants[0].sessions)]
+        await at.press("escape")
+        assert at.top is at.screen
+
+
+async def test_nobody_waits_for_a_report() -> None:
+    source = FakeStudy()
+    source.report_held = Event()
+    try:
+        async with day(source) as at:
+            await at.select("P01")
+            await at.press("v")
+            report = await at.shows(ReportScreen)
+            assert "reading the record" in report.text
+            await at.press("escape")
+            assert at.top is at.screen
+            await at.press("down")
+            assert at.screen.lists.people.current_id == "P02"
+            source.report_held.set()
+            await at.until(lambda: source.reported != [])
+            assert at.top is at.screen
+    finally:
+        source.report_held.set()
+
+
+async def test_a_report_that_cannot_be_made_says_why() -> None:
+    source = FakeStudy()
+    source.report_refusal = "the journal cannot be read"
+    async with day(source) as at:
+        await at.select("P01")
+        await at.press("v")
+        report = await at.shows(ReportScreen)
+        await at.until(lambda: "there is no report: the journal cannot be read" in report.text)
+        await at.press("enter")
+        assert at.top is at.screen
+
+
+async def test_who_has_had_no_session_has_no_report() -> None:
+    async with day() as at:
+        await at.select("P10")
+        await at.press("v")
+        assert at.top is at.screen and "P10: no session has ended" in at.notice

@@ -1,0 +1,108 @@
+"""`rise-engine report`: what happened in a session or a study, in the terminal or as one HTML file."""
+
+from __future__ import annotations
+
+import shutil
+import sys
+from contextlib import ExitStack
+from pathlib import Path
+
+import click
+
+from rise_engine.cli.arguments import exit_with_usage
+from rise_engine.cli.terminal import discard_rest
+from rise_engine.exit_status import BROKEN_PIPE, OK, PARTIAL, USAGE
+from rise_engine.export.format import ExportError
+from rise_engine.export.writing import new_path, note_export
+from rise_engine.report.making import MadeReport, make_session_report, make_study_report
+from rise_engine.report.page import page_text
+from rise_engine.report.plain_text import WIDTH, text_lines
+from rise_engine.session.errors import SessionError
+from rise_engine.session.folder import find_session
+from rise_engine.session.levels import LEVELS, ExportLevel
+from rise_engine.study.state import StudyUnusable
+from rise_engine.study.study_log import StudyLogError
+from rise_engine.study.study_toml import STUDY_FILE, is_study
+from rise_engine.text import clean
+
+WIDEST = 100
+"""Columns of a terminal that a report uses at most."""
+
+
+@click.command()
+@click.argument("named", metavar="SESSION|STUDY", type=click.Path())
+@click.option(
+    "-o", "--output", metavar="FILE.html", type=click.Path(), help="A new file. Default: text, on the screen."
+)
+@click.option("--sheet", metavar="FILE.md", type=click.Path(), help="Of a study: its reporting sheet, as a new file.")
+@click.option(
+    "--level",
+    type=click.Choice(LEVELS),
+    default="full",
+    show_default=True,
+    help="How much is told. shared: for other researchers; public: for everybody.",
+)
+@click.option("--private", metavar="KEY", multiple=True, help="A memory key that is private, too. Repeatable.")
+@click.option("--conditions", is_flag=True, help="Of a study that hides its conditions and is not complete: tell them.")
+def report(
+    named: str,
+    output: str | None,
+    sheet: str | None,
+    level: ExportLevel,
+    private: tuple[str, ...],
+    conditions: bool,
+) -> None:
+    """Tell what happened in a SESSION or a STUDY: how long participants waited, what the wizard and the robot did,
+    what went wrong; of a study, the plan against what happened, and the reporting sheet.
+
+    SESSION is a session's folder, or its name in the sessions folder ($RISE_SESSIONS, or ~/rise-sessions). With -o it
+    is one HTML file with drawings, that needs nothing else and fetches nothing; otherwise the same as text. Nothing is
+    ever written over.
+
+    Exit status: 0; 1 when something could not be read, and the rest was told; 2 when nothing was.
+    """
+    path = Path(named).parent if Path(named).name == STUDY_FILE else Path(named)
+    try:
+        if is_study(path):
+            made = make_study_report(path, level, private, conditions=conditions)
+        elif sheet is not None or conditions:
+            exit_with_usage(f"--{'sheet' if sheet is not None else 'conditions'} is for a study, and {named} is none")
+        else:
+            made = make_session_report(find_session(named), level, private)
+        written = _write(made, output, sheet, level)
+    except (ExportError, SessionError, StudyUnusable, StudyLogError) as error:
+        _print_error(*(f"error: {line}" for line in str(error).splitlines()))
+        sys.exit(USAGE)
+    except BrokenPipeError:
+        discard_rest(sys.stdout)
+        sys.exit(BROKEN_PIPE)
+    _print_error(*(f"warning: {problem}" for problem in made.problems), *written)
+    sys.exit(PARTIAL if made.problems else OK)
+
+
+def _write(made: MadeReport, output: str | None, sheet: str | None, level: ExportLevel) -> list[str]:
+    """Write what is asked for; sentences about what was written. Without a file, the report goes to the screen."""
+    said: list[str] = []
+    with ExitStack() as files:  # both, or none
+        for name, kind in ((output, "report"), (sheet, "sheet")):
+            if name is not None:
+                here = files.enter_context(new_path(Path(name)))
+                said += [f"warning: {each}" for each in note_export(made.folders, Path(name), kind, level)]
+                here.write_text(page_text(made.document) if kind == "report" else made.sheet, "utf-8")
+                said.append(f"the {kind} is in {name}")
+    if not said:
+        sys.stdout.write("\n".join(text_lines(made.document, _width())) + "\n")
+        sys.stdout.flush()
+    return said
+
+
+def _width() -> int:
+    return min(WIDEST, shutil.get_terminal_size((WIDTH, 24)).columns) if sys.stdout.isatty() else WIDTH
+
+
+def _print_error(*lines: str) -> None:
+    for line in lines:
+        sys.stderr.write(clean(line) + "\n")
+
+
+COMMANDS = {"report": report}

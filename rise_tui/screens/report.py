@@ -1,0 +1,162 @@
+"""What happened in a session that has ended, to read before the next one; Esc goes on at once.
+
+It is made beside the loop, while this screen is there already: whoever does not want to read it does not wait for it.
+"""
+
+from __future__ import annotations
+
+import asyncio
+from collections.abc import Callable, Sequence
+from typing import NamedTuple
+
+from textual import events, on
+from textual.app import ComposeResult
+
+from rise_engine.report.document import Document
+from rise_engine.report.plain_text import WIDTH, text_lines
+from rise_tui.rendering.modal import SingleDismissModal
+from rise_tui.rendering.text import ListRow, TextRole, crop, wrap
+from rise_tui.widgets.row_list import RowList, RowView
+from rise_tui.widgets.titled_box import TitledBox
+
+RULE = "\u2500"
+KEYS = "esc closes · ↑↓ pgup pgdn · ←→ section"
+
+
+class ReportOf(NamedTuple):
+    """A session whose report can be read."""
+
+    title: str
+    """`P07, run 2`."""
+    folder: str
+    """The name of its folder."""
+
+
+class ReadingList(RowList):
+    """Lines to read: pages scroll, because nothing in it can be chosen."""
+
+    def action_page(self, direction: int) -> None:
+        self.scroll_relative(y=direction * max(1, self.size.height - 2), animate=False)
+
+
+class ReportScreen(SingleDismissModal[None]):
+    """Shows the report of one session, or of one of several."""
+
+    DEFAULT_CSS = """
+    ReportScreen {
+        align: center middle; background: transparent;
+        #box { width: 86; max-width: 100%; height: 100%; padding: 0; border-title-color: $foreground; }
+        RowList { background: $panel; }
+    }
+    """
+
+    def __init__(self, sessions: Sequence[ReportOf], make: Callable[[str], Document]) -> None:
+        """
+        :param sessions: whose report can be read, the one that is shown first at the end.
+        :param make: the report of a session by its folder's name; it may take long, and raises RiseError with a
+            sentence. It is called beside the loop.
+        """
+        super().__init__()
+        self._sessions, self._make = list(sessions), make
+        self._shown = len(self._sessions) - 1
+        self._document: Document | None = None
+        self.list = ReadingList(id="report-rows")
+
+    @property
+    def text(self) -> str:
+        """What can be read."""
+        return self.list.text
+
+    def compose(self) -> ComposeResult:
+        keys = KEYS + (" · [ ] other session" if len(self._sessions) > 1 else "")
+        with TitledBox(self._title, keys):
+            yield self.list
+
+    @property
+    def _title(self) -> str:
+        of = self._sessions[self._shown].title
+        return f"{of} ({self._shown + 1} of {len(self._sessions)})" if len(self._sessions) > 1 else of
+
+    def on_mount(self) -> None:
+        self.set_focus(self.list)
+        self._load()
+
+    def _load(self) -> None:
+        self._document = None
+        self.query_one("#box").border_title = f" {self._title} "
+        self._show(["", " reading the record …"])
+        self.run_worker(self._read(self._sessions[self._shown].folder), group="report", exclusive=True)
+
+    async def _read(self, folder: str) -> None:
+        try:
+            self._document = await asyncio.to_thread(self._make, folder)
+        except Exception as error:  # whatever it is: nobody is to lose the screen of a study over a report
+            self._show(["", *(f" {line}" for line in wrap(f"there is no report: {error}", self._width - 2))])
+            return
+        await self._lay_out(self._document)
+
+    async def _lay_out(self, document: Document) -> None:
+        width = self._width
+        lines = await asyncio.to_thread(text_lines, document, width - 2)
+        self._show([f" {line}" for line in lines])
+        self.list.scroll_to(y=0, animate=False)
+
+    @property
+    def _width(self) -> int:
+        return self.list.row_width or WIDTH
+
+    @on(RowView.Resized)
+    def _resized(self) -> None:
+        if self._document is not None:
+            self.run_worker(self._lay_out(self._document), group="report", exclusive=True)
+
+    def _show(self, lines: Sequence[str]) -> None:
+        rows = []
+        for at, line in enumerate(lines):
+            following = lines[at + 1] if at + 1 < len(lines) else ""
+            role: TextRole = "plain"
+            if line.strip() and set(line.strip()) == {RULE}:
+                role = "muted"
+            elif following.strip() and set(following.strip()) == {RULE}:
+                role = "strong"
+            elif line.startswith(" !!"):
+                role = "wait"
+            rows.append(ListRow(str(at), crop(((line, role),), max(1, self._width)), selectable=False))
+        self.list.show(rows)
+
+    # --- keys -------------------------------------------------------------------------------------------------------
+
+    def on_key(self, event: events.Key) -> None:
+        if event.key in ("escape", "enter"):
+            self.dismiss(None)
+        elif event.key in ("left", "right"):
+            self._go_to_section(-1 if event.key == "left" else 1)
+        elif event.key in ("left_square_bracket", "right_square_bracket"):
+            self._go_to_session(-1 if event.key == "left_square_bracket" else 1)
+        elif event.key == "space":
+            self.list.action_page(1)
+        else:
+            return
+        event.stop()
+        event.prevent_default()
+
+    def _go_to_section(self, direction: int) -> None:
+        """To where the next section, or the one before, begins."""
+        lines = self.list.text.split("\n")
+        starts = [0, *(at - 1 for at, line in enumerate(lines) if at > 0 and _underlines(line, lines[at - 1]))]
+        now = round(self.list.scroll_y)
+        later = [start for start in starts if (start > now if direction > 0 else start < now)]
+        if later:
+            self.list.scroll_to(y=min(later) if direction > 0 else max(later), animate=False)
+
+    def _go_to_session(self, direction: int) -> None:
+        shown = self._shown + direction
+        if 0 <= shown < len(self._sessions):
+            self._shown = shown
+            self._load()
+
+
+def _underlines(line: str, before: str) -> bool:
+    """Whether a line is the rule below a section's title, which is as long as the title."""
+    rule = line.strip()
+    return bool(rule) and set(rule) == {RULE} and len(rule) == len(before.strip())
