@@ -15,7 +15,7 @@ from rise_engine.analysis.model import SessionData
 from rise_engine.analysis.reading import read_sessions
 from rise_engine.bundle.archive import write_zip
 from rise_engine.bundle.crate import METADATA, CrateContents, CrateSession, metadata_text
-from rise_engine.bundle.environment import environment_text
+from rise_engine.bundle.environment import ENVIRONMENT_FILE, environment_text
 from rise_engine.bundle.errors import BundleError
 from rise_engine.bundle.look_at import LookAt
 from rise_engine.bundle.manifest import manifest_text
@@ -118,7 +118,7 @@ class _Bundle:
         self._write_exports(root)
         license = self._options.license or self._study.report.get("license", "")
         (root / "LICENSE").write_text(license_text(license, self._study), "utf-8")
-        (root / "environment.txt").write_text(environment_text(self._versions), "utf-8")
+        (root / ENVIRONMENT_FILE).write_text(environment_text(self._versions), "utf-8")
         self.report.look_at += self._look_at.sentences(root, self._people, license)
         self.report.contents += self._contents(root)
         readme = readme_text(self._study, self._level, self.report.contents, self.report.left_out)
@@ -212,11 +212,7 @@ class _Bundle:
             context = self._context()
             load_format(name).write(root / name, self._read(), context)
             self._look_at.add_warnings(name, context.warnings)
-        make_private_folder((root / REPORT).parent)
-        context = self._context()
-        if why := write_report(root / REPORT, self._read(), context):
-            (root / REPORT).parent.rmdir()
-            self.report.left_out.append(f"a report: {why}")
+        write_report(root, Path(self._study.folder), self._level, self._options.private)
 
     def _context(self) -> ExportContext:
         context = export_context(self._folders, self._level)
@@ -241,9 +237,9 @@ class _Bundle:
             LOG_FILE: "what happened with the study",
             "tables": "acts, events and sessions as tables",
             "bids": "the same as a data set of BIDS",
-            "report": "the report",
+            REPORT: "the report, and the sheet of what a paper should say",
             "LICENSE": "what others may do with it",
-            "environment.txt": "versions of programs",
+            ENVIRONMENT_FILE: "versions of programs",
         }
         lines = []
         for name in sorted(counts):

@@ -10,7 +10,7 @@ import click
 
 from rise_engine.bundle.errors import BundleError
 from rise_engine.bundle.making import BundleOptions, make_bundle
-from rise_engine.cli.export import select_sessions
+from rise_engine.cli.export import ended_by_signals, select_sessions
 from rise_engine.exit_status import OK, REFUSED, USAGE
 from rise_engine.export.format import ExportError
 from rise_engine.session.errors import SessionError
@@ -55,7 +55,8 @@ def bundle_report(named: str, out: Path, options: BundleOptions, *, all: bool = 
         return USAGE
     try:
         selection = select_sessions([str(path)], all=all)
-        report = make_bundle(read_state(path.absolute()), selection.folders, out, options, selection.remarks)
+        with ended_by_signals():
+            report = make_bundle(read_state(path.absolute()), selection.folders, out, options, selection.remarks)
     except (BundleError, ExportError, SessionError, StudyUnusable, StudyLogError) as error:
         _print_error(*(f"error: {line}" for line in str(error).splitlines()))
         return REFUSED

@@ -123,7 +123,7 @@ def export_report(request: ExportRequest) -> int:
         selection = select_sessions(request.named, all=request.all)
         if request.format in RECORD_FORMATS and not selection.several:
             return _export_records(selection.folders[0], request)
-        with _ended_by_signals():
+        with ended_by_signals():
             return _export(selection, load_format(request.format), request)
     except (ExportError, SessionError, StudyUnusable, StudyLogError) as error:
         _print_error(*(f"error: {line}" for line in str(error).splitlines()))
@@ -220,7 +220,7 @@ def _export_records(folder: Path, request: ExportRequest) -> int:
         except OSError as error:
             raise ExportError(f"standard output could not be written: {error_message(error)}") from None
     else:
-        with _ended_by_signals(), new_path(Path(out)) as here:
+        with ended_by_signals(), new_path(Path(out)) as here:
             for problem in note_export([folder], Path(out), format, request.level):
                 _print_error(f"warning: {problem}")
             with here.open("xb") as file:
@@ -233,7 +233,7 @@ def _export_records(folder: Path, request: ExportRequest) -> int:
 
 
 @contextmanager
-def _ended_by_signals() -> Iterator[None]:
+def ended_by_signals() -> Iterator[None]:
     """Whoever ends the program while it writes leaves nothing half behind."""
 
     def end(number: int, frame: FrameType | None) -> None:

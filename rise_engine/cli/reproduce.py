@@ -11,8 +11,10 @@ import click
 import msgspec
 from msgspec import Struct, field
 
+from rise_engine import __version__
 from rise_engine.bundle.archive import opened_bundle
 from rise_engine.bundle.courses import CourseComparison
+from rise_engine.bundle.environment import made_with
 from rise_engine.bundle.errors import BundleError
 from rise_engine.bundle.manifest import ManifestCheck
 from rise_engine.bundle.reproducing import ReproducedSession, check_bundle, reproduce_sessions, session_folders
@@ -39,6 +41,8 @@ class Reproduction(Struct):
     """What came of a bundle."""
 
     check: ManifestCheck
+    version: str = ""
+    """Of this program, with which it was made."""
     sessions: list[ReproducedSession] = field(default_factory=list)
     others: list[OtherCourse] = field(default_factory=list)
 
@@ -69,7 +73,7 @@ def reproduce_report(path: Path, robot: str | None, *, as_json: bool) -> int:
     """Reproduce a bundle, and say what came of it; the exit status."""
     try:
         with opened_bundle(path) as root:
-            found = Reproduction(check_bundle(root))
+            found = Reproduction(check_bundle(root), made_with(root))
             folders = session_folders(root)
             if robot is not None and folders:
                 load_for_robot(folders[0], robot)  # a robot that there is not is no difference
@@ -156,6 +160,8 @@ def _last_lines(found: Reproduction, robot: str | None) -> list[str]:
         lines.append(f"{same} of {len(found.others)} went the same way on {robot}")
     if not found.check.whole:
         lines.append("the bundle is not as it was made")
+    if identical < len(found.sessions) and found.version not in ("", __version__):
+        lines.append(f"it was made with rise-tui {found.version}, and this is {__version__}: try that version")
     return lines
 
 
@@ -163,6 +169,7 @@ def _document(path: Path, found: Reproduction, robot: str | None) -> dict[str, A
     return {
         "bundle": str(path),
         "as_it_was": found.as_it_was,
+        "made_with": found.version,
         "whole": found.check.whole,
         "files": msgspec.to_builtins(found.check),
         "sessions": [

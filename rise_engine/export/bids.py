@@ -201,7 +201,7 @@ class _Dataset:
         systems = dict.fromkeys(each.versions.get("system", "") for each in facts)
         return {
             "TaskName": task,
-            "TaskDescription": said.get("scenario") or ", ".join(dict.fromkeys(each.title for each in facts)),
+            "TaskDescription": said.get("story") or ", ".join(dict.fromkeys(each.title for each in facts)),
             "Instructions": said.get("instructions") or "n/a",
             "InstitutionName": said.get("institution") or "n/a",
             "InstitutionAddress": said.get("institution_address") or "n/a",

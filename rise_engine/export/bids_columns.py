@@ -124,6 +124,11 @@ ACT_COLUMNS: dict[str, Description] = {
         "Description": "Whether it bridged the time of a cue; then it is no answer to it.",
         "Levels": {"true": "It was one.", "false": "It was none."},
     },
+    "before_cue": {
+        "LongName": "Asked for before the cue",
+        "Description": "Whether it waited already when the cue came that it answered; then nobody reacted to the cue.",
+        "Levels": {"true": "It did.", "false": "It did not."},
+    },
     **{name: {"LongName": name, "Description": text, "Units": "s"} for name, text in _SECONDS.items()},
     "mark": EVENT_COLUMNS["mark"],
     "condition": EVENT_COLUMNS["condition"],

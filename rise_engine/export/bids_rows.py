@@ -92,6 +92,7 @@ def act_rows(data: SessionData) -> list[Row]:
             "actor_kind": act.actor,
             "status": act.status,
             "filler": act.filler,
+            "before_cue": act.before_cue,
             **{name: getattr(act, name) for name in ACT_COLUMNS if name.endswith(("_at", "_s"))},
             "response_time": _response_time(act),
             "mark": act.mark,

@@ -46,6 +46,8 @@ REPORT_ITEMS = (
     ReportItem("limits", "what having a wizard means for the conclusions"),
 )
 ITEM_NAMES = tuple(item.name for item in REPORT_ITEMS)
+PUBLISHING_NAMES = ("authors", "license", "institution", "institution_address", "department")
+"""What the sheet does not ask for, and bundles and data sets of BIDS say: who publishes, and what others may do."""
 
 
 def read_report(study: TomlTable) -> dict[str, str]:
@@ -53,10 +55,10 @@ def read_report(study: TomlTable) -> dict[str, str]:
 
     :param study: the whole study.toml.
     """
-    table = study.section("report", ITEM_NAMES)
+    table = study.section("report", (*ITEM_NAMES, *PUBLISHING_NAMES))
     said: dict[str, str] = {}
     for name in table.values:
-        if name in ITEM_NAMES:
+        if name in ITEM_NAMES or name in PUBLISHING_NAMES:
             text = table.read(name, str, "", form=f': {name} = "..."').strip()
             if text:
                 said[name] = text

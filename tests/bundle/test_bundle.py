@@ -71,7 +71,17 @@ def bundle(study: Path) -> Path:
 def test_everything_that_others_need_is_in_it(bundle: Path) -> None:
     names = {path.name for path in bundle.iterdir()}
     assert names >= {
-        *("study.toml", "participants.csv", "plan.csv", "study.jsonl", "scenario", "sessions", "bids", "tables"),
+        *(
+            "study.toml",
+            "participants.csv",
+            "plan.csv",
+            "study.jsonl",
+            "scenario",
+            "sessions",
+            "bids",
+            "tables",
+            "report",
+        ),
         *("LICENSE", "README.md", "environment.txt", "ro-crate-metadata.json", "manifest-sha256.txt"),
     }
     assert len(list((bundle / "sessions").iterdir())) == 7

@@ -10,6 +10,7 @@ from pathlib import Path
 import pytest
 from click.testing import CliRunner
 
+from rise_engine import __version__
 from rise_engine.bundle.courses import compare_courses, read_recorded
 from rise_engine.bundle.making import BundleOptions, make_bundle
 from rise_engine.bundle.manifest import manifest_text
@@ -122,6 +123,10 @@ def test_a_record_that_somebody_changed_is_found_also_with_new_check_sums(bundle
     assert f"different: journal.jsonl:{at + 1}: record {record.seq}" in said
     assert '`status` is "ABORTED", but the replay gives "SUCCEEDED"' in said
     assert "1 of 2 sessions identical" in said
+    assert "try that version" not in said
+    environment = bundle / "environment.txt"
+    environment.write_text(environment.read_text("utf-8").replace(f"rise-tui=={__version__}", "rise-tui==9.9"), "utf-8")
+    assert "it was made with rise-tui 9.9, and this is" in run(bundle)[1]
 
 
 def test_a_session_that_cannot_be_replayed(bundle: Path) -> None:

@@ -107,6 +107,14 @@ def test_a_recovered_session_can_be_shared(tmp_path: Path) -> None:
     assert not [secret for secret in SECRETS if secret in text_of(target)]
 
 
+@pytest.mark.parametrize("name", ["before_studies_ended", "before_turns_ended"])
+def test_sessions_of_older_versions_can_be_shared(tmp_path: Path, name: str) -> None:
+    """They lack fields that their records would have today; what is written has them."""
+    target = shared(Path(__file__).parent / "old_sessions" / name, tmp_path / "new", "public")
+    assert compare_replay(target).identical
+    assert "anna" not in text_of(target)
+
+
 def test_words_that_decide_are_not_shared(tmp_path: Path) -> None:
     scenario = scenario_with(tmp_path, NAME_RULE.format(value="Zelda"))
     script: Script = [
