@@ -13,7 +13,7 @@ from msgspec import Struct
 from rise_engine.analysis.statistics import Summary, summarise
 from rise_engine.report.bands import BANDS
 from rise_engine.report.document import Figure, number_text, seconds_text
-from rise_engine.report.latency import BIN, LAST_BIN, LatencyFacts, Part, histogram
+from rise_engine.report.latency import BIN, LAST_BIN, LatencyFacts, LatencyPart, histogram
 from rise_engine.report.svg import Drawing
 from rise_engine.text import clean
 
@@ -69,7 +69,7 @@ def latency_figure(facts: LatencyFacts) -> Figure:
 
 
 def _draw_histogram(
-    drawing: Drawing, part: Part, left: float, top: float, width: float, height: float, *, names: bool
+    drawing: Drawing, part: LatencyPart, left: float, top: float, width: float, height: float, *, names: bool
 ) -> None:
     counts = histogram(part.values)
     unit = width / ((len(counts)) * BIN)
@@ -129,7 +129,7 @@ def _summary_words(summary: Summary | None) -> str:
     )
 
 
-def _histogram_lines(parts: Sequence[Part], width: int) -> list[str]:
+def _histogram_lines(parts: Sequence[LatencyPart], width: int) -> list[str]:
     """A line of blocks for each part: as many characters for a bin as there is room for."""
     bins = round(LAST_BIN / BIN) + 1
     label = 11

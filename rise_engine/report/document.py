@@ -29,7 +29,7 @@ class Facts(Struct, frozen=True):
     rows: tuple[tuple[str, str], ...]
 
 
-class Table(Struct, frozen=True, kw_only=True):
+class ReportTable(Struct, frozen=True, kw_only=True):
     """Rows under named columns."""
 
     caption: str
@@ -56,7 +56,7 @@ class Figure(Struct, frozen=True, kw_only=True):
     """Lines that say the same, for a width in characters; None: the tables beside it do."""
 
 
-Block: TypeAlias = Paragraph | Facts | Table | Figure
+Block: TypeAlias = Paragraph | Facts | ReportTable | Figure
 
 
 class Section(Struct, frozen=True):
