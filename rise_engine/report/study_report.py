@@ -143,7 +143,7 @@ def _plan(given: StudyReportInput) -> Iterable[Block]:
         yield Paragraph(problem, "warning")
     standing = given.standing
     yield Facts(tuple(_flow(standing, given.withdrawn)))
-    out = [each for each in standing.participants if each.state in ("excluded", "aborted", "withdrawn")]
+    out = [each for each in standing.participants if each.state in ("excluded", "aborted")]
     if out:
         yield ReportTable(
             caption="Who is out or was broken off, and why",
