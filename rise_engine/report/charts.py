@@ -147,7 +147,7 @@ def _histogram_lines(parts: Sequence[LatencyPart], width: int) -> list[str]:
         blocks = "".join(_LEVELS[0 if not count else max(1, round(count / most * 8))] * each for count in counts)
         middle = part.summary.median if part.summary is not None else None
         lines.append(f"{part.name:<{label}}{blocks} {seconds_text(middle)}")
-    lines.append(" " * label + "within the limits of the bands; right: the median")
+    lines.append(f"By seconds, in steps of {BIN:g}; ┼ the limits of the bands. Right: the median.")
     return lines
 
 
@@ -215,7 +215,7 @@ def _dot_lines(rows: Sequence[DotRow], width: int) -> list[str]:
         middle = seconds_text(summary.median) if summary is not None else "none"
         lines.append(clean(row.name)[: label - 1].ljust(label) + "".join(cells) + f" {middle}")
     lines.append(" " * label + "0" + f"{scale:.1f} s".rjust(room - 1))
-    lines.append(" " * label + "\u25cf a session  \u2503 median  \u2500 middle half")
+    lines.append("\u25cf the median response of a complete session   \u2503 their median   \u2500 their middle half")
     return lines
 
 

@@ -52,7 +52,8 @@ def _block(block: Block, width: int) -> list[str]:
         case Facts():
             return _facts(block.rows, width)
         case Figure():
-            return [*_wrap(block.caption, width), *block.text(width)] if block.text is not None else []
+            made = block.text(width) if block.text is not None else []
+            return [part for line in made for part in (_wrap(line, width) if cells_wide(line) > width else [line])]
         case ReportTable():
             if block.page_only or block.folded:
                 return _wrap(f"({block.caption}: in the HTML report, -o FILE.html)", width)
