@@ -215,7 +215,7 @@ def _dot_lines(rows: Sequence[DotRow], width: int) -> list[str]:
         middle = seconds_text(summary.median) if summary is not None else "none"
         lines.append(clean(row.name)[: label - 1].ljust(label) + "".join(cells) + f" {middle}")
     lines.append(" " * label + "0" + f"{scale:.1f} s".rjust(room - 1))
-    lines.append("\u25cf the median response of a complete session   \u2503 their median   \u2500 their middle half")
+    lines.append("\u25cf a session's median response   \u2503 their median   \u2500 their middle half")
     return lines
 
 
