@@ -56,7 +56,8 @@ def _plan_lines(plan: WithdrawalPlan) -> list[str]:
     lines += _indent([f"session {name}" for name in plan.sessions])
     lines += _indent([f"recording {path}" for path in plan.recordings])
     for path, others in plan.exports.items():
-        lines += _indent([f"export {path}" + (f", which also holds {', '.join(others)}" if others else "")])
+        what = "export folder, with everything in it:" if path in plan.export_folders else "export"
+        lines += _indent([f"{what} {path}" + (f", which also holds {', '.join(others)}" if others else "")])
     return [*lines, *_indent(["what study.jsonl says about them, but for a salted hash"])]
 
 

@@ -25,6 +25,8 @@ class ExportContext(Struct):
     study: Study | None = None
     standing: StudyStanding | None = None
     """Of the study, when all of it is exported."""
+    folder: Path | None = None
+    """The folder in which the files of the export will lie when it is whole; None: where they are written."""
     factors: tuple[str, ...] = ()
     """The factors of all sessions of the export, in their order: columns of tables."""
     warnings: list[str] = field(default_factory=list)

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 
 from msgspec import Struct, field
 
 from rise_engine.analysis.model import SessionData
 from rise_engine.analysis.reading import read_sessions
+from rise_engine.analysis.session_records import SessionRecords
 from rise_engine.export.format import ExportContext, ExportError, ExportFormat
 from rise_engine.session.disk import error_message
 from rise_engine.session.errors import SessionError
@@ -53,7 +54,9 @@ def export_sessions(
     """
     report = ExportReport()
     with new_path(out) as here:
-        report.warnings += note_export(folders, out, format.name, context.level)
+        folder = format.shape == "folder" or (format.shape == "file-per-session" and (several or not format.suffix))
+        report.warnings += note_export(folders, out, format.name, context.level, folder=folder)
+        context.folder = (out if folder else out.parent).absolute()
         sessions = _read(folders, context.level, private, report)
         try:
             if format.shape != "file-per-session":
@@ -83,14 +86,22 @@ def export_context(folders: Iterable[Path], level: ExportLevel) -> ExportContext
     factors: dict[str, None] = {}
     for folder in folders:
         studies[study_of_session(folder)] = None
-        try:
-            factors.update(dict.fromkeys(read_info(folder).factors))
-        except SessionError:  # its record is all there is, and it may say more
-            continue
+        factors.update(dict.fromkeys(_factors_of(folder)))
     where = next(iter(studies)) if len(studies) == 1 else None
     study = load_study(where, check_scenarios=False).study if where is not None else None
     planned = dict.fromkeys(factor.name for factor in study.factors) if study is not None else {}
     return ExportContext(level, study, factors=tuple(planned | factors))
+
+
+def _factors_of(folder: Path) -> Iterable[str]:
+    """Which factors a session knows."""
+    try:
+        return read_info(folder).factors
+    except SessionError:
+        with suppress(SessionError):  # whoever reads it is told
+            begun = SessionRecords(folder).begun
+            return begun.factors if begun is not None else ()
+        return ()
 
 
 @contextmanager
@@ -110,7 +121,9 @@ def new_path(path: Path) -> Iterator[Path]:
         raise ExportError(f"{path} could not be written: {error_message(error)}") from None
 
 
-def note_export(folders: Iterable[Path], out: Path, format: str, level: ExportLevel) -> list[str]:
+def note_export(
+    folders: Iterable[Path], out: Path, format: str, level: ExportLevel, *, folder: bool = False
+) -> list[str]:
     """Note an export in the log of each study whose sessions are in it, before it is written: so that a participant
     who withdraws is taken out of it, too.
 
@@ -118,24 +131,28 @@ def note_export(folders: Iterable[Path], out: Path, format: str, level: ExportLe
     :param out: what is about to be written.
     :param format: its name, for people.
     :param level: how much it tells.
+    :param folder: whether it is a folder, which a withdrawal erases with everything in it.
     :return: sentences about studies that could not be told.
     """
     by_study: dict[Path, list[Path]] = {}
-    for folder in folders:
-        study = study_of_session(folder)
+    for session in folders:
+        study = study_of_session(session)
         if study is not None:
-            by_study.setdefault(study, []).append(folder)
+            by_study.setdefault(study, []).append(session)
     path = out.resolve()
     problems = []
     for study, theirs in by_study.items():
         named = str(path.relative_to(study)) if path.is_relative_to(study) else str(path)
         try:
-            participants = dict.fromkeys(filter(None, map(owner_of, theirs)))
-            sessions = [folder.resolve().name for folder in theirs]
+            fields = {
+                "path": named,
+                "format": format,
+                "level": level,
+                "sessions": [session.resolve().name for session in theirs],
+                "participants": [*dict.fromkeys(filter(None, map(owner_of, theirs)))],
+            }
             with LockedLog(study) as log:
-                log.append(
-                    "exported", path=named, format=format, level=level, sessions=sessions, participants=[*participants]
-                )
+                log.append("exported", **fields, **({"folder": True} if folder else {}))
         except StudyLogError as error:
             problems.append(f"the study does not know of {out}, so a withdrawal will not erase it: {error}")
     return problems

@@ -11,7 +11,7 @@ import fcntl
 import os
 import shutil
 import tempfile
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
 
@@ -56,9 +56,14 @@ def unfinished(path: Path) -> Iterator[Path]:
         shutil.rmtree(work, ignore_errors=True)
 
 
-def erase_unfinished(path: Path) -> list[Path]:
-    """Erase what killed programs have left of something that was to be at `path`; what was erased."""
-    erased: list[Path] = []
+def erase_unfinished(path: Path, erase: Callable[[Path], object] | None = None) -> list[Path]:
+    """Erase what killed programs have left of something that was to be at `path`.
+
+    :param path: where it was to be.
+    :param erase: what erases a folder; None: it is deleted.
+    :return: what is being written just now, and was left.
+    """
+    busy: list[Path] = []
     try:
         beside = [Path(each.path) for each in os.scandir(path.parent) if each.name.startswith(_prefix(path))]
     except OSError:  # who makes something there is told so
@@ -70,14 +75,13 @@ def erase_unfinished(path: Path) -> list[Path]:
             continue
         try:
             fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        except OSError:  # somebody is writing it
-            continue
+        except OSError:
+            busy.append(work)
         else:
-            shutil.rmtree(work, ignore_errors=True)
-            erased.append(work)
+            erase(work) if erase is not None else shutil.rmtree(work, ignore_errors=True)
         finally:
             os.close(lock)
-    return erased
+    return busy
 
 
 def _prefix(path: Path) -> str:

@@ -24,6 +24,7 @@ from rise_engine.session.disk import Disk, error_message
 from rise_engine.session.erasure import erase_file, erase_folder, overwrite
 from rise_engine.session.folder import JOURNAL, sessions_folder
 from rise_engine.session.lock import is_journal_locked, read_holder, running_message
+from rise_engine.session.unfinished_files import erase_unfinished
 from rise_engine.study.sessions import SESSIONS
 from rise_engine.study.study_log import SET_ASIDE_FILE, LockedLog, LogEntry, read_log
 from rise_engine.study.traces import (
@@ -61,6 +62,8 @@ class WithdrawalPlan(Struct):
     """Absolute paths of what was exported of their sessions, and who else is in each."""
     unreachable: list[str] = field(default_factory=list)
     """What their sessions have registered and cannot be erased, in sentences."""
+    export_folders: list[str] = field(default_factory=list)
+    """Those of `exports` that were written as folders: they are erased with everything in them."""
 
 
 class WithdrawalReport(Struct):
@@ -250,6 +253,8 @@ def _make_plan(study: Path, participant: str, log: Sequence[LogEntry]) -> Withdr
         names = entry.get("participants") or []
         if entry.kind == "exported" and participant in names and isinstance(path := entry.get("path"), str):
             plan.exports[str(study / path)] = [each for each in names if each != participant]
+            if entry.get("folder") is True:
+                plan.export_folders.append(str(study / path))
     return plan
 
 
@@ -329,6 +334,7 @@ def _join(before: WithdrawalPlan, now: WithdrawalPlan) -> WithdrawalPlan:
         list(dict.fromkeys([*before.recordings, *now.recordings])),
         {**before.exports, **now.exports},
         list(dict.fromkeys([*before.unreachable, *now.unreachable])),
+        list(dict.fromkeys([*before.export_folders, *now.export_folders])),
     )
 
 
@@ -347,10 +353,15 @@ def _erase(study: Path, work: Path, participant: str, disk: Disk) -> WithdrawalR
         report.erased.append(str(path))
     for text, others in plan.exports.items():
         path = Path(text)
-        if path.is_dir() and not path.is_symlink():
+        for work in erase_unfinished(path, lambda folder: erase_folder(folder, disk)):
+            report.beyond.append(f"{work} is being written just now: erase what becomes of it ({path})")
+        if text in plan.export_folders:
+            erase_folder(path, disk)
+        elif path.is_dir() and not path.is_symlink():
             report.beyond.append(f"{path} is a folder now, and was an export: erase what is theirs in it")
             continue
-        erase_file(path, disk)
+        else:
+            erase_file(path, disk)
         report.erased.append(str(path))
         if others:
             report.make_again.append(f"{path} (with {', '.join(others)})")

@@ -1,0 +1,136 @@
+"""A whole study in every export format: 200 sessions of an hour, 1,200 records each.
+
+Each format is written by the command, in a process of its own: seconds on the wall, and the most memory that it had.
+Beside it the floor: a process that only reads the lines of all journals.
+"""
+
+from __future__ import annotations
+
+import os
+import shutil
+import subprocess
+import sys
+import tempfile
+import time
+from collections.abc import Sequence
+from datetime import timedelta
+from pathlib import Path
+
+from measure import Report
+
+from rise_engine.export.formats import format_names
+from rise_engine.kernel.inputs import Note, OutcomeReport, SessionStarted
+from rise_engine.session.journal_reader import read_journal
+from rise_engine.study.planning import plan_study
+from rise_engine.study.state import OpenStudy
+from rise_engine.study.study_toml import load_study
+from tests.analysis.samples import BEGAN, DESIGN, WIZARD, Script, act, play_session, sessions_of, task, write_scenario
+
+PARTICIPANTS = 100
+RUNS = 2
+RECORDS = 1_200
+HOUR = 3_600.0
+SECONDS = 60.0
+MEGABYTES = 500.0
+_READ = "from pathlib import Path; import sys; from rise_engine.session.journal_reader import read_journal\n"
+_FLOOR = (
+    _READ + "print(sum(1 for p in Path(sys.argv[1]).glob('*/journal.jsonl') for _ in read_journal(p).read_records()))"
+)
+
+
+def hour(late: float) -> Script:
+    """An hour of turns, one every 145 s; `late` seconds until the wizard answers."""
+    script: list[tuple[float, object]] = [(1.0, task("startInteractionRule", "Visit", pressed=0.9))]
+    for number in range(24):
+        at = 20.0 + 145 * number
+        script += [
+            (at, task("markCue", pressed=at)),
+            act("Hm", at + 0.8),
+            act("Answer", at + 1.5 + late),
+            act("Nod", at + 3.0),
+            (at + 20, task("raiseEventTopic", "/tea")),
+            (at + 30, task("assignValue", f"noise = {number}")),
+            act("Ask", at + 40),
+            act("Thanks", at + 41),
+            (at + 60, Note(text=f"looks at the robot, {number}", source=WIZARD)),
+        ]
+    script.append((HOUR - 1, OutcomeReport(status="complete", source=WIZARD)))
+    return script  # type: ignore[return-value]
+
+
+def make_study(folder: Path) -> None:
+    """A study of PARTICIPANTS with RUNS sessions each."""
+    folder.mkdir()
+    write_scenario(folder / "scenario")
+    (folder / "study.toml").write_text(DESIGN.replace("n = 3", f"n = {PARTICIPANTS}"), "utf-8")
+    names = [f"P{number:03}" for number in range(1, PARTICIPANTS + 1)]
+    people = "".join(f"{name},2026-11-01,,\n" for name in names)
+    (folder / "participants.csv").write_text(f"participant,consent_study,status,comment\n{people}", "utf-8")
+    study = load_study(folder).study
+    assert study is not None
+    plan_study(study, load_study(folder).scenarios)
+    number = 0
+    for slot, name in enumerate(names, 1):
+        for run in range(1, RUNS + 1):
+            factors = {"hesitation": ("yes", "no")[slot % 2], "noise": ("quiet", "loud")[(slot + run) % 2]}
+            first = SessionStarted(
+                participant=name,
+                condition="+".join(factors.values()),
+                factors=factors,
+                study=study.id,
+                study_hash=study.hash,
+                slot=slot,
+                run=run,
+                attempt=1,
+                purpose="counted",
+            )
+            began = BEGAN + timedelta(hours=2 * number)
+            script = hour(0.1 * (number % 13))
+            play_session(
+                folder / "sessions", script, scenario=folder / "scenario", started=first, began=began, until=HOUR
+            )
+            number += 1
+    with OpenStudy(folder):
+        """Writes what the folders say into the log."""
+
+
+def measured(command: Sequence[str]) -> tuple[float, float]:
+    """Seconds of a process that must succeed, and the megabytes that it had at most; no fewer than this one has, which
+    the system counts with it."""
+    start = time.perf_counter()
+    with tempfile.TemporaryFile() as said:
+        process = subprocess.Popen(command, stdout=said, stderr=said)
+        _, status, usage = os.wait4(process.pid, 0)
+        seconds = time.perf_counter() - start
+        process.returncode = os.waitstatus_to_exitcode(status)
+        if process.returncode:
+            said.seek(0)
+            raise SystemExit(f"{' '.join(command)} ended with {process.returncode}: {said.read().decode()}")
+    return seconds, usage.ru_maxrss / (1024 * 1024 if sys.platform == "darwin" else 1024)
+
+
+def main() -> bool:
+    with tempfile.TemporaryDirectory() as name:
+        folder = Path(name) / "study"
+        make_study(folder)
+        sessions = sessions_of(folder)
+        records = read_journal(sessions[0] / "journal.jsonl").records
+        report = Report(
+            f"Exports of a study: {len(sessions)} sessions of an hour, {records:,} records each", "wall time and memory"
+        )
+        report.target("records in a session", records, RECORDS, at_least=True)
+        seconds, memory = measured([sys.executable, "-c", _FLOOR, str(folder / "sessions")])
+        report.row("floor: reading all journals", f"{seconds:.1f} s", f"{memory:.0f} MB")
+        export = [sys.executable, "-m", "rise_engine", "export", str(folder)]
+        for format in format_names():
+            for level in ("full", "shared"):
+                out = Path(name) / f"{format}-{level}"
+                seconds, memory = measured([*export, "--format", format, "--level", level, "-o", str(out)])
+                report.target(f"{format}, {level}: seconds", seconds, SECONDS, at_least=False)
+                report.target(f"{format}, {level}: megabytes", memory, MEGABYTES, at_least=False)
+                shutil.rmtree(out) if out.is_dir() else out.unlink()
+    return report.met
+
+
+if __name__ == "__main__":
+    sys.exit(not main())
