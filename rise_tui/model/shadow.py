@@ -20,7 +20,7 @@ def shadow_line(store: Store, key_name: KeyNames, width: int) -> StyledLine:
         state: StyledLine = (("all was shown", "strong"), ("  leave, and compare: rise-engine agree", "plain"))
     elif status.paused:
         at = format_clock(store.now())
-        state = ((f"\u2016 PAUSED at {at}", "call"), (f"  {key_name('control')} plays on from here", "plain"))
+        state = ((f" \u2016 PAUSED at {at} ", "call"), (f"  {key_name('control')} plays on from here", "plain"))
     else:
         state = ((f"\u25b6 {key_name('control')} pauses", "plain"),)
     nowhere: StyledLine = (("   your keys are kept and sent nowhere", "plain"),)

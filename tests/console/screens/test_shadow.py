@@ -56,7 +56,7 @@ async def test_it_cannot_be_taken_for_a_session(folder: Path, size: tuple[int, i
         assert "REC" not in c.bars.status_line.text and "DEBUG" not in c.bars.status_line.text
         assert c.bars.shadow_bar.has_class("-on")
         assert "cue 0 of 5" in c.bars.shadow_bar.text
-        assert "PAUSED at 00:00:00  F8 plays on from here" in c.bars.shadow_bar.text
+        assert "PAUSED at 00:00:00   F8 plays on from here" in c.bars.shadow_bar.text
         await c.press("f8")
         await c.until(lambda: "F8 pauses" in c.bars.shadow_bar.text)
         await play_until(c, 1.1)
