@@ -40,6 +40,10 @@ class ObsRefused(RecorderError):
     """OBS has answered that it does not do it."""
 
 
+class ObsCut(RecorderError):
+    """The connection was cut before there was an answer."""
+
+
 class ObsRecorder:
     """One OBS. When the connection is cut, the next call connects again: OBS goes on recording meanwhile."""
 
@@ -95,7 +99,10 @@ class ObsRecorder:
 
     async def status(self) -> RecorderStatus:
         """What OBS says about its recording."""
-        found = await self._ask("GetRecordStatus")
+        try:
+            found = await self._ask("GetRecordStatus")
+        except ObsCut:  # once more, over a new connection
+            found = await self._ask("GetRecordStatus")
         milliseconds = found.get("outputDuration")
         return RecorderStatus(
             recording=found.get("outputActive") is True and found.get("outputPaused") is not True,
@@ -138,7 +145,7 @@ class ObsRecorder:
         except TimeoutError:
             raise RecorderError(f"OBS did not answer within {ANSWER_SECONDS:g} s ({request})") from None
         except (OSError, RuntimeError) as error:
-            raise RecorderError(f"the connection to OBS was cut: {error}") from None
+            raise ObsCut(f"the connection to OBS was cut: {error}") from None
         finally:
             self._answers.pop(number, None)
         status = _table(found.get("requestStatus"))
