@@ -17,6 +17,7 @@
       ExpandError                 The expanded scenario cannot be written
       ExportError                 The export cannot be made
       ExportFailed                Nothing was written
+      FindingError                Marks cannot be looked for
       InvalidFilter               What is typed is no filter
       InvalidTime                 It is no time
       JsonError                   A text that is no JSON
@@ -44,6 +45,9 @@
       PlanError                   The plan cannot be written
       PortError                   Something cannot be had from this transport
       RecorderError               It cannot record
+        CalledOff                 Nobody waits for the answer any more
+        ObsRefused                OBS has answered that it does not do it
+        RecorderEnded             What recorded has ended by itself
       RegistryError               The folder or the name under which a session is reached cannot be used
       Rejected                    The session did not accept what was asked for
       Rise1RefusalError           RISE's own parser would refuse this condition
@@ -54,6 +58,7 @@
         CannotShare               The session cannot be given to others
         HeldElsewhereError        Another computer had the session last
         JournalLockedError        An engine runs the session
+        MediaError                media.json cannot be read or written
         RedactionRefused          Nothing was changed
         ShadowError               A shadow cannot be begun
       SessionGoneError            No session answers

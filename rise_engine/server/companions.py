@@ -155,19 +155,22 @@ class _Companion:
                 task.cancel()
 
     async def _follow_signs(self, process: Process) -> Literal["gone", "silent"]:
-        """Returns when it has gone, with which its output ends, or has given no sign of life for too long."""
+        """Returns when it has gone, with which its output ends (unless a child of it holds that open), or has given no
+        sign of life for too long. Counted are looks: that this process, or the computer, stood still is no silence."""
         assert process.stdout is not None
-        seconds = self.silent_seconds
-        while True:
+        step = min(GRACE_SECONDS, self.silent_seconds)
+        silent = 0.0
+        while silent <= self.silent_seconds:
             try:
-                async with asyncio.timeout(seconds):
+                async with asyncio.timeout(step):
                     if not await process.stdout.read(4096):
                         return "gone"
-                seconds = self.silent_seconds
+                silent = 0.0
             except TimeoutError:
-                if seconds != self.silent_seconds:
-                    return "silent"
-                seconds = GRACE_SECONDS  # perhaps it was this process that stood still, and the signs are there
+                if process.returncode is not None:
+                    return "gone"
+                silent += step
+        return "silent"
 
     async def _report_exit(self, process: Process) -> None:
         """What it left open has failed; what it has reported as over needs no other word."""

@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy
 import pytest
-from hypothesis import HealthCheck, given, settings
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from rise_engine.recording import finding, media_files
@@ -73,7 +73,7 @@ def test_a_film_of_a_fast_camera_is_laid_against_the_session(
 
 
 @pytest.mark.slow
-@settings(max_examples=12, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@settings(max_examples=12)
 @given(
     offset=st.floats(-10, 25),
     ppm=st.floats(-300, 300),

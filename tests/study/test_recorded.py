@@ -18,8 +18,6 @@ PEOPLE = (
 )
 
 
-
-
 def test_one_who_has_consented_is_recorded_with_everything(tmp_path: Path) -> None:
     study = write_study(tmp_path, DESIGN + RECORDING, PEOPLE, plan=False)
     listed = load_participants(study).participants

@@ -84,34 +84,32 @@ folder = 7
 """,
     )
     assert told == [
-        '1:17: error unknown-name: there is no recorder `fmpeg`; did you mean `ffmpeg`?',
+        "1:17: error unknown-name: there is no recorder `fmpeg`; did you mean `ffmpeg`?",
         '2:15: error recorder-option: `url` begins with ws:// or wss://: url = "ws://127.0.0.1:4455"',
-        '2:55: error recorder-option: `pasword_file` is no option of this recorder; did you mean '
-        '`password_file`?',
-        '3:24: error recorder-option: `port` is a whole number from 1 to 65535',
-        '3:42: error wrong-value: `soon` is no time without growth after which it counts as stalled; write '
-        '10 s, from 3 s to 1 h',
+        "2:55: error recorder-option: `pasword_file` is no option of this recorder; did you mean `password_file`?",
+        "3:24: error recorder-option: `port` is a whole number from 1 to 65535",
+        "3:42: error wrong-value: `soon` is no time without growth after which it counts as stalled; write "
+        "10 s, from 3 s to 1 h",
         '4:32: error recorder-option: `input` is a list of texts: input = ["-f", "v4l2", "-i", "/dev/video0"]',
-        '4:47: error recorder-option: `kind` is one of video, audio',
-        '5:32: error recorder-option: `node` is the full name of the node that records: node = '
-        '"/rosbag2_recorder"',
-        '5:53: error recorder-option: `topics` is for a recorder that is started for the session; what is at '
-        '`node` has its own',
+        "4:47: error recorder-option: `kind` is one of video, audio",
+        '5:32: error recorder-option: `node` is the full name of the node that records: node = "/rosbag2_recorder"',
+        "5:53: error recorder-option: `topics` is for a recorder that is started for the session; what is at "
+        "`node` has its own",
         '6:1: error missing-value: `room` does not say by what it records: room = { by = "..." }, one of '
-        '`ffmpeg`, `labrecorder`, `obs`, `rosbag2`',
-        '7:1: error bad-name: a recorder is called with letters, digits, `_` and `-`, beginning with a '
-        'letter, not `2nd`',
-        '8:1: error bad-name: records call something else `marks`; take another name',
+        "`ffmpeg`, `labrecorder`, `obs`, `rosbag2`",
+        "7:1: error bad-name: a recorder is called with letters, digits, `_` and `-`, beginning with a "
+        "letter, not `2nd`",
+        "8:1: error bad-name: records call something else `marks`; take another name",
         '9:1: error wrong-type: a recorder is a table: video = { by = "ffmpeg", ... }',
-        '10:1: error unknown-key: unknown key `lls`; did you mean `lsl`?',
-        '11:1: error unknown-key: unknown key `synch`; did you mean `sync`?',
-        '12:10: error unknown-key: unknown key `strat`; did you mean `start`?',
-        '12:33: error wrong-value: `medium` is one of `sound`, `flash`, not `light`',
-        '12:49: error wrong-value: `play` is a program that plays a sound, with {file} for it: play = '
+        "10:1: error unknown-key: unknown key `lls`; did you mean `lsl`?",
+        "11:1: error unknown-key: unknown key `synch`; did you mean `sync`?",
+        "12:10: error unknown-key: unknown key `strat`; did you mean `start`?",
+        "12:33: error wrong-value: `medium` is one of `sound`, `flash`, not `light`",
+        "12:49: error wrong-value: `play` is a program that plays a sound, with {file} for it: play = "
         '["aplay", "{file}"]',
-        '13:17: error wrong-value: `scope` is one of `machine`, `link`, `site`, not `world`',
-        '13:36: error wrong-type: `payload` is a text',
-        '14:11: error bad-name: what is consented to is called with letters, digits and `_`, not `the video`',
+        "13:17: error wrong-value: `scope` is one of `machine`, `link`, `site`, not `world`",
+        "13:36: error wrong-type: `payload` is a text",
+        "14:11: error bad-name: what is consented to is called with letters, digits and `_`, not `the video`",
         '15:10: error wrong-type: `folder` is a text: folder = "/data/videos"',
     ]
 

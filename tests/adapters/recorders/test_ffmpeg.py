@@ -97,7 +97,9 @@ async def test_one_that_does_not_end_when_it_is_asked_is_killed(
 ) -> None:
     monkeypatch.setattr(programs, "END_SECONDS", 0.1)
     monkeypatch.setattr(programs, "TERMINATE_SECONDS", 0.1)
-    deaf = script(tmp_path, 'trap "" INT TERM', 'echo x > "$last"', "echo out_time_us=1000", "while :; do sleep 0.1; done")
+    deaf = script(
+        tmp_path, 'trap "" INT TERM', 'echo x > "$last"', "echo out_time_us=1000", "while :; do sleep 0.1; done"
+    )
     recorder = camera(program=deaf)
     await begin(recorder, tmp_path)
     with pytest.raises(RecorderError, match="did not end when it was asked to, and was killed"):
