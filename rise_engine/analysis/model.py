@@ -122,19 +122,30 @@ class PlayedAct(Struct, frozen=True, kw_only=True):
     """Whether one of its actions takes the voice."""
 
     @property
+    def before_cue(self) -> bool:
+        """Whether it was asked for before the cue came, and only had its turn after it. Nobody reacted to the cue then:
+        the time of the wizard and of the way is not told, and the queue is counted from the cue."""
+        asked = self.key_at if self.key_at is not None else self.accepted_at
+        return self.cue_at is not None and asked < self.cue_at
+
+    @property
     def wizard_s(self) -> float | None:
         """Cue to key: the wizard."""
-        return _between(self.cue_at, self.key_at)
+        return None if self.before_cue else _between(self.cue_at, self.key_at)
 
     @property
     def way_s(self) -> float | None:
         """Key to the engine (from the cue, where no key was pressed)."""
-        return _between(self.key_at if self.key_at is not None else self.cue_at, self.accepted_at)
+        return (
+            None
+            if self.before_cue
+            else _between(self.key_at if self.key_at is not None else self.cue_at, self.accepted_at)
+        )
 
     @property
     def queue_s(self) -> float | None:
-        """In the queue."""
-        return _between(self.accepted_at, self.started_at)
+        """In the queue; after the cue, if it was in there when that came."""
+        return _between(self.cue_at if self.before_cue else self.accepted_at, self.started_at)
 
     @property
     def robot_s(self) -> float | None:
