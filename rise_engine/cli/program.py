@@ -23,6 +23,7 @@ _SESSION = "rise_engine.cli.session_commands"
 _STUDY = "rise_engine.cli.study_commands"
 _COMMANDS = {
     **dict.fromkeys(("check", "doctor", "eval", "expand", "new", "robots", "schema"), _SCENARIO),
+    "media": "rise_engine.cli.media",
     "redact": "rise_engine.cli.redact",
     **dict.fromkeys(("export", "replay", "run", "serve", "sessions", "stop"), _SESSION),
     "study": _STUDY,

@@ -38,6 +38,9 @@ class SessionMark(Struct, frozen=True):
     """Session time in seconds."""
     within: float = UNKNOWN_WITHIN
     """Seconds by which that is wrong at most."""
+    medium: str = "sound"
+    part: int = 0
+    """Interruptions of the session before it: what a camera went on for then, its clock did not count."""
 
 
 class HeardMark(Struct, frozen=True):
@@ -98,11 +101,13 @@ def _best_matches(marks: Sequence[SessionMark], heard: Sequence[HeardMark], limi
     """Every way to read the sounds that explains the most marks, of at least two."""
     found: dict[tuple[_Pair, ...], None] = {}
     for first, last in combinations(sorted(marks, key=lambda mark: mark.at), 2):
+        if first.part != last.part:
+            continue
         for begin, end in _pairs_that_fit(first, last, heard, limit):
             rate = (end.at - begin.at) / (last.at - first.at)
             pairs = {first: begin, last: end}
             for mark in marks:
-                if mark not in pairs:
+                if mark not in pairs and mark.part == first.part:
                     pairs |= _nearest(mark, begin.at + rate * (mark.at - first.at), heard)
             found[tuple(sorted(pairs.items(), key=lambda pair: pair[0].at))] = None
     most = max(map(len, found), default=0)

@@ -30,7 +30,7 @@ PLAYERS: tuple[tuple[str, ...], ...] = (
     ("afplay", "{file}"),
 )
 """Programs that play a sound, as they are called; those that wait until it has been heard come first."""
-PLAY_SECONDS = 4.0
+PLAY_SECONDS = 3.5
 """How long all of giving a mark may take; the sound itself takes 1.2 s."""
 LEAST_WITHIN = 0.02
 """Seconds: no player knows better when a loudspeaker begins."""

@@ -16,13 +16,11 @@ from rise_engine.session.errors import SessionError
 from rise_engine.session.folder import JOURNAL, read_info
 from rise_engine.session.journal_format import InputLine, JournalLine, LineError, read_line
 from rise_engine.session.media import MEDIA_FILE, MediaError, MediaFile, media_path, read_media
+from rise_engine.session.redaction import is_searched
 from rise_engine.study.sessions import SESSIONS
 from rise_engine.study.study_log import LOG_FILE
 
 PARTICIPANTS_FILE, STUDY_FILE = "participants.csv", "study.toml"
-_SMALL = 5_000_000
-"""Bytes: of larger files that are no text, only the name is looked at."""
-_TEXTS = (".jsonl", ".csv", ".json", ".toml", ".txt", ".md")
 
 
 def study_of_session(session: Path) -> Path | None:
@@ -158,7 +156,7 @@ def _advice(name: Path, participant: str) -> str:
 def lines_naming(path: Path, participant: str) -> list[int]:
     """The lines of a file in which a pseudonym stands, from 1."""
     try:
-        if path.stat().st_size > _SMALL and path.suffix not in _TEXTS:
+        if not is_searched(path):
             return []
         text = path.read_bytes().decode("utf-8", "replace")
     except OSError:

@@ -82,6 +82,16 @@ def test_three_marks_are_laid_through_and_a_missing_one_is_told() -> None:
     assert len(found.marks) == 2 and found.remarks == ("mark 2 was not found",)
 
 
+def test_marks_on_both_sides_of_an_interruption_have_no_distance() -> None:
+    marks = [SessionMark(1, 2.0, 0.05), SessionMark(2, 600.0, 0.05, part=1), SessionMark(3, 1200.0, 0.05, part=1)]
+    through = heard((1, 10.0), (2, 668.0), (3, 1268.0))  # a minute of interruption
+    found = align_by_marks(marks, through)
+    assert offset_of(found) == pytest.approx(68.0) and [mark.number for mark in found.marks] == [2, 3]
+    assert "mark 1 was not found" in found.remarks
+    crossing = align_by_marks(marks[:2], heard((1, 10.0), (2, 608.0)))
+    assert crossing.offset is None
+
+
 def test_a_film_at_another_frame_rate_is_found_and_told() -> None:
     found = align_by_marks(TWO, heard((1, 10.0), (2, 10.0 + 1800 * 1.001)))
     assert found.rate == pytest.approx(1.001)
