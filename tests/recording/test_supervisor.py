@@ -58,7 +58,7 @@ class Supervision:
 
     async def until(self, name: str, status: str) -> None:
         async with asyncio.timeout(20):
-            while status not in self.of(name):
+            while status not in self.of(name):  # noqa: ASYNC110  # another process, or the session
                 await asyncio.sleep(0.01)
 
     async def end(self) -> None:
@@ -96,7 +96,7 @@ async def test_each_is_started_and_stopped_with_marks_and_is_registered(scratch:
         await it.until("camera", "running")
         await it.until("bag", "running")
         async with asyncio.timeout(20):
-            while not it.marks:
+            while not it.marks:  # noqa: ASYNC110  # another process, or the session
                 await asyncio.sleep(0.01)
         await it.end()
     assert it.of("camera") == it.of("bag") == ["started", "running", "stopped"]
@@ -161,7 +161,7 @@ async def test_a_cut_connection_ends_no_recording(scratch: Path, does: dict[str,
         (attached,) = it.session.server._attached  # as who floods it is cut
         attached.connection.abort()
         async with asyncio.timeout(20):
-            while attached in it.session.server._attached or not it.session.server._attached:
+            while attached in it.session.server._attached or not it.session.server._attached:  # noqa: ASYNC110  # another process, or the session
                 await asyncio.sleep(0.01)
         await it.end()
     assert it.of("camera") == ["started", "running", "stopped"]
