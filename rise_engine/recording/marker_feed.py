@@ -176,7 +176,7 @@ class MarkerFeed:
         tells = LevelFilter("shared", private, wizard_names(study))
         words = live_words(session.scenario, lambda name: str(private.hide_value(name)))
         words.skip_to(session.view)  # before anything is awaited: the view goes on, and those records are still to come
-        if self._plan.payload == "json" or private.keys:  # what was private before must not be told now
+        if session.view.seq and (self._plan.payload == "json" or private.keys):  # what was private is so now, too
             tells.note(await asyncio.to_thread(_records_before, folder))
         if self._plan.payload == "json":
 

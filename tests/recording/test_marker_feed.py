@@ -260,7 +260,8 @@ async def test_short_markers_know_what_was_private_before(scratch: Path) -> None
 
 
 async def test_without_its_record_nobody_knows_what_is_private(scratch: Path) -> None:
-    async with served(scratch, GREETING) as session:  # which keeps none
+    async with served(scratch, GREETING) as session, connect(session.path, "seer") as program:  # which keeps none
+        await program.add_note("something to know")
         with pytest.raises(OutletError, match="nobody can say what is private"):
             await MarkerFeed(OutletPlan(str(session.path)), Outlet()).run(asyncio.Event())
 
@@ -318,6 +319,7 @@ async def test_what_happens_while_the_record_is_read_is_sent(scratch: Path, monk
     monkeypatch.setattr(marker_feed, "_records_before", read_slowly)
     outlet = Outlet()
     async with served(scratch, GREETING, disk=Disk()) as session, connect(session.path, "seer") as program:
+        await program.add_note("there is a record to read")
         feed = asyncio.create_task(MarkerFeed(OutletPlan(str(session.path)), outlet).run(asyncio.Event()))
         assert await asyncio.to_thread(begun.wait, SECONDS)
         task = await program.start("R_Nod")
