@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import statistics as python
+from itertools import pairwise
 
 import pytest
 from hypothesis import given
@@ -49,7 +50,7 @@ def test_the_numbers_are_in_order_whatever_the_order_of_the_values(values):
     assert found is not None
     assert found == summarise(reversed(values))
     numbers = [found.minimum, found.lower, found.median, found.upper, found.p95, found.maximum]
-    assert all(one <= next + 1e-6 for one, next in zip(numbers, numbers[1:], strict=False))
+    assert all(one <= next + 1e-6 for one, next in pairwise(numbers))
 
 
 def test_a_value_at_the_limit_is_not_over_it():

@@ -151,6 +151,16 @@ async def test_who_leaves_is_told_how_to_go_on(folder: Path) -> None:
     assert read_shadows(folder)[0][0].resume_at == (10.0, cue_numbers(folder)[1])
 
 
+async def test_who_leaves_before_it_began_leaves_nothing(folder: Path) -> None:
+    async with shadow(folder) as c:
+        await c.press("ctrl+c")
+        await c.until(lambda: c.app.screen.has_class("-quit"))
+        await c.press("l")
+        await c.until(lambda: c.app.exit_message)
+        assert c.app.exit_message == "nothing was played, and nothing is kept"
+    assert not (folder / "shadow").exists()
+
+
 async def test_at_the_end_it_says_what_to_do_next(folder: Path) -> None:
     async with shadow(folder, (80, 24)) as c:
         await c.press("f8")
