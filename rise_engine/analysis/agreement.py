@@ -25,6 +25,8 @@ Pair: TypeAlias = tuple[Value, Value]
 Scale: TypeAlias = Literal["nominal", "interval"]
 
 NOTHING_SHARED = "nothing was judged by two of them"
+_NO_ERROR = 1e-6
+"""Below it an error is what rounding leaves of nothing (the root of 1e-16)."""
 _SAME = 1e-12
 """Sums that differ by less than so much of their size are equal: what is left is rounding."""
 
@@ -80,7 +82,7 @@ def cohen_kappa(pairs: Sequence[Pair[Value]]) -> Estimate:
 
     Agreement beyond what two would reach who choose as often as these do, but blindly: 0 is chance, 1 is perfect. Its
     standard error is the one for a kappa that is not 0 (Fleiss, Cohen and Everitt 1969), for large
-    samples; the interval is value ± 1.96 errors, cut at -1 and 1.
+    samples; the interval is value ± 1.96 errors, cut at -1 and 1, and there is none where the error comes out as 0.
 
     :param pairs: one pair of categories for each unit that both have judged.
     """
@@ -105,6 +107,10 @@ def cohen_kappa(pairs: Sequence[Pair[Value]]) -> Estimate:
     error = sqrt(max(0.0, variance))
     if all(first == second for first, second in cells):
         return Estimate(value=1.0, error=0.0, n=n, why="no interval: they never differed")
+    if error < _NO_ERROR:
+        same = len(rows) == 1 or len(columns) == 1
+        why = "one of them always chose the same" if same else "the formula gives no error here"
+        return Estimate(value=kappa, error=0.0, n=n, why=f"no interval: {why}")
     return Estimate(
         value=kappa, error=error, low=max(-1.0, kappa - Z_95 * error), high=min(1.0, kappa + Z_95 * error), n=n
     )

@@ -184,7 +184,7 @@ def judge_session(data: SessionData, names: Mapping[str, str] | None = None) -> 
             if (decision := found.get(window.seq)) is not None:
                 decisions[name] = decision
         session.cues.append(JudgedCue(facts=data.facts, number=window.number, at=window.at, decisions=decisions))
-    session.acts = _marked_acts(data, judges, named)
+    session.acts = _marked_acts(data, scenario, judges, named)
     return session
 
 
@@ -301,8 +301,10 @@ def _shadow_decisions(shadow: Shadow, scenario: Scenario | None) -> dict[int, De
 # --- mistakes ---------------------------------------------------------------------------------------------------------
 
 
-def _marked_acts(data: SessionData, judges: Mapping[str, Shadow], names: Mapping[str, str]) -> list[MarkedAct]:
-    """What the wizard did, with the marks of everybody who marked anything at all."""
+def _marked_acts(
+    data: SessionData, scenario: Scenario | None, judges: Mapping[str, Shadow], names: Mapping[str, str]
+) -> list[MarkedAct]:
+    """The wizard's acts, and whatever else somebody marked, with the marks of everybody who marked anything."""
     coders: dict[str, dict[int, Mark]] = {}
     for record in data.records:
         if isinstance(record, MistakeRecord):
@@ -318,18 +320,25 @@ def _marked_acts(data: SessionData, judges: Mapping[str, Shadow], names: Mapping
                 if shadow.complete
                 else max(line.t for line in shadow.lines if not isinstance(line, ShadowHeader))
             )
-    acts = [act for act in data.acts if act.actor == "wizard" and act.status != "REJECTED"]
+    if not coders:
+        return []
+    marked = {task for marks in coders.values() for task in marks}
+    acts = {act.task for act in data.acts if act.actor == "wizard" and act.status != "REJECTED"}
+    deeds = {
+        each.id: each
+        for each in reversed(data.records)
+        if isinstance(each, TaskRecord) and (each.id in acts or each.id in marked)
+    }
     return [
         MarkedAct(
             facts=data.facts,
-            task=act.task,
-            act=act.act,
+            task=task,
+            act=decision_label(scenario, deeds[task].function, deeds[task].behavior),
             marks={
-                coder: marks.get(act.task, "none")
+                coder: marks.get(task, "none")
                 for coder, marks in coders.items()
-                if act.accepted_at <= until.get(coder, float("inf"))
+                if deeds[task].t <= until.get(coder, float("inf"))
             },
         )
-        for act in acts
-        if coders
+        for task in sorted(deeds)
     ]

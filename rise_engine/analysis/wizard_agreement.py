@@ -26,6 +26,7 @@ FEW = 30
 """Below so many units the statistics of two wizards are hardly more than an anecdote."""
 
 
+NO_TIMES = "there is no cue to which all of them did something"
 LEAST_TIMED = 3
 """Below so many units an ICC can be anything."""
 
@@ -151,12 +152,14 @@ def _pair(
         kappa=cohen_kappa(labels),
         confusion=tuple(CellCount(one, other, count) for (one, other), count in counts.most_common()),
         icc=_icc(timed),
-        latency=limits_of_agreement(timed),
+        latency=limits_of_agreement(timed) if timed else Differences(why=NO_TIMES),
     )
 
 
 def _icc(rows: Sequence[Sequence[float]]) -> Estimate:
-    if 0 < len(rows) < LEAST_TIMED:
+    if not rows:
+        return Estimate(why=NO_TIMES)
+    if len(rows) < LEAST_TIMED:
         return Estimate(n=len(rows), why=f"it needs {LEAST_TIMED} cues to which all of them did something")
     return icc_a1(rows)
 

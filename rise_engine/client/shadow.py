@@ -173,11 +173,8 @@ class ShadowClient:
         view.control = you = f"wizard:{self._wizard}"
         self._shown, self._cues = len(marked) - len(ahead), len(marked)
         self._records, self._scenario = records, scenario
-        self._writer = (
-            ShadowWriter.begin(self._folder, self._wizard, speed=self._speed)
-            if self._resume is None
-            else ShadowWriter.resume(self._resume.path)
-        )
+        if self._resume is not None:  # else there is nothing to keep before it is played
+            self._writer = ShadowWriter.resume(self._resume.path)
         return AttachReply(
             scenario, info.mode, info.robot, info.seed, view, you=you, folder=str(self._folder), shadow=True
         )
@@ -250,7 +247,7 @@ class ShadowClient:
 
     @property
     def _status(self) -> ShadowStatus:
-        return ShadowStatus(self._paused, self._shown, self._cues)
+        return ShadowStatus(self._paused, self._shown, self._cues, self._writer is not None)
 
     def now(self) -> float:
         if self._paused or self._over:
@@ -335,16 +332,22 @@ class ShadowClient:
     async def _write(self, line: ShadowLine) -> bool:
         """Whether the disk has it. When not, it is halted: nobody must press keys that are lost."""
         async with self._writing:
-            if self._writer is None or self._closed:
+            if self._closed:
                 return False
             try:
-                await asyncio.to_thread(self._writer.append, line)
-            except OSError as error:
-                self._trouble = f"NOT KEPT, and paused: {error_message(error)}"
+                await asyncio.to_thread(self._append, line)
+            except (OSError, ShadowError) as error:
+                reason = error_message(error) if isinstance(error, OSError) else str(error)
+                self._trouble = f"NOT KEPT, and paused: {reason}"
                 self._halt()
                 self._tell(self._status)
                 return False
         return True
+
+    def _append(self, line: ShadowLine) -> None:
+        if self._writer is None:
+            self._writer = ShadowWriter.begin(self._folder, self._wizard, speed=self._speed)
+        self._writer.append(line)
 
     def _write_soon(self, line: ShadowLine) -> None:
         """What is shown must not wait for the disk. Lines are written in the order in which they were asked for."""

@@ -70,6 +70,8 @@ class ShadowStatus(Struct, frozen=True):
     """Cues that were shown."""
     cues: int
     """Of how many."""
+    kept: bool = True
+    """Whether there is a file already."""
 
 
 Update: TypeAlias = AnyRecord | JournalStatus | Heartbeat

@@ -224,8 +224,13 @@ class ShadowWriter:
                 except FileExistsError:
                     continue
                 writer = cls._locked(path, descriptor, disk, 0)
-                writer.append(ShadowHeader(wizard=wizard, began=began, speed=speed))
-                disk.sync_folder(path.parent)
+                try:
+                    writer.append(ShadowHeader(wizard=wizard, began=began, speed=speed))
+                    disk.sync_folder(path.parent)
+                except OSError:  # nobody is to find a file that says nothing
+                    writer.close()
+                    path.unlink(missing_ok=True)
+                    raise
                 return writer
         except OSError as error:
             raise ShadowError(f"no shadow can be kept in {folder}: {error_message(error)}") from None

@@ -62,6 +62,8 @@ def exit_message(store: Store, *, end: bool, in_time: bool, patience: float, sig
         return ""
     title, lead = store.scenario.title, f"{signal_name}: " if signal_name else ""
     if store.attach_reply.shadow:
+        if store.shadow is None or not store.shadow.kept:
+            return f"{lead}nothing was played, and nothing is kept"
         kept = abbreviate_home(store.attach_reply.folder)
         if store.ended_in_order:
             return f"{lead}all cues were shown; your keys are in {kept}/shadow. Compare: rise-engine agree {kept}"

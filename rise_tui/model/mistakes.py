@@ -10,6 +10,7 @@ from rise_engine.scenario.model import KeyBinding
 from rise_tui.model.task_messages import act_label, completion_message, task_label
 
 ACTS = frozenset({"startCommunicationRobotAct", "say"})
+CUES = frozenset({"markCue", "undoCue"})
 
 
 class MistakeMark(NamedTuple):
@@ -32,12 +33,12 @@ def newest_markable(tasks: dict[int, TaskView], me: str | None) -> TaskView | No
     """What this wizard did last, whatever it was. Of one who has done nothing yet, the act that a rule started last.
 
     Not what others or programs did, what was refused, and not the marks themselves. `me` None: whoever was the wizard,
-    for one who judges a session that is over.
+    for one who judges a session that is over; no cue then, for what is judged is what came of it.
     """
     by_rule: TaskView | None = None
     for id in reversed(tasks):
         task = tasks[id]
-        if task.status == "REJECTED" or task.function in UNMARKABLE:
+        if task.status == "REJECTED" or task.function in UNMARKABLE or (me is None and task.function in CUES):
             continue
         if task.source == me or (me is None and task.source.startswith("wizard:")):
             return task

@@ -110,7 +110,20 @@ def test_two_who_agree_as_chance_has_it_have_a_kappa_of_nothing() -> None:
 def test_two_who_always_contradict_each_other_lie_below_chance() -> None:
     found = cohen_kappa(cells([[0, 5], [5, 0]]))
     assert found.value == pytest.approx(-1.0)
-    assert found.low == -1.0
+    assert cohen_kappa(cells([[1, 9], [9, 1]])).low == -1.0
+
+
+@pytest.mark.parametrize(
+    ("pairs", "value", "why"),
+    [
+        ([("a", "a"), ("b", "b")], 1.0, "no interval: they never differed"),
+        ([("a", "a"), ("b", "a"), ("a", "a")], 0.0, "no interval: one of them always chose the same"),
+    ],
+)
+def test_an_error_of_nothing_makes_no_interval(pairs: list[tuple[str, str]], value: float, why: str) -> None:
+    found = cohen_kappa(pairs)
+    assert found.value == pytest.approx(value, abs=1e-12)
+    assert (found.error, found.low, found.high, found.why) == (0.0, None, None, why)
 
 
 @pytest.mark.parametrize("pairs", [[("a", "a")], [("a", "a")] * 12])

@@ -217,7 +217,8 @@ def test_a_pause_stops_the_time_and_keeps_nothing(folder: Path) -> None:
         await ben.begin(play=False)
         await asyncio.sleep(100)
         assert ben.client.now() == 0 and not ben.seen
-        assert ben.status == ShadowStatus(True, 0, 5)
+        assert ben.status == ShadowStatus(True, 0, 5, kept=False)
+        assert not (folder / "shadow").exists()
         reply = await ben.client.send(Submit(function=ACT, behavior="Praise"))
         assert not reply.accepted and "paused" in reply.reason
         assert await ben.client.toggle_pause() == ""
@@ -259,10 +260,11 @@ def test_begun_later_what_was_before_is_known(folder: Path) -> None:
         assert [task.behavior for task in reply.view.tasks.values()] == ["Task", "", "Praise"]
         assert ben.client.now() == 9.0
         await asyncio.sleep(0)
-        assert ben.status == ShadowStatus(True, 1, 5)
+        assert ben.status == ShadowStatus(True, 1, 5, kept=False)
         await ben.client.close()
 
     in_virtual_time(judge())
+    assert not (folder / "shadow").exists()
 
 
 def test_gone_on_with_an_unanswered_cue_is_shown_again(folder: Path) -> None:
@@ -322,6 +324,22 @@ def test_a_line_that_was_torn_costs_that_line_alone(folder: Path) -> None:
     found = read_shadow(writer.path)
     assert found.lines == (ShadowPlay(0.0), ShadowPlay(1.0))
     assert len(found.problems) == 1 and "1.jsonl:3: cannot be read" in found.problems[0]
+
+
+def test_a_disk_that_is_full_from_the_start_leaves_nothing(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    disk = FullDisk()
+    disk.full = True
+    monkeypatch.setattr("rise_engine.session.shadow.Disk", lambda: disk)
+
+    async def judge() -> None:
+        ben = Sitting(ShadowClient(folder, "ben"))
+        await ben.begin(play=False)
+        said = await ben.client.toggle_pause()
+        assert said == f"NOT KEPT, and paused: no shadow can be kept in {folder}: the disk is full"
+        await ben.client.close()
+
+    in_virtual_time(judge())
+    assert list((folder / "shadow").iterdir()) == []
 
 
 class FullDisk(Disk):

@@ -8,6 +8,7 @@ from pathlib import Path
 
 import pytest
 
+from rise_engine.analysis.reading import read_session
 from rise_engine.client.shadow import ShadowClient
 from rise_engine.session.shadow import ShadowKey, ShadowMark, ShadowNote, read_shadows
 from rise_tui.console.app import ConsoleApp
@@ -113,7 +114,7 @@ async def test_the_care_of_the_console_is_the_same(folder: Path) -> None:
 async def test_stop_speech_notes_and_marks_are_kept_too(folder: Path) -> None:
     async with shadow(folder) as c:
         await c.press("f8")
-        await play_until(c, 10.5)
+        await play_until(c, 10.5)  # the cue is what anna did last, and no deed that is judged
         await c.press("exclamation_mark")
         await c.press("l")
         await c.press("ctrl+o", *"odd", "enter")
@@ -124,7 +125,7 @@ async def test_stop_speech_notes_and_marks_are_kept_too(folder: Path) -> None:
         assert not c.screen.store.stopping
     ((found,), _) = read_shadows(folder)
     assert [(key.function, key.behavior) for key in kept(folder)] == [("say", "Well"), ("stopAll", "")]
-    praise = next(iter(each.task for each in found.lines if isinstance(each, ShadowMark)))
+    praise = next(each.task for each in read_session(folder).acts if each.act == "Praise")
     marks = [(each.task, each.mark) for each in found.lines if isinstance(each, ShadowMark)]
     assert marks == [(praise, "wrong"), (praise, "late")]
     assert [each.text for each in found.lines if isinstance(each, ShadowNote)] == ["odd"]
@@ -149,6 +150,16 @@ async def test_who_leaves_is_told_how_to_go_on(folder: Path) -> None:
         assert c.app.exit_message.endswith("--recover")
         assert "/shadow; to go on: rise-tui --shadow" in c.app.exit_message
     assert read_shadows(folder)[0][0].resume_at == (10.0, cue_numbers(folder)[1])
+
+
+async def test_who_leaves_before_it_began_leaves_nothing(folder: Path) -> None:
+    async with shadow(folder) as c:
+        await c.press("ctrl+c")
+        await c.until(lambda: c.app.screen.has_class("-quit"))
+        await c.press("l")
+        await c.until(lambda: c.app.exit_message)
+        assert c.app.exit_message == "nothing was played, and nothing is kept"
+    assert not (folder / "shadow").exists()
 
 
 async def test_at_the_end_it_says_what_to_do_next(folder: Path) -> None:
