@@ -74,7 +74,7 @@ def colophon(what: str, level: str) -> str:
     return (
         f"Made by rise-tui {__version__} from the record of {what}, at the level {level}. Quartiles and percentiles "
         "are of definition 7 of Hyndman and Fan (1996), as R and numpy give them; intervals of shares are Wilson's, "
-        "95 %. This file fetches nothing and runs no script."
+        "95\u00a0%. This file fetches nothing and runs no script."
     )
 
 
@@ -258,7 +258,7 @@ def _mistakes(data: SessionData, figures: SessionFigures) -> Iterable[Block]:
         (
             ("Acts of wizards marked as mistakes", share_text(found.marked.count, found.marked.n)),
             (
-                "Per 100 acts of wizards, 95 % interval",
+                "Per 100 acts of wizards, 95\u00a0% interval",
                 f"{per_hundred(found.marked)} {interval_text(found.marked)}".strip(),
             ),
             (f"Marks ({', '.join(MARKS)})", marks),

@@ -286,11 +286,11 @@ def _wizards(given: StudyReportInput) -> Iterable[Block]:
             "From cue to key, session by session",
             [_course(course) for course in courses],
             "From cue to key in each wizard's complete sessions, in their order: the median of a session, and its "
-            "middle half. A line that climbs or falls is a wizard who changes.",
+            "middle half. A line that climbs or falls may be a wizard who changes, or conditions that do.",
         )
     yield ReportTable(
         caption="Wizards in complete sessions. From cue to key in seconds; marks as mistakes per 100 acts with their "
-        "95 % interval; rehearsals are sessions of theirs before the first that counted",
+        "95\u00a0% interval; rehearsals are sessions of theirs before the first that counted",
         head=("wizard", "sessions", "acts", "cue to key", "middle half", "first, last", "per 100", "rehearsals"),
         rows=tuple(_wizard_row(course) for course in courses),
         numbers=frozenset({1, 2, 3, 4}),
