@@ -24,7 +24,7 @@ from rise_engine.report.document import (
     share_text,
 )
 from rise_engine.report.latency_section import latency_section
-from rise_engine.report.session_report import LEVEL_WORDS, colophon
+from rise_engine.report.session_report import LEVEL_WORDS, colophon, problem_paragraphs
 from rise_engine.report.sheet import (
     ORIGIN,
     STILL_TO_SAY,
@@ -139,8 +139,7 @@ def _head(given: StudyReportInput) -> Iterable[tuple[str, str]]:
 
 
 def _plan(given: StudyReportInput) -> Iterable[Block]:
-    for problem in given.problems:
-        yield Paragraph(problem, "warning")
+    yield from problem_paragraphs(given.problems, given.level)
     standing = given.standing
     yield Facts(tuple(_flow(standing, given.withdrawn)))
     out = [each for each in standing.participants if each.state in ("excluded", "aborted")]
