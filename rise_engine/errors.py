@@ -13,6 +13,7 @@
       EngineGone                  The engine has ended or cannot be reached
         LinkLost                  This connection was cut
       ExpandError                 The expanded scenario cannot be written
+      ExportError                 The export cannot be made
       ExportFailed                Nothing was written
       InvalidFilter               What is typed is no filter
       InvalidTime                 It is no time
@@ -38,6 +39,7 @@
         OutOfRangeError           A number beyond the smallest or the largest that a parameter can have
       PlanError                   The plan cannot be written
       PortError                   Something cannot be had from this transport
+      RecorderError               It cannot record
       RegistryError               The folder or the name under which a session is reached cannot be used
       Rejected                    The session did not accept what was asked for
       Rise1RefusalError           RISE's own parser would refuse this condition

@@ -19,6 +19,7 @@ from rise_engine.export.format import ExportError, ExportFormat
 from rise_engine.export.formats import format_names, load_format
 from rise_engine.export.records import RecordFormat, SessionExport
 from rise_engine.export.writing import export_context, export_sessions, new_path, note_export
+from rise_engine.nearest_name import did_you_mean
 from rise_engine.session.disk import error_message
 from rise_engine.session.errors import SessionError
 from rise_engine.session.folder import find_session
@@ -26,9 +27,10 @@ from rise_engine.session.levels import LEVELS, ExportLevel
 from rise_engine.study.model import StudyStanding
 from rise_engine.study.sessions import StudySession
 from rise_engine.study.state import StudyUnusable, read_state
-from rise_engine.study.study_log import StudyLogError
+from rise_engine.study.study_log import StudyLogError, read_log
 from rise_engine.study.study_toml import STUDY_FILE, is_study
-from rise_engine.study.traces import study_of_session, wizard_names
+from rise_engine.study.traces import owner_of, study_of_session, wizard_names
+from rise_engine.study.withdrawn import is_withdrawn
 from rise_engine.text import clean, pluralize
 
 RECORD_FORMATS: tuple[RecordFormat, ...] = ("csv", "jsonl")
@@ -61,9 +63,31 @@ class Selection(Struct):
     """What is left out, in sentences."""
 
 
-@click.command()
+def _known_format(ctx: click.Context, param: click.Parameter, value: str) -> str:
+    if value not in (names := format_names()):
+        raise click.BadParameter(f"there is no format {value!r}{did_you_mean(value, names)}", ctx, param)
+    return value
+
+
+class _ExportCommand(click.Command):
+    """Its help lists every format with what it is."""
+
+    def format_epilog(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
+        rows = []
+        for name in format_names():
+            try:
+                rows.append((name, load_format(name).about))
+            except ExportError as error:
+                rows.append((name, str(error)))
+        with formatter.section("Formats"):
+            formatter.write_dl(rows)
+
+
+@click.command(cls=_ExportCommand)
 @click.argument("named", metavar="STUDY|SESSION...", type=click.Path(), nargs=-1, required=True)
-@click.option("--format", type=click.Choice(format_names()), required=True, help="For which programs; see below.")
+@click.option(
+    "--format", metavar="FORMAT", callback=_known_format, required=True, help="For which programs; see below."
+)
 @click.option("-o", "--output", metavar="NEW", type=click.Path(), help="A new file, or a new folder.")
 @click.option(
     "--level",
@@ -112,7 +136,7 @@ def select_sessions(named: Sequence[str], *, all: bool = False) -> Selection:
 
     :param named: folders of studies (or their study.toml), and sessions as `find_session` takes them.
     :param all: of studies, also the sessions that do not count or did not end.
-    :raises ExportError: nothing is left to export.
+    :raises ExportError: nothing is left to export, or one is the session of somebody who has withdrawn.
     :raises SessionError: one is no session.
     :raises StudyUnusable: a study's files are not right.
     :raises StudyLogError: a study's log cannot be read.
@@ -123,12 +147,21 @@ def select_sessions(named: Sequence[str], *, all: bool = False) -> Selection:
         if is_study(path):
             _select_study(selection, path, all=all, alone=len(named) == 1)
         else:
-            selection.folders.append(find_session(name))
+            folder = find_session(name)
+            _refuse_withdrawn(folder)
+            selection.folders.append(folder)
     unique = {folder.resolve(): folder for folder in reversed(selection.folders)}
     selection.folders = list(reversed(unique.values()))
     if not selection.folders:
         raise ExportError("\n".join(["there is no session to export", *selection.remarks]))
     return selection
+
+
+def _refuse_withdrawn(folder: Path) -> None:
+    """What a backup has brought back of somebody who has withdrawn is nobody's data."""
+    study = study_of_session(folder)
+    if study is not None and is_withdrawn(owner_of(folder), read_log(study)):
+        raise ExportError(f"{folder.name} is not exported: its participant has withdrawn")
 
 
 def _select_study(selection: Selection, path: Path, *, all: bool, alone: bool) -> None:
@@ -165,7 +198,7 @@ def _why_left_out(session: StudySession) -> str:
 def _export(selection: Selection, format: ExportFormat, request: ExportRequest) -> int:
     if request.out is None or request.out == "-":
         folder = selection.several and format.shape == "file-per-session"
-        what = f"file, such as {format.name}{format.suffix}" if format.suffix and not folder else "folder"
+        what = f"file, such as sessions{format.suffix}" if format.suffix and not folder else "folder"
         raise ExportError(f"say where: -o names a new {what}")
     folders = selection.folders
     context = export_context(folders, request.level)

@@ -1,4 +1,4 @@
-"""Every export format, by its name: ours, and those that installed packages bring (entry points `rise.exports`).
+"""Every export format, by its name: ours, and those that installed packages bring as entry points.
 
 A format of ours is a module in this package with a constant `FORMAT`, and a line in `_OWN`.
 """
