@@ -168,7 +168,7 @@ SESSIONS = TableSchema(
         _count("responses_over_2s", "Answers that took longer than 2 s."),
         _count("before_cue", "Answers that were asked for before their cue came."),
         _count("mistakes", "Acts that a wizard has marked as a mistake, and not taken back."),
-        _count("stops", "Stop-all, how often it was asked for."),
+        _count("stops", "Stop-all, how often a person or a program asked for it."),
         _count("faults", "Acts, rules and expressions that failed."),
         _count(
             "repairs",

@@ -20,6 +20,7 @@ from rise_engine.export.table_definitions import (
     RECORDINGS,
     SESSIONS,
 )
+from rise_engine.kernel.records import ENGINE
 from rise_engine.session.media import MediaFile
 
 Row: TypeAlias = Mapping[str, Any]
@@ -51,7 +52,8 @@ def _session_rows(data: SessionData) -> Iterator[Row]:
     responses = [each for act in data.acts if (each := response_of(act)) is not None]
     told = summarise(responses)
     kinds = Counter(point.kind for point in data.points)
-    stops = sum(point.kind == "stop" and point.name == "requested" for point in data.points)
+    asked = [point for point in data.points if point.kind == "stop" and point.name == "requested"]
+    stops = sum(point.source != ENGINE for point in asked)  # the engine stops everything when a session ends
     checks = Counter(check.result for check in data.checks)
     yield {
         "study": facts.study,

@@ -12,7 +12,7 @@ from rise_engine.export.formats import format_names, load_format
 
 
 def test_every_format_of_ours_is_called_as_it_is_listed() -> None:
-    assert format_names()[:3] == ["tables", "csv", "jsonl"]
+    assert {"tables", "csv", "jsonl"} <= set(format_names())
     for name in format_names():
         found = load_format(name)
         assert isinstance(found, ExportFormat)
@@ -34,5 +34,5 @@ def test_formats_of_other_packages(monkeypatch: pytest.MonkeyPatch) -> None:
         load_format("broken")
     with pytest.raises(ExportError, match="is no ExportFormat"):
         load_format("other")
-    with pytest.raises(ExportError, match="there is no format 'none' here: tables, csv"):
+    with pytest.raises(ExportError, match=r"there is no format 'none' here: .*csv.*, again, broken, other"):
         load_format("none")
