@@ -23,8 +23,10 @@ from rise_engine.text import clean
 
 _LOG = logging.getLogger(__name__)
 
-FINISH_SECONDS = 12.0
-"""That all companions together get to finish, when the session is to end."""
+FINISH_SECONDS = 13.0
+"""That what works the recorders gets to finish, when the session is to end: the last mark, and stopping them."""
+OUTLET_SECONDS = 3.0
+"""That an outlet gets then, which passes on what came until the last."""
 GRACE_SECONDS = 1.0
 """Between being asked to go (SIGTERM) and being ended (SIGKILL)."""
 SILENT_SECONDS = 30.0
@@ -54,7 +56,10 @@ class Companions:
         :param finish_seconds: that they get to finish.
         :param silent_seconds: without a sign of life after which one counts as hung.
         """
-        self._companions = [_Companion(each, report, status_of, finish_seconds, silent_seconds) for each in requests]
+        self._companions: list[_Companion] = []
+        for request in requests:
+            limit = finish_seconds if request.kind == "recorders" else min(finish_seconds, OUTLET_SECONDS)
+            self._companions.append(_Companion(request, report, status_of, limit, silent_seconds))
         self._tasks: list[asyncio.Task[None]] = []
 
     def start(self) -> None:
@@ -74,11 +79,15 @@ class Companions:
             each.hurrying.set()
 
     async def finish(self) -> None:
-        """Let them finish and go; returns after `finish_seconds` and two seconds at most."""
-        for each in self._companions:
-            each.finish()
-        if self._tasks:
-            await asyncio.wait(self._tasks)
+        """Let them finish and go, outlets last, so that they pass on what the recorders still have to say; returns
+        after `finish_seconds` and OUTLET_SECONDS, and two seconds more for each, at most."""
+        for kind in ("recorders", "outlet"):
+            chosen = [each for each in self._companions if each.request.kind == kind]
+            tasks = [task for each, task in zip(self._companions, self._tasks, strict=False) if each in chosen]
+            for each in chosen:
+                each.finish()
+            if tasks:
+                await asyncio.wait(tasks)
 
 
 class _Companion:
@@ -196,6 +205,7 @@ class _Companion:
         assert process.stderr is not None
         while chunk := await process.stderr.read(_KEPT):
             self._said = (self._said + chunk)[-_KEPT:]
+            _LOG.warning("%s: %s", self.request.kind, chunk.decode("utf-8", "replace").rstrip())
 
 
 async def _end(process: Process) -> None:
