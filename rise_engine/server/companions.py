@@ -29,6 +29,8 @@ OUTLET_SECONDS = 3.0
 """That an outlet gets then, which passes on what came until the last."""
 GRACE_SECONDS = 1.0
 """Between being asked to go (SIGTERM) and being ended (SIGKILL)."""
+LEFT_SECONDS = 3.0
+"""That what a companion has left running gets to complete its file."""
 SILENT_SECONDS = 30.0
 """Without a sign of life after which a companion counts as hung."""
 _KEPT = 2_000
@@ -80,7 +82,7 @@ class Companions:
 
     async def finish(self) -> None:
         """Let them finish and go, outlets last, so that they pass on what the recorders still have to say; returns
-        after `finish_seconds` and OUTLET_SECONDS, and two seconds more for each, at most."""
+        after `finish_seconds` and OUTLET_SECONDS, and for each the two seconds of being ended and LEFT_SECONDS, at most."""
         for kind in ("recorders", "outlet"):
             chosen = [each for each in self._companions if each.request.kind == kind]
             tasks = [task for each, task in zip(self._companions, self._tasks, strict=False) if each in chosen]
@@ -131,7 +133,7 @@ class _Companion:
             _LOG.exception("a companion cannot be attended to")
             self._fail(f"its process cannot be attended to: {error}")
         finally:
-            _end_group(process.pid)
+            await _end_group(process.pid)
             self._reading.cancel()
             process._transport.close()  # type: ignore[attr-defined]  # its children may hold the pipes open
 
@@ -227,8 +229,12 @@ async def _exit_status(process: Process) -> int | None:
     return process.returncode
 
 
-def _end_group(group: int) -> None:
+async def _end_group(group: int) -> None:
     """What a companion that died has left running (a camera's program) is asked to end, as by Ctrl-C, so that it
-    completes its file and records nobody any longer."""
+    completes its file; and ended, so that it records nobody any longer."""
     with suppress(ProcessLookupError, PermissionError):
         os.killpg(group, signal.SIGINT)
+        for _ in range(round(LEFT_SECONDS / 0.05)):
+            await asyncio.sleep(0.05)
+            os.killpg(group, 0)  # raises when nobody is left
+        os.killpg(group, signal.SIGKILL)
