@@ -81,8 +81,9 @@ class Companions:
             each.hurrying.set()
 
     async def finish(self) -> None:
-        """Let them finish and go, outlets last, so that they pass on what the recorders still have to say; returns
-        after `finish_seconds` and OUTLET_SECONDS, and for each the two seconds of being ended and LEFT_SECONDS, at most."""
+        """Let them finish and go, outlets last, so that they pass on what the recorders still have to say. Returns
+        after `finish_seconds` and OUTLET_SECONDS, and after GRACE_SECONDS twice and LEFT_SECONDS for each that has to
+        be ended, at most."""
         for kind in ("recorders", "outlet"):
             chosen = [each for each in self._companions if each.request.kind == kind]
             tasks = [task for each, task in zip(self._companions, self._tasks, strict=False) if each in chosen]
