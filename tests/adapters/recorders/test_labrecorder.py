@@ -1,4 +1,4 @@
-"""LabRecorder's remote control, with its traps: OK whatever happens, names in lower case, no way to ask how it stands."""
+"""LabRecorder's remote control, with its traps: OK whatever happens, names in lower case, no word how it stands."""
 
 from __future__ import annotations
 
@@ -84,7 +84,7 @@ async def test_a_file_that_is_there_is_left_as_it_is(tmp_path: Path, monkeypatch
             recorder = LabRecorder("eeg", options)
             await recorder.prepare(plan(tmp_path))
             assert await recorder.start() == str(tmp_path / name)
-        assert not list(tmp_path.glob("*_old*"))
+        assert not list(tmp_path.glob("*_old*"))  # noqa: ASYNC240
 
 
 async def test_ok_and_no_file_is_found_out(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -107,7 +107,7 @@ async def test_one_that_is_silent_or_something_else_is_given_up(
         program.answer = b"HTTP/1.1 400"
         with pytest.raises(RecorderError, match="is not LabRecorder: 'HT'"):
             await LabRecorder("eeg", options).prepare(plan(tmp_path))
-    with pytest.raises(RecorderError, match="LabRecorder is not reached at 127.0.0.1:.*remote control on"):
+    with pytest.raises(RecorderError, match=r"LabRecorder is not reached at 127.0.0.1:.*remote control on"):
         await LabRecorder("eeg", options).prepare(plan(tmp_path))
 
 

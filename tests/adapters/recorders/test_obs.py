@@ -70,7 +70,7 @@ async def test_a_silent_one_is_given_up(monkeypatch: pytest.MonkeyPatch) -> None
     async with obs_server() as server:
         server.mute = {"Hello"}
         camera = recorder(server)
-        with pytest.raises(RecorderError, match="OBS did not answer within 0.3 s at ws://127.0.0.1"):
+        with pytest.raises(RecorderError, match=r"OBS did not answer within 0.3 s at ws://127.0.0.1"):
             await camera.prepare(PLAN)
         server.mute = {"StartRecord"}
         await camera.prepare(PLAN)
@@ -121,7 +121,7 @@ async def test_one_that_is_not_there_and_one_that_is_something_else() -> None:
     async with obs_server() as server:
         gone = server.url
     camera = ObsRecorder("obs", {"url": gone})
-    with pytest.raises(RecorderError, match="OBS is not reached at ws://127.0.0.1.*is it running"):
+    with pytest.raises(RecorderError, match=r"OBS is not reached at ws://127.0.0.1.*is it running"):
         await camera.prepare(PLAN)
     await camera.close()
 

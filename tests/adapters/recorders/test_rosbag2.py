@@ -130,7 +130,7 @@ async def test_one_that_is_not_there_or_silent_is_given_up(node: BagRecorderNode
     node.wire.drop("*/record", what="reply")
     recorder = open_rosbag2("bag", {"node": NODE})
     await recorder.prepare(plan(tmp_path))
-    with pytest.raises(RecorderError, match="/record did not answer within 0.2 s"):
+    with pytest.raises(RecorderError, match=r"/record did not answer within 0.2 s"):
         await recorder.start()
     assert await recorder.stop() and node.bag is None  # it had begun after all
     await recorder.close()
@@ -180,7 +180,7 @@ async def test_a_program_of_our_own_records_until_it_is_interrupted(tmp_path: Pa
     await recorder.prepare(plan(tmp_path))
     path = Path(await recorder.start())
     async with asyncio.timeout(20):
-        while not (await recorder.status()).bytes:
+        while not (await recorder.status()).bytes:  # noqa: ASYNC110  # another process, or the session
             await asyncio.sleep(0.02)
     said = (path / "bag_0.mcap").read_text()
     assert said == f"bag record --output {path} --storage mcap /rise/record\n"
@@ -198,7 +198,7 @@ async def test_a_program_that_ends_or_leaves_half_a_bag_says_so(tmp_path: Path) 
             while True:
                 await recorder.status()
                 await asyncio.sleep(0.02)
-    with pytest.raises(RecorderError, match="the bag has no metadata.yaml: `ros2 bag reindex"):
+    with pytest.raises(RecorderError, match=r"the bag has no metadata.yaml: `ros2 bag reindex"):
         await recorder.stop()
     await recorder.close()
     with pytest.raises(RecorderError, match="ros2-nowhere is not installed here"):
