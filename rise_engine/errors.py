@@ -46,6 +46,7 @@
       PortError                   Something cannot be had from this transport
       RecorderError               It cannot record
         CalledOff                 Nobody waits for the answer any more
+        ObsCut                    The connection was cut before there was an answer
         ObsRefused                OBS has answered that it does not do it
         RecorderEnded             What recorded has ended by itself
       RegistryError               The folder or the name under which a session is reached cannot be used

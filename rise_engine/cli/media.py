@@ -11,6 +11,7 @@ from typing import Any
 
 import click
 import msgspec
+from msgspec import Struct
 from msgspec.structs import replace
 
 from rise_engine.cli.options import JSON, SESSION
@@ -34,6 +35,7 @@ from rise_engine.session.media import (
     MEDIA_FILE,
     AlignedBy,
     FoundMark,
+    MediaError,
     MediaFile,
     media_path,
     read_media,
@@ -55,9 +57,30 @@ def media() -> None:
     """Recordings that belong to a session: a camera's film, a microphone's sound, a bag."""
 
 
+class _Addition(Struct, frozen=True):
+    """What is the same for all files that are added at once."""
+
+    folder: Path
+    marks: list[SessionMark]
+    interruptions: list[float]
+    given: list[FoundMark]
+    """Moments that somebody has given."""
+    find: bool
+    """Whether marks are looked for."""
+    name: str
+
+
+class _Added(Struct, frozen=True):
+    """What became of one file."""
+
+    file: MediaFile
+    found: Alignment
+    was_there: bool
+
+
 @media.command("add")
 @SESSION
-@click.argument("file", type=click.Path())
+@click.argument("files", metavar="[FILE]...", nargs=-1, type=click.Path())
 @click.option(
     "--at",
     "moments",
@@ -70,11 +93,12 @@ def media() -> None:
 @click.option("--name", metavar="NAME", default="", help="What it is called: camera.")
 @JSON
 def add(
-    session: str, file: str, moments: tuple[str, ...], find_marks: bool, name: str, as_json: bool
-) -> None:  # the same name as the option
+    session: str, files: tuple[str, ...], moments: tuple[str, ...], find_marks: bool, name: str, as_json: bool
+) -> None:
     """Register FILE (or a bag's folder) as a recording of SESSION, and say where it lies against the session's clock.
 
-    The file stays where it is. One that is registered already is looked at again.
+    The file stays where it is. One that is registered already is looked at again. Without FILE: all that the session
+    has, in its list or its record.
 
     \b
       rise-engine media add SESSION room.mp4 --find-marks
@@ -86,60 +110,82 @@ def add(
     """
     if find_marks and moments:
         sys.exit(_print_error("say either --find-marks or --at", USAGE))
+    if len(files) != 1 and (moments or name):
+        sys.exit(_print_error("--at and --name are about one file: name it", USAGE))
     try:
         folder = find_session(session)
-        path = Path(file).expanduser()
-        facts = look_at_media(path)
         marks, interruptions = read_marks(folder)
         given = [parse_moment(each, marks) for each in moments]
-    except FileNotFoundError:
-        sys.exit(_print_error(f"there is no file {file}", USAGE))
-    except OSError as error:
-        sys.exit(_print_error(f"{file} cannot be read: {error.strerror or error}", USAGE))
-    except (SessionError, ValueError) as error:
+        addition = _Addition(folder, marks, interruptions, given, find_marks, name)
+        known = [path for path in map(Path, _known_paths(folder)) if path.exists()]
+        facts = [(path, _look(path)) for path in ([Path(each).expanduser() for each in files] or known)]
+        if not facts:
+            raise SessionError(f"{folder.name} has no recordings yet: name a file")
+        sys.exit(_print_added(addition, facts, as_json=as_json))
+    except (RiseError, ValueError) as error:
         sys.exit(_print_error(error, USAGE))
-    sys.exit(_add(folder, path, facts, marks, given, interruptions, find=find_marks, name=name, as_json=as_json))
 
 
-def _add(
-    folder: Path,
-    path: Path,
-    facts: MediaFacts,
-    marks: Sequence[SessionMark],
-    given: Sequence[FoundMark],
-    interruptions: Sequence[float],
-    *,
-    find: bool,
-    name: str,
-    as_json: bool,
-) -> int:
+def _look(path: Path) -> MediaFacts:
     try:
-        stored = stored_path(folder, str(path))
-        before = next((each for each in read_media(folder) if each.path == stored), None)
-        if facts.bytes > LARGE and not as_json:
-            sys.stderr.write(clean(f"reading {path.name}, {size_text(facts.bytes)} ...") + "\n")
-        file = _describe(stored, path, facts, before, name)
-        by: AlignedBy = "marks" if find else "given"
-        if find or given:
-            found = _find(path, facts, marks) if find else align_by_moments(given)
-        elif before is not None and before.offset is not None:
-            by, found = before.aligned_by, Alignment(before.offset, before.rate, before.marks)
-        else:
-            by, found = "start", _by_start(folder, path)
-        if found.offset is not None:
-            offset = round(found.offset, 6)
-            found = replace(found, remarks=(*found.remarks, *_interruption_remarks(interruptions, found)))
-            file = replace(file, offset=offset, rate=found.rate, aligned_by=by, marks=found.marks)
-        register_media(folder, file)
-    except (RiseError, OSError) as error:
-        return _print_error(error, USAGE)
+        return look_at_media(path)
+    except FileNotFoundError:
+        raise MediaError(f"there is no file {path}") from None
+    except OSError as error:
+        raise MediaError(f"{path} cannot be read: {error.strerror or error}") from None
+
+
+def _known_paths(folder: Path) -> list[str]:
+    """The recordings that the session's list or its record names, absolute."""
+    return list(dict.fromkeys([*(str(media_path(folder, each)) for each in read_media(folder)),
+                               *registered_recordings(folder, inside=True)]))  # fmt: skip
+
+
+def _print_added(addition: _Addition, facts: Sequence[tuple[Path, MediaFacts]], *, as_json: bool) -> int:
+    documents: list[dict[str, Any]] = []
+    status = OK
+    for path, each in facts:
+        if each.bytes > LARGE and not as_json:
+            sys.stderr.write(clean(f"reading {path.name}, {size_text(each.bytes)} ...") + "\n")
+        added = _add(addition, path, each)
+        file, found = added.file, added.found
+        if file.offset is None or found.problem:
+            status = PARTIAL
+        if as_json:
+            values = {"remarks": list(found.remarks), "problem": found.problem}
+            documents.append({**_values(addition.folder, file), **values})
+            continue
+        already = ["it was registered already"] if added.was_there else []
+        _print_lines([*_lines(file), *_alignment_lines(file, found), *already])
     if as_json:
-        write_json({**_values(folder, file), "remarks": list(found.remarks), "problem": found.problem})
+        write_json({"files": documents})
+    return status
+
+
+def _add(addition: _Addition, path: Path, facts: MediaFacts) -> _Added:
+    """Register one file. Raises MediaError when that cannot be done."""
+    folder = addition.folder
+    stored = stored_path(folder, str(path))
+    before = next((each for each in read_media(folder) if each.path == stored), None)
+    try:
+        file = _describe(stored, path, facts, before, addition.name)
+    except OSError as error:
+        raise MediaError(f"{path} cannot be read: {error.strerror or error}") from None
+    by: AlignedBy = "marks" if addition.find else "given"
+    if addition.find:
+        found = _find(path, facts, addition.marks)
+    elif addition.given:
+        found = align_by_moments(addition.given)
+    elif before is not None and before.offset is not None:
+        by, found = before.aligned_by, Alignment(before.offset, before.rate, before.marks)
     else:
-        _print_lines([*_lines(file), *_alignment_lines(file, found)])
-        if before is not None:
-            _print_lines(["it was registered already"])
-    return OK if file.offset is not None and not found.problem else PARTIAL
+        by, found = "start", _by_start(folder, path)
+    if found.offset is not None:
+        offset = round(found.offset, 6)
+        found = replace(found, remarks=(*found.remarks, *_interruption_remarks(addition.interruptions, found)))
+        file = replace(file, offset=offset, rate=found.rate, aligned_by=by, marks=found.marks)
+    register_media(folder, file)
+    return _Added(file, found, before is not None)
 
 
 def _describe(stored: str, path: Path, facts: MediaFacts, before: MediaFile | None, name: str) -> MediaFile:

@@ -8,18 +8,15 @@ import os
 import signal
 import sys
 from contextlib import suppress
-from importlib.metadata import entry_points
-from typing import cast
 
 import msgspec
 
 from rise_engine.errors import RiseError
-from rise_engine.ports.outlet import OutletError, OutletPlan, OutletRunner
+from rise_engine.ports.outlet import OutletPlan
 from rise_engine.protocol.client import EngineGone
 from rise_engine.recording.companion import OUTLET_NAME, SIGN_SECONDS, CompanionRequest, decode_request
+from rise_engine.recording.outlets import find_outlet
 from rise_engine.recording.supervisor import supervise
-
-OUTLETS = "rise.outlets"
 
 
 def main() -> None:
@@ -68,17 +65,6 @@ async def _run(request: CompanionRequest, finish: asyncio.Event) -> None:
     assert markers is not None
     plan = OutletPlan(request.socket, request.session, request.task, markers.scope, markers.payload)
     await find_outlet(OUTLET_NAME)(plan, finish)
-
-
-def find_outlet(name: str) -> OutletRunner:
-    """The outlet of that name. Raises OutletError when it is not installed or cannot be loaded."""
-    entry = next(iter(entry_points(group=OUTLETS, name=name)), None)
-    if entry is None:
-        raise OutletError(f"there is no outlet {name!r}: no entry point of that name in the group {OUTLETS!r}")
-    try:
-        return cast(OutletRunner, entry.load())
-    except Exception as error:  # code of others runs as it is imported
-        raise OutletError(f"the outlet {name!r} ({entry.value}) cannot be loaded: {error}") from error
 
 
 async def _hold_leash(leash: asyncio.StreamReader, finish: asyncio.Event) -> None:

@@ -28,6 +28,8 @@ _LEAST = 0.15
 """Below this nothing is a mark, however quiet the file is otherwise."""
 MOST = 200
 """Marks in one file; a camera that runs for a whole day has those of all sessions."""
+_FEW, _SHARE = 4, 0.1
+"""In a short file so many, in a longer one this share of its time, can be marks."""
 _BLOCK = 1 << 18
 """Samples that are compared at once."""
 _BIN_SECONDS = 0.25
@@ -138,20 +140,16 @@ class _Matcher:
 
 
 def _select(best: list[tuple[float, float, Sweep]]) -> list[HeardMark]:
-    """Those that stand above all others: where the next one is only a third as good, or less."""
+    """Those that stand above all else. All else begins behind as many of the best as can be marks."""
+    places = max((at for _, at, _ in best), default=0.0) / _APART_SECONDS
+    most = min(MOST, max(_FEW, int(places * _SHARE)))
     apart: list[tuple[float, float, Sweep]] = []
     for match in sorted(best, reverse=True):
-        if len(apart) > MOST:
+        if len(apart) > most:
             break
         if all(abs(match[1] - each[1]) >= _APART_SECONDS for each in apart):
             apart.append(match)
-    last, floor = 0, 0.0
-    for index, (quality, _, _) in enumerate(apart):
-        if quality < _LEAST:
-            break
-        following = apart[index + 1][0] if index + 1 < len(apart) else 0.0
-        if quality >= BELIEVED * following:
-            last, floor = index + 1, following
-    least = max(floor, 1e-3)
-    heard = [HeardMark(sweep, at, round(quality / least, 2)) for quality, at, sweep in apart[:last]]
+    floor = max(apart[most][0] if len(apart) > most else 0.0, _LEAST / 100)
+    least = max(_LEAST, BELIEVED * floor)
+    heard = [HeardMark(sweep, at, round(quality / floor, 2)) for quality, at, sweep in apart[:most] if quality >= least]
     return sorted(heard, key=lambda mark: mark.at)

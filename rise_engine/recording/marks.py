@@ -17,6 +17,7 @@ from typing import Protocol
 from msgspec import Struct
 
 from rise_engine.client import Rejected
+from rise_engine.kernel.view import SessionView
 from rise_engine.protocol.client import AttachReply, EngineGone
 from rise_engine.recording.chirp import LEAD_SECONDS, SOUND_SECONDS, mark_sound, sweep_of
 from rise_engine.study.model import SyncSettings
@@ -43,6 +44,9 @@ class MarkSession(Protocol):
 
     @property
     def attach_reply(self) -> AttachReply: ...
+
+    @property
+    def view(self) -> SessionView: ...
 
     def now(self) -> float: ...
 
@@ -91,6 +95,10 @@ async def give_mark(
     try:
         if settings.medium == "flash":
             await session.mark_sync(number, "flash")
+            if session.view.control is None:
+                await session.add_note(
+                    f"mark {number} was to be seen on consoles, and none has control: perhaps none is there"
+                )
             return GivenMark(number)
         tried = [settings.play] if settings.play else [*(PLAYERS if players is None else players)]
         program, played = await _play_with_one_of(tried, number)

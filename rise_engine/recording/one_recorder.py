@@ -81,6 +81,11 @@ class SupervisedRecorder:
         self._state: RecordingState | None = None
         self._path = ""
 
+    @property
+    def records(self) -> bool:
+        """Whether it records, as far as anybody can know."""
+        return self._state is not None and self._state.status in ("started", "running", "stalled")
+
     async def run(self, finish: asyncio.Event) -> None:
         """Record until `finish`; then it stops within CALL_SECONDS and CLOSE_SECONDS. Never raises."""
         while not finish.is_set():

@@ -19,7 +19,7 @@ from rise_engine.errors import RiseError
 from rise_engine.ports.recorder import RecorderError, RecordingPlan
 from rise_engine.recording.calls import call_within
 from rise_engine.recording.companion import CompanionRequest
-from rise_engine.recording.marks import give_mark
+from rise_engine.recording.marks import GivenMark, give_mark
 from rise_engine.recording.one_recorder import RecordedFile, RecordingState, SupervisedRecorder, recording_size
 from rise_engine.recording.reporting import SessionReports
 from rise_engine.session.disk import make_private_folder
@@ -31,16 +31,18 @@ OWN_FOLDER = "recordings"
 """In the session's folder."""
 START_MARK_SECONDS, END_MARK_SECONDS = 8.0, 3.0
 """How long a mark may take."""
-TAIL_SECONDS = 1.0
-"""For which everything still records after the last mark, so that it is in the file, and shown by a console."""
+TAIL_SECONDS = {"sound": 2.5, "flash": 1.0}
+"""For which everything still records after the last mark that was given, so that it is in the file: ffmpeg's sound
+input from PulseAudio holds two seconds back (measured: a film's sound ended 1.9 s before its picture), and a flash is
+still to be drawn."""
 START_SECONDS = 10.0
 """For which the first mark waits until everything records."""
 
-GiveMark: TypeAlias = Callable[[Session, int, SyncSettings], Awaitable[object]]
+GiveMark: TypeAlias = Callable[[Session, int, SyncSettings], Awaitable[GivenMark]]
 
 
 async def supervise(request: CompanionRequest, finish: asyncio.Event, mark: GiveMark = give_mark) -> None:
-    """Record a session until it ends or is to end; then everything is stopped within 11 s.
+    """Record a session until it ends or is to end; then everything is stopped within 13 s.
 
     :param request: what records it.
     :param finish: set when everything is to be stopped.
@@ -69,8 +71,9 @@ async def supervise(request: CompanionRequest, finish: asyncio.Event, mark: Give
                 await _mark_start(reports, settings.sync, recorders, finish, mark)
             await _first(finish, reports.over)
             if settings.sync is not None and settings.sync.end:
-                await _mark(reports, settings.sync, END_MARK_SECONDS, mark)
-                await asyncio.sleep(TAIL_SECONDS if working else 0.0)
+                given = await _mark(reports, settings.sync, END_MARK_SECONDS, mark)
+                if given and any(each.records for each in recorders):
+                    await asyncio.sleep(TAIL_SECONDS[settings.sync.medium])
         stop.set()
         if working:
             await asyncio.wait(working)
@@ -131,21 +134,22 @@ async def _mark_start(
             task.cancel()
 
 
-async def _mark(reports: SessionReports, sync: SyncSettings, seconds: float, mark: GiveMark) -> None:
-    """One mark, or a remark why there is none."""
+async def _mark(reports: SessionReports, sync: SyncSettings, seconds: float, mark: GiveMark) -> bool:
+    """One mark, or a remark why there is none; whether it was given."""
     session = reports.session
     if session is None:
-        return
+        return False
     number = (session.view.sync.number if session.view.sync is not None else 0) + 1
     try:
-        await call_within(seconds, _give(mark, session, number, sync), f"for mark {number}")
+        return await call_within(seconds, _give(mark, session, number, sync), f"for mark {number}")
     except RecorderError as error:
         reports.note(f"mark {number} was not given: {error}")
+        return False
 
 
-async def _give(mark: GiveMark, session: Session, number: int, sync: SyncSettings) -> None:
+async def _give(mark: GiveMark, session: Session, number: int, sync: SyncSettings) -> bool:
     try:
-        await mark(session, number, sync)
+        return not (await mark(session, number, sync)).problem
     except (EngineGone, Rejected) as error:
         raise RecorderError(f"the session did not take it: {error}") from None
     except RiseError as error:

@@ -23,10 +23,14 @@ from rise_engine.text import clean
 
 _LOG = logging.getLogger(__name__)
 
-FINISH_SECONDS = 12.0
-"""That all companions together get to finish, when the session is to end."""
+FINISH_SECONDS = 13.0
+"""That what works the recorders gets to finish, when the session is to end: the last mark, and stopping them."""
+OUTLET_SECONDS = 3.0
+"""That an outlet gets then, which passes on what came until the last."""
 GRACE_SECONDS = 1.0
 """Between being asked to go (SIGTERM) and being ended (SIGKILL)."""
+LEFT_SECONDS = 3.0
+"""That what a companion has left running gets to complete its file."""
 SILENT_SECONDS = 30.0
 """Without a sign of life after which a companion counts as hung."""
 _KEPT = 2_000
@@ -54,7 +58,10 @@ class Companions:
         :param finish_seconds: that they get to finish.
         :param silent_seconds: without a sign of life after which one counts as hung.
         """
-        self._companions = [_Companion(each, report, status_of, finish_seconds, silent_seconds) for each in requests]
+        self._companions: list[_Companion] = []
+        for request in requests:
+            limit = finish_seconds if request.kind == "recorders" else min(finish_seconds, OUTLET_SECONDS)
+            self._companions.append(_Companion(request, report, status_of, limit, silent_seconds))
         self._tasks: list[asyncio.Task[None]] = []
 
     def start(self) -> None:
@@ -74,11 +81,16 @@ class Companions:
             each.hurrying.set()
 
     async def finish(self) -> None:
-        """Let them finish and go; returns after `finish_seconds` and two seconds at most."""
-        for each in self._companions:
-            each.finish()
-        if self._tasks:
-            await asyncio.wait(self._tasks)
+        """Let them finish and go, outlets last, so that they pass on what the recorders still have to say. Returns
+        after `finish_seconds` and OUTLET_SECONDS, and after GRACE_SECONDS twice and LEFT_SECONDS for each that has to
+        be ended, at most."""
+        for kind in ("recorders", "outlet"):
+            chosen = [each for each in self._companions if each.request.kind == kind]
+            tasks = [task for each, task in zip(self._companions, self._tasks, strict=False) if each in chosen]
+            for each in chosen:
+                each.finish()
+            if tasks:
+                await asyncio.wait(tasks)
 
 
 class _Companion:
@@ -122,7 +134,7 @@ class _Companion:
             _LOG.exception("a companion cannot be attended to")
             self._fail(f"its process cannot be attended to: {error}")
         finally:
-            _end_group(process.pid)
+            await _end_group(process.pid)
             self._reading.cancel()
             process._transport.close()  # type: ignore[attr-defined]  # its children may hold the pipes open
 
@@ -196,6 +208,7 @@ class _Companion:
         assert process.stderr is not None
         while chunk := await process.stderr.read(_KEPT):
             self._said = (self._said + chunk)[-_KEPT:]
+            _LOG.warning("%s: %s", self.request.kind, chunk.decode("utf-8", "replace").rstrip())
 
 
 async def _end(process: Process) -> None:
@@ -217,8 +230,12 @@ async def _exit_status(process: Process) -> int | None:
     return process.returncode
 
 
-def _end_group(group: int) -> None:
+async def _end_group(group: int) -> None:
     """What a companion that died has left running (a camera's program) is asked to end, as by Ctrl-C, so that it
-    completes its file and records nobody any longer."""
+    completes its file; and ended, so that it records nobody any longer."""
     with suppress(ProcessLookupError, PermissionError):
         os.killpg(group, signal.SIGINT)
+        for _ in range(round(LEFT_SECONDS / 0.05)):
+            await asyncio.sleep(0.05)
+            os.killpg(group, 0)  # raises when nobody is left
+        os.killpg(group, signal.SIGKILL)

@@ -25,6 +25,7 @@ from rise_engine.ports.robot import Robot
 from rise_engine.protocol.session_options import SessionOptions
 from rise_engine.protocol.session_start import start_remarks
 from rise_engine.server.companions import Companions
+from rise_engine.server.find_marks import find_marks_later
 from rise_engine.server.hub import END_SECONDS, SessionHub
 from rise_engine.server.preparation import ServeRefused, SessionPreparation
 from rise_engine.server.server import SessionServer
@@ -116,6 +117,7 @@ class _SessionProcess:
             recorded = await asyncio.to_thread(journal.close, RECORD_SECONDS)
             if prepared.study is not None:
                 await asyncio.to_thread(prepared.study.note_ended)
+                await asyncio.to_thread(find_marks_later, prepared.folder, hub.view)
         if engine.failure is not None:
             return exit_status.FAILED
         return exit_status.OK if recorded and not self.unrecorded else exit_status.NOT_WRITTEN

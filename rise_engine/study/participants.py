@@ -101,8 +101,10 @@ class _ParticipantsReader:
             return
         if recording.consent not in self.study.consent:  # else it is missing anyway
             consents = [each for each in table.columns if each.startswith(CONSENT_PREFIX)]
-            message = f"there is no column `{column}`, so nobody is recorded{did_you_mean(column, consents, limit=0)}"
-            message += "; [recording] consent in study.toml can name another one"
+            example = consents[0].removeprefix(CONSENT_PREFIX) if consents else "study"
+            near = did_you_mean(column, consents, limit=0) or ";"
+            message = f"there is no column `{column}`, so nobody is recorded{near} "
+            message += f'add it, or name another one in study.toml: [recording] consent = "{example}"'
             self.diagnostics.warning("no-recording-consent", SourceLocation(PARTICIPANTS_FILE), message)
 
     def read_row(self, row: CsvRow, seen: dict[str, int]) -> Participant:

@@ -86,7 +86,7 @@ def test_what_was_known_stays_when_nothing_is_found(tmp_path: Path, sound: Path)
     assert first.exit_code == 0 and "begins 4.500 s before the session (as somebody has said)" in first.output
     noise = write_wav(sound, record_marks([], offset=0, seconds=5, noise=0.1, samples=16_000), 16_000)
     again = run("add", folder, noise, "--find-marks", "--json")
-    found = json.loads(again.output)
+    [found] = json.loads(again.output)["files"]
     assert again.exit_code == 1 and found["problem"] == "none of the session's 2 marks was found in the file"
     assert (found["offset"], found["aligned_by"], found["duration"]) == (4.5, "given", 5.0)
     refreshed = run("add", folder, noise)
@@ -165,6 +165,22 @@ def test_without_a_word_it_lies_where_its_recorder_was_started(tmp_path: Path, s
     assert "nobody has said where it lies against the session" in run("list", folder).output
 
 
+def test_all_that_the_session_has_is_looked_at_at_once(tmp_path: Path, sound: Path) -> None:
+    started = RecordingRecord(1, 0.5, "", "mic", "started", "recordings/mic.wav", None, "", "node:recorders")
+    folder = session(tmp_path, started, *MARKS)
+    assert run("add", folder).exit_code == 2 and "has no recordings yet: name a file" in run("add", folder).output
+    (folder / "recordings").mkdir()
+    shutil.copy(sound, folder / "recordings" / "mic.wav")
+    silent = write_wav(tmp_path / "silent.wav", [], 16_000)
+    assert run("add", folder, silent, "--at", "0").exit_code == 0
+    done = run("add", folder, "--find-marks", "--json")
+    files = json.loads(done.output)["files"]
+    assert done.exit_code == 1 and [each["path"] for each in files] == [str(silent), "recordings/mic.wav"]
+    assert [each["aligned_by"] for each in files] == ["given", "marks"] and files[0]["problem"]
+    wrong = run("add", folder, "--at", "3")
+    assert wrong.exit_code == 2 and "--at and --name are about one file: name it" in wrong.output
+
+
 def test_flashes_and_sessions_without_marks_say_what_to_do(tmp_path: Path, sound: Path) -> None:
     folder = session(tmp_path, *FLASHES)
     done = run("add", folder, sound, "--find-marks")
@@ -188,7 +204,7 @@ def test_a_session_that_was_interrupted_says_for_what_it_holds(tmp_path: Path, s
     )
     done = run("add", folder, sound, "--at", "35.5=mark2", "--json")
     assert done.exit_code == 0, done.output
-    assert json.loads(done.output)["remarks"][0].endswith("this holds only for what was after 20.0 s")
+    assert json.loads(done.output)["files"][0]["remarks"][0].endswith("this holds only for what was after 20.0 s")
 
 
 def test_a_bag_is_a_folder(tmp_path: Path) -> None:

@@ -110,6 +110,17 @@ def test_a_mark_lies_anywhere_also_where_blocks_meet(begin: float) -> None:
     assert mark.at == pytest.approx(begin, abs=1e-4)
 
 
+def test_a_quiet_mark_hides_no_loud_one_and_what_is_lost_in_noise_is_none() -> None:
+    """A camera for a whole day has marks from near and far."""
+    sound = record_marks([], offset=0, seconds=90, noise=0.05, samples=16_000)
+    loudness = [0.9, 0.5, 0.2, 0.1, 0.06, 0.045, 0.004]
+    for number, each in enumerate(loudness, 1):
+        sound += record_marks([(number, 10.0 * number)], offset=0, seconds=90, loudness=each, samples=16_000)
+    found = find_marks([sound], 16_000)
+    assert [round(mark.at) for mark in found] == [10, 20, 30, 40, 50, 60]
+    assert found[0].strength > found[3].strength > found[5].strength >= 3
+
+
 @pytest.mark.parametrize("kind", ["noise", "silence", "tone", "clicks", "nothing"])
 def test_what_is_no_mark_is_none(kind: str) -> None:
     chance = numpy.random.default_rng(3)

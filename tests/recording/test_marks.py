@@ -26,6 +26,7 @@ class MarkedSession:
 
     def __init__(self, *, speed: float = 1.0, refuses: Exception | None = None) -> None:
         self.attach_reply: Any = SimpleNamespace(speed=speed, mode="debug")
+        self.view: Any = SimpleNamespace(control="wizard:anna")
         self.speed, self.refuses = speed, refuses
         self.marks: list[dict[str, Any]] = []
         self.notes: list[str] = []
@@ -133,6 +134,10 @@ async def test_a_flash_is_its_record() -> None:
     session = MarkedSession()
     given = await give_mark(session, 3, SyncSettings(medium="flash"))
     assert not given.problem and session.marks == [{"number": 3, "medium": "flash", "text": ""}]
+    assert not session.notes
+    session.view.control = None
+    assert not (await give_mark(session, 4, SyncSettings(medium="flash"))).problem
+    assert session.notes == ["mark 4 was to be seen on consoles, and none has control: perhaps none is there"]
 
 
 @pytest.mark.parametrize("refusal", [Rejected("nothing can be recorded"), EngineGone("the session has ended")])

@@ -17,6 +17,7 @@ from rise_engine.kernel.records import AnyRecord, NoteRecord, RecordingRecord, S
 from rise_engine.ports.recorder import RecorderError
 from rise_engine.recording import supervisor
 from rise_engine.recording.companion import CompanionRequest
+from rise_engine.recording.marks import GivenMark
 from rise_engine.recording.one_recorder import SupervisedRecorder
 from rise_engine.recording.supervisor import path_in_record, supervise
 from rise_engine.session.media import read_media
@@ -49,9 +50,10 @@ class Supervision:
         )
         self.running = asyncio.create_task(supervise(self.request, self.finish, self.mark))
 
-    async def mark(self, session: Session, number: int, sync: SyncSettings) -> None:
+    async def mark(self, session: Session, number: int, sync: SyncSettings) -> GivenMark:
         self.marks.append(number)
         await session.mark_sync(number, sync.medium)
+        return GivenMark(number)
 
     def of(self, name: str) -> list[str]:
         return [each.status for each in self.records if isinstance(each, RecordingRecord) and each.name == name]
@@ -78,7 +80,7 @@ def does(monkeypatch: pytest.MonkeyPatch) -> dict[str, dict[str, Any]]:
     monkeypatch.setattr("rise_engine.recording.one_recorder.CALL_SECONDS", 0.3)
     quick = partial(SupervisedRecorder, look_seconds=0.05, retry_seconds=0.1)
     monkeypatch.setattr(supervisor, "SupervisedRecorder", quick)
-    monkeypatch.setattr(supervisor, "TAIL_SECONDS", 0.0)
+    monkeypatch.setattr(supervisor, "TAIL_SECONDS", {"sound": 0.0, "flash": 0.0})
     return behaviour
 
 
@@ -130,7 +132,7 @@ async def test_one_that_misbehaves_is_nobody_elses_concern(
 
 
 async def test_a_mark_that_cannot_be_given_is_a_remark(scratch: Path, does: dict[str, Any]) -> None:
-    async def fail(session: Session, number: int, sync: SyncSettings) -> None:
+    async def fail(session: Session, number: int, sync: SyncSettings) -> GivenMark:
         raise RiseError("there is no loudspeaker")
 
     async with served(scratch) as session:

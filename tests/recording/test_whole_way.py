@@ -61,7 +61,7 @@ async def test_a_film_is_aligned_as_well_as_the_marks_say(tmp_path: Path, monkey
         CliRunner().invoke, main, ["media", "add", str(folder), str(film), "--find-marks", "--json"]
     )
     assert done.exit_code == 0, done.output
-    found = json.loads(done.output)
+    [found] = json.loads(done.output)["files"]
     [file] = read_media(folder)
     assert found["aligned_by"] == "marks" and len(file.marks) == 2 and file.offset is not None
     bound = max(each.within or 0.0 for each in given) + 0.01

@@ -73,3 +73,16 @@ def test_a_study_without_recorders_says_nothing(tmp_path: Path) -> None:
     study = write_study(tmp_path, plan=False)
     decision = decide_recording(study, (), "P01", "debug")
     assert recording_lines(decision) == [] and recorders_text(study.recording) == ""
+
+
+def test_a_study_in_which_nobody_could_be_recorded_is_told_so(tmp_path: Path) -> None:
+    people = "participant,consent_study,status,comment\nP01,2026-11-01,,\n"
+    study = write_study(tmp_path, DESIGN + RECORDING, people, plan=False)
+    (found,) = load_participants(study).diagnostics
+    assert str(found) == (
+        "participants.csv:1:1: warning no-recording-consent: there is no column `consent_recording`, so nobody is "
+        "recorded; did you mean `consent_study`? add it, or name another one in study.toml: "
+        '[recording] consent = "study"'
+    )
+    other = write_study(tmp_path / "other", DESIGN + RECORDING + 'consent = "study"\n', people, plan=False)
+    assert load_participants(other).diagnostics == []

@@ -25,6 +25,8 @@ from rise_engine.scenario.model import Json
 BEGIN_SECONDS = 4.0
 """For which `start` waits for the first sign that something is recorded; afterwards, it is a matter of growth."""
 _INPUT_FORM = 'input = ["-f", "v4l2", "-i", "/dev/video0"]'
+_MATROSKA = ("-flush_packets", "1", "-cluster_time_limit", "1000", "-f", "matroska")
+"""Written every second: without it every 5 s, in which nobody could tell whether it has stalled."""
 _OWN = ("-y", "-n", "-progress", "-nostdin", "-stdin")
 
 
@@ -79,7 +81,7 @@ class FfmpegRecorder:
         run = self._run = RecordingProgram("ffmpeg")
         self._path = path
         arguments = [self.program, "-hide_banner", "-loglevel", "warning", "-nostdin", "-n", "-progress", "pipe:1"]
-        arguments += [*self.input, *self.output, "-flush_packets", "1", "-f", "matroska", f"file:{path}"]
+        arguments += [*self.input, *self.output, *_MATROSKA, f"file:{path}"]
         await run.start(arguments, self._take_progress)
         waiting = [asyncio.create_task(each.wait()) for each in (run.gone, self._began)]
         try:

@@ -1,6 +1,6 @@
 """OBS Studio, over its WebSocket server (obs-websocket 5, part of OBS since 28).
 
-Protocol: https://github.com/obsproject/obs-websocket/blob/master/docs/generated/protocol.md. OBS names its file
+Its protocol: https://github.com/obsproject/obs-websocket. OBS names its file
 itself and tells it in the event `RecordStateChanged`. That event is no time of the first frame. OBS listens on every
 network of the computer, so that it has a password; that is read from a file, since study.toml is given to others.
 """

@@ -59,6 +59,21 @@ async def test_a_recording_can_be_read_and_is_its_owners_alone(tmp_path: Path) -
 
 
 @needs_ffmpeg
+async def test_its_file_grows_every_second_however_little_there_is(tmp_path: Path) -> None:
+    """Matroska is written cluster by cluster, of 5 s when nobody says otherwise: each pause would be a stall."""
+    picture = ["-f", "lavfi", "-i", "color=size=16x16:rate=5", "-t", "10"]  # ten seconds of film, as fast as it can
+    recorder = camera(input=picture)
+    path = await begin(recorder, tmp_path)
+    with pytest.raises(RecorderEnded):
+        async with asyncio.timeout(30):
+            while True:
+                await recorder.status()
+                await asyncio.sleep(0.02)
+    await recorder.close()
+    assert path.read_bytes().count(b"\x1f\x43\xb6\x75") >= 8  # the id of a cluster
+
+
+@needs_ffmpeg
 @pytest.mark.slow
 async def test_one_that_dies_says_why_and_a_new_one_gets_a_new_file(tmp_path: Path) -> None:
     recorder = camera()
