@@ -50,6 +50,8 @@ class RecordedFile(Struct, frozen=True):
     path: str
     started_at: float
     """When its recorder was started, as the caller's clock has it."""
+    bytes: int | None = None
+    """How large it was when that was known last; None: never."""
 
 
 class SupervisedRecorder:
@@ -107,6 +109,7 @@ class SupervisedRecorder:
             self._fail(error)
             return None
         self._kind, self._path, self._started_at = recorder.kind, "", self.now()
+        self._bytes: int | None = None
         asked_to_start = False
         try:
             await call_within(CALL_SECONDS, recorder.prepare(self.plan), "what it is", finish)
@@ -139,6 +142,7 @@ class SupervisedRecorder:
                 self._fail(error)
                 continue
             self._path = status.path or self._path
+            self._bytes = status.bytes or self._bytes  # OBS says 0 once it has stopped
             if not status.recording:
                 self._set(RecordingState("failed", self._path, status.bytes, "it does not record any more"))
             elif not watch.look(status, loop.time()):
@@ -155,10 +159,10 @@ class SupervisedRecorder:
             self._path = path or self._path
         except RecorderError as error:
             problem = problem or str(error)
-        size = await asyncio.to_thread(recording_size, self._path)
+        size = await asyncio.to_thread(recording_size, self._path) or self._bytes
         self._set(RecordingState("failed" if problem else "stopped", self._path, size, problem))
         if self._path:
-            self.files.append(RecordedFile(self.name, self._kind, self._path, self._started_at))
+            self.files.append(RecordedFile(self.name, self._kind, self._path, self._started_at, size))
         await _quietly(CLOSE_SECONDS, recorder.close(), "to let go")
 
     def _fail(self, error: RecorderError) -> None:

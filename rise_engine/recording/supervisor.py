@@ -167,7 +167,7 @@ def _register(files: list[RecordedFile], folder: Path) -> None:
                 path=str(path.relative_to(folder) if inside else path),
                 kind=file.kind,
                 name=file.name,
-                bytes=recording_size(file.path),
+                bytes=recording_size(file.path) or file.bytes,
                 offset=-round(file.started_at, 3),
                 aligned_by="start",
                 added=datetime.now().astimezone().isoformat(timespec="seconds"),

@@ -200,3 +200,18 @@ async def test_one_that_ends_the_moment_it_is_to_finish_is_stopped_once(supervis
     await asyncio.sleep(0)
     await camera.end()
     assert camera.made[0].calls.count("stop") <= 1
+
+
+async def test_a_size_that_is_forgotten_at_the_end_is_the_one_that_was_known_last(supervised: Any) -> None:
+    """OBS says 0 bytes once it has stopped, and its file may lie on another computer, or not be written yet."""
+
+    async def leave_no_file(recorder: ScriptedRecorder) -> None:
+        recorder.path.write_bytes(b"")
+        recorder.recording = False
+
+    camera = supervised()
+    camera.does["stop"] = leave_no_file
+    await asyncio.sleep(5.5)
+    await camera.end()
+    assert camera.said[-1].status == "stopped" and camera.said[-1].bytes == 500
+    assert camera.recorder.files[0].bytes == 500

@@ -35,7 +35,8 @@ def share(folder: Path, **files: str) -> InterfaceCatalog:
 
 
 UNCONFIRMED = frozenset(f"rosbag2_interfaces/srv/{name}" for name in ("IsPaused", "Record", "Resume", "Stop"))
-"""Nobody with a ROS installation has told their hashes yet: they stand in share/rosbag2_interfaces/srv/NAME.json there."""
+"""Nobody with a ROS installation has told their hashes yet (in share/rosbag2_interfaces/srv/NAME.json there)."""
+
 
 # --- hashes --------------------------------------------------------------------------------------------------------
 
