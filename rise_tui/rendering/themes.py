@@ -237,6 +237,8 @@ TERMINAL = _uncolored_theme(
 white and on a black ground."""
 
 THEMES = (DARK, LIGHT, CONTRAST, COLORBLIND, MONO, TERMINAL)
+WHITE, BLACK = "#ffffff", "#000000"
+"""Of a mark for cameras, in every theme: as different as a terminal can show."""
 NAMES = tuple(theme.name.removeprefix("rise-") for theme in THEMES)
 """As the command line has them: dark, light, contrast, colorblind, mono, terminal."""
 DEFAULT = "dark"

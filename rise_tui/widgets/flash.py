@@ -8,8 +8,7 @@ from textual.strip import Strip
 from textual.widget import Widget
 
 from rise_tui.model.flash import FLASH_SECONDS, flash_rows
-
-WHITE, BLACK = "#ffffff", "#000000"
+from rise_tui.rendering.themes import BLACK, WHITE
 
 
 class Flash(Widget, can_focus=False):
