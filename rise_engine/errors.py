@@ -37,8 +37,8 @@
       NodeError                   The node cannot do what it is for
       NotAdmitted                 Somebody cannot attach
       NothingStarted              Nothing is started and nothing attached to
-      OutletError                 It cannot pass on anything
       NothingToKeep               Nothing may be kept of somebody
+      OutletError                 It cannot pass on anything
       OutputError                 Standard output cannot be written
       ParameterError              A value that an action's parameter cannot take
         OutOfRangeError           A number beyond the smallest or the largest that a parameter can have
