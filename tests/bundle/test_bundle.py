@@ -23,11 +23,15 @@ from rise_engine.session.levels import ExportLevel
 from rise_engine.study.state import read_state
 from rise_engine.study.study_log import LogEntry, read_log
 from rise_engine.study.study_toml import load_study
+from rise_engine.study.withdrawal import withdraw
 
 from ..analysis.samples import make_study, play_session, sessions_of, task, write_scenario
 from ..export.test_bids import VALIDATOR, validate, with_validator
 
 SECRETS = ("zelda", "quux", "anna", "felt sick", "looks away", "hurry", "asks something", "/data/", "2026-11-23")
+
+
+FOLDER = "2026-11-23_100000_P01_x_real"
 
 
 def bundle_of(
@@ -166,6 +170,23 @@ def test_the_study_knows_of_it_before_it_is_there(study: Path, bundle: Path) -> 
     assert not any(each.kind == "exported" for each in read_log(bundle))
 
 
+def test_a_bundle_can_be_looked_at_as_the_study_could(study: Path, bundle: Path) -> None:
+    before, after = read_state(study), read_state(bundle)
+    assert after.standing.complete == before.standing.complete == 3
+    assert [each.entry.outcome for each in after.sessions] == [
+        each.entry.outcome for each in before.sessions if each.entry.purpose == "counted"
+    ]
+    assert after.problems == ()
+
+
+def test_a_withdrawal_erases_the_bundle(tmp_path: Path) -> None:
+    study = make_study(tmp_path / "study")
+    bundle_of(study, tmp_path / "bundle", folders=sessions_of(study)[1:4])
+    report = withdraw(study, "P01")
+    assert not (tmp_path / "bundle").exists()
+    assert report.make_again == [f"{tmp_path / 'bundle'} (with P02)"]
+
+
 def test_the_plan_is_left_out_while_somebody_is_to_come(tmp_path: Path) -> None:
     study = make_study(tmp_path / "study")
     folders = sessions_of(study)[1:2]
@@ -244,10 +265,11 @@ def test_the_log_has_no_salts_dates_names_and_no_words_of_people() -> None:
         LogEntry("withdrawn", "2026-11-23T10:00:00", {"slot": 1, "salt": "s3cret", "hash": "abc"}, 1),
         LogEntry("excluded", "2026-11-23T10:00:00", {"reason": "Zelda was ill", "source": "wizard:anna"}, 2),
         LogEntry("exported", "2026-11-23T10:00:00", {"path": "/home/anna/out"}, 3),
-        LogEntry("session", "2026-11-23", {"folder": "2026-11-23_100000_P01_x_real", "started": "2026-11-23"}, 4),
+        LogEntry("session", "2026-11-23", {"folder": FOLDER, "started": "2026-11-23", "purpose": "counted"}, 4),
         LogEntry("outcome", "2026-11-23", {"session": "2026-11-23_110000_P02_x_real", "source": "observer:ben"}, 5),
     ]
-    told = log_text(log, {"2026-11-23_100000_P01_x_real": "P01_x_real_run1"}, {"anna": "W1"}, "shared")
+    pilot = LogEntry("session", "2026-11-23", {"folder": "2026-11-23_090000_P01_x_real_pilot", "purpose": "pilot"}, 6)
+    told = log_text([*log, pilot], {FOLDER: "P01_x_real_run1"}, {"anna": "W1"}, "shared")
     assert not any(word in told for word in ("s3cret", "2026", "anna", "ben", "Zelda", "/home"))
     assert [json.loads(line)["kind"] for line in told.splitlines()] == ["withdrawn", "excluded", "session", "outcome"]
     assert '"folder":"P01_x_real_run1"' in told
