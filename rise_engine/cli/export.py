@@ -19,6 +19,7 @@ from rise_engine.export.format import ExportError, ExportFormat
 from rise_engine.export.formats import format_names, load_format
 from rise_engine.export.records import RecordFormat, SessionExport
 from rise_engine.export.writing import export_context, export_sessions, new_path, note_export
+from rise_engine.nearest_name import did_you_mean
 from rise_engine.session.disk import error_message
 from rise_engine.session.errors import SessionError
 from rise_engine.session.folder import find_session
@@ -61,9 +62,31 @@ class Selection(Struct):
     """What is left out, in sentences."""
 
 
-@click.command()
+def _known_format(ctx: click.Context, param: click.Parameter, value: str) -> str:
+    if value not in (names := format_names()):
+        raise click.BadParameter(f"there is no format {value!r}{did_you_mean(value, names)}", ctx, param)
+    return value
+
+
+class _ExportCommand(click.Command):
+    """Its help lists every format with what it is."""
+
+    def format_epilog(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
+        rows = []
+        for name in format_names():
+            try:
+                rows.append((name, load_format(name).about))
+            except ExportError as error:
+                rows.append((name, str(error)))
+        with formatter.section("Formats"):
+            formatter.write_dl(rows)
+
+
+@click.command(cls=_ExportCommand)
 @click.argument("named", metavar="STUDY|SESSION...", type=click.Path(), nargs=-1, required=True)
-@click.option("--format", type=click.Choice(format_names()), required=True, help="For which programs; see below.")
+@click.option(
+    "--format", metavar="FORMAT", callback=_known_format, required=True, help="For which programs; see below."
+)
 @click.option("-o", "--output", metavar="NEW", type=click.Path(), help="A new file, or a new folder.")
 @click.option(
     "--level",
@@ -165,7 +188,7 @@ def _why_left_out(session: StudySession) -> str:
 def _export(selection: Selection, format: ExportFormat, request: ExportRequest) -> int:
     if request.out is None or request.out == "-":
         folder = selection.several and format.shape == "file-per-session"
-        what = f"file, such as {format.name}{format.suffix}" if format.suffix and not folder else "folder"
+        what = f"file, such as sessions{format.suffix}" if format.suffix and not folder else "folder"
         raise ExportError(f"say where: -o names a new {what}")
     folders = selection.folders
     context = export_context(folders, request.level)

@@ -83,8 +83,9 @@ def test_rows_of_several_sessions_say_whose_they_are(study: Path) -> None:
     ("arguments", "says"),
     [
         (["nowhere", "--format", "csv"], "there is no session `nowhere`"),
+        (["study", "--format", "tabels"], "there is no format 'tabels'; did you mean `tables`?"),
         (["study", "--format", "tables"], "say where: -o names a new folder"),
-        (["study", "--format", "csv"], "say where: -o names a new file, such as csv.csv"),
+        (["study", "--format", "csv"], "say where: -o names a new file, such as sessions.csv"),
         (["study", "--format", "jsonl", "-o", "-"], "say where: -o names a new folder"),
         (["study", "--format", "tables", "-o", "study"], "study is there already, and nothing is ever written over"),
         (["study", "--format", "tables", "-o", "no/where"], "no/where cannot be made: there is no folder no"),
@@ -96,6 +97,12 @@ def test_what_cannot_be_done_is_said(study: Path, arguments: list[str], says: st
     assert result.exit_code == 2 and says in result.stderr
     assert (study / "study.jsonl").read_bytes() == before
     assert sorted(path.name for path in Path().iterdir()) == ["study"]
+
+
+def test_help_says_what_every_format_is() -> None:
+    text = export("--help").stdout
+    for name in format_names():
+        assert f"\n  {name} " in text
 
 
 def test_a_study_that_is_not_right_says_everything(study: Path) -> None:

@@ -1,4 +1,4 @@
-"""docs/reference/exports.md has every column, as the tables describe it. `python -m tests.export.test_page` writes them."""
+"""docs/reference/exports.md has every column; `python -m tests.export.test_page` writes its tables anew."""
 
 from __future__ import annotations
 
