@@ -13,7 +13,7 @@ from msgspec import Struct
 from rise_engine.analysis.statistics import Summary, summarise
 from rise_engine.report.bands import BANDS
 from rise_engine.report.document import Figure, number_text, seconds_text
-from rise_engine.report.latency import BIN, LAST_BIN, LatencyFacts, Part, histogram
+from rise_engine.report.latency import BIN, LAST_BIN, LatencyFacts, LatencyPart, histogram
 from rise_engine.report.svg import Drawing
 from rise_engine.text import clean
 
@@ -69,7 +69,7 @@ def latency_figure(facts: LatencyFacts) -> Figure:
 
 
 def _draw_histogram(
-    drawing: Drawing, part: Part, left: float, top: float, width: float, height: float, *, names: bool
+    drawing: Drawing, part: LatencyPart, left: float, top: float, width: float, height: float, *, names: bool
 ) -> None:
     counts = histogram(part.values)
     unit = width / ((len(counts)) * BIN)
@@ -129,7 +129,7 @@ def _summary_words(summary: Summary | None) -> str:
     )
 
 
-def _histogram_lines(parts: Sequence[Part], width: int) -> list[str]:
+def _histogram_lines(parts: Sequence[LatencyPart], width: int) -> list[str]:
     """A line of blocks for each part: as many characters for a bin as there is room for."""
     bins = round(LAST_BIN / BIN) + 1
     label = 11
@@ -147,7 +147,7 @@ def _histogram_lines(parts: Sequence[Part], width: int) -> list[str]:
         blocks = "".join(_LEVELS[0 if not count else max(1, round(count / most * 8))] * each for count in counts)
         middle = part.summary.median if part.summary is not None else None
         lines.append(f"{part.name:<{label}}{blocks} {seconds_text(middle)}")
-    lines.append(" " * label + "within the limits of the bands; right: the median")
+    lines.append(f"By seconds, in steps of {BIN:g}; ┼ the limits of the bands. Right: the median.")
     return lines
 
 
@@ -215,7 +215,7 @@ def _dot_lines(rows: Sequence[DotRow], width: int) -> list[str]:
         middle = seconds_text(summary.median) if summary is not None else "none"
         lines.append(clean(row.name)[: label - 1].ljust(label) + "".join(cells) + f" {middle}")
     lines.append(" " * label + "0" + f"{scale:.1f} s".rjust(room - 1))
-    lines.append(" " * label + "\u25cf a session  \u2503 median  \u2500 middle half")
+    lines.append("\u25cf a session's median response   \u2503 their median   \u2500 their middle half")
     return lines
 
 

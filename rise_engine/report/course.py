@@ -131,7 +131,8 @@ def _lines(lanes: list[Lane], duration: float, width: int) -> list[str]:
         lines.append(_shorten(lane.name, label - 1).ljust(label) + "".join(cells))
     end = clock_text(duration)
     lines.append(" " * label + "0:00" + end.rjust(room - 4))
-    return lines
+    lines += ["", "\u2588 it lasted   \u2592 a filler; a rule's next state   ? a cue without answer"]
+    return [*lines, "| a note or mark   x a mistake   ! a stop or fault"]
 
 
 def _cell(at: float, duration: float, room: int) -> int:

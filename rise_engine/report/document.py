@@ -29,7 +29,7 @@ class Facts(Struct, frozen=True):
     rows: tuple[tuple[str, str], ...]
 
 
-class Table(Struct, frozen=True, kw_only=True):
+class ReportTable(Struct, frozen=True, kw_only=True):
     """Rows under named columns."""
 
     caption: str
@@ -50,13 +50,14 @@ class Figure(Struct, frozen=True, kw_only=True):
     """A drawing, and the same for who cannot see one."""
 
     caption: str
+    """On the page, how to read it."""
     svg: tuple[str, ...]
     """Whole `<svg>` elements, made by `rise_engine.report.svg`; a page can break between them."""
     text: Callable[[int], list[str]] | None = None
-    """Lines that say the same, for a width in characters; None: the tables beside it do."""
+    """Lines that say the same, for a width in characters, and how to read them; None: the tables beside it do."""
 
 
-Block: TypeAlias = Paragraph | Facts | Table | Figure
+Block: TypeAlias = Paragraph | Facts | ReportTable | Figure
 
 
 class Section(Struct, frozen=True):

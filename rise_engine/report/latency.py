@@ -18,7 +18,7 @@ LIMITS = (1.0, 2.0)
 """Seconds over which shares are told."""
 
 
-class Part(Struct, frozen=True):
+class LatencyPart(Struct, frozen=True):
     """One part of a latency."""
 
     name: str
@@ -38,15 +38,15 @@ class Part(Struct, frozen=True):
 class LatencyFacts(Struct, frozen=True):
     """The latencies of the acts that answered a cue, and apart from them those of fillers."""
 
-    parts: tuple[Part, ...]
+    parts: tuple[LatencyPart, ...]
     """wizard, way (or, of acts that no key led to, no key), queue, robot, voice: of answers, and those of an act add up
     to its response."""
-    response: Part
-    to_filler: Part
+    response: LatencyPart
+    to_filler: LatencyPart
     """From the cue until the first filler."""
-    after_filler: Part
+    after_filler: LatencyPart
     """From the cue to the answer, of cues that a filler bridged."""
-    without_filler: Part
+    without_filler: LatencyPart
     """The same, of the others."""
     in_bands: tuple[int, ...]
     """How many responses lie in each of `rise_engine.report.bands.BANDS`."""
@@ -101,5 +101,5 @@ def histogram(values: Iterable[float]) -> list[int]:
     return counts
 
 
-def _part(name: str, about: str, values: Sequence[float | None]) -> Part:
-    return Part(name, about, tuple(value for value in values if value is not None))
+def _part(name: str, about: str, values: Sequence[float | None]) -> LatencyPart:
+    return LatencyPart(name, about, tuple(value for value in values if value is not None))

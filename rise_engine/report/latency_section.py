@@ -6,15 +6,15 @@ from collections.abc import Iterable, Sequence
 
 from rise_engine.report.bands import BANDS, CAVEATS, SOURCES
 from rise_engine.report.charts import latency_figure
-from rise_engine.report.document import Block, Paragraph, Section, Table, number_text, percent_text
-from rise_engine.report.latency import LIMITS, LatencyFacts, Part
+from rise_engine.report.document import Block, Paragraph, ReportTable, Section, number_text, percent_text
+from rise_engine.report.latency import LIMITS, LatencyFacts, LatencyPart
 from rise_engine.report.wording import source_name
 
 _HEAD = ("", "n", "median", "middle half", "95 % within", *(f"over {limit:g} s" for limit in LIMITS))
 _NUMBERS = frozenset(range(1, len(_HEAD)))
 
 
-def latency_section(facts: LatencyFacts, by_source: Sequence[Part]) -> Section:
+def latency_section(facts: LatencyFacts, by_source: Sequence[LatencyPart]) -> Section:
     """Latencies in parts over the reference bands, fillers apart, with sources and caveats.
 
     :param facts: the numbers.
@@ -23,12 +23,12 @@ def latency_section(facts: LatencyFacts, by_source: Sequence[Part]) -> Section:
     return Section("Latency", tuple(_blocks(facts, by_source)))
 
 
-def _blocks(facts: LatencyFacts, by_source: Sequence[Part]) -> Iterable[Block]:
+def _blocks(facts: LatencyFacts, by_source: Sequence[LatencyPart]) -> Iterable[Block]:
     if facts.response.summary is None:
         yield Paragraph("No act answered a cue, so nobody knows how long the participant waited.")
     else:
         yield latency_figure(facts)
-        yield Table(
+        yield ReportTable(
             caption="From a cue to the robot's answer, in seconds. The parts of each act add up to its response: the "
             "wizard presses a key, the key reaches the engine (of an act without a key, all until the engine has "
             "it), the act waits for its turn, the robot confirms its first action, and, where it speaks, its speech",
@@ -37,14 +37,14 @@ def _blocks(facts: LatencyFacts, by_source: Sequence[Part]) -> Iterable[Block]:
             numbers=_NUMBERS,
         )
         if len(by_source) > 1:
-            yield Table(
+            yield ReportTable(
                 caption="Responses by who asked for the act",
                 head=_HEAD,
-                rows=tuple(_row(Part(source_name(each.name), "", each.values)) for each in by_source),
+                rows=tuple(_row(LatencyPart(source_name(each.name), "", each.values)) for each in by_source),
                 numbers=_NUMBERS,
             )
     if facts.to_filler.values:
-        yield Table(
+        yield ReportTable(
             caption="Fillers, apart: from the cue until the first filler, and until the answer of cues with and "
             "without one",
             head=_HEAD,
@@ -54,7 +54,7 @@ def _blocks(facts: LatencyFacts, by_source: Sequence[Part]) -> Iterable[Block]:
     if facts.response.summary is not None:
         yield _bands(facts)
         yield Paragraph(" ".join(CAVEATS), "note")
-        yield Table(
+        yield ReportTable(
             caption="Sources of the bands",
             head=("publication", "what it found, in our words"),
             rows=tuple((f"{each.citation}{f', doi {each.doi}' if each.doi else ''}", each.found) for each in SOURCES),
@@ -62,7 +62,7 @@ def _blocks(facts: LatencyFacts, by_source: Sequence[Part]) -> Iterable[Block]:
         )
 
 
-def _row(part: Part) -> tuple[str, ...]:
+def _row(part: LatencyPart) -> tuple[str, ...]:
     summary = part.summary
     name = f"{part.name} ({part.about})" if part.about else part.name
     if summary is None:
@@ -78,9 +78,9 @@ def _row(part: Part) -> tuple[str, ...]:
     )
 
 
-def _bands(facts: LatencyFacts) -> Table:
+def _bands(facts: LatencyFacts) -> ReportTable:
     n = len(facts.response.values)
-    return Table(
+    return ReportTable(
         caption="Responses in the reference bands, and what is known of these",
         head=("band", "n", "share", "what is known"),
         rows=tuple(

@@ -8,7 +8,7 @@ from __future__ import annotations
 from collections.abc import Iterable
 from importlib.resources import files
 
-from rise_engine.report.document import Block, Document, Facts, Figure, Paragraph, Section, Table
+from rise_engine.report.document import Block, Document, Facts, Figure, Paragraph, ReportTable, Section
 from rise_engine.report.markup import element, escape
 
 POLICY = "default-src 'none'; style-src 'unsafe-inline'"
@@ -71,7 +71,7 @@ def _block(block: Block) -> str:
             return element("p", escape(block.text), class_="" if block.voice == "plain" else block.voice)
         case Facts():
             return _facts(block.rows)
-        case Table():
+        case ReportTable():
             return _table(block)
         case Figure():
             caption = element("figcaption", escape(block.caption)) if block.caption else ""
@@ -83,7 +83,7 @@ def _facts(rows: Iterable[tuple[str, str]]) -> str:
     return element("dl", "\n".join(lines))
 
 
-def _table(table: Table) -> str:
+def _table(table: ReportTable) -> str:
     head = "".join(
         element("th", escape(name), scope="col", class_="number" * (at in table.numbers))
         for at, name in enumerate(table.head)

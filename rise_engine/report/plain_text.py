@@ -6,7 +6,7 @@ import textwrap
 from collections.abc import Iterable
 from unicodedata import east_asian_width
 
-from rise_engine.report.document import Block, Document, Facts, Figure, Paragraph, Table
+from rise_engine.report.document import Block, Document, Facts, Figure, Paragraph, ReportTable
 from rise_engine.text import clean
 
 WIDTH = 80
@@ -52,8 +52,9 @@ def _block(block: Block, width: int) -> list[str]:
         case Facts():
             return _facts(block.rows, width)
         case Figure():
-            return [*_wrap(block.caption, width), *block.text(width)] if block.text is not None else []
-        case Table():
+            made = block.text(width) if block.text is not None else []
+            return [part for line in made for part in (_wrap(line, width) if cells_wide(line) > width else [line])]
+        case ReportTable():
             if block.page_only or block.folded:
                 return _wrap(f"({block.caption}: in the HTML report, -o FILE.html)", width)
             return _table(block, width)
@@ -69,7 +70,7 @@ def _facts(rows: Iterable[tuple[str, str]], width: int) -> list[str]:
     return lines
 
 
-def _table(table: Table, width: int) -> list[str]:
+def _table(table: ReportTable, width: int) -> list[str]:
     lines = _wrap(table.caption, width)
     shown = [table.head, *table.rows]
     columns = [at for at in range(len(table.head)) if any(row[at] for row in table.rows)]  # empty ones say nothing

@@ -19,7 +19,7 @@ from rise_engine.kernel.records import (
     RuleRecord,
     StopRecord,
 )
-from rise_engine.report.latency import LatencyFacts, Part, answers, latencies
+from rise_engine.report.latency import LatencyFacts, LatencyPart, answers, latencies
 
 MARKS: tuple[Mark, ...] = ("wrong", "late", "early", "double")
 FREE_SPEECH = "say"
@@ -87,7 +87,7 @@ class SessionFigures(Struct, frozen=True):
     """Everything that is counted of one session."""
 
     latency: LatencyFacts
-    by_source: tuple[Part, ...]
+    by_source: tuple[LatencyPart, ...]
     """Responses of each who acted, most first."""
     acts: tuple[ActFacts, ...]
     states: tuple[StateFacts, ...]
@@ -123,13 +123,13 @@ def session_figures(data: SessionData) -> SessionFigures:
     )
 
 
-def _by_source(acts: Iterable[PlayedAct]) -> tuple[Part, ...]:
+def _by_source(acts: Iterable[PlayedAct]) -> tuple[LatencyPart, ...]:
     found: dict[str, list[float]] = {}
     for act in answers(acts):
         if act.response_s is not None:
             found.setdefault(act.source, []).append(act.response_s)
     named = sorted(found, key=lambda source: (-len(found[source]), source))
-    return tuple(Part(source, "cue to answer", tuple(found[source])) for source in named)
+    return tuple(LatencyPart(source, "cue to answer", tuple(found[source])) for source in named)
 
 
 def _act_facts(acts: Iterable[PlayedAct]) -> Iterable[ActFacts]:

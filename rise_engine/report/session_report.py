@@ -13,8 +13,8 @@ from rise_engine.report.document import (
     Document,
     Facts,
     Paragraph,
+    ReportTable,
     Section,
-    Table,
     clock_text,
     length_text,
     number_text,
@@ -162,7 +162,7 @@ def _checks(data: SessionData) -> Iterable[Block]:
     for problem in data.problems:
         yield Paragraph(problem, "warning")
     if data.checks:
-        yield Table(
+        yield ReportTable(
             caption="What was looked at before and after the session",
             head=("check", "result", "what was looked at", "found", "reason", "by"),
             rows=tuple(
@@ -209,7 +209,7 @@ def _acts(figures: SessionFigures) -> Iterable[Block]:
                 ended,
             )
         )
-    yield Table(
+    yield ReportTable(
         caption="Acts, most frequent first. Times in seconds, medians; the response is that of acts that answered a "
         "cue",
         head=("act", "begun", "asked for by", "length", "response", "n", "marked", "not succeeded"),
@@ -238,7 +238,7 @@ def _rules(data: SessionData, figures: SessionFigures) -> Iterable[Block]:
             )
         )
         before = state.rule
-    yield Table(
+    yield ReportTable(
         caption="Phases: how often each rule was in a state, for how long in all, what part of the session that is, "
         "and the median of one visit in seconds",
         head=("rule", "state", "visits", "in all", "%", "median", "note"),
@@ -279,7 +279,7 @@ def _mistakes(data: SessionData, figures: SessionFigures) -> Iterable[Block]:
         if point.kind in ("mistake", "fault", "stop", "robot") and point.name != "connected"
     ]
     if moments:
-        yield Table(
+        yield ReportTable(
             caption="When",
             head=("at", "what", "about", "told", "by"),
             rows=tuple(
@@ -306,7 +306,7 @@ def _repairs(data: SessionData) -> str:
 def _notes(data: SessionData) -> Iterable[Block]:
     notes = [point for point in data.points if point.kind == "note"]
     if notes:
-        yield Table(
+        yield ReportTable(
             caption=f"{pluralize(len(notes), 'note')}, as the level tells them",
             head=("at", "note", "by"),
             rows=tuple((clock_text(each.at), each.value, source_name(each.source)) for each in notes),
@@ -319,7 +319,7 @@ def _notes(data: SessionData) -> Iterable[Block]:
 
 def _recordings(data: SessionData) -> Iterable[Block]:
     if data.recordings:
-        yield Table(
+        yield ReportTable(
             caption="Recorders, as they stood last",
             head=("recorder", "status", "file", "MB", "reason"),
             rows=tuple(
@@ -329,7 +329,7 @@ def _recordings(data: SessionData) -> Iterable[Block]:
             marked=frozenset(at for at, each in enumerate(data.recordings) if each.status in ("stalled", "failed")),
         )
     if data.media:
-        yield Table(
+        yield ReportTable(
             caption="Files, and where they lie against the session's clock: media time = offset + rate \u00d7 session "
             "time",
             head=("file", "kind", "length", "offset in s", "drift in ppm", "aligned by", "marks found"),
@@ -377,7 +377,7 @@ def _in_order(data: SessionData) -> Iterable[Block]:
         rows.append((phase.start, (f"{phase.rule}: {phase.state}", source_name(phase.source), "", "", phase.trigger)))
     rows.sort(key=lambda each: each[0])
     if rows:
-        yield Table(
+        yield ReportTable(
             caption=f"Everything in its order: {len(rows)} acts, cues and phases",
             head=("at", "what", "by", "status", "response", "told"),
             rows=tuple((clock_text(at), *row) for at, row in rows),

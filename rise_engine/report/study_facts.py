@@ -10,7 +10,7 @@ from msgspec import Struct
 from rise_engine.analysis.model import ActorKind, SessionData, SessionFacts
 from rise_engine.analysis.statistics import Share, Summary, summarise
 from rise_engine.report.bands import BANDS
-from rise_engine.report.latency import LatencyFacts, Part
+from rise_engine.report.latency import LatencyFacts, LatencyPart
 from rise_engine.report.session_facts import SessionFigures, session_figures
 
 DEBRIEF = "debrief"
@@ -214,7 +214,7 @@ def pool(found: Sequence[LatencyFacts]) -> LatencyFacts:
     names = dict.fromkeys((part.name, part.about) for facts in found for part in facts.parts)
     return LatencyFacts(
         parts=tuple(
-            Part(
+            LatencyPart(
                 name,
                 about,
                 tuple(v for facts in found for part in facts.parts if part.name == name for v in part.values),
@@ -229,5 +229,5 @@ def pool(found: Sequence[LatencyFacts]) -> LatencyFacts:
     )
 
 
-def _join(name: str, about: str, parts: Iterable[Part]) -> Part:
-    return Part(name, about, tuple(value for part in parts for value in part.values))
+def _join(name: str, about: str, parts: Iterable[LatencyPart]) -> LatencyPart:
+    return LatencyPart(name, about, tuple(value for part in parts for value in part.values))

@@ -15,8 +15,8 @@ from rise_engine.report.document import (
     Document,
     Facts,
     Paragraph,
+    ReportTable,
     Section,
-    Table,
     clock_text,
     length_text,
     number_text,
@@ -143,9 +143,9 @@ def _plan(given: StudyReportInput) -> Iterable[Block]:
         yield Paragraph(problem, "warning")
     standing = given.standing
     yield Facts(tuple(_flow(standing, given.withdrawn)))
-    out = [each for each in standing.participants if each.state in ("excluded", "aborted", "withdrawn")]
+    out = [each for each in standing.participants if each.state in ("excluded", "aborted")]
     if out:
-        yield Table(
+        yield ReportTable(
             caption="Who is out or was broken off, and why",
             head=("participant", "state", "reason"),
             rows=tuple((each.participant, each.state, _reason(each, given.level)) for each in out),
@@ -184,9 +184,9 @@ def _reason(each: ParticipantStanding, level: ExportLevel) -> str:
     return f"[free text, {pluralize(len(why.split()), 'word')}]"
 
 
-def _cells(standing: StudyStanding) -> Table:
+def _cells(standing: StudyStanding) -> ReportTable:
     strata = list(dict.fromkeys(column for cell in standing.cells for column in cell.strata))
-    return Table(
+    return ReportTable(
         caption="The plan against what happened: participants in each cell of the between factors",
         head=(*strata, "cell", "complete", "open", "planned"),
         rows=tuple(
@@ -242,7 +242,7 @@ def _conditions(given: StudyReportInput) -> Iterable[Block]:
                 share_text(marked, acts),
             )
         )
-    yield Table(
+    yield ReportTable(
         caption="Complete sessions by condition: medians of the sessions' median responses in seconds",
         head=("condition", "sessions", "people", "answers", "median", "middle half", "length", "acts marked"),
         rows=tuple(table),
@@ -288,7 +288,7 @@ def _wizards(given: StudyReportInput) -> Iterable[Block]:
             "From cue to key in each wizard's complete sessions, in their order: the median of a session, and its "
             "middle half. A line that climbs or falls is a wizard who changes.",
         )
-    yield Table(
+    yield ReportTable(
         caption="Wizards in complete sessions. From cue to key in seconds; marks as mistakes per 100 acts with their "
         "95 % interval; rehearsals are sessions of theirs before the first that counted",
         head=("wizard", "sessions", "acts", "cue to key", "middle half", "first, last", "per 100", "rehearsals"),
@@ -336,7 +336,7 @@ def _checks(given: StudyReportInput) -> Iterable[Block]:
     if debriefed is not None:
         yield Paragraph(f"Debriefed after {share_text(debriefed.count, debriefed.n)} complete sessions.")
     if counts:
-        yield Table(
+        yield ReportTable(
             caption=f"What came of each check in {pluralize(len(given.figures.complete), 'complete session')}",
             head=("check", "passed", "skipped", "failed", "no record"),
             rows=tuple(
@@ -378,7 +378,7 @@ def _sessions(given: StudyReportInput) -> Iterable[Block]:
                 ", ".join(skipped),
             )
         )
-    yield Table(
+    yield ReportTable(
         caption="Every session, in the order in which they began; the response is the session's median, in seconds",
         head=("who", "run", "condition", "outcome", "length", "cues", "response", "marked", "stops", "skipped"),
         rows=tuple(table),
@@ -400,7 +400,7 @@ def _sheet(given: StudyReportInput) -> Iterable[Block]:
             "warning",
         )
     for part in dict.fromkeys(item.part for item in sheet):
-        yield Table(
+        yield ReportTable(
             caption=part,
             head=("item", "from the record", "said by people"),
             rows=tuple(

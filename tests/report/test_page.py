@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from rise_engine.report.document import Document, Facts, Figure, Paragraph, Section, Table
+from rise_engine.report.document import Document, Facts, Figure, Paragraph, ReportTable, Section
 from rise_engine.report.markup import element, escape
 from rise_engine.report.page import page_text
 from rise_engine.report.plain_text import cells_wide, text_lines
@@ -54,12 +54,12 @@ def document(*texts: str) -> Document:
     drawing = Drawing(10, 10, text, text, name="course")
     drawing.box(0, 0, 1, 1, "act", text)
     drawing.text(0, 0, text)
-    table = Table(caption=text, head=(text, "b"), rows=((text, text),), note=text)
+    table = ReportTable(caption=text, head=(text, "b"), rows=((text, text),), note=text)
     blocks = (
         Paragraph(text, "warning"),
         Facts(((text, text),)),
         table,
-        Table(caption=f"{text} folded", head=(text,), rows=((text,),), folded=True),
+        ReportTable(caption=f"{text} folded", head=(text,), rows=((text,),), folded=True),
         Figure(caption=text, svg=(drawing.whole(),), text=lambda width: []),
     )
     sections = (Section(text, blocks), Section("Two", ()))
@@ -118,7 +118,7 @@ def test_attributes_are_quoted_and_empty_ones_left_out():
     st.integers(40, 120),
 )
 def test_no_line_is_wider_than_the_terminal(rows, width):
-    table = Table(caption="c " * 60, head=("first", "second", "n"), rows=tuple(rows), numbers=frozenset({2}))
+    table = ReportTable(caption="c " * 60, head=("first", "second", "n"), rows=tuple(rows), numbers=frozenset({2}))
     facts = tuple((name[:12], value) for name, value, _ in rows)
     made = Document(title="t" * 200, kind="k", banner="b " * 80, facts=facts, sections=(Section("S", (table,)),))
     for line in text_lines(made, width):
@@ -127,13 +127,13 @@ def test_no_line_is_wider_than_the_terminal(rows, width):
 
 def test_numbers_stand_to_the_right_and_empty_columns_go():
     rows = (("a", "1.5", "", "x"), ("bb", "10.25", "", ""))
-    table = Table(caption="Numbers", head=("name", "n", "gone", "told"), rows=rows, numbers=frozenset({1}))
+    table = ReportTable(caption="Numbers", head=("name", "n", "gone", "told"), rows=rows, numbers=frozenset({1}))
     lines = text_lines(Document(title="T", kind="K", sections=(Section("S", (table,)),)))
     assert lines[-4:] == ["name      n  told", "─────────────────", "a       1.5  x", "bb    10.25"]
 
 
 def test_words_stay_whole_as_long_as_there_is_room():
     rows = (("participant", "a sentence that is much longer than a line of a terminal " * 3),)
-    table = Table(caption="", head=("who", "told"), rows=rows)
+    table = ReportTable(caption="", head=("who", "told"), rows=rows)
     lines = text_lines(Document(title="T", kind="K", sections=(Section("S", (table,)),)), 60)
     assert any(line.startswith("participant  a sentence that") for line in lines)
