@@ -12,9 +12,9 @@ from rise_engine.export.format import ExportError, ExportFormat
 
 _OWN = {
     "tables": "rise_engine.export.tables:FORMAT",
-    "bids": "rise_engine.export.bids:FORMAT",
     "csv": "rise_engine.export.records:CSV",
     "jsonl": "rise_engine.export.records:JSONL",
+    "bids": "rise_engine.export.bids:FORMAT",
 }
 """Where each is, in the order in which help lists them. Loaded when it is asked for: some take a while."""
 ENTRY_POINTS = "rise.exports"

@@ -221,6 +221,23 @@ def test_nothing_is_written_over_and_nothing_is_left(study: Path, tmp_path: Path
     assert [path.name for path in tmp_path.iterdir()] == ["there"]
 
 
+def test_who_publishes_stands_in_study_toml(tmp_path: Path) -> None:
+    study = make_study(tmp_path / "study")
+    with (study / "study.toml").open("a", encoding="utf-8") as file:
+        file.write('\n[report]\nauthors = "Doe, J.; Roe, M."\nlicense = "CC0-1.0"\ninstitution = "A lab"\n')
+    report = bundle_of(study, tmp_path / "bundle", folders=sessions_of(study)[1:2])
+    assert not any("LICENSE" in each or "dataset_description" in each for each in report.look_at)
+    crate = json.loads((tmp_path / "bundle" / "ro-crate-metadata.json").read_text("utf-8"))["@graph"]
+    people = [each["name"] for each in crate if each["@type"] == "Person"]
+    assert people == ["Doe, J.", "Roe, M."]
+    assert crate[1]["license"] == {"@id": "https://creativecommons.org/publicdomain/zero/1.0/"}
+    assert crate[1]["author"] == [{"@id": "#author-1"}, {"@id": "#author-2"}]
+    described = json.loads((tmp_path / "bundle" / "bids" / "dataset_description.json").read_text("utf-8"))
+    assert (described["Authors"], described["License"]) == (["Doe, J.", "Roe, M."], "CC0-1.0")
+    task = json.loads((tmp_path / "bundle" / "bids" / "task-hesitation_events.json").read_text("utf-8"))
+    assert task["InstitutionName"] == "A lab"
+
+
 # --- its study's files ----------------------------------------------------------------------------------------------
 
 
