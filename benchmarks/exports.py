@@ -6,13 +6,11 @@ Beside it the floor: a process that only reads the lines of all journals.
 
 from __future__ import annotations
 
-import os
 import shutil
 import subprocess
 import sys
 import tempfile
 import time
-from collections.abc import Sequence
 from datetime import timedelta
 from pathlib import Path
 
@@ -32,10 +30,26 @@ RECORDS = 1_200
 HOUR = 3_600.0
 SECONDS = 60.0
 MEGABYTES = 500.0
-_READ = "from pathlib import Path; import sys; from rise_engine.session.journal_reader import read_journal\n"
-_FLOOR = (
-    _READ + "print(sum(1 for p in Path(sys.argv[1]).glob('*/journal.jsonl') for _ in read_journal(p).read_records()))"
-)
+_MEMORY = """
+import atexit, resource, sys
+from pathlib import Path
+
+@atexit.register
+def _say_memory():
+    try:  # what the parent had counts with it elsewhere
+        told = Path("/proc/self/status").read_text().partition("VmHWM:")[2].split()[0]
+    except OSError:
+        told = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss // (1024 if sys.platform == "darwin" else 1)
+    print("\\nkilobytes", told, flush=True)
+"""
+_FLOOR = f"""{_MEMORY}
+from rise_engine.session.journal_reader import read_journal
+print(sum(1 for path in Path(sys.argv[1]).glob("*/journal.jsonl") for _ in read_journal(path).read_records()))
+"""
+_EXPORT = f"""{_MEMORY}
+from rise_engine.cli import main
+main()
+"""
 
 
 def hour(late: float) -> Script:
@@ -94,19 +108,14 @@ def make_study(folder: Path) -> None:
         """Writes what the folders say into the log."""
 
 
-def measured(command: Sequence[str]) -> tuple[float, float]:
-    """Seconds of a process that must succeed, and the megabytes that it had at most; no fewer than this one has, which
-    the system counts with it."""
+def measured(program: str, *arguments: str) -> tuple[float, float]:
+    """Seconds of a process that must succeed, and the megabytes that it had at most."""
     start = time.perf_counter()
-    with tempfile.TemporaryFile() as said:
-        process = subprocess.Popen(command, stdout=said, stderr=said)
-        _, status, usage = os.wait4(process.pid, 0)
-        seconds = time.perf_counter() - start
-        process.returncode = os.waitstatus_to_exitcode(status)
-        if process.returncode:
-            said.seek(0)
-            raise SystemExit(f"{' '.join(command)} ended with {process.returncode}: {said.read().decode()}")
-    return seconds, usage.ru_maxrss / (1024 * 1024 if sys.platform == "darwin" else 1024)
+    process = subprocess.run([sys.executable, "-c", program, *arguments], capture_output=True, text=True, check=False)
+    seconds = time.perf_counter() - start
+    if process.returncode:
+        raise SystemExit(f"{' '.join(arguments)} ended with {process.returncode}: {process.stderr}")
+    return seconds, float(process.stdout.rpartition("kilobytes")[2]) / 1024
 
 
 def main() -> bool:
@@ -119,13 +128,14 @@ def main() -> bool:
             f"Exports of a study: {len(sessions)} sessions of an hour, {records:,} records each", "wall time and memory"
         )
         report.target("records in a session", records, RECORDS, at_least=True)
-        seconds, memory = measured([sys.executable, "-c", _FLOOR, str(folder / "sessions")])
+        seconds, memory = measured(_FLOOR, str(folder / "sessions"))
         report.row("floor: reading all journals", f"{seconds:.1f} s", f"{memory:.0f} MB")
-        export = [sys.executable, "-m", "rise_engine", "export", str(folder)]
         for format in format_names():
             for level in ("full", "shared"):
                 out = Path(name) / f"{format}-{level}"
-                seconds, memory = measured([*export, "--format", format, "--level", level, "-o", str(out)])
+                seconds, memory = measured(
+                    *(_EXPORT, "export", str(folder), "--format", format, "--level", level, "-o", str(out))
+                )
                 report.target(f"{format}, {level}: seconds", seconds, SECONDS, at_least=False)
                 report.target(f"{format}, {level}: megabytes", memory, MEGABYTES, at_least=False)
                 shutil.rmtree(out) if out.is_dir() else out.unlink()

@@ -27,9 +27,10 @@ from rise_engine.session.levels import LEVELS, ExportLevel
 from rise_engine.study.model import StudyStanding
 from rise_engine.study.sessions import StudySession
 from rise_engine.study.state import StudyUnusable, read_state
-from rise_engine.study.study_log import StudyLogError
+from rise_engine.study.study_log import StudyLogError, read_log
 from rise_engine.study.study_toml import STUDY_FILE, is_study
-from rise_engine.study.traces import study_of_session, wizard_names
+from rise_engine.study.traces import owner_of, study_of_session, wizard_names
+from rise_engine.study.withdrawn import is_withdrawn
 from rise_engine.text import clean, pluralize
 
 RECORD_FORMATS: tuple[RecordFormat, ...] = ("csv", "jsonl")
@@ -135,7 +136,7 @@ def select_sessions(named: Sequence[str], *, all: bool = False) -> Selection:
 
     :param named: folders of studies (or their study.toml), and sessions as `find_session` takes them.
     :param all: of studies, also the sessions that do not count or did not end.
-    :raises ExportError: nothing is left to export.
+    :raises ExportError: nothing is left to export, or one is the session of somebody who has withdrawn.
     :raises SessionError: one is no session.
     :raises StudyUnusable: a study's files are not right.
     :raises StudyLogError: a study's log cannot be read.
@@ -146,12 +147,21 @@ def select_sessions(named: Sequence[str], *, all: bool = False) -> Selection:
         if is_study(path):
             _select_study(selection, path, all=all, alone=len(named) == 1)
         else:
-            selection.folders.append(find_session(name))
+            folder = find_session(name)
+            _refuse_withdrawn(folder)
+            selection.folders.append(folder)
     unique = {folder.resolve(): folder for folder in reversed(selection.folders)}
     selection.folders = list(reversed(unique.values()))
     if not selection.folders:
         raise ExportError("\n".join(["there is no session to export", *selection.remarks]))
     return selection
+
+
+def _refuse_withdrawn(folder: Path) -> None:
+    """What a backup has brought back of somebody who has withdrawn is nobody's data."""
+    study = study_of_session(folder)
+    if study is not None and is_withdrawn(owner_of(folder), read_log(study)):
+        raise ExportError(f"{folder.name} is not exported: its participant has withdrawn")
 
 
 def _select_study(selection: Selection, path: Path, *, all: bool, alone: bool) -> None:

@@ -170,3 +170,6 @@ def test_one_that_has_withdrawn_and_left_a_folder_is_not_exported(study: Path, t
     result = export("study", "--format", "csv", "--all", "-o", "out.csv")
     assert f"note: {folder.name} is not in the export: its participant has withdrawn" in result.stderr
     assert folder.name not in sessions_in("out.csv") and (folder / JOURNAL).exists()
+    result = export(folder, "--format", "csv")
+    assert (result.exit_code, result.stdout) == (2, "")
+    assert result.stderr == f"error: {folder.name} is not exported: its participant has withdrawn\n"
