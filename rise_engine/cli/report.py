@@ -10,6 +10,7 @@ from pathlib import Path
 import click
 
 from rise_engine.cli.arguments import exit_with_usage
+from rise_engine.cli.export import select_sessions
 from rise_engine.cli.terminal import discard_rest
 from rise_engine.exit_status import BROKEN_PIPE, OK, PARTIAL, USAGE
 from rise_engine.export.format import ExportError
@@ -18,7 +19,6 @@ from rise_engine.report.making import MadeReport, make_session_report, make_stud
 from rise_engine.report.page import page_text
 from rise_engine.report.plain_text import WIDTH, text_lines
 from rise_engine.session.errors import SessionError
-from rise_engine.session.folder import find_session
 from rise_engine.session.levels import LEVELS, ExportLevel
 from rise_engine.study.state import StudyUnusable
 from rise_engine.study.study_log import StudyLogError
@@ -68,7 +68,7 @@ def report(
         elif sheet is not None or conditions:
             exit_with_usage(f"--{'sheet' if sheet is not None else 'conditions'} is for a study, and {named} is none")
         else:
-            made = make_session_report(find_session(named), level, private)
+            made = make_session_report(select_sessions([named]).folders[0], level, private)
         written = _write(made, output, sheet, level)
     except (ExportError, SessionError, StudyUnusable, StudyLogError) as error:
         _print_error(*(f"error: {line}" for line in str(error).splitlines()))

@@ -6,6 +6,7 @@ last bin, or drawn at the edge.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 
 from msgspec import Struct
@@ -83,7 +84,7 @@ def _draw_histogram(
             hover = f"{part.name}: {count} from {at * BIN:g} to {until} s"
             drawing.box(left + at * BIN * unit + 0.75, bottom - tall, BIN * unit - 1.5, tall, "bar", hover)
             if count == most and at == counts.index(most):
-                drawing.text(left + (at + 0.5) * BIN * unit, bottom - tall - 3, str(count), "axis", "middle")
+                _draw_count(drawing, count, left + at * BIN * unit, BIN * unit, bottom - tall, is_first=at < 2)
     drawing.line(left, bottom, left + width, bottom, "axis-line")
     summary = part.summary
     if summary is not None:
@@ -104,6 +105,14 @@ def _draw_histogram(
             "chart-note",
             "end",
         )
+
+
+def _draw_count(drawing: Drawing, count: int, x: float, width: float, top: float, *, is_first: bool) -> None:
+    """How many the highest bar stands for: above it, or beside it where there is no room to the left."""
+    if is_first:
+        drawing.text(x + width + 3, top + 9, str(count), "axis")
+    else:
+        drawing.text(x + width / 2, top - 3, str(count), "axis", "middle")
 
 
 def _draw_bands(
@@ -243,6 +252,7 @@ def drift_figure(title: str, courses: Sequence[CourseOfSessions], caption: str) 
     sessions = max((len(course.summaries) for course in courses), default=1)
     room = WIDTH - label - 10
     step = min(60.0, room / max(1, sessions))
+    every = max(1, math.ceil(18 / step))
     for at, course in enumerate(courses):
         top = 8 + at * (height + gap)
         bottom = top + height
@@ -253,7 +263,8 @@ def drift_figure(title: str, courses: Sequence[CourseOfSessions], caption: str) 
         points = []
         for number, summary in enumerate(course.summaries):
             x = label + (number + 0.5) * step
-            drawing.text(x, bottom + 12, str(number + 1), "axis", "middle")
+            if number % every == 0:
+                drawing.text(x, bottom + 12, str(number + 1), "axis", "middle")
             if summary is None:
                 continue
             y = [bottom - min(most, value) / most * height for value in (summary.lower, summary.median, summary.upper)]

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from pathlib import PurePath
 
 from rise_engine import __version__
@@ -24,6 +24,7 @@ from rise_engine.report.document import (
 from rise_engine.report.latency_section import latency_section
 from rise_engine.report.session_facts import MARKS, SessionFigures, session_figures
 from rise_engine.report.wording import interval_text, marks_text, moment_text, per_hundred, source_name
+from rise_engine.session.levels import ExportLevel
 from rise_engine.text import pluralize
 
 LEVEL_WORDS = {
@@ -74,8 +75,18 @@ def colophon(what: str, level: str) -> str:
     return (
         f"Made by rise-tui {__version__} from the record of {what}, at the level {level}. Quartiles and percentiles "
         "are of definition 7 of Hyndman and Fan (1996), as R and numpy give them; intervals of shares are Wilson's, "
-        "95 %. This file fetches nothing and runs no script."
+        "95\u00a0%. This file fetches nothing and runs no script."
     )
+
+
+def problem_paragraphs(problems: Sequence[str], level: ExportLevel) -> Iterable[Paragraph]:
+    """What could not be read. The sentences name files, and with them dates and folders, so only the level full has
+    them."""
+    if level == "full":
+        yield from (Paragraph(problem, "warning") for problem in problems)
+    elif problems:
+        told = f"{pluralize(len(problems), 'thing')} could not be read and"
+        yield Paragraph(f"{told} {'is' if len(problems) == 1 else 'are'} missing here.", "warning")
 
 
 def _banner(facts: SessionFacts) -> str:
@@ -159,8 +170,7 @@ def _checks(data: SessionData) -> Iterable[Block]:
     if skipped or failed:
         told = [f"Skipped: {', '.join(skipped)}."] * bool(skipped) + [f"Failed: {', '.join(failed)}."] * bool(failed)
         yield Paragraph(" ".join(told), "warning")
-    for problem in data.problems:
-        yield Paragraph(problem, "warning")
+    yield from problem_paragraphs(data.problems, data.level)
     if data.checks:
         yield ReportTable(
             caption="What was looked at before and after the session",
@@ -258,7 +268,7 @@ def _mistakes(data: SessionData, figures: SessionFigures) -> Iterable[Block]:
         (
             ("Acts of wizards marked as mistakes", share_text(found.marked.count, found.marked.n)),
             (
-                "Per 100 acts of wizards, 95 % interval",
+                "Per 100 acts of wizards, 95\u00a0% interval",
                 f"{per_hundred(found.marked)} {interval_text(found.marked)}".strip(),
             ),
             (f"Marks ({', '.join(MARKS)})", marks),

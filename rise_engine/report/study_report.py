@@ -24,7 +24,7 @@ from rise_engine.report.document import (
     share_text,
 )
 from rise_engine.report.latency_section import latency_section
-from rise_engine.report.session_report import LEVEL_WORDS, colophon
+from rise_engine.report.session_report import LEVEL_WORDS, colophon, problem_paragraphs
 from rise_engine.report.sheet import (
     ORIGIN,
     STILL_TO_SAY,
@@ -139,8 +139,7 @@ def _head(given: StudyReportInput) -> Iterable[tuple[str, str]]:
 
 
 def _plan(given: StudyReportInput) -> Iterable[Block]:
-    for problem in given.problems:
-        yield Paragraph(problem, "warning")
+    yield from problem_paragraphs(given.problems, given.level)
     standing = given.standing
     yield Facts(tuple(_flow(standing, given.withdrawn)))
     out = [each for each in standing.participants if each.state in ("excluded", "aborted")]
@@ -286,11 +285,11 @@ def _wizards(given: StudyReportInput) -> Iterable[Block]:
             "From cue to key, session by session",
             [_course(course) for course in courses],
             "From cue to key in each wizard's complete sessions, in their order: the median of a session, and its "
-            "middle half. A line that climbs or falls is a wizard who changes.",
+            "middle half. A line that climbs or falls may be a wizard who changes, or conditions that do.",
         )
     yield ReportTable(
         caption="Wizards in complete sessions. From cue to key in seconds; marks as mistakes per 100 acts with their "
-        "95 % interval; rehearsals are sessions of theirs before the first that counted",
+        "95\u00a0% interval; rehearsals are sessions of theirs before the first that counted",
         head=("wizard", "sessions", "acts", "cue to key", "middle half", "first, last", "per 100", "rehearsals"),
         rows=tuple(_wizard_row(course) for course in courses),
         numbers=frozenset({1, 2, 3, 4}),

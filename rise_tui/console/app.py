@@ -33,6 +33,7 @@ from rise_tui.model.notice import Notice
 from rise_tui.rendering import themes
 from rise_tui.rendering.terminal_app import TerminalApp
 from rise_tui.screens.end_session import end_session_dialog
+from rise_tui.screens.report import ReportScreen
 from rise_tui.screens.settings import SettingsScreen
 
 END_PATIENCE = 13.0
@@ -340,7 +341,8 @@ class ConsoleApp(TerminalApp):
         if self.screen.has_class("-quit"):
             return
         session = self._session
-        if session is None and self.study_screen is not None and self.screen is not self.study_screen:
+        asks = self.screen is not self.study_screen and not isinstance(self.screen, ReportScreen)
+        if session is None and self.study_screen is not None and asks:
             question = exit_dialogs.leave_study_dialog()
             question.add_class("-quit")
             self.push_screen(question, self._leave_study)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import shlex
+
 from rise_tui.config.paths import abbreviate_home
 from rise_tui.key_labels import why_blocked
 from rise_tui.model.session_summary import running_lines, session_title
@@ -47,7 +49,7 @@ def engine_gone_dialog(store: Store, *, in_study: bool = False) -> Dialog:
 
 
 def exit_message(store: Store, *, end: bool, in_time: bool, patience: float, signal_name: str = "") -> str:
-    """What became of the session, in one line.
+    """What became of the session, in one line, and how to read what happened in it.
 
     `patience`: seconds that it had to end. `signal_name`: of the signal that ended the console, if one did.
     """
@@ -61,7 +63,12 @@ def exit_message(store: Store, *, end: bool, in_time: bool, patience: float, sig
         return f"{lead}{title} did not end within {patience:g} s: look at the robot; rise-tui shows what runs"
     if end or store.ended_in_order:
         kept = store.attach_reply.folder
-        return f"{lead}ended: the record is in {abbreviate_home(kept)}" if kept else f"{lead}ended: {title}"
+        if not kept:
+            return f"{lead}ended: {title}"
+        where = abbreviate_home(kept)
+        plain = where.removeprefix("~/")
+        typed = where if shlex.quote(plain) == plain else shlex.quote(kept)  # in quotes, `~` is no home
+        return f"{lead}ended: the record is in {where}\nwhat happened: rise-engine report {typed}"
     return f"{lead}detached: {title} goes on; come back with: rise-tui"
 
 

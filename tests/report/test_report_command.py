@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import shutil
 import stat
 from pathlib import Path
 
@@ -81,11 +82,17 @@ def test_both_files_or_none(tmp_path):
 def test_a_report_of_somebody_who_withdraws_is_erased_and_the_next_one_does_not_know_them(tmp_path):
     study = make_study(tmp_path / "study")
     assert report(study, "-o", study / "report.html").exit_code == 0
+    theirs = next(folder for folder in sessions_of(study) if "_P02_" in folder.name)
+    shutil.copytree(theirs, tmp_path / theirs.name)
     withdraw(study, "P02")
     assert not (study / "report.html").exists()
     found = report(study)
     assert found.exit_code in (0, 1) and "P02" not in found.stdout
     assert "Withdrawn                           1" in found.stdout
+    shutil.copytree(tmp_path / theirs.name, theirs)  # a backup brings it back
+    found = report(theirs)
+    assert found.exit_code == 2 and "withdrawn" in found.stderr and found.stdout == ""
+    assert "P02" not in report(study).stdout
 
 
 def test_what_cannot_be_read_is_said_and_the_rest_is_told(tmp_path):

@@ -266,6 +266,8 @@ def test_a_session_of_which_nothing_is_known():
 def test_torn_damaged_and_recovered_sessions(tmp_path):
     torn = make_session_report(torn_session(tmp_path / "torn"))
     assert any("torn" in problem for problem in torn.problems)
+    shared = assert_harmless(page_text(make_session_report(torn.folders[0], "shared").document)).text
+    assert "1 thing could not be read and is missing here." in shared and "journal" not in shared
     assert "torn" in assert_harmless(page_text(torn.document)).text
     recovered = make_session_report(recovered_session(tmp_path / "recovered"))
     assert "recovered 1 time after 1 min 35 s in all" in page_text(recovered.document).replace("\u00a0", " ")

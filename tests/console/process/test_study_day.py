@@ -85,6 +85,7 @@ def end(it: Terminal, outcome: bytes = b"\x1b[C", reason: bytes = b"") -> None:
     it.until_screen("esc closes")
     it.still()
     it.press(b"\x1b")
+    it.until_screen("SESSION REPORT", gone=True)
 
 
 def test_a_day_from_the_first_participant_to_the_next() -> None:

@@ -20,6 +20,8 @@ from rise_tui.screens.end_session import EndSessionDialog
 from tests.console.conftest import Console, console
 from tests.console.fake import FakeClient, FakeLauncher, demo
 
+ENDED = "ended: the record is in "
+
 pytestmark = pytest.mark.slow  # many keys each
 
 
@@ -137,8 +139,8 @@ async def test_ending_ends_the_session_and_says_where_its_record_is(monkeypatch:
         await it.press("e", "n", "d", "enter")
         await it.until(lambda: it.client.closed == [True])
         await it.until(lambda: not it.app.is_running)
-        said = "ended: the record is in ~/rise-sessions/2026-11-21_141503_demo-study_debug"
-        assert it.app.exit_message == said
+        said = f"{ENDED}~/rise-sessions/2026-11-21_141503_demo-study_debug"
+        assert it.app.exit_message == f"{said}\nwhat happened: rise-engine report {said.removeprefix(ENDED)}"
 
 
 @pytest.mark.slow

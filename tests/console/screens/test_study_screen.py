@@ -1060,3 +1060,13 @@ async def test_who_has_had_no_session_has_no_report() -> None:
         await at.select("P10")
         await at.press("v")
         assert at.top is at.screen and "P10: no session has ended" in at.notice
+
+
+async def test_the_console_can_be_left_from_a_report() -> None:
+    async with day() as at:
+        await at.select("P01")
+        await at.press("v")
+        await at.shows(ReportScreen)
+        await at.press("ctrl+c")
+        await at.until(lambda: at.app.return_code == 0)
+        assert "to come back to the study" in at.app.exit_message
