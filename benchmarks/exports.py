@@ -135,10 +135,12 @@ def main() -> bool:
                 report.target(f"{format}, {level}: megabytes", memory, MEGABYTES, at_least=False)
                 shutil.rmtree(out) if out.is_dir() else out.unlink()
         out = Path(name) / "bundle.zip"
-        bundle = [sys.executable, "-m", "rise_engine", "study", "bundle", str(folder), "-o", str(out)]
-        for what, command in (("bundle", bundle), ("reproduce", [*export[:3], "reproduce", str(out)])):
-            seconds, memory = measured(command)
-            report.row(f"{what}: seconds, megabytes", f"{seconds:.1f} s", f"{memory:.0f} MB")
+        for what, *command in (
+            ("bundle", "study", "bundle", str(folder), "-o", str(out)),
+            ("reproduce", "reproduce", str(out)),
+        ):
+            seconds, memory = measured(_EXPORT, *command)
+            report.row(what, f"{seconds:.1f} s", f"{memory:.0f} MB")
     return report.met
 
 

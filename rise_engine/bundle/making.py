@@ -98,7 +98,8 @@ class _Bundle:
 
     def __init__(self, state: StudyState, folders: Sequence[Path], options: BundleOptions) -> None:
         self._state = state
-        self._study = state.study
+        said = {**state.study.report, **({"license": options.license} if options.license else {})}
+        self._study = replace(state.study, report=said)
         self._folders = list(folders)
         self._options = options
         self._level = options.level
@@ -116,7 +117,7 @@ class _Bundle:
         self._write_sessions(root / SESSIONS)
         inputs = self._write_study(root)
         self._write_exports(root)
-        license = self._options.license or self._study.report.get("license", "")
+        license = self._study.report.get("license", "")
         (root / "LICENSE").write_text(license_text(license, self._study), "utf-8")
         (root / ENVIRONMENT_FILE).write_text(environment_text(self._versions), "utf-8")
         self.report.look_at += self._look_at.sentences(root, self._people, license)
@@ -217,6 +218,7 @@ class _Bundle:
     def _context(self) -> ExportContext:
         context = export_context(self._folders, self._level)
         context.standing = self._state.standing
+        context.study = self._study
         return context
 
     # --- about all of it ---

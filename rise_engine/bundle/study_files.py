@@ -92,8 +92,8 @@ def _told(column: str, value: str, level: ExportLevel) -> str:
 
 
 def log_text(log: Iterable[LogEntry], names: Mapping[str, str], people: Mapping[str, str], level: ExportLevel) -> str:
-    """study.jsonl without salts; without everything being told, without dates, names, what people typed, and where
-    exports went.
+    """study.jsonl without salts; without everything being told, without dates, names, what people typed, where exports
+    went, and sessions that do not count and are not in the bundle.
 
     :param log: its entries.
     :param names: what sessions are called in the bundle, by their folders' names.
@@ -105,8 +105,14 @@ def log_text(log: Iterable[LogEntry], names: Mapping[str, str], people: Mapping[
         return _lines((each.at, each.kind, each.fields) for each in entries)
     count = LevelFilter(level, None).count_typed_words
     told = []
+    not_counted = {
+        str(each.get("folder"))
+        for each in entries
+        if each.kind == "session" and each.get("purpose") != "counted" and each.get("folder") not in names
+    }
     for each in entries:
-        if each.kind == "exported":
+        about = {str(each.get("folder")), str(each.get("session"))}
+        if each.kind == "exported" or about & not_counted:
             continue
         fields = {name: _without_people(value, people) for name, value in each.fields.items()}
         for name in ("folder", "session"):

@@ -14,12 +14,12 @@ _OWN = {
     "tables": "rise_engine.export.tables:FORMAT",
     "csv": "rise_engine.export.records:CSV",
     "jsonl": "rise_engine.export.records:JSONL",
-    "bids": "rise_engine.export.bids:FORMAT",
     "eaf": "rise_engine.export.eaf:FORMAT",
     "elan-tab": "rise_engine.export.elan_tab:FORMAT",
     "textgrid": "rise_engine.export.textgrid:FORMAT",
     "boris": "rise_engine.export.boris:FORMAT",
     "xdf": "rise_engine.export.xdf:FORMAT",
+    "bids": "rise_engine.export.bids:FORMAT",
 }
 """Where each is, in the order in which help lists them. Loaded when it is asked for: some take a while."""
 ENTRY_POINTS = "rise.exports"

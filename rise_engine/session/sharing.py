@@ -19,7 +19,7 @@ from msgspec import Struct, field
 from msgspec.structs import replace
 
 from rise_engine.kernel import Kernel
-from rise_engine.kernel.inputs import AnyInput, SessionStarted, Submit
+from rise_engine.kernel.inputs import AnyInput, Note, SessionStarted, Submit
 from rise_engine.kernel.records import ENGINE, AnyRecord, MemoryRecord, TaskRecord
 from rise_engine.session.disk import make_private_folder, write_private_file
 from rise_engine.session.errors import SessionError
@@ -116,6 +116,7 @@ class _Sharing:
         self._old = LevelFilter(level, values, wizards)
         self._rejected: set[int] = set()
         self._note_everything(values)
+        self._private = values
         self._stand_ins = StandIns(values, self._scenario.known_keys)
         self._report = SharedSession(self._old.people, own_values=self._own_values)
 
@@ -175,6 +176,8 @@ class _Sharing:
             if input.function == "assignValue":
                 return {**body, "behavior": self._stand_ins.replace_assignment(body["behavior"])}
             return {**body, "behavior": self._stand_ins.replace(body["behavior"])}
+        if isinstance(input, Note) and input.source == ENGINE:  # it may quote what was typed before it became a value
+            return {**body, "text": self._private.hide_fields({"kind": "note", **body})["text"]}
         fields = ("text", "reason", "detail", "value", "confirmed", "unconfirmed")
         return {
             name: self._stand_ins.replace(each) if name in fields and isinstance(each, str | list) else each

@@ -170,10 +170,10 @@ class Participant(Struct, frozen=True):
     """ISO date by what was consented to; empty: not yet."""
     status: str = ""
     """`invited`, `excluded` or empty, as people wrote it."""
-    columns: dict[str, str] = {}
-    """Values of the further columns that study.toml names (`[participants] columns`)."""
     comment: str = ""
     line: int = 0
+    columns: dict[str, str] = {}
+    """Values of the further columns that study.toml names (`[participants] columns`)."""
 
 
 class Slot(Struct, frozen=True):

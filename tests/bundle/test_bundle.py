@@ -23,11 +23,15 @@ from rise_engine.session.levels import ExportLevel
 from rise_engine.study.state import read_state
 from rise_engine.study.study_log import LogEntry, read_log
 from rise_engine.study.study_toml import load_study
+from rise_engine.study.withdrawal import withdraw
 
 from ..analysis.samples import make_study, play_session, sessions_of, task, write_scenario
 from ..export.test_bids import VALIDATOR, validate, with_validator
 
 SECRETS = ("zelda", "quux", "anna", "felt sick", "looks away", "hurry", "asks something", "/data/", "2026-11-23")
+
+
+FOLDER = "2026-11-23_100000_P01_x_real"
 
 
 def bundle_of(
@@ -166,6 +170,23 @@ def test_the_study_knows_of_it_before_it_is_there(study: Path, bundle: Path) -> 
     assert not any(each.kind == "exported" for each in read_log(bundle))
 
 
+def test_a_bundle_can_be_looked_at_as_the_study_could(study: Path, bundle: Path) -> None:
+    before, after = read_state(study), read_state(bundle)
+    assert after.standing.complete == before.standing.complete == 3
+    assert [each.entry.outcome for each in after.sessions] == [
+        each.entry.outcome for each in before.sessions if each.entry.purpose == "counted"
+    ]
+    assert after.problems == ()
+
+
+def test_a_withdrawal_erases_the_bundle(tmp_path: Path) -> None:
+    study = make_study(tmp_path / "study")
+    bundle_of(study, tmp_path / "bundle", folders=sessions_of(study)[1:4])
+    report = withdraw(study, "P01")
+    assert not (tmp_path / "bundle").exists()
+    assert report.make_again == [f"{tmp_path / 'bundle'} (with P02)"]
+
+
 def test_the_plan_is_left_out_while_somebody_is_to_come(tmp_path: Path) -> None:
     study = make_study(tmp_path / "study")
     folders = sessions_of(study)[1:2]
@@ -198,6 +219,23 @@ def test_nothing_is_written_over_and_nothing_is_left(study: Path, tmp_path: Path
     with pytest.raises(BundleError, match="no folder"):
         bundle_of(study, tmp_path / "nowhere" / "new")
     assert [path.name for path in tmp_path.iterdir()] == ["there"]
+
+
+def test_who_publishes_stands_in_study_toml(tmp_path: Path) -> None:
+    study = make_study(tmp_path / "study")
+    with (study / "study.toml").open("a", encoding="utf-8") as file:
+        file.write('\n[report]\nauthors = "Doe, J.; Roe, M."\nlicense = "CC0-1.0"\ninstitution = "A lab"\n')
+    report = bundle_of(study, tmp_path / "bundle", folders=sessions_of(study)[1:2])
+    assert not any("LICENSE" in each or "dataset_description" in each for each in report.look_at)
+    crate = json.loads((tmp_path / "bundle" / "ro-crate-metadata.json").read_text("utf-8"))["@graph"]
+    people = [each["name"] for each in crate if each["@type"] == "Person"]
+    assert people == ["Doe, J.", "Roe, M."]
+    assert crate[1]["license"] == {"@id": "https://creativecommons.org/publicdomain/zero/1.0/"}
+    assert crate[1]["author"] == [{"@id": "#author-1"}, {"@id": "#author-2"}]
+    described = json.loads((tmp_path / "bundle" / "bids" / "dataset_description.json").read_text("utf-8"))
+    assert (described["Authors"], described["License"]) == (["Doe, J.", "Roe, M."], "CC0-1.0")
+    task = json.loads((tmp_path / "bundle" / "bids" / "task-hesitation_events.json").read_text("utf-8"))
+    assert task["InstitutionName"] == "A lab"
 
 
 # --- its study's files ----------------------------------------------------------------------------------------------
@@ -244,10 +282,11 @@ def test_the_log_has_no_salts_dates_names_and_no_words_of_people() -> None:
         LogEntry("withdrawn", "2026-11-23T10:00:00", {"slot": 1, "salt": "s3cret", "hash": "abc"}, 1),
         LogEntry("excluded", "2026-11-23T10:00:00", {"reason": "Zelda was ill", "source": "wizard:anna"}, 2),
         LogEntry("exported", "2026-11-23T10:00:00", {"path": "/home/anna/out"}, 3),
-        LogEntry("session", "2026-11-23", {"folder": "2026-11-23_100000_P01_x_real", "started": "2026-11-23"}, 4),
+        LogEntry("session", "2026-11-23", {"folder": FOLDER, "started": "2026-11-23", "purpose": "counted"}, 4),
         LogEntry("outcome", "2026-11-23", {"session": "2026-11-23_110000_P02_x_real", "source": "observer:ben"}, 5),
     ]
-    told = log_text(log, {"2026-11-23_100000_P01_x_real": "P01_x_real_run1"}, {"anna": "W1"}, "shared")
+    pilot = LogEntry("session", "2026-11-23", {"folder": "2026-11-23_090000_P01_x_real_pilot", "purpose": "pilot"}, 6)
+    told = log_text([*log, pilot], {FOLDER: "P01_x_real_run1"}, {"anna": "W1"}, "shared")
     assert not any(word in told for word in ("s3cret", "2026", "anna", "ben", "Zelda", "/home"))
     assert [json.loads(line)["kind"] for line in told.splitlines()] == ["withdrawn", "excluded", "session", "outcome"]
     assert '"folder":"P01_x_real_run1"' in told

@@ -204,6 +204,14 @@ def test_private_start_values_of_the_scenario_are_told(tmp_path: Path) -> None:
     assert share_session(folder, tmp_path / "new", level="shared").own_values == ["person_name"]
 
 
+def test_what_the_engine_quoted_is_no_way_out(tmp_path: Path) -> None:
+    script: Script = [(1.0, Note(text="`Zelda` cannot be said; `noise` can")), *short()]
+    folder = play_session(tmp_path / "sessions", script, until=20.0)
+    text = text_of(shared(folder, tmp_path / "new"))
+    assert "`…` cannot be said; `noise` can" in text
+    assert "zelda" not in text
+
+
 def test_further_private_keys(tmp_path: Path) -> None:
     script: Script = [(1.0, task("assignValue", "noise = 271828")), (2.0, Note(text="271828", source="wizard:anna"))]
     folder = play_session(tmp_path / "sessions", script, until=9.0)
