@@ -139,7 +139,7 @@ def main() -> bool:
             ("bundle", "study", "bundle", str(folder), "-o", str(out)),
             ("reproduce", "reproduce", str(out)),
         ):
-            seconds, memory = measured(_EXPORT, *command)
+            seconds, memory = measured([sys.executable, "-m", "rise_engine", *command])
             report.row(what, f"{seconds:.1f} s", f"{memory:.0f} MB")
     return report.met
 

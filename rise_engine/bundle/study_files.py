@@ -14,7 +14,7 @@ from typing import Any
 from rise_engine.bundle.errors import BundleError
 from rise_engine.json_codec import encode
 from rise_engine.session.disk import make_private_folder
-from rise_engine.session.levels import ExportLevel, LevelFilter
+from rise_engine.session.levels import ExportLevel, LevelFilter, without_dates
 from rise_engine.study.model import Participant, Study
 from rise_engine.study.study_log import LogEntry
 from rise_engine.study.study_scenarios import scenario_folder
@@ -123,6 +123,8 @@ def log_text(log: Iterable[LogEntry], names: Mapping[str, str], people: Mapping[
         for name in _TYPED:
             if isinstance(typed := fields.get(name), str) and (name == "reason" or each.kind != "checked"):
                 fields[name] = count(typed)
+            elif isinstance(typed, str):
+                fields[name] = without_dates(typed)
         told.append(("", each.kind, fields))
     return _lines(told)
 

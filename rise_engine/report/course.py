@@ -6,7 +6,7 @@ import math
 
 from rise_engine.analysis.model import SessionData
 from rise_engine.report.document import Figure, clock_text
-from rise_engine.report.lanes import Lane, MomentMark, Span, lanes_of, left_out_rules
+from rise_engine.report.lanes import Lane, LaneSpan, MomentMark, lanes_of, left_out_rules
 from rise_engine.report.svg import Drawing
 from rise_engine.text import clean
 
@@ -91,7 +91,7 @@ def _draw_row(lanes: list[Lane], start: float, end: float, seconds: float) -> st
     return drawing.whole()
 
 
-def _draw_span(drawing: Drawing, span: Span, left: float, right: float, middle: float) -> None:
+def _draw_span(drawing: Drawing, span: LaneSpan, left: float, right: float, middle: float) -> None:
     if span.kind in ("cue", "unanswered"):
         drawing.line(left, middle - 5, left, middle + 5, f"{span.kind}-mark", span.hover)
         if span.kind == "cue":

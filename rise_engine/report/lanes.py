@@ -27,7 +27,7 @@ _MARKS: dict[str, MarkKind] = {
 }
 
 
-class Span(Struct, frozen=True):
+class LaneSpan(Struct, frozen=True):
     """Something that lasted."""
 
     start: float
@@ -49,7 +49,7 @@ class Lane(Struct, frozen=True):
     """What lies on one line of the course."""
 
     name: str
-    spans: tuple[Span, ...] = ()
+    spans: tuple[LaneSpan, ...] = ()
     marks: tuple[MomentMark, ...] = ()
 
 
@@ -71,17 +71,17 @@ def left_out_rules(phases: Iterable[Phase]) -> list[str]:
     return _rules_by_size(phases)[MAX_RULES:]
 
 
-def _cue_span(cue: Cue, end: float) -> Span:
+def _cue_span(cue: Cue, end: float) -> LaneSpan:
     said = f", \u201c{cue.text}\u201d" if cue.text else ""
     if cue.answered_at is None:
-        return Span(cue.at, cue.at, "", f"cue at {clock_text(cue.at)}{said}, not answered", "unanswered")
+        return LaneSpan(cue.at, cue.at, "", f"cue at {clock_text(cue.at)}{said}, not answered", "unanswered")
     waits = cue.answered_at - cue.at
     filled = f", filled after {seconds_text(cue.filled_at - cue.at)}" if cue.filled_at is not None else ""
     hover = f"cue at {clock_text(cue.at)}{said}, answered after {seconds_text(waits)}{filled}"
-    return Span(cue.at, min(end, cue.answered_at), "", hover, "cue")
+    return LaneSpan(cue.at, min(end, cue.answered_at), "", hover, "cue")
 
 
-def _parts_on(channel: str, acts: Iterable[PlayedAct], end: float) -> tuple[Span, ...]:
+def _parts_on(channel: str, acts: Iterable[PlayedAct], end: float) -> tuple[LaneSpan, ...]:
     """The actions that take a channel; with an empty one, those that take none of the known ones."""
     spans = []
     for act in acts:
@@ -92,11 +92,11 @@ def _parts_on(channel: str, acts: Iterable[PlayedAct], end: float) -> tuple[Span
             if fits and part.accepted_at is not None:
                 until = part.ended_at if part.ended_at is not None else end
                 hover = f"{clock_text(part.accepted_at)} {part.type} in {act.act}: {part.text or part.status}"
-                spans.append(Span(part.accepted_at, until, part.text, hover, "part"))
+                spans.append(LaneSpan(part.accepted_at, until, part.text, hover, "part"))
     return tuple(spans)
 
 
-def _acts_of(actor: ActorKind, acts: Iterable[PlayedAct], end: float) -> tuple[Span, ...]:
+def _acts_of(actor: ActorKind, acts: Iterable[PlayedAct], end: float) -> tuple[LaneSpan, ...]:
     spans = []
     for act in acts:
         if act.actor == actor and act.started_at is not None:
@@ -106,7 +106,7 @@ def _acts_of(actor: ActorKind, acts: Iterable[PlayedAct], end: float) -> tuple[S
             answered = f", answers after {seconds_text(act.response_s)}" if act.response_s is not None else ""
             filler = ", a filler" if act.filler else ""
             hover = f"{lasted}, by {act.source}{status}{filler}{answered * (not act.filler)}"
-            spans.append(Span(act.started_at, until, act.act, hover, "filler" if act.filler else "act"))
+            spans.append(LaneSpan(act.started_at, until, act.act, hover, "filler" if act.filler else "act"))
     return tuple(spans)
 
 
@@ -121,13 +121,13 @@ def _rule_lanes(phases: Sequence[Phase]) -> list[Lane]:
     lanes = []
     for rule in _rules_by_size(phases)[:MAX_RULES]:
         kinds: tuple[SpanKind, SpanKind] = ("state", "other-state")
-        spans: list[Span] = []
+        spans: list[LaneSpan] = []
         for phase in phases:
             if phase.rule == rule and phase.end > phase.start:
                 hover = (
                     f"{rule}: {phase.state}, {clock_text(phase.start)} to {clock_text(phase.end)}, by {phase.trigger}"
                 )
-                spans.append(Span(phase.start, phase.end, phase.state, hover, kinds[len(spans) % 2]))
+                spans.append(LaneSpan(phase.start, phase.end, phase.state, hover, kinds[len(spans) % 2]))
         lanes.append(Lane(rule, tuple(spans)))
     return lanes
 

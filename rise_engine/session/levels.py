@@ -26,6 +26,12 @@ _COUNTED = re.compile(r"\[(?:note|free text|free speech), \d+ words?\]")
 """What was counted before: in a session that was shared."""
 _TYPED = {"note": "text", "cue": "text", "check": "reason", "outcome": "reason", "recording": "reason"}
 """By kind of record, the field into which people type."""
+_SAID_BY_PROGRAM = frozenset({"check", "note", "session", "recording", "robot"})
+"""Kinds of records whose sentences can tell a date: when a plan was made, what a clock showed."""
+_SENTENCES = ("text", "value", "reason", "detail")
+_DATE = re.compile(
+    r"\b\d{4}-\d{2}-\d{2}(?:[T _]\d{2}:?\d{2}(?::?\d{2}(?:[.,]\d+)?)?(?:\s?(?:UTC|Z|[+-]\d{2}:?\d{2})\b)?)?(?!\d)"
+)
 
 
 class LevelFilter:
@@ -132,7 +138,15 @@ def _without_typed(kind: str, values: dict[str, Any]) -> dict[str, Any]:
         values = {**values, "behavior": _count_words("free text", values["behavior"])}
     if kind == "recording":
         values = {**values, "path": ""}
+    if kind in _SAID_BY_PROGRAM:
+        sentences = {name: without_dates(values[name]) for name in _SENTENCES if isinstance(values.get(name), str)}
+        values = {**values, **sentences}
     return values
+
+
+def without_dates(sentence: str) -> str:
+    """A sentence of the program's without the dates, and the times of day beside them, that stand in it."""
+    return _DATE.sub("[date]", sentence)
 
 
 def _is_typed(kind: str, source: str) -> bool:

@@ -22,7 +22,7 @@ from rise_engine.kernel.inputs import CheckReport, Note, OutcomeReport, Recordin
 from rise_engine.kernel.records import AnyRecord, MemoryRecord, NoteRecord, TaskRecord
 from rise_engine.scenario import load
 from rise_engine.session.folder import SessionError
-from rise_engine.session.levels import ExportLevel
+from rise_engine.session.levels import ExportLevel, without_dates
 from rise_engine.session.private_values import NAMES_FIELDS, PrivateValues
 
 from ..kernel.harness import Session
@@ -299,3 +299,20 @@ def test_a_private_value_that_is_a_word_of_the_record_breaks_nothing(tmp_path: P
         private.note(record)
     for record in made.records:
         assert type(private.hide(record)) is type(record)
+
+
+@pytest.mark.parametrize(
+    ("sentence", "told"),
+    [
+        ("`scenario` is as it was on 2026-11-22", "`scenario` is as it was on [date]"),
+        (
+            "2026-11-22 20:52 UTC, whether a time server sets it is not known",
+            "[date], whether a time server sets it is not known",
+        ),
+        ("since 2026-11-22T20:52:01.250+01:00 at least", "since [date] at least"),
+        ("in 2026-11-22_205206_P03_lab_real", "in [date]_P03_lab_real"),
+        ("34.1 GB free, P03, run 2 of 2, 2026-112, 1.2.2026", "34.1 GB free, P03, run 2 of 2, 2026-112, 1.2.2026"),
+    ],
+)
+def test_no_dates_in_what_the_program_says(sentence: str, told: str) -> None:
+    assert without_dates(sentence) == told
