@@ -15,6 +15,7 @@
       ExpandError                 The expanded scenario cannot be written
       ExportError                 The export cannot be made
       ExportFailed                Nothing was written
+      FindingError                Marks cannot be looked for
       InvalidFilter               What is typed is no filter
       InvalidTime                 It is no time
       JsonError                   A text that is no JSON
@@ -34,12 +35,17 @@
       NodeError                   The node cannot do what it is for
       NotAdmitted                 Somebody cannot attach
       NothingStarted              Nothing is started and nothing attached to
+      OutletError                 It cannot pass on anything
       OutputError                 Standard output cannot be written
       ParameterError              A value that an action's parameter cannot take
         OutOfRangeError           A number beyond the smallest or the largest that a parameter can have
       PlanError                   The plan cannot be written
       PortError                   Something cannot be had from this transport
       RecorderError               It cannot record
+        CalledOff                 Nobody waits for the answer any more
+        ObsCut                    The connection was cut before there was an answer
+        ObsRefused                OBS has answered that it does not do it
+        RecorderEnded             What recorded has ended by itself
       RegistryError               The folder or the name under which a session is reached cannot be used
       Rejected                    The session did not accept what was asked for
       Rise1RefusalError           RISE's own parser would refuse this condition
@@ -49,6 +55,7 @@
       SessionError                A session's folder cannot be used
         HeldElsewhereError        Another computer had the session last
         JournalLockedError        An engine runs the session
+        MediaError                media.json cannot be read or written
         RedactionRefused          Nothing was changed
       SessionGoneError            No session answers
       SnapshotError               A snapshot does not fit the scenario that it is to go on with

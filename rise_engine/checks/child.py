@@ -19,8 +19,9 @@ from rise_engine.checks.programs import first_line, run_program
 from rise_engine.json_codec import encode
 from rise_engine.ports.bridge import RosConnection
 from rise_engine.scenario.model import Mode
+from rise_engine.study.model import RecordingSettings
 
-KINDS = frozenset({"robot", "sound", "replay"})
+KINDS = frozenset({"robot", "sound", "replay", "recorder"})
 
 
 class ChildRequest(Struct, frozen=True):
@@ -34,6 +35,10 @@ class ChildRequest(Struct, frozen=True):
     ros: RosConnection = RosConnection()
     sessions: str = ""
     """For `replay`: the study's folder of sessions."""
+    recording: RecordingSettings | None = None
+    """For `recorder`: what records."""
+    task: str = ""
+    """The study's id."""
 
 
 def look_in_child(request: ChildRequest, limit: float, cancelled: Event | None = None) -> Finding:

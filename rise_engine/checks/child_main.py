@@ -11,6 +11,7 @@ import msgspec
 
 from rise_engine.checks.child import ChildRequest
 from rise_engine.checks.outcome import Finding
+from rise_engine.checks.recorder import look_at_recorders
 from rise_engine.checks.replay import look_at_last_session
 from rise_engine.checks.robot import look_at_robot, say_word
 from rise_engine.json_codec import encode
@@ -33,6 +34,8 @@ def main() -> None:
 def _look(request: ChildRequest) -> Finding:
     if request.kind == "replay":
         return look_at_last_session(Path(request.sessions))
+    if request.kind == "recorder":
+        return asyncio.run(look_at_recorders(request))
     return asyncio.run(say_word(request) if request.kind == "sound" else look_at_robot(request))
 
 

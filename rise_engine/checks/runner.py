@@ -18,6 +18,7 @@ from rise_engine.kernel.inputs import CheckReport
 from rise_engine.kernel.records import ENGINE
 from rise_engine.scenario.model import Json
 from rise_engine.study.model import StudyCheck
+from rise_engine.study.recorded import RecordingDecision, decide_recording
 from rise_engine.study.sessions import SESSIONS
 from rise_engine.study.state import StudyState, read_state
 from rise_engine.study.study_log import LockedLog
@@ -25,7 +26,7 @@ from rise_engine.study.study_log import LockedLog
 _LOG = logging.getLogger(__name__)
 
 PROGRAM_SECONDS = 30.0
-LIMITS = {"robot": 60.0, "sound": 90.0, "replay": 300.0}
+LIMITS = {"robot": 60.0, "sound": 90.0, "replay": 300.0, "recorder": 40.0}
 OTHER_SECONDS = 15.0
 """For what only looks at files."""
 
@@ -72,8 +73,19 @@ def _look(check: StudyCheck, context: CheckContext, limit: float, cancelled: Eve
     if check.run:
         return look_with_program(check.run, context, limit, cancelled)
     if check.auto in KINDS:
+        if check.auto == "recorder":
+            decision = _decide_recording(context)
+            if not decision.settings.recorders:
+                return Finding(True, decision.remark or "the study has no recorders")
         request = ChildRequest(
-            check.auto, context.scenario, context.robot, context.mode, context.ros, sessions=str(sessions)
+            check.auto,
+            context.scenario,
+            context.robot,
+            context.mode,
+            context.ros,
+            sessions=str(sessions),
+            recording=study.recording,
+            task=study.id,
         )
         return look_in_child(request, limit, cancelled)
     match check.auto:
@@ -85,6 +97,12 @@ def _look(check: StudyCheck, context: CheckContext, limit: float, cancelled: Eve
     if look is None:
         return Finding(False, reason=f"this version cannot look at {check.auto!r}")
     return look(context, read_state(Path(study.folder)))
+
+
+def _decide_recording(context: CheckContext) -> RecordingDecision:
+    """Also a trial records nobody who has not consented."""
+    participants = read_state(Path(context.study.folder)).participants if context.participant else ()
+    return decide_recording(context.study, participants, context.participant, context.purpose)
 
 
 def _look_at_clock(context: CheckContext, state: StudyState) -> Finding:

@@ -24,6 +24,7 @@ _STUDY = "rise_engine.cli.study_commands"
 _COMMANDS = {
     **dict.fromkeys(("check", "doctor", "eval", "expand", "new", "robots", "schema"), _SCENARIO),
     "export": "rise_engine.cli.export",
+    "media": "rise_engine.cli.media",
     "redact": "rise_engine.cli.redact",
     **dict.fromkeys(("replay", "run", "serve", "sessions", "stop"), _SESSION),
     "study": _STUDY,

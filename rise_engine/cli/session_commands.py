@@ -134,6 +134,12 @@ def run(
 @study_options
 @click.option("--pilot", is_flag=True, help="With --study: with a participant, and it does not count.")
 @click.option("--training", is_flag=True, help="With --study: without a participant, to practise; it does not count.")
+@click.option(
+    "--record/--no-record",
+    "record",
+    default=None,
+    help="With --study: whether its recorders run. Usually those of sessions that count and of pilots.",
+)
 @check_options
 @click.option("--wizard", metavar="NAME", default="", help="Who begins it; stands in the session's folder.")
 @click.option("--name", metavar="NAME", help="Of the session's socket; without it, made from DIR.")
@@ -162,6 +168,7 @@ def serve(
     run_number: int | None,
     pilot: bool,
     training: bool,
+    record: bool | None,
     confirmed: tuple[str, ...],
     skipped: tuple[str, ...],
     name: str | None,
@@ -190,7 +197,7 @@ def serve(
     if (recover or which is not None) and new:
         exit_with_usage("say either --recover or --new")
     if study is None:
-        folder = _needed_scenario(folder, run_number, pilot, training, confirmed, skipped)
+        folder = _needed_scenario(folder, run_number, pilot, training, confirmed, skipped, record is not None)
     if here and not recover and which is None and not (new and study is not None):
         exit_with_usage("--here goes with --recover or --session, and with --new of a study")
     options = replace(
@@ -199,6 +206,7 @@ def serve(
         socket_name=name,
         unfinished=which or ("recover" if recover else "new" if new else "ask"),
         from_other_computer=here,
+        record=record,
     )
     if study is not None:
         checks = CheckOptions(confirmed, skipped)
@@ -218,7 +226,7 @@ def _needed_scenario(folder: str | None, *of_study: object) -> str:
     if folder is None:
         exit_with_usage("say what to run: DIR, a scenario's folder, or --study STUDY --participant ID")
     if any(of_study):
-        exit_with_usage("--run, --pilot, --training, --confirm and --skip-check go with --study")
+        exit_with_usage("--run, --pilot, --training, --record, --confirm and --skip-check go with --study")
     return resolve_scenario(folder)
 
 

@@ -31,7 +31,7 @@ from rise_engine.study.study_log import StudyLogError
 from rise_engine.study.study_toml import is_study
 from rise_engine.text import clean
 
-END_SECONDS = 20.0
+END_SECONDS = 40.0
 """Seconds that a session has to end: the robot's answer and the last records take 11 at most."""
 
 

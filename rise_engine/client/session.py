@@ -318,15 +318,19 @@ class Session:
         """
         await self._send(RecordingReport(name=name, status=status, path=path, bytes=bytes, reason=reason))
 
-    async def mark_sync(self, number: int, medium: str, text: str = "") -> None:
+    async def mark_sync(
+        self, number: int, medium: str, text: str = "", *, at: float | None = None, within: float | None = None
+    ) -> None:
         """Put on record that a mark was given which recordings show.
 
         :param number: of the mark; `view.sync` has that of the last one.
         :param medium: by what it is seen or heard: `sound`, `flash`.
         :param text: anything about it.
+        :param at: session time in seconds at which it began; None: now.
+        :param within: seconds by which that is wrong at most; None: not known.
         :raises Rejected: nothing can be recorded; always for an observer.
         """
-        await self._send(SyncMark(number=number, medium=medium, text=text))
+        await self._send(SyncMark(number=number, medium=medium, text=text, at=at, within=within))
 
     async def change_control(self, verb: ControlVerb) -> None:
         """Do something about who holds control, as a wizard.

@@ -120,6 +120,7 @@ class SocketClient:
             folder=hello.folder,
             replay=hello.replay,
             journaling=hello.journaling,
+            speed=hello.speed,
         )
 
     def records(self) -> AsyncIterator[Sequence[UpdateOrResync]]:

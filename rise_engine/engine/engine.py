@@ -180,6 +180,14 @@ class Engine:
         downtime = seconds_between_labels(self._wall_before, self.clock.wall_label(self._t))
         self.accept(SessionRecovered(versions=versions(), reason="its engine had gone", downtime=downtime))
 
+    def stop_before_end(self) -> None:
+        """Stop the robot and every rule at once, if anything runs or waits: the session will end soon, and what comes
+        until then is to find it still. Never called within a step."""
+        if self._last_record_made or self._end_reason is not None:
+            return
+        if self._kernel.is_busy or self._kernel.rules.standing() or self._commands.has_timers:
+            self.accept(Submit(function="stopAll", source="engine"))
+
     def end(self, reason: str = "", *, stop: bool | None = None) -> None:
         """Begin to end the session: stop the robot, then the last record. Nothing happens when it is ending already.
 

@@ -48,6 +48,7 @@ COLUMNS = (
     *("number", "medium"),  # sync
     *("filler", "voice_at"),  # timing; source too
     "downtime",  # session
+    *("at", "within"),  # sync
 )
 """Of the table: always all of them, in this order. New ones may only come at the end."""
 

@@ -175,6 +175,8 @@ class SyncMark(Input, frozen=True, tag="sync", kw_only=True, gc=False):
     medium: str
     text: str = ""
     source: str = "engine"
+    at: float | None = None
+    within: float | None = None
 
 
 class SessionEnded(Input, frozen=True, tag="session_ended", kw_only=True, gc=False):

@@ -313,6 +313,10 @@ class SyncRecord(Record, tag="sync"):
     """By what it is seen or heard: `sound`, `flash`."""
     text: str
     source: str
+    at: float | None = None
+    """Session time in seconds at which it began; null: at `t`, as far as anybody knows."""
+    within: float | None = None
+    """Seconds by which `at` is wrong at most; null: not known."""
 
 
 AnyRecord: TypeAlias = (

@@ -33,7 +33,7 @@ def record_report(core: Core, report: Report) -> None:
         case RecordingReport(name=name, status=status, path=path):
             core.emit(RecordingRecord, name, status, path, report.bytes, report.reason, report.source)
         case SyncMark():
-            core.emit(SyncRecord, report.number, report.medium, report.text, report.source)
+            core.emit(SyncRecord, report.number, report.medium, report.text, report.source, report.at, report.within)
 
 
 def report_words(record: ReportRecord) -> tuple[str, str]:

@@ -25,6 +25,10 @@ class RecorderError(RiseError):
     """It cannot record, or not any more; a sentence for the wizard, with what to do."""
 
 
+class RecorderEnded(RecorderError):
+    """What recorded has ended by itself, and can be started anew."""
+
+
 class RecordingPlan(Struct, frozen=True):
     """What is to be recorded."""
 
@@ -55,6 +59,8 @@ class Recorder(Protocol):
     """One recorder for one session. All methods run on one loop and never block it; each may raise RecorderError."""
 
     kind: MediaKind
+    stalled_after: float
+    """Seconds without growth after which something is wrong; more than 3 for what writes in large pieces."""
 
     async def prepare(self, plan: RecordingPlan) -> str:
         """Reach it and set it up, without recording. Returns what was found, for a check: `OBS 30.2, scene Lab`."""

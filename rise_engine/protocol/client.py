@@ -84,6 +84,8 @@ class AttachReply(Struct, frozen=True):
     replay: bool = False
     """This is no session but the replay of one: nothing can be submitted."""
     journaling: JournalStatus = JournalStatus()
+    speed: float = 1.0
+    """Session seconds in a second."""
 
 
 class Reply(Struct, frozen=True):

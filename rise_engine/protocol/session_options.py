@@ -50,5 +50,7 @@ class SessionOptions(Struct, frozen=True):
     """Which of the participant's runs; 0: the next."""
     purpose: Purpose = "counted"
     """Why a session of a study is run; in debug mode it is always `debug`."""
+    record: bool | None = None
+    """Whether the study's recorders run; None: in sessions that count and in pilots."""
     checks: tuple[CheckReport, ...] = ()
     """What came of the study's checks: the first inputs after the start."""

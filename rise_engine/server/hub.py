@@ -85,6 +85,8 @@ class SessionHub:
         self._requester: AttachedClient | None = None
         self._inputs_before = engine.inputs
         self._first_record_came = False
+        self.ending = False
+        """Whether the session is about to end: nobody starts anything any more."""
         engine.subscribe(self._apply_record)
         engine.on_journal_status = self._notify_listeners
 
@@ -231,6 +233,8 @@ class SessionHub:
             return "" if reports else "an observer reports nothing; attach as a wizard or a program"
         if message.function in ALLOWED_WITHOUT_CONTROL:
             return ""
+        if self.ending:
+            return "the session is ending"
         if client.role == "node":
             return self._why_not_release(client) if message.function == "releaseStop" else ""
         if client is self._holder:

@@ -23,6 +23,7 @@ from rise_engine.ports.robot import Robot
 from rise_engine.protocol.registry import RegistryError, SessionLock, acquire_lock, session_name
 from rise_engine.protocol.session_options import SessionOptions
 from rise_engine.protocol.session_start import first_input, set_conflicts, start_problems
+from rise_engine.recording.companion import CompanionRequest, companions_for
 from rise_engine.scenario import load
 from rise_engine.scenario.model import Scenario
 from rise_engine.server.hub import SessionHub
@@ -45,6 +46,8 @@ from rise_engine.session.folder import (
 from rise_engine.session.journal import Journal
 from rise_engine.session.lock import JournalLock, JournalLockedError, one_at_a_time, running_message
 from rise_engine.session.recovery import RecoveredSession, recover
+from rise_engine.study.model import RecordingSettings
+from rise_engine.study.recorded import RecordingDecision
 from rise_engine.study.study_log import StudyLogError
 from rise_engine.study.traces import study_of_session
 
@@ -247,6 +250,28 @@ class SessionPreparation:
         self.scenario, self.folder = self.recovered.scenario, folder
         self.seed, self.speed, self.faults = info.seed, info.speed, info.faults
         self.ros = RosConnection(info.ros, info.ros_args)
+
+    def decide_recording(self) -> RecordingDecision:
+        """What records the session, once its journal is open; nothing does in one that is of no study."""
+        if self.study is None:
+            return RecordingDecision(RecordingSettings())
+        return self.study.decide_recording(read_info(self.folder))
+
+    def companions(self, settings: RecordingSettings) -> list[CompanionRequest]:
+        """The processes that record the session, and what each is to do."""
+        info = read_info(self.folder)
+        request = CompanionRequest(
+            kind="recorders",
+            socket=str(self.name_lock.socket.absolute()),
+            session=self.folder.name,
+            folder=str(self.folder.absolute()),
+            study=str(self.study.folder) if self.study is not None else "",
+            task=info.study,
+            participant=info.participant,
+            run=info.run,
+            settings=settings,
+        )
+        return companions_for(request)
 
     async def connect(self) -> Bridge[SessionHub] | None:
         """The connection to ROS, where the session has one. Raises ServeRefused."""

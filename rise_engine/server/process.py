@@ -19,10 +19,13 @@ from rise_engine.engine.drivers import simulated_robot_warning
 from rise_engine.engine.engine import Engine, versions
 from rise_engine.json_codec import encode
 from rise_engine.kernel.inputs import Note
+from rise_engine.kernel.records import RecordingStatus
 from rise_engine.ports.bridge import Bridge
 from rise_engine.ports.robot import Robot
 from rise_engine.protocol.session_options import SessionOptions
 from rise_engine.protocol.session_start import start_remarks
+from rise_engine.server.companions import Companions
+from rise_engine.server.find_marks import find_marks_later
 from rise_engine.server.hub import END_SECONDS, SessionHub
 from rise_engine.server.preparation import ServeRefused, SessionPreparation
 from rise_engine.server.server import SessionServer
@@ -81,7 +84,9 @@ class _SessionProcess:
         journal = prepared.open_journal(self._flush_soon, clock.now)
         engine = self.engine = self._make_engine(robot, clock, journal)
         view = recovered.view if recovered is not None else None
-        hub = SessionHub(engine, str(prepared.folder), view=view, end=self.end)
+        hub = self.hub = SessionHub(engine, str(prepared.folder), view=view, end=self.end)
+        recording = prepared.decide_recording()
+        self.companions = Companions(prepared.companions(recording.settings), engine.post, self._recording_status)
         server = SessionServer(hub, prepared.name_lock.socket)
         if bridge is not None:
             bridge.join(hub)
@@ -97,6 +102,10 @@ class _SessionProcess:
         self._start_engine(engine)
         if bridge is not None:
             engine.post(Note(text=f"the session is on {bridge.about}"))
+        if recording.remark:
+            engine.post(Note(text=recording.remark))
+        if not self.ending:
+            self.companions.start()
         self._report_ready()
         try:
             await ended.wait()
@@ -104,9 +113,11 @@ class _SessionProcess:
             polling.cancel()
             _notify_systemd("STOPPING=1")
             await server.close()
+            await self.companions.finish()  # of a session that failed; else they have gone
             recorded = await asyncio.to_thread(journal.close, RECORD_SECONDS)
             if prepared.study is not None:
                 await asyncio.to_thread(prepared.study.note_ended)
+                await asyncio.to_thread(find_marks_later, prepared.folder, hub.view)
         if engine.failure is not None:
             return exit_status.FAILED
         return exit_status.OK if recorded and not self.unrecorded else exit_status.NOT_WRITTEN
@@ -134,7 +145,7 @@ class _SessionProcess:
 
     def _handle_signals(self) -> None:
         for number in (signal.SIGTERM, signal.SIGINT):
-            self.loop.add_signal_handler(number, self.end, f"ended by {number.name}")
+            self.loop.add_signal_handler(number, self._end_by_signal, f"ended by {number.name}")
         self.loop.add_signal_handler(signal.SIGHUP, lambda: None)
 
     def _report_ready(self) -> None:
@@ -162,11 +173,34 @@ class _SessionProcess:
         for submit in self.prepared.options.first_tasks:
             engine.post(submit)
 
+    def _recording_status(self, name: str) -> RecordingStatus | None:
+        record = self.hub.view.recordings.get(name)
+        return record.status if record is not None else None
+
+    def _end_by_signal(self, reason: str) -> None:
+        if self.ending:  # the second one: whoever asks twice means now
+            self.companions.hurry()
+        self.end(reason)
+
     def end(self, reason: str) -> None:
-        """Stop the robot, end the session, and do not wait for ever for either robot or disk."""
+        """Stop the robot, let the recorders finish, end the session; and do not wait for ever for any of it."""
         if self.ending:
             return
         self.ending = True
+        if self.companions.running:
+            self.hub.ending = True
+            self.engine.stop_before_end()
+            self._finishing = self.loop.create_task(self._end_after_companions(reason))
+        else:
+            self._end_engine(reason)
+
+    async def _end_after_companions(self, reason: str) -> None:
+        try:
+            await self.companions.finish()
+        finally:
+            self._end_engine(reason)
+
+    def _end_engine(self, reason: str) -> None:
         self.engine.end(reason)
         self.loop.call_later(END_SECONDS, self.engine.end_now, reason)
         self.loop.call_later(END_SECONDS + RECORD_SECONDS, self._abandon)

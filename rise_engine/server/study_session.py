@@ -29,6 +29,7 @@ from rise_engine.study.begin import (
     to_give_up,
     unfinished_sessions_of,
 )
+from rise_engine.study.recorded import RecordingDecision, decide_recording
 from rise_engine.study.sessions import (
     SESSIONS,
     StudySession,
@@ -211,6 +212,15 @@ class StudyPreparation:
         """Write that the session began, and what was looked at before it. Raises StudyLogError."""
         checks = [{name: getattr(each, name) for name in _CHECK_FIELDS} for each in self.options.checks]
         log.append("session", **session_fields(folder.name, info), checks=checks)
+
+    def decide_recording(self, info: SessionInfo) -> RecordingDecision:
+        """What records the session, a new one or one that goes on.
+
+        :param info: its session.toml.
+        """
+        state, purpose = self.state, info.purpose or "counted"
+        asked = self.options.record
+        return decide_recording(state.study, state.participants, info.participant, purpose, asked)
 
     # --- going on and ending ----------------------------------------------------------------------------------------
 

@@ -5,11 +5,20 @@ media time = offset + rate * session time          (both in seconds)
 
 from __future__ import annotations
 
+import fcntl
+import os
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
 from typing import Literal, TypeAlias
 
+import msgspec
 from msgspec import Struct
 
 from rise_engine.ports.recorder import MediaKind
+from rise_engine.session.disk import Disk, error_message, write_private_file
+from rise_engine.session.errors import SessionError
 
 MEDIA_FILE = "media.json"
 AlignedBy: TypeAlias = Literal["", "marks", "given", "start"]
@@ -17,14 +26,23 @@ AlignedBy: TypeAlias = Literal["", "marks", "given", "start"]
 start: by when its recorder was started, which is no time of the first frame; empty: not at all."""
 
 
+WAIT_SECONDS, TRY_SECONDS = 10.0, 0.02
+"""How long somebody waits for another program that writes it just now. That takes milliseconds."""
+
+
+class MediaError(SessionError):
+    """media.json cannot be read or written, or does not know what was named; the text says why."""
+
+
 class FoundMark(Struct, frozen=True):
-    """A mark of the session (`SyncRecord`) that was found in a file."""
+    """A mark of the session (`SyncRecord`) that was found in a file, or a moment that somebody has given."""
 
     number: int
+    """0: a moment that somebody has given, and that is no mark."""
     session_at: float
     media_at: float
     strength: float
-    """How far it stands above all else in the file, as a ratio; below 3 it is not believed."""
+    """How far it stands above all else in the file, as a ratio; below 3 it is not believed. 0: it was given."""
 
 
 class MediaFile(Struct, frozen=True, kw_only=True):
@@ -47,8 +65,129 @@ class MediaFile(Struct, frozen=True, kw_only=True):
     marks: tuple[FoundMark, ...] = ()
     added: str = ""
     """ISO 8601 with offset."""
+    fps: float | None = None
+    """Frames per second; None: not known, or no video."""
 
     @property
     def drift_ppm(self) -> float:
         """How much faster its clock runs, in millionths."""
         return (self.rate - 1.0) * 1e6
+
+
+def read_media(folder: Path) -> tuple[MediaFile, ...]:
+    """What stands in a session's media.json, in its order; nothing when there is none.
+
+    :param folder: the session's.
+    :raises MediaError: it cannot be read.
+    """
+    path = folder / MEDIA_FILE
+    try:
+        return tuple(msgspec.json.decode(path.read_bytes(), type=list[MediaFile]))
+    except FileNotFoundError:
+        return ()
+    except OSError as error:
+        raise MediaError(f"{path} cannot be read: {error.strerror or error}") from None
+    except (msgspec.DecodeError, UnicodeError) as error:
+        raise MediaError(f"{path} is not what was written there: {error}. Mend it, or move it away") from None
+
+
+def register_media(folder: Path, file: MediaFile) -> MediaFile | None:
+    """Put a file into a session's media.json, in the place of what stands there about the same file.
+
+    :param folder: the session's.
+    :param file: a path within that folder is made relative to it.
+    :return: what stood there before.
+    :raises MediaError: it cannot be read or written; then nothing is changed.
+    """
+    file = msgspec.structs.replace(file, path=stored_path(folder, file.path))
+    before: list[MediaFile] = []
+
+    def put(files: list[MediaFile]) -> list[MediaFile]:
+        before.extend(each for each in files if each.path == file.path)
+        if not before:
+            return [*files, file]
+        return [file if each is before[0] else each for each in files if each not in before[1:]]
+
+    _change(folder, put)
+    return before[0] if before else None
+
+
+def remove_media(folder: Path, named: str) -> MediaFile:
+    """Take a file out of a session's media.json; the file itself stays where it is.
+
+    :param folder: the session's.
+    :param named: its path, also as it stands there, or its name, if no other file has that.
+    :return: what stood there.
+    :raises MediaError: there is none of that name, or several; or it cannot be written. Then nothing is changed.
+    """
+    removed: list[MediaFile] = []
+
+    def take_out(files: list[MediaFile]) -> list[MediaFile]:
+        removed.append(find_media(folder, files, named))
+        return [each for each in files if each is not removed[0]]
+
+    _change(folder, take_out)
+    return removed[0]
+
+
+def find_media(folder: Path, files: list[MediaFile], named: str) -> MediaFile:
+    """The file that somebody means, by its path, the end of it, or its recorder. Raises MediaError."""
+    path = stored_path(folder, named)
+    exact = [each for each in files if each.path in (named, path)]
+    found = exact or [each for each in files if named in (Path(each.path).name, each.name)]
+    if len(found) == 1:
+        return found[0]
+    listed = ", ".join(each.path for each in found or files) or "none"
+    if found:
+        raise MediaError(f"{named} can be any of {listed}: say which by its path")
+    raise MediaError(f"{MEDIA_FILE} of {folder.name} has no file {named}; it has {listed}")
+
+
+def media_path(folder: Path, file: MediaFile) -> Path:
+    """Where a file of a session lies, absolute."""
+    return (folder / file.path).absolute()
+
+
+def stored_path(folder: Path, path: str) -> str:
+    """A path as media.json has it: relative for what lies in the session's folder, else absolute."""
+    absolute = Path(os.path.normpath(Path(path).expanduser().absolute()))
+    root = Path(os.path.normpath(folder.absolute()))
+    if Path(path).is_absolute() or absolute.exists() or not (root / path).exists():
+        return str(absolute.relative_to(root)) if absolute.is_relative_to(root) else str(absolute)
+    return path
+
+
+def _change(folder: Path, change: Callable[[list[MediaFile]], list[MediaFile]]) -> None:
+    try:
+        with _locked(folder):
+            files = change(list(read_media(folder)))
+            data = msgspec.json.format(msgspec.json.encode(files), indent=1) + b"\n"
+            new = folder / f"{MEDIA_FILE}.new"
+            write_private_file(new, data)
+            new.replace(folder / MEDIA_FILE)
+            Disk().sync_folder(folder)
+    except UnicodeError:
+        raise MediaError("a path or name is no text that can be written: give that file another name") from None
+    except OSError as error:
+        raise MediaError(f"{folder / MEDIA_FILE} cannot be written: {error_message(error)}") from None
+
+
+@contextmanager
+def _locked(folder: Path) -> Iterator[None]:
+    """Nobody else changes media.json meanwhile. The lock is the folder's own, so that no file is left of it."""
+    descriptor = os.open(folder, os.O_RDONLY | os.O_CLOEXEC)
+    try:
+        deadline = time.monotonic() + WAIT_SECONDS
+        while True:
+            try:
+                fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
+                break
+            except BlockingIOError:
+                if time.monotonic() > deadline:
+                    raise MediaError(f"{folder / MEDIA_FILE} is held by another program: try again") from None
+            except OSError:  # a file system without locks: then the last one who writes wins
+                break
+            time.sleep(TRY_SECONDS)
+        yield
+    finally:
+        os.close(descriptor)

@@ -67,6 +67,11 @@ class RedactionReport(Struct):
     """Where the words still stand, in sentences."""
 
 
+_SMALL = 5_000_000
+"""Bytes: of larger files that are no text, only the name is looked at."""
+_TEXTS = (".jsonl", ".csv", ".json", ".toml", ".txt", ".md")
+
+
 class RedactionRefused(SessionError):
     """Nothing was changed; the text says why."""
 
@@ -369,7 +374,8 @@ def find_words(folder: Path, words: Words) -> list[str]:
             continue
         if path.name.endswith(NEW_SUFFIX):
             continue
-        lines = path.read_bytes().decode("utf-8", "replace").splitlines()
+        searched = is_searched(path)
+        lines = path.read_bytes().decode("utf-8", "replace").splitlines() if searched else []
         places = [number for number, line in enumerate(lines, 1) if words.find(line)]
         name = path.relative_to(folder)
         if not places:
@@ -379,6 +385,11 @@ def find_words(folder: Path, words: Words) -> list[str]:
         where = ", ".join(map(str, places[:5])) + (f" and {len(places) - 5} more" if len(places) > 5 else "")
         found.append(f"{name}, line{'s' if len(places) > 1 else ''} {where}{_whose(name)}")
     return found
+
+
+def is_searched(path: Path) -> bool:
+    """Whether words are looked for in a file, and not only in its name: a film is as large as no text is."""
+    return path.suffix in _TEXTS or path.stat().st_size <= _SMALL
 
 
 def _whose(name: Path) -> str:

@@ -11,6 +11,7 @@ AUTOMATIC: dict[str, str] = {
     "participant": "the participant may take part now",
     "scenario": "the scenario is the one that the plan was made with",
     "wizard": "the wizard has given a name",
+    "recorder": "everything that records the session records, and its files grow",
     "replay": "the last session replays identically",
 }
 """Each automatic check and what it looks at, in words that stand on screens and in records."""

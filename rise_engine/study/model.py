@@ -84,6 +84,8 @@ class RecorderSettings(Struct, frozen=True):
     driver: str
     """Which recorder it is; the name, where `by` is not given."""
     options: dict[str, Json] = {}
+    stalled_after: float | None = None
+    """Seconds without growth after which it counts as stalled; None: as its driver says."""
 
 
 class MarkerSettings(Struct, frozen=True):
@@ -112,6 +114,12 @@ class RecordingSettings(Struct, frozen=True):
     """None: nothing goes to LSL."""
     sync: SyncSettings | None = None
     """None: no marks."""
+    folder: str = ""
+    """Where recorders that name their file themselves put it, absolute: a folder for each session is made in there.
+    Empty: into the session's own folder."""
+    consent: str = "recording"
+    """What a participant must have consented to before anything records them: `recording` is the column
+    consent_recording."""
 
 
 class Study(Struct, frozen=True):

@@ -90,7 +90,22 @@ class _ParticipantsReader:
             if column.startswith(CONSENT_PREFIX) and nearest_name(column, missing) is None  # another consent
         ]
         remedy = "; write it into study.toml if it is meant: [participants] columns = [...]"
+        self.check_recording_consent()
         table.check_columns(needed, ["status", "comment", *study.columns, *further, *personal], remedy)
+
+    def check_recording_consent(self) -> None:
+        """Without that column nobody is recorded, which nobody may have meant."""
+        recording, table = self.study.recording, self.table
+        column = f"{CONSENT_PREFIX}{recording.consent}"
+        if not (recording.recorders or recording.sync) or column in table.columns:
+            return
+        if recording.consent not in self.study.consent:  # else it is missing anyway
+            consents = [each for each in table.columns if each.startswith(CONSENT_PREFIX)]
+            example = consents[0].removeprefix(CONSENT_PREFIX) if consents else "study"
+            near = did_you_mean(column, consents, limit=0) or ";"
+            message = f"there is no column `{column}`, so nobody is recorded{near} "
+            message += f'add it, or name another one in study.toml: [recording] consent = "{example}"'
+            self.diagnostics.warning("no-recording-consent", SourceLocation(PARTICIPANTS_FILE), message)
 
     def read_row(self, row: CsvRow, seen: dict[str, int]) -> Participant:
         values = row.values

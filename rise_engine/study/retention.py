@@ -30,7 +30,8 @@ def due_retention(study: Study, sessions: Iterable[StudySession], today: date) -
         paths: dict[str, date] = {}
         for session, day in kept:
             if day + timedelta(days=days) <= today:
-                paths.update((path, day) for path in registered_recordings(session.path) if Path(path).exists())
+                found = registered_recordings(session.path, inside=True)
+                paths.update((path, day) for path in found if Path(path).exists())
         if paths:
             names = _name_some([f"{path} of {day}" for path, day in paths.items()])
             due.append(f"{pluralize(len(paths), 'recording')} kept longer than {days:g} days, delete: {names}")

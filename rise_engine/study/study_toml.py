@@ -23,6 +23,7 @@ from rise_engine.study.model import AssignmentSettings, BetweenMethod, Study, Wi
 from rise_engine.study.personal_data import WHY, personal_column
 from rise_engine.study.plan import rows_wanted
 from rise_engine.study.quantities import DAY, parse_length
+from rise_engine.study.recording_table import read_recording
 from rise_engine.study.study_scenarios import load_scenarios
 
 STUDY_FILE = "study.toml"
@@ -42,6 +43,7 @@ TOP_KEYS = (
     "participants",
     "wizards",
     "retention",
+    "recording",
 )
 _ASSIGNMENT_KEYS = ("between", "block", "strata", "within", "spare", "hidden")
 BETWEEN: tuple[BetweenMethod, ...] = ("blocks", "minimise", "random", "list")
@@ -173,6 +175,7 @@ class _StudyReader:
             columns=self.read_columns(strata),
             wizards=self.read_wizards(),
             retention=self.read_retention(),
+            recording=read_recording(table, folder),
         )
         self.check_size(study)
         return study

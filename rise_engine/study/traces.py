@@ -1,5 +1,5 @@
-"""What of a study is about one participant: their session folders, the recordings that these have registered, and
-where their pseudonym stands."""
+"""What of a study is about one participant: their session folders, the recordings that these have registered (in their
+record, or in media.json), and where their pseudonym stands."""
 
 from __future__ import annotations
 
@@ -15,13 +15,12 @@ from rise_engine.kernel.records import RecordingRecord, SessionRecord
 from rise_engine.session.errors import SessionError
 from rise_engine.session.folder import JOURNAL, read_info
 from rise_engine.session.journal_format import InputLine, JournalLine, LineError, read_line
+from rise_engine.session.media import MEDIA_FILE, MediaError, MediaFile, media_path, read_media
+from rise_engine.session.redaction import is_searched
 from rise_engine.study.sessions import SESSIONS
 from rise_engine.study.study_log import LOG_FILE
 
 PARTICIPANTS_FILE, STUDY_FILE = "participants.csv", "study.toml"
-_SMALL = 5_000_000
-"""Bytes: of larger files that are no text, only the name is looked at."""
-_TEXTS = (".jsonl", ".csv", ".json", ".toml", ".txt", ".md")
 
 
 def study_of_session(session: Path) -> Path | None:
@@ -66,24 +65,49 @@ def owner_of(folder: Path) -> str:
     return parts[2] if len(parts) >= 5 else ""
 
 
-def registered_recordings(folder: Path) -> list[str]:
-    """The files of recordings that a session has registered, absolute; not those within its own folder."""
+def registered_recordings(folder: Path, *, inside: bool = False) -> list[str]:
+    """The files of recordings that a session's record or its media.json names, absolute.
+
+    :param folder: the session's.
+    :param inside: also those within its own folder.
+    """
+    found = dict.fromkeys((*_recorded(folder), *(str(media_path(folder, each)) for each in _listed(folder))))
+    return [path for path in found if inside or not Path(path).is_relative_to(folder.absolute())]
+
+
+def why_media_unknown(folder: Path) -> str:
+    """Why a session's media.json cannot be read, as a sentence; empty when it can, or when there is none."""
+    try:
+        read_media(folder)
+    except MediaError as error:
+        return str(error)
+    return ""
+
+
+def _listed(folder: Path) -> tuple[MediaFile, ...]:
+    try:
+        return read_media(folder)
+    except MediaError:
+        return ()
+
+
+def _recorded(folder: Path) -> tuple[str, ...]:
     try:
         changed = (folder / JOURNAL).stat().st_mtime_ns
     except OSError:
-        return []
-    return list(_registered_in(folder, changed))
+        return ()
+    return _recorded_in(folder, changed)
 
 
 @lru_cache(maxsize=1_000)
-def _registered_in(folder: Path, changed: int) -> tuple[str, ...]:
+def _recorded_in(folder: Path, changed: int) -> tuple[str, ...]:
     """Kept for a journal that was not changed: whoever looks at a study looks again and again."""
     found: dict[str, None] = {}
     for line in _readable_lines(folder):
         said = line.input if isinstance(line, InputLine) else line
         if isinstance(said, RecordingReport | RecordingRecord) and (path := said.path):
             found[str((folder / Path(path).expanduser()).absolute())] = None
-    return tuple(path for path in found if not Path(path).is_relative_to(folder.absolute()))
+    return tuple(found)
 
 
 def _readable_lines(folder: Path) -> Iterator[JournalLine]:
@@ -122,6 +146,8 @@ def find_names(study: Path, participant: str) -> list[str]:
 def _advice(name: Path, participant: str) -> str:
     if str(name) == PARTICIPANTS_FILE:
         return "delete the line yourself, because nothing but people writes in this file"
+    if name.parts[0] == SESSIONS and len(name.parts) == 3 and name.name == MEDIA_FILE:
+        return f"give that file a name without it, then rise-engine media remove {name.parts[1]} and media add"
     if name.parts[0] == SESSIONS and len(name.parts) > 2:
         return f"rise-engine redact {name.parts[1]} --replace {participant}=NAME, if it is them who is meant"
     return "take it out yourself, if it is them who is meant"
@@ -130,7 +156,7 @@ def _advice(name: Path, participant: str) -> str:
 def lines_naming(path: Path, participant: str) -> list[int]:
     """The lines of a file in which a pseudonym stands, from 1."""
     try:
-        if path.stat().st_size > _SMALL and path.suffix not in _TEXTS:
+        if not is_searched(path):
             return []
         text = path.read_bytes().decode("utf-8", "replace")
     except OSError:

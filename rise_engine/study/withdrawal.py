@@ -36,6 +36,7 @@ from rise_engine.study.traces import (
     name_pattern,
     owner_of,
     registered_recordings,
+    why_media_unknown,
 )
 from rise_engine.study.withdrawn import PREFIX, hash_pseudonym, is_withdrawn, new_salt
 
@@ -237,10 +238,12 @@ def _make_plan(study: Path, participant: str, log: Sequence[LogEntry]) -> Withdr
         if owner == participant:
             _refuse_running(folder)
             plan.sessions.append(folder.name)
+            if problem := why_media_unknown(folder):
+                plan.unreachable.append(f"the recordings that media.json of {folder.name} named: {problem}")
             for path in registered_recordings(folder):
                 plan.recordings += [path] if path not in plan.recordings else []
         else:
-            for path in registered_recordings(folder):
+            for path in registered_recordings(folder, inside=True):
                 others.setdefault(path, []).append(owner or folder.name)
     for path in list(plan.recordings):
         if path in others:

@@ -27,6 +27,7 @@ from rise_engine.study.judge import CannotJudge, judge_session
 from rise_engine.study.model import OutcomeStatus, SessionEntry, Study, StudyCheck, StudyStanding
 from rise_engine.study.participants import load_participants
 from rise_engine.study.plan_file import read_plan
+from rise_engine.study.recorded import decide_recording, recorders_text
 from rise_engine.study.sessions import SESSIONS
 from rise_engine.study.state import OpenStudy, StudyState, StudyUnusable, read_state
 from rise_engine.study.study_log import LOG_FILE, StudyLogError
@@ -138,6 +139,7 @@ class StudyFolder:
             raise StudyRefused(f"{plan.run.scenario} does not load: {'; '.join(map(str, loaded.errors))}")
         now = datetime.now().astimezone()
         standing = next((each for each in state.standing.participants if each.participant == plan.participant), None)
+        recording = decide_recording(study, state.participants, plan.participant, plan.purpose)
         return SessionPreview(
             SessionRequest(plan.participant, plan.purpose, request.condition, request.run),
             plan.run,
@@ -148,6 +150,8 @@ class StudyFolder:
             mode=plan.mode,
             robot=scenario.robot.title or scenario.robot.name,
             recorded=str(self._root),
+            recorders=recorders_text(recording.settings),
+            unrecorded=recording.remark,
             context=CheckContext(
                 study,
                 plan.participant,

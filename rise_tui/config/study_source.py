@@ -70,6 +70,10 @@ class SessionPreview(Struct, frozen=True):
     """Those before it; in debug mode none is made."""
     keys: dict[str, KeyBinding] = {}
     """Of the scenario."""
+    recorders: str = ""
+    """What records it besides: `camera (obs), bag (rosbag2)`; empty: nothing does."""
+    unrecorded: str = ""
+    """Why what the study has does not record it, or not all of it, as a sentence; empty: it does, or there is none."""
 
 
 class StartedSession(Struct, frozen=True):

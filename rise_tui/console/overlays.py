@@ -19,6 +19,7 @@ from rise_tui.screens.palette import Palette
 from rise_tui.screens.palette_commands import PaletteCommand, palette_commands, study_commands, theme_commands
 from rise_tui.screens.too_small import TooSmallScreen, is_too_small
 from rise_tui.screens.tour import TourScreen
+from rise_tui.widgets.flash import Flash
 
 
 def open_help(console: ConsoleHost, scope: KeyScope | None) -> None:
@@ -98,6 +99,13 @@ def open_tour(
     panes.unzoom()
     tour = TourScreen(part_of, lambda: panes.region)
     console.app.push_screen(tour, lambda _: on_end() if on_end is not None else None)
+
+
+def show_flash(app: App[object], number: int) -> None:
+    """A mark for cameras, over whatever is shown, for a moment. No key goes to it, and none is kept from anything."""
+    for earlier in app.screen.query(Flash):
+        earlier.remove()
+    app.screen.mount(Flash(number, on_dark=app.current_theme.dark))
 
 
 def show_when_too_small(app: App[object], store: Store | None) -> None:

@@ -88,6 +88,8 @@ class ConsoleScreen(Screen[None]):
         self.pane_layout.focus_pane("acts")
 
     def _store_changed(self, parts: frozenset[StorePart] | set[StorePart]) -> None:
+        if "flash" in parts and self.store.flash is not None:  # at once: a camera sees when it is there
+            overlays.show_flash(self.app, self.store.flash.number)
         self.refresh_scheduler.schedule(parts)
         if "status" in parts:
             self.confirmations.close_outdated_control_question()

@@ -17,7 +17,7 @@ from rise_tui.config.study_source import SessionPreview, SessionRequest, StudyRe
 from rise_tui.model.check_list import CheckList
 from rise_tui.model.study_conditions import HIDDEN, Conditions, condition_names
 from rise_tui.model.study_rows import begun_text, session_line
-from rise_tui.rendering.text import StyledLine, StyledSpan, clean, format_clock
+from rise_tui.rendering.text import StyledLine, StyledSpan, clean, format_clock, wrap
 from rise_tui.screens.checks import CheckMaker, ChecksScreen
 from rise_tui.screens.dialog import Dialog, DialogChoice
 from rise_tui.screens.outcome import Outcome, OutcomeDialog
@@ -26,6 +26,8 @@ from rise_tui.screens.wizard_name import WizardNameDialog
 
 LABEL = 13
 """Cells for what a line of the plan is about."""
+TEXT = 60
+"""Cells for what it says."""
 REAL_REHEARSALS: tuple[Purpose, ...] = ("debug", "training", "pilot")
 
 
@@ -74,12 +76,20 @@ def plan_lines(
         _line("scenario", (plan.title, "plain")),
         _line("counts", counts),
         _line("recorded in", (abbreviate_home(plan.recorded), "plain")),
+        *_recorder_lines(plan),
         _line("wizard", (wizard, "plain")),
     ]
     done = [session_line(entry, conditions) for entry in each.sessions] if each is not None else []
     lines += [_line("before" if at == 0 else "", (text, "plain")) for at, text in enumerate(done or ["nothing yet"])]
     names = ", ".join(each.check.id for each in plan.checks) or "none"
     return [*lines, _line("checks", (names, "plain"))]
+
+
+def _recorder_lines(plan: SessionPreview) -> list[StyledLine]:
+    """What records it besides, and why what the study has does not; nothing for a study without recorders."""
+    told: list[StyledSpan] = [(text, "plain") for text in wrap(plan.recorders, TEXT) if text]
+    told += [(text, "wait") for text in wrap(plan.unrecorded, TEXT) if text]
+    return [_line("recorded by" if at == 0 else "", span) for at, span in enumerate(told)]
 
 
 def _line(label: str, *spans: StyledSpan) -> StyledLine:

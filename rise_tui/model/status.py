@@ -9,6 +9,7 @@ from typing import NamedTuple
 
 from rise_tui.model.control import short_name
 from rise_tui.model.cue import cue_line
+from rise_tui.model.recorders import all_recorders_run, recorders_word
 from rise_tui.model.session_summary import participant_parts
 from rise_tui.model.store import Store
 from rise_tui.rendering.text import (
@@ -121,7 +122,7 @@ def _fit_cells(cells: list[StatusCell], width: int) -> StyledLine:
 
 def _cells(store: Store, *, padded: bool) -> list[StatusCell]:
     """Those at the right."""
-    recording = [] if store.gone_reason or store.cut_since is not None else [_recording_cell(store)]
+    recording = [] if store.gone_reason or store.cut_since is not None else _recording_cells(store)
     return [_mode_cell(store), *_robot_cells(store), *recording, _time_cell(store), *_control_cells(store, padded)]
 
 
@@ -164,6 +165,17 @@ def _robot_cells(store: Store) -> list[StatusCell]:
     return cells
 
 
+def _recording_cells(store: Store) -> list[StatusCell]:
+    """How the record stands, and beside it what records the session from outside, where that does not."""
+    found = recorders_word(store)
+    if found is None:
+        return [_recording_cell(store)]
+    name, word, role = found
+    glyph, short = ("✗" if role == "fault" else "◐"), shorten(name, NAME)
+    texts = (f"{glyph} {short} {word}", f"{short} {word}", f"{glyph} {word}")
+    return [_recording_cell(store), StatusCell(tuple((GAP, (text, role)) for text in texts), (8, 11))]
+
+
 def _recording_cell(store: Store) -> StatusCell:
     if store.attach_reply.replay:
         return StatusCell(((),))
@@ -174,7 +186,8 @@ def _recording_cell(store: Store) -> StatusCell:
         return StatusCell(((GAP, (f"◐ disk {late}", "wait")), (GAP, (f"disk {late}", "wait"))), (9,))
     if not store.attach_reply.folder:
         return StatusCell(((GAP, ("○ NO REC", "wait")), (GAP, ("NO REC", "wait"))), (9,))
-    return StatusCell(((GAP, ("● REC", "plain")), (GAP, ("REC", "plain")), ()), (9, 12))
+    word = "ALL REC" if all_recorders_run(store) else "REC"
+    return StatusCell(((GAP, (f"● {word}", "plain")), (GAP, (word, "plain")), ()), (9, 12))
 
 
 def _time_cell(store: Store) -> StatusCell:

@@ -31,6 +31,7 @@ from rise_engine.kernel.records import (
     RuleRecord,
     SessionRecord,
     StopRecord,
+    SyncRecord,
     TaskRecord,
 )
 from rise_engine.kernel.view import ActView, RuleView, SessionView, TaskView
@@ -41,6 +42,7 @@ from rise_tui.model import control
 from rise_tui.model.act_levels import estimate_act_seconds
 from rise_tui.model.blocked import BlockedReason, Deed
 from rise_tui.model.expected_inputs import ExpectedInputs, find_expected_inputs
+from rise_tui.model.flash import LATE_SECONDS
 from rise_tui.model.input_lock import CUE_EVENTS, STARTING_FUNCTIONS, InputMode
 from rise_tui.model.log_rows import LogRows
 from rise_tui.model.notice import Notice
@@ -51,7 +53,7 @@ from rise_tui.model.undo import UndoStack
 from rise_tui.model.unhandled_events import UnhandledEvents
 from rise_tui.model.voice import CueClock, cue_clock
 
-StorePart: TypeAlias = Literal["acts", "rules", "memory", "tasks", "status", "stop", "cue", "notice"]
+StorePart: TypeAlias = Literal["acts", "rules", "memory", "tasks", "status", "stop", "cue", "notice", "flash"]
 """What a batch of records changed; a pane says which of these it shows."""
 
 ALL_PARTS: frozenset[StorePart] = frozenset(get_args(StorePart))
@@ -142,6 +144,8 @@ class Store:
     condition_labels: Mapping[str, str] | None = None
     """How the session's study calls its conditions on screens, by their names; None: it has not been read yet, and no
     condition is shown."""
+    flash: SyncRecord | None = None
+    """The latest mark that cameras were to see while this console was there, and that came in time."""
     last_deletion: tuple[str, Any] | None = None
     """The memory key that the wizard deleted last, and its value."""
 
@@ -378,6 +382,12 @@ class Store:
                 self.sentences.record_action(record, self.view)
             elif isinstance(record, MistakeRecord):
                 self.marked_tasks.append(record.task)
+            elif isinstance(record, SyncRecord) and record.medium == "flash" and not self.attach_reply.replay:
+                if self.now() - record.t > LATE_SECONDS:
+                    self.notice = Notice(f"mark {record.number} came too late to be shown here", "wait")
+                else:
+                    self.flash = record
+                    changed.add("flash")
             changed |= _PARTS_OF_RECORD.get(type(record), frozenset())
             if self.view.cue is not None and self.view.cue.task in _tasks_of(record):
                 changed.add("cue")  # the answer is heard, or will not be

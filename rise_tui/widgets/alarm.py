@@ -9,6 +9,7 @@ from rise_tui.messages import RunAction
 from rise_tui.model import failures
 from rise_tui.model.alarms import alarm_lines, current_alarms, degraded_text
 from rise_tui.model.control import control_lost_text, short_name
+from rise_tui.model.recorders import broken_recorders_text
 from rise_tui.model.store import Store
 from rise_tui.rendering.text import StyledLine, crop, plain_text
 from rise_tui.widgets.static_lines import StoreLines
@@ -40,19 +41,23 @@ class AlarmBar(StoreLines):
 
 
 class AttentionBar(StoreLines):
-    """Amber lines: somebody asks for control, or has taken it; a robot that works, but not wholly."""
+    """Lines of one row each: somebody asks for control, or has taken it; a robot that works, but not wholly; a camera
+    that does not record."""
 
     DEFAULT_CSS = """
     AttentionBar { height: 1; background: $warning 18%; display: none; }
     AttentionBar.-on { display: block; }
     AttentionBar.-two { height: 2; }
+    AttentionBar.-three { height: 3; }
     """
 
     def draw(self) -> None:
         store = self.store
-        shown = [] if store.gone_reason else [line for line in (_control_line(store), _degraded_line(store)) if line]
+        lines = (_control_line(store), _recorders_line(store), _degraded_line(store))
+        shown = [] if store.gone_reason else [line for line in lines if line]
         self.set_class(bool(shown), "-on")
-        self.set_class(len(shown) > 1, "-two")
+        self.set_class(len(shown) == 2, "-two")
+        self.set_class(len(shown) == 3, "-three")
         width = self.size.width
         self.show(*(crop(line, width) if width else line for line in shown))
 
@@ -65,6 +70,11 @@ def _control_line(store: Store) -> StyledLine:
     if store.asker is not None:
         return ((f" {short_name(store.asker)} asks for control: {key_text('control')} to answer ", "call"),)
     return ()
+
+
+def _recorders_line(store: Store) -> StyledLine:
+    said = broken_recorders_text(store)
+    return ((f" {said} ", "alarm"),) if said else ()
 
 
 def _degraded_line(store: Store) -> StyledLine:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from rise_engine.study.model import Study
+from rise_engine.study.recorded import recorders_text
 from rise_tui.actions import BY_ID, actions_in
 from rise_tui.key_labels import first_key_label
 from rise_tui.model.notice import Level
@@ -29,9 +30,10 @@ class StudyHead(StaticLines):
         right: list[StyledSpan] = [(study.mode.upper(), "wait" if real else "accent"), ("  ", "plain")]
         right += [(f"wizard {clean(wizard)} " if wizard else "no wizard named yet ", "muted")]
         left: StyledLine = ((f" {clean(study.title)}", "strong"),)
-        note: StyledSpan = ("  no session runs here", "muted")
-        if line_width((*left, note, *right)) < self.size.width:
-            left = (*left, note)
+        recorders = recorders_text(study.recording)
+        for note in (f"  recorded by {clean(recorders)}" if recorders else "", "  no session runs here"):
+            if note and line_width((*left, (note, "muted"), *right)) < self.size.width:
+                left = (*left, (note, "muted"))
         self.show(align_at_both_ends(left, tuple(right), self.size.width))
 
 

@@ -11,4 +11,8 @@ from tests.virtual_time import VirtualLoop
 
 
 def pytest_asyncio_loop_factories(item: pytest.Item) -> Mapping[str, Callable[[], asyncio.AbstractEventLoop]]:
-    return {"virtual": VirtualLoop} if item.path.stem == "test_robot" else {"machine": asyncio.new_event_loop}
+    return (
+        {"virtual": VirtualLoop}
+        if item.path.stem in ("test_robot", "test_recorder")
+        else {"machine": asyncio.new_event_loop}
+    )

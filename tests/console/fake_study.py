@@ -147,6 +147,8 @@ class FakeStudy:
         self.loads = 0
         self.results: dict[str, str] = {}
         """By check: why it fails."""
+        self.recorders = self.unrecorded = ""
+        """As in SessionPreview."""
         self.refusal = ""
         """Why nothing can be begun."""
         self.held: Event | None = None
@@ -200,6 +202,8 @@ class FakeStudy:
             context=CheckContext(self.now.study, request.participant, DEMO, mode, request.purpose, wizard=wizard),
             checks=() if mode == "debug" else pending("before", self.now.study.checks),
             keys=self.keys,
+            recorders=self.recorders,
+            unrecorded=self.unrecorded,
         )
 
     async def check(self, check: StudyCheck, context: CheckContext) -> CheckOutcome:

@@ -139,7 +139,10 @@ REPORTS: list[tuple[AnyInput, dict[str, Any]]] = [
      {"kind": "recording", "name": "bag", "status": "started", "path": "", "bytes": None, "reason": "",
       "source": "engine"}),
     (SyncMark(number=2, medium="sound", text="at the end", source="node:beep"),
-     {"kind": "sync", "number": 2, "medium": "sound", "text": "at the end", "source": "node:beep"}),
+     {"kind": "sync", "number": 2, "medium": "sound", "text": "at the end", "source": "node:beep", "at": None,
+      "within": None}),
+    (SyncMark(number=3, medium="sound", at=2.75, within=0.02, source="node:beep"),
+     {"kind": "sync", "number": 3, "medium": "sound", "text": "", "source": "node:beep", "at": 2.75, "within": 0.02}),
 ]  # fmt: skip
 
 

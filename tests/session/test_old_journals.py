@@ -17,10 +17,25 @@ import pytest
 from msgspec.structs import replace
 
 from rise_engine.export.records import COLUMNS, SessionExport
-from rise_engine.kernel.inputs import AnyInput, CheckReport, OutcomeReport, SessionEnded, SessionRecovered, Submit
+from rise_engine.kernel.inputs import (
+    AnyInput,
+    CheckReport,
+    OutcomeReport,
+    SessionEnded,
+    SessionRecovered,
+    Submit,
+    SyncMark,
+)
 from rise_engine.kernel.records import OutcomeRecord, SessionRecord, TimingRecord
 from rise_engine.session.folder import JOURNAL, SessionError
-from rise_engine.session.journal_format import FORMAT, encode_input, encode_record, join_step, with_checksum
+from rise_engine.session.journal_format import (
+    FORMAT,
+    encode_input,
+    encode_record,
+    fields_left_out,
+    join_step,
+    with_checksum,
+)
 from rise_engine.session.journal_reader import read_journal
 from rise_engine.session.recovery import RecoveredSession, recover
 from rise_engine.session.replay import compare_replay
@@ -107,6 +122,19 @@ def test_an_unfinished_one_is_gone_on_with_and_the_whole_replays_identically(fol
     assert outcome.status == "complete"
     lost = [each for each in records if isinstance(each, TimingRecord) and each.seq > again.seq]
     assert lost and all(each.voice_at is not None for each in lost if each.act == "Story"), "it had begun to speak"
+
+
+@pytest.mark.parametrize("folder", UNFINISHED[:1], indirect=True)
+def test_marks_from_before_it_was_known_when_they_began(folder: Path) -> None:
+    go_on(folder, recover(folder), SessionRecovered(downtime=1.0), SyncMark(number=1, medium="sound"), SessionEnded())
+    lines = (folder / JOURNAL).read_bytes().splitlines(keepends=True)
+    at = next(index for index, line in enumerate(lines) if b'"kind":"sync"' in line)
+    value = {name: each for name, each in msgspec.json.decode(lines[at]).items() if name not in ("at", "within", "crc")}
+    assert len(value) == 8
+    lines[at] = with_checksum(msgspec.json.encode(value))
+    (folder / JOURNAL).write_bytes(b"".join(lines))
+    assert compare_replay(folder).identical
+    assert fields_left_out(lines[at], "sync", 2) == {"at", "within"} and not fields_left_out(lines[at], "sync", FORMAT)
 
 
 @pytest.mark.parametrize("folder", UNFINISHED, indirect=True)

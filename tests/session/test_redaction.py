@@ -387,6 +387,19 @@ def run(*arguments: object) -> Result:
     return CliRunner().invoke(main, [str(each) for each in arguments])
 
 
+def test_of_a_film_in_the_folder_only_the_name_is_looked_at(made: Made) -> None:
+    (made.folder / "recordings").mkdir()
+    film = made.folder / "recordings" / "Zoë.mkv"
+    with film.open("wb") as file:
+        file.write("Zoë".encode())
+        file.truncate(3_000_000_000)  # a hole: read into memory it would be all there
+    small = made.folder / "media.json"
+    small.write_text('[{"path": "/data/Zoë.mkv", "kind": "video"}]')
+    report = redact(made.folder, Words([parse_replacement("Zoë=NAME1")]))
+    assert "the name of recordings/Zoë.mkv" in report.remains
+    assert any(each.startswith("media.json, line 1") for each in report.remains)
+
+
 def test_the_command(made: Made) -> None:
     result = run("redact", made.folder, "--suggest")
     assert result.exit_code == 0 and "Zoë Müller" in result.output

@@ -129,4 +129,4 @@ def test_whoever_has_not_consented_does_not_begin_whatever_is_said(lab: Path) ->
 
 def test_options_of_checks_go_with_a_study(lab: Path) -> None:
     refused = engine("serve", lab / "scenario", "--confirm", "lamp")
-    assert refused.returncode == 2 and "--confirm and --skip-check go with --study" in refused.stderr
+    assert refused.returncode == 2 and "--skip-check go with --study" in refused.stderr

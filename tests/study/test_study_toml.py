@@ -108,7 +108,7 @@ aks = "y"
 column = ["age"]
 [retention]
 medium = "1 d"
-[recording]
+[rekording]
 obs = 1
 """
 
@@ -132,7 +132,7 @@ def test_every_misspelt_key_is_told_with_the_right_one(tmp_path: Path) -> None:
         "study.toml:25:1: error unknown-key: unknown key `aks`; did you mean `ask`?",
         "study.toml:27:1: error unknown-key: unknown key `column`; did you mean `columns`?",
         "study.toml:29:1: error unknown-key: unknown key `medium`; did you mean `media`?",
-        "study.toml:30:2: error unknown-key: unknown key `recording`",
+        "study.toml:30:2: error unknown-key: unknown key `rekording`; did you mean `recording`?",
     ]
     assert told == found(tmp_path, MISSPELT)
 

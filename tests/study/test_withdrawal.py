@@ -14,9 +14,11 @@ from click.testing import CliRunner, Result
 from rise_engine.cli import main
 from rise_engine.kernel.inputs import OutcomeReport, RecordingReport, SessionStarted
 from rise_engine.session.lock import JournalLock
+from rise_engine.session.media import MEDIA_FILE, MediaFile, register_media
 from rise_engine.study.retention import due_retention
 from rise_engine.study.state import OpenStudy, read_state
 from rise_engine.study.study_log import LOG_FILE, SET_ASIDE_FILE, LockedLog, StudyLogError, read_log
+from rise_engine.study.traces import find_names
 from rise_engine.study.withdrawal import WORK_FOLDER, WithdrawalError, plan_withdrawal, withdraw
 from rise_engine.study.withdrawn import is_withdrawn, without_salts
 
@@ -322,6 +324,54 @@ def test_redacting_a_session_of_the_study_is_noted(made: Folder) -> None:
     assert _note_in_study(path, RedactionReport(lines=3)) == []
     entry = read_log(made.study)[-1]
     assert entry.kind == "redacted" and entry.fields == {"session": path.name, "lines": 3}
+
+
+# --- what media.json names ---
+
+
+def test_what_was_added_later_is_erased_too(made: Folder, tmp_path: Path) -> None:
+    own, shared, others = (tmp_path / name for name in ("own.mp4", "day.mp4", "p02.mp4"))
+    for path in (own, shared, others):
+        path.write_bytes(b"film" * 100)
+    first, _, second, *_ = made.sessions
+    inside = second / "room.wav"
+    inside.write_bytes(b"sound")
+    register_media(first, MediaFile(path=str(own), kind="video"))
+    register_media(second, MediaFile(path=str(others), kind="video"))
+    for session_of in (first, second):
+        register_media(session_of, MediaFile(path=str(shared), kind="video"))
+    for session_of in (first, second):
+        register_media(session_of, MediaFile(path=str(inside), kind="audio"))
+    plan = plan_withdrawal(made.study, "P01")
+    assert str(own) in plan.recordings and not {str(shared), str(others), str(inside)} & {*plan.recordings}
+    assert {f"{path} records P02, too: cut them out of it" for path in (shared, inside)} <= {*plan.unreachable}
+    withdraw(made.study, "P01")
+    assert not own.exists() and shared.exists() and others.exists() and inside.exists()
+
+
+def test_a_list_that_cannot_be_read_is_told(made: Folder) -> None:
+    (made.sessions[0] / MEDIA_FILE).write_text("[{")
+    plan = plan_withdrawal(made.study, "P01")
+    named = f"the recordings that media.json of {made.sessions[0].name} named: "
+    assert any(each.startswith(named) and "is not what was written there" in each for each in plan.unreachable)
+
+
+def test_their_name_in_somebody_elses_list_is_found(made: Folder) -> None:
+    register_media(made.sessions[2], MediaFile(path="/data/P01-and-P02.mp4", kind="video"))
+    said = [each for each in find_names(made.study, "P01") if MEDIA_FILE in each]
+    name = made.sessions[2].name
+    assert said == [
+        f"sessions/{name}/media.json, line 3: give that file a name without it, then rise-engine media remove {name} "
+        "and media add"
+    ]
+
+
+def test_recordings_are_due_wherever_they_lie(made: Folder, tmp_path: Path) -> None:
+    inside = made.sessions[2] / "room.wav"
+    inside.write_bytes(b"sound")
+    register_media(made.sessions[2], MediaFile(path=str(inside), kind="audio"))
+    found = due(made, 31, media=30)
+    assert found[0].startswith("5 recordings kept longer than 30 days")
 
 
 # --- retention ---

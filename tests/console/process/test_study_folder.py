@@ -91,11 +91,26 @@ def test_what_would_run_is_the_plans(folder: Path, source: StudyFolder) -> None:
     assert (plan.slot, plan.attempt, plan.runs, plan.mode) == (1, 1, 1, "real")
     assert plan.run.condition in ("left", "right") and plan.run.memory == {"side": plan.run.condition}
     assert [each.check.id for each in plan.checks] == ["consent", "lamp"] and "g" in plan.keys
+    assert (plan.recorders, plan.unrecorded) == ("", "")
     assert plan.recorded == str(folder / "sessions") and plan.title == "Demo study"
     assert plan.context.wizard == "anna" and not (folder / "sessions").exists()
     for participant, why in (("P03", "has not consented"), ("P09", "there is no participant")):
         with pytest.raises(StudyRefused, match=why):
             source.plan(SessionRequest(participant), "anna")
+
+
+def test_what_records_a_session_is_told_before_it_begins_or_why_nothing_does(tmp_path: Path) -> None:
+    people = PEOPLE.replace("consent_study,", "consent_study,consent_recording,").replace("-02,,", "-02,2026-11-02,,")
+    people = people.replace("-03,,", "-03,,,").replace("P03,,,", "P03,,,,").replace("-04,,", "-04,,,")
+    recording = '[recording]\nlsl = true\nsync = true\ncamera = { by = "obs" }\n'
+    write_study(tmp_path, DESIGN.replace("[[check]]", f"{recording}\n[[check]]", 1), people)
+    source = StudyFolder(str(tmp_path), RosConnection())
+    plan = source.plan(SessionRequest("P01"), "anna")
+    assert (plan.recorders, plan.unrecorded) == ("camera (obs), markers on LSL", "")
+    plan = source.plan(SessionRequest("P02"), "anna")
+    assert plan.recorders == "markers on LSL" and "P02 has not consented to it (consent_recording" in plan.unrecorded
+    plan = source.plan(SessionRequest("P01", "debug"), "anna")
+    assert not plan.recorders and plan.unrecorded.startswith("nothing is recorded: this is a session in debug mode")
 
 
 def test_a_rehearsal_takes_no_slot_and_in_debug_mode_makes_no_checks(source: StudyFolder) -> None:

@@ -12,7 +12,7 @@ from typing import Any
 import pytest
 from textual.pilot import Pilot
 
-from rise_engine.kernel.records import RobotRecord
+from rise_engine.kernel.records import RecordingRecord, RobotRecord, SyncRecord
 from rise_engine.protocol.session_options import SessionOptions
 from rise_tui.console.app import ConsoleApp
 from tests.console.fake import DEMO, FakeClient, FakeLauncher, demo
@@ -88,6 +88,24 @@ def test_the_robot_is_lost(snap_compare: Any) -> None:
     client = played()
     client.emit(RobotRecord(0, 0.0, "", "lost", "no answer from pepper/speech"), at=80.0)
     assert snap_compare(app(client=client), terminal_size=SIZES["small"], run_before=settle)
+
+
+def test_a_camera_does_not_record(snap_compare: Any) -> None:
+    client = played()
+    reason = "its file has not grown for 3 s"
+    client.emit(RecordingRecord(0, 0.0, "", "camera", "stalled", "", None, reason, "node:recorders"), at=80.0)
+    assert snap_compare(app(client=client), terminal_size=SIZES["small"], run_before=settle)
+
+
+def test_a_mark_for_cameras(snap_compare: Any) -> None:
+    client = played()
+
+    async def before(pilot: Pilot[Any]) -> None:
+        await settle(pilot)
+        client.emit(SyncRecord(0, 0.0, "", 12, "flash", "", "node:recorders"))
+        await pilot.pause(0.2)
+
+    assert snap_compare(app(client=client), terminal_size=SIZES["small"], run_before=before)
 
 
 def test_control_taken(snap_compare: Any) -> None:

@@ -16,7 +16,13 @@ from textual.widgets import Input, Static
 from rise_engine.kernel.inputs import OutcomeReport
 from rise_engine.protocol.client import EngineGone, Role
 from rise_engine.scenario.model import KeyBinding, SourceLocation
-from rise_engine.study.model import AssignmentSettings, PlannedRun, StudyCheck
+from rise_engine.study.model import (
+    AssignmentSettings,
+    PlannedRun,
+    RecorderSettings,
+    RecordingSettings,
+    StudyCheck,
+)
 from rise_tui.config.keymap import KeyFile
 from rise_tui.config.study_source import StudyNow
 from rise_tui.console.app import ConsoleApp
@@ -301,6 +307,51 @@ async def test_enter_says_what_would_run_and_esc_leaves_it(size: tuple[int, int]
         await at.press("escape")
         await at.until(lambda: at.top is at.screen)
         assert at.source.started == [] and "nothing has been started for P07" in at.notice
+
+
+NOT_RECORDED = "nothing is recorded: P07 has not consented to it (consent_recording of participants.csv has no date)"
+
+
+@pytest.mark.parametrize(
+    ("recorders", "unrecorded", "lines"),
+    [
+        ("", "", []),
+        ("camera (obs), bag (rosbag2)", "", ["recorded by  camera (obs), bag (rosbag2)"]),
+        (
+            "markers on LSL",
+            NOT_RECORDED,
+            [
+                "recorded by  markers on LSL",
+                "nothing is recorded: P07 has not consented to it",
+                "(consent_recording of participants.csv has no date)",
+            ],
+        ),
+    ],
+)
+async def test_what_records_it_stands_there_or_why_nothing_does(
+    recorders: str, unrecorded: str, lines: list[str]
+) -> None:
+    async with day(size=(80, 24)) as at:
+        at.source.recorders, at.source.unrecorded = recorders, unrecorded
+        await at.press("enter")
+        plan = await at.shows(ChecksScreen)
+        shown = [line.strip() for line in plan.list.text.splitlines()]
+        found = [line for line in shown if line.startswith(("recorded by", "nothing is", "(consent_"))]
+        assert found == lines
+        assert "checks       consent, lights, door, disk, tracker" in shown
+        box = plan.query_one("#box").region
+        assert box.height <= 24 and plan.answer_line.region.bottom < box.bottom
+
+
+async def test_the_head_says_what_records_every_session() -> None:
+    async with day(size=(120, 40)) as at:
+        assert "recorded by" not in at.screen.head.text
+        study = at.source.now.study
+        assert study is not None
+        camera = RecordingSettings((RecorderSettings("camera", "obs"),))
+        at.source.now = replace(at.source.now, study=replace(study, recording=camera))
+        await at.press("ctrl+r")
+        await at.until(lambda: "recorded by camera (obs)" in at.screen.head.text)
 
 
 @pytest.mark.parametrize(

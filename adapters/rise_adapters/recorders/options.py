@@ -1,0 +1,67 @@
+"""Options of a recorder in study.toml: every finding at once, a line each, which begins with the option."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+from rise_engine.nearest_name import did_you_mean
+from rise_engine.ports.recorder import RecorderError
+from rise_engine.scenario.model import Json
+
+
+class OptionReader:
+    """Reads the options of one recorder, and gathers what is wrong with them until `finish`."""
+
+    def __init__(self, options: Mapping[str, Json], known: tuple[str, ...]) -> None:
+        """
+        :param options: as study.toml has them.
+        :param known: every option that there is.
+        """
+        self.options = options
+        self.problems = [f"`{key}` is no option of this recorder{did_you_mean(key, known)}" for key in options
+                         if key not in known]  # fmt: skip
+
+    def text(self, key: str, usual: str = "", *, needed: str = "") -> str:
+        """A text. `needed`: how it is written, when it must be there."""
+        value = self.options.get(key, usual)
+        if key not in self.options and needed:
+            self.problems.append(f"`{key}` is missing: {needed}")
+        elif not isinstance(value, str) or (key in self.options and not value.strip()):
+            self.problems.append(f"`{key}` is a text" + (f": {needed}" if needed else ""))
+            return usual
+        return str(value)
+
+    def texts(self, key: str, form: str, *, needed: bool = False) -> list[str]:
+        """A list of texts; `form`: how it is written."""
+        value = self.options.get(key, [])
+        if isinstance(value, list) and all(isinstance(each, str) and each for each in value):
+            if needed and not value:
+                self.problems.append(f"`{key}` is missing: {form}")
+            return [str(each) for each in value]
+        self.problems.append(f"`{key}` is a list of texts: {form}")
+        return []
+
+    def number(self, key: str, usual: int, least: int, most: int) -> int:
+        """A whole number."""
+        value = self.options.get(key, usual)
+        if isinstance(value, int) and not isinstance(value, bool) and least <= value <= most:
+            return value
+        self.problems.append(f"`{key}` is a whole number from {least} to {most}")
+        return usual
+
+    def choice(self, key: str, known: tuple[str, ...]) -> str:
+        """One of these, usually the first."""
+        value = self.options.get(key, known[0])
+        if value in known:
+            return str(value)
+        self.problems.append(f"`{key}` is one of {', '.join(known)}")
+        return known[0]
+
+    def refuse(self, problem: str) -> None:
+        """Something else is wrong; a sentence that begins with the option."""
+        self.problems.append(problem)
+
+    def finish(self) -> None:
+        """Raises RecorderError with everything that is wrong."""
+        if self.problems:
+            raise RecorderError("\n".join(self.problems))

@@ -1,0 +1,201 @@
+"""Recorders beside a real session: what they do changes nothing in it, and whatever ends it ends in time."""
+
+from __future__ import annotations
+
+import json
+import os
+import shutil
+import signal
+import subprocess
+import sys
+import tempfile
+import time
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from rise_engine.protocol.registry import is_locked
+from rise_engine.session.folder import JOURNAL
+from tests.study.studies import DESIGN, write_study
+
+pytestmark = [
+    pytest.mark.slow,
+    pytest.mark.skipif(shutil.which("ffmpeg") is None, reason="ffmpeg is not installed here"),
+]
+ENGINE = str(Path(sys.executable).with_name("rise-engine"))
+RECORDING = """
+[recording]
+nobody = { by = "labrecorder", port = 1 }
+sync = { medium = "flash" }
+
+[recording.camera]
+by = "ffmpeg"
+input = ["-re", "-f", "lavfi", "-i", "testsrc=size=64x48:rate=10"]
+output = ["-c:v", "mpeg4"]
+"""
+PEOPLE = "participant,consent_study,consent_recording,status,comment\nP01,2026-11-01,2026-11-01,,\nP02,2026-11-01,,,\n"
+SECONDS = 60.0
+"""After which something that is waited for does not come any more."""
+
+
+@pytest.fixture
+def study(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Path]:
+    run = Path(tempfile.mkdtemp(prefix="r-", dir="/tmp"))
+    monkeypatch.setenv("RISE_RUNTIME", str(run))
+    write_study(tmp_path / "study", DESIGN + RECORDING, PEOPLE)
+    yield tmp_path / "study"
+    for lock in run.glob("*.lock"):
+        if is_locked(lock):
+            os.kill(int(lock.read_text()), signal.SIGKILL)
+    shutil.rmtree(run, ignore_errors=True)
+
+
+class Serving:
+    """`rise-engine serve --study` in debug mode, with everything that it says."""
+
+    def __init__(self, study: Path, *arguments: str, participant: str = "P01") -> None:
+        command = [ENGINE, "serve", "--study", str(study), "--participant", participant, "--mode", "debug"]
+        self.process = subprocess.Popen(
+            [*command, *arguments],
+            stdin=subprocess.DEVNULL,
+            stdout=subprocess.DEVNULL,
+            stderr=subprocess.PIPE,
+            text=True,
+        )
+        self.said: list[str] = []
+        assert self.process.stderr is not None
+        while line := self.process.stderr.readline():
+            self.said.append(line.strip())
+            if "the record is in " in line:
+                break
+        self.folder = Path(self.said[-1].partition("the record is in ")[2])
+
+    def lines(self, *kinds: str) -> list[dict[str, Any]]:
+        found = []
+        for line in (self.folder / JOURNAL).read_bytes().splitlines():
+            try:
+                found.append(json.loads(line))
+            except ValueError:
+                continue  # it is being written
+        return [each for each in found if each.get("kind") in kinds]
+
+    def statuses(self, name: str) -> list[str]:
+        return [each["status"] for each in self.lines("recording") if each["name"] == name]
+
+    def until(self, name: str, status: str, times: int = 1) -> None:
+        until = time.monotonic() + SECONDS
+        while self.statuses(name).count(status) < times:
+            assert time.monotonic() < until and self.process.poll() is None, (self.statuses(name), self.said)
+            time.sleep(0.05)
+
+    def end(self, number: int = signal.SIGTERM) -> int:
+        self.process.send_signal(number)
+        return self.wait()
+
+    def wait(self) -> int:
+        assert self.process.stderr is not None
+        code = self.process.wait(SECONDS)
+        self.process.stderr.close()
+        return code
+
+    @property
+    def children(self) -> list[int]:
+        """The processes that it has started, and theirs."""
+        return _descendants(self.process.pid)
+
+
+def _descendants(pid: int) -> list[int]:
+    found = subprocess.run(["ps", "-o", "pid=", "--ppid", str(pid)], capture_output=True, text=True)
+    direct = [int(each) for each in found.stdout.split()]
+    return [*direct, *(deeper for each in direct for deeper in _descendants(each))]
+
+
+def acts(serving: Serving) -> list[tuple[Any, ...]]:
+    """What happened in the session, without the clock and without what records it."""
+    return [
+        (each["kind"], each.get("behavior"), each.get("status"), each.get("key"))
+        for each in serving.lines("task", "action", "memory", "rule", "event")
+    ]
+
+
+def test_a_session_is_the_same_with_recorders_and_ends_with_whole_files(study: Path) -> None:
+    recorded = Serving(study, "--record", "--act", "Greet")
+    assert "recorded by nobody (labrecorder), camera (ffmpeg)" in recorded.said
+    recorded.until("camera", "running")
+    recorded.until("nobody", "failed")
+    assert recorded.end() == 0
+    assert recorded.statuses("camera") == ["started", "running", "stopped"]
+    assert [each["number"] for each in recorded.lines("sync")] == [1, 2]
+    stopped = recorded.lines("recording")[-1]
+    assert (recorded.folder / stopped["path"]).stat().st_size == stopped["bytes"]
+    assert [each["name"] for each in json.loads((recorded.folder / "media.json").read_bytes())] == ["camera"]
+    last = recorded.lines("session", "recording", "sync")[-1]
+    assert (last["kind"], last["status"]) == ("session", "ended")  # everything was over before it
+    plain = Serving(study, "--no-record", "--act", "Greet")
+    until = time.monotonic() + SECONDS
+    while ("task", "Greet", "SUCCEEDED", None) not in acts(plain):
+        assert time.monotonic() < until
+        time.sleep(0.05)
+    assert plain.end() == 0
+    assert acts(plain) == acts(recorded) and plain.lines("recording") == []
+    for each in (recorded, plain):
+        replayed = subprocess.run([ENGINE, "replay", str(each.folder)], capture_output=True, text=True)
+        assert replayed.returncode == 0, replayed.stderr
+
+
+def test_recorders_that_are_killed_are_on_record_and_their_programs_end(study: Path) -> None:
+    serving = Serving(study, "--record")
+    serving.until("camera", "running")
+    supervisor, *programs = serving.children
+    assert programs
+    os.kill(supervisor, signal.SIGKILL)
+    serving.until("camera", "failed")
+    assert serving.lines("recording")[-1]["reason"] == "SIGKILL ended its process"
+    until = time.monotonic() + SECONDS
+    while any(_runs(pid) for pid in programs):
+        assert time.monotonic() < until
+        time.sleep(0.05)
+    assert serving.end() == 0 and serving.lines("session")[-1]["status"] == "ended"
+
+
+def _runs(pid: int) -> bool:
+    found = subprocess.run(["ps", "-o", "stat=", "-p", str(pid)], capture_output=True, text=True).stdout.strip()
+    return bool(found) and not found.startswith("Z")
+
+
+def test_after_a_crash_of_the_engine_it_records_into_a_new_file(study: Path) -> None:
+    first = Serving(study, "--record")
+    first.until("camera", "running")
+    children = first.children
+    first.end(signal.SIGKILL)
+    again = Serving(study, "--record", "--session", str(first.folder))
+    again.until("camera", "running", times=2)
+    assert again.end() == 0
+    paths = list(dict.fromkeys(each["path"] for each in again.lines("recording") if each["name"] == "camera"))
+    stem = f"recordings/{first.folder.name}_camera"
+    assert paths == [f"{stem}.mkv", f"{stem}_2.mkv"]
+    files = {each["path"] for each in json.loads((again.folder / "media.json").read_bytes())}
+    assert files == set(paths)
+    assert not any(_runs(pid) for pid in children)
+
+
+def test_a_second_signal_does_not_wait_for_recorders(study: Path) -> None:
+    serving = Serving(study, "--record")
+    serving.until("camera", "running")
+    supervisor = serving.children[0]
+    os.kill(supervisor, signal.SIGSTOP)  # it hangs
+    serving.process.send_signal(signal.SIGINT)  # another one, because two of a kind that come together are one
+    assert serving.end() == 0
+    assert serving.lines("recording")[-1]["reason"] == "its process was not waited for, and was ended"
+    assert serving.lines("session")[-1]["status"] == "ended"
+
+
+def test_one_who_has_not_consented_is_not_recorded_which_is_said_before_and_on_record(study: Path) -> None:
+    serving = Serving(study, "--record", participant="P02")
+    why = "nothing is recorded: P02 has not consented to it (consent_recording of participants.csv has no date)"
+    assert why in serving.said
+    assert serving.end() == 0
+    assert [each["text"] for each in serving.lines("note")].count(why) == 1
+    assert serving.lines("recording") == [] and not (serving.folder / "recordings").exists()
