@@ -129,7 +129,8 @@ class PointCollector:
             self._points.append(point)
 
     def points(self) -> tuple[Point, ...]:
-        """All of them, without marks that were taken back or that another one has replaced."""
+        """All of them, without marks that were taken back or that another one has replaced. In the order of the
+        record; a mark for recordings began before it was recorded."""
         return tuple(point for point in self._points if point.kind != "mistake" or point.name)
 
 
@@ -146,7 +147,8 @@ def _point_of(record: AnyRecord) -> Point | None:
             told = record.unconfirmed if record.status == "latched" else ()
             return point("stop", record.status, f"not confirmed: {', '.join(told)}" if told else "", record.source)
         case SyncRecord():
-            return point("sync", str(record.number), record.medium, record.source)
+            began = record.at if record.at is not None else record.t
+            return Point(at=began, kind="sync", name=str(record.number), value=record.medium, source=record.source)
         case EventRecord():
             return point("event", record.topic, record.taken_by or "", record.source)
         case MemoryRecord():

@@ -9,7 +9,6 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from pathlib import Path
 
-import msgspec
 from msgspec.structs import replace
 
 from rise_engine.analysis.acts import ActCollector
@@ -29,7 +28,7 @@ from rise_engine.scenario.model import Scenario
 from rise_engine.session.errors import SessionError
 from rise_engine.session.folder import is_abandoned
 from rise_engine.session.levels import ExportLevel
-from rise_engine.session.media import MEDIA_FILE, MediaFile
+from rise_engine.session.media import MediaError, MediaFile, read_media
 from rise_engine.study.sessions import GIVEN_UP
 from rise_engine.study.traces import study_of_session, wizard_names
 
@@ -120,7 +119,7 @@ def _read(
         points.add(record)
     played = acts.acts()
     end = records[-1].t if records else 0.0
-    media = _read_media(folder, problems) if level == "full" else ()
+    media = _media(folder, problems) if level == "full" else ()
     data = SessionData(
         facts=_facts(source, records, _judgement(source, study, records)),
         level=level,
@@ -190,12 +189,9 @@ def _judgement(source: SessionRecords, study: Path | None, records: tuple[AnyRec
     return None
 
 
-def _read_media(folder: Path, problems: list[str]) -> tuple[MediaFile, ...]:
-    path = folder / MEDIA_FILE
+def _media(folder: Path, problems: list[str]) -> tuple[MediaFile, ...]:
     try:
-        return tuple(msgspec.json.decode(path.read_bytes(), type=list[MediaFile]))
-    except FileNotFoundError:
-        return ()
-    except (OSError, msgspec.DecodeError, UnicodeError) as error:
-        problems.append(f"{MEDIA_FILE} cannot be read: {error}")
+        return read_media(folder)
+    except MediaError as error:
+        problems.append(str(error))
         return ()
