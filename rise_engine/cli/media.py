@@ -177,13 +177,13 @@ def _add(addition: _Addition, path: Path, facts: MediaFacts) -> _Added:
     elif addition.given:
         found = align_by_moments(addition.given)
     elif before is not None and before.offset is not None:
-        by, found = before.aligned_by, Alignment(before.offset, before.rate, before.marks)
+        by, found = before.aligned_by, Alignment(before.offset, before.rate, before.marks, before.within)
     else:
         by, found = "start", _by_start(folder, path)
     if found.offset is not None:
         offset = round(found.offset, 6)
         found = replace(found, remarks=(*found.remarks, *_interruption_remarks(addition.interruptions, found)))
-        file = replace(file, offset=offset, rate=found.rate, aligned_by=by, marks=found.marks)
+        file = replace(file, offset=offset, rate=found.rate, aligned_by=by, marks=found.marks, within=found.within)
     register_media(folder, file)
     return _Added(file, found, before is not None)
 
@@ -363,8 +363,11 @@ def position_lines(file: MediaFile) -> list[str]:
     if file.offset is None:
         return ["nobody has said where it lies against the session"]
     begins = f"begins {abs(file.offset):.3f} s {'before' if file.offset >= 0 else 'after'} the session"
-    measured = len(file.marks) > 1
-    drift = f", its clock runs {abs(file.drift_ppm):.1f} ppm {'fast' if file.rate >= 1 else 'slow'}" if measured else ""
+    drift = ""
+    if file.has_drift:
+        drift = f", its clock runs {abs(file.drift_ppm):.1f} ppm {'fast' if file.rate >= 1 else 'slow'}"
+    elif file.drift_within_ppm is not None:
+        drift = f", with no drift that can be told from none (within {file.drift_within_ppm:,.0f} ppm)"
     by = {"marks": "by marks", "given": "as somebody has said", "start": "by when it was started", "": ""}
     return [f"{begins}{drift} ({by[file.aligned_by]})"]
 

@@ -25,6 +25,7 @@ from rise_engine.report.latency_section import latency_section
 from rise_engine.report.session_facts import MARKS, SessionFigures, session_figures
 from rise_engine.report.wording import interval_text, marks_text, moment_text, per_hundred, source_name
 from rise_engine.session.levels import ExportLevel
+from rise_engine.session.media import MediaFile
 from rise_engine.text import pluralize
 
 LEVEL_WORDS = {
@@ -349,7 +350,7 @@ def _recordings(data: SessionData) -> Iterable[Block]:
                     each.kind,
                     length_text(each.duration) if each.duration is not None else "",
                     number_text(each.offset, 3),
-                    number_text(each.drift_ppm, 1) if each.offset is not None else "",
+                    _drift_text(each),
                     each.aligned_by or "not aligned",
                     ", ".join(str(mark.number) for mark in each.marks),
                 )
@@ -363,6 +364,14 @@ def _recordings(data: SessionData) -> Iterable[Block]:
         yield Paragraph(f"Marks for recordings: {marks}.")
     if not data.recordings and not data.media and not data.syncs:
         yield Paragraph("No recordings are on record.")
+
+
+def _drift_text(file: MediaFile) -> str:
+    if file.offset is None or len(file.marks) < 2:
+        return ""
+    within = file.drift_within_ppm
+    told = number_text(file.drift_ppm, 1)
+    return told if within is None else f"{told} \u00b1 {number_text(within, 0)}"
 
 
 def _megabytes(size: int | None) -> str:

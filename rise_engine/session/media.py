@@ -67,11 +67,27 @@ class MediaFile(Struct, frozen=True, kw_only=True):
     """ISO 8601 with offset."""
     fps: float | None = None
     """Frames per second; None: not known, or no video."""
+    within: float | None = None
+    """Seconds by which all this is wrong at most between the marks, as far as the marks' own times are known; None: not
+    known."""
 
     @property
     def drift_ppm(self) -> float:
         """How much faster its clock runs, in millionths."""
         return (self.rate - 1.0) * 1e6
+
+    @property
+    def drift_within_ppm(self) -> float | None:
+        """Millionths by which that is wrong at most; None: not known, or it was not measured."""
+        if len(self.marks) < 2 or self.within is None:
+            return None
+        return 2e6 * self.within / abs(self.marks[-1].session_at - self.marks[0].session_at)
+
+    @property
+    def has_drift(self) -> bool:
+        """Whether it was measured, and is more than the marks of a short session can be wrong by."""
+        within = self.drift_within_ppm
+        return len(self.marks) > 1 and (within is None or abs(self.drift_ppm) > within)
 
 
 def read_media(folder: Path) -> tuple[MediaFile, ...]:

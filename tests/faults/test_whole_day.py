@@ -129,6 +129,10 @@ class Day:
         self.it.still()
         self.it.press(b"end\r")
         self.it.until_screen(f"{participant}, run {run}: {outcome}")
+        self.it.until_screen("SESSION REPORT")
+        self.it.still()
+        self.it.press(b"\x1b")
+        self.it.until_screen("PARTICIPANTS")
 
     def session(self, participant: str, run: int) -> None:
         self.begin(participant, run)

@@ -207,11 +207,13 @@ def test_media_have_offset_and_drift(data):
         aligned_by="marks",
         marks=(FoundMark(1, 0.2, 4.4, 9.0), FoundMark(2, 117.0, 121.2, 8.0)),
     )
+    short = replace(media, path="short.mp4", within=0.025)
     loose = MediaFile(path="a.wav", kind="audio")
-    page = PageReader(page_text(session_report(replace(data, media=(media, loose)))))
+    page = PageReader(page_text(session_report(replace(data, media=(media, short, loose)))))
     rows = page.table("Files, and where they lie")
     assert rows["room.mp4"]["offset in s"] == "4.200"
     assert rows["room.mp4"]["drift in ppm"] == "50.0"
+    assert rows["short.mp4"]["drift in ppm"] == "50.0 \u00b1 428"
     assert rows["room.mp4"]["marks found"] == "1, 2"
     assert rows["a.wav"]["aligned by"] == "not aligned"
     assert "/videos" not in page.text
