@@ -14,7 +14,7 @@ import signal
 from asyncio.subprocess import PIPE, Process
 from collections.abc import Callable, Sequence
 from contextlib import suppress
-from typing import Literal
+from typing import Literal, NamedTuple
 
 from rise_engine.kernel.inputs import RecordingReport
 from rise_engine.kernel.records import RecordingStatus
@@ -31,6 +31,10 @@ GRACE_SECONDS = 1.0
 """Between being asked to go (SIGTERM) and being ended (SIGKILL)."""
 LEFT_SECONDS = 3.0
 """That what a companion has left running gets to complete its file."""
+AGAIN_SECONDS = 5.0
+"""Before one that ended too early is started again, which goes on in a new file."""
+AGAIN = 3
+"""How often that is done: what ends again and again would only fill the disk."""
 SILENT_SECONDS = 30.0
 """Without a sign of life after which a companion counts as hung."""
 _KEPT = 2_000
@@ -49,6 +53,8 @@ class Companions:
         *,
         finish_seconds: float = FINISH_SECONDS,
         silent_seconds: float = SILENT_SECONDS,
+        again: int = AGAIN,
+        again_seconds: float = AGAIN_SECONDS,
     ) -> None:
         """Nothing is started yet.
 
@@ -57,11 +63,14 @@ class Companions:
         :param status_of: how a recording of that name stands, by the last record; None: there is none.
         :param finish_seconds: that they get to finish.
         :param silent_seconds: without a sign of life after which one counts as hung.
+        :param again: how often one that ended too early is started again.
+        :param again_seconds: before that.
         """
         self._companions: list[_Companion] = []
         for request in requests:
             limit = finish_seconds if request.kind == "recorders" else min(finish_seconds, OUTLET_SECONDS)
-            self._companions.append(_Companion(request, report, status_of, limit, silent_seconds))
+            lives = _Lives(again, again_seconds)
+            self._companions.append(_Companion(request, report, status_of, limit, silent_seconds, lives))
         self._tasks: list[asyncio.Task[None]] = []
 
     def start(self) -> None:
@@ -93,6 +102,11 @@ class Companions:
                 await asyncio.wait(tasks)
 
 
+class _Lives(NamedTuple):
+    again: int
+    seconds: float
+
+
 class _Companion:
     """One of them, from its start to its end."""
 
@@ -103,11 +117,13 @@ class _Companion:
         status_of: Callable[[str], RecordingStatus | None],
         finish_seconds: float,
         silent_seconds: float,
+        lives: _Lives,
     ) -> None:
         self.request = request
         self.report = report
         self.status_of = status_of
         self.finish_seconds, self.silent_seconds = finish_seconds, silent_seconds
+        self.lives = lives
         self.finishing, self.hurrying = asyncio.Event(), asyncio.Event()
         self._said = b""
         """The end of what it wrote to standard error."""
@@ -117,9 +133,16 @@ class _Companion:
         self.finishing.set()
 
     async def run(self) -> None:
-        """Its whole life. Never raises: the session never learns more than the record says."""
-        if self.finishing.is_set():
-            return
+        """Its whole life, or its lives. Never raises: the session never learns more than the record says."""
+        for _ in range(1 + self.lives.again):
+            if self.finishing.is_set():
+                return
+            self._said = b""
+            await self._run_once()
+            with suppress(TimeoutError):
+                await asyncio.wait_for(self.finishing.wait(), self.lives.seconds)
+
+    async def _run_once(self) -> None:
         try:
             process = await asyncio.create_subprocess_exec(
                 *self.request.arguments, stdin=PIPE, stdout=PIPE, stderr=PIPE, start_new_session=True

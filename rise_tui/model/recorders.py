@@ -51,10 +51,12 @@ def all_recorders_run(store: Store) -> bool:
 
 
 def broken_recorders_text(store: Store) -> str:
-    """What does not record, since when and why; empty when everything does."""
-    told = [
-        f"{clean(each.name)} has {each.status.upper()} at {format_clock(each.t)}"
-        + (f": {clean(each.reason)}" if each.reason else "")
-        for each in broken_recorders(store)
-    ]
-    return f"✗ not recorded: {'; '.join(told)}" if told else ""
+    """What does not record, since when and why; all names stand before the first reason, which may be cut off. Empty
+    when everything does."""
+    broken = broken_recorders(store)
+    told = ", ".join(f"{clean(each.name)} has {each.status.upper()} at {format_clock(each.t)}" for each in broken)
+    if len(broken) == 1:
+        reasons = clean(broken[0].reason)
+    else:
+        reasons = "; ".join(f"{clean(each.name)}: {clean(each.reason)}" for each in broken if each.reason)
+    return f"✗ not recorded: {told}" + (f": {reasons}" if reasons else "") if told else ""

@@ -145,18 +145,21 @@ def test_a_session_is_the_same_with_recorders_and_ends_with_whole_files(study: P
         assert replayed.returncode == 0, replayed.stderr
 
 
-def test_recorders_that_are_killed_are_on_record_and_their_programs_end(study: Path) -> None:
+def test_recorders_that_are_killed_are_on_record_end_and_begin_again_in_a_new_file(study: Path) -> None:
     serving = Serving(study, "--record")
     serving.until("camera", "running")
     supervisor, *programs = serving.children
     assert programs
     os.kill(supervisor, signal.SIGKILL)
     serving.until("camera", "failed")
-    assert serving.lines("recording")[-1]["reason"] == "SIGKILL ended its process"
+    reasons = [each["reason"] for each in serving.lines("recording") if each["status"] == "failed"]
+    assert "SIGKILL ended its process" in reasons
     until = time.monotonic() + SECONDS
     while any(_runs(pid) for pid in programs):
         assert time.monotonic() < until
         time.sleep(0.05)
+    serving.until("camera", "running", times=2)
+    assert len({each["path"] for each in serving.lines("recording") if each["status"] == "running"}) == 2
     assert serving.end() == 0 and serving.lines("session")[-1]["status"] == "ended"
 
 

@@ -44,10 +44,10 @@ def request(made_as: type[CompanionRequest] = CompanionRequest, /, **more: Any) 
 class Reports:
     """What companions have told, and how each recording stands."""
 
-    def __init__(self, *requests: CompanionRequest, **limits: float) -> None:
+    def __init__(self, *requests: CompanionRequest, **limits: Any) -> None:
         self.told: list[tuple[str, str, str]] = []
         self.standing: dict[str, RecordingStatus] = {}
-        self.companions = Companions(requests, self.take, self.standing.get, **limits)
+        self.companions = Companions(requests, self.take, self.standing.get, **{"again": 0, **limits})
 
     def take(self, report: RecordingReport) -> None:
         self.standing[report.name] = report.status
@@ -115,6 +115,28 @@ async def test_one_that_cannot_be_started_is_on_record() -> None:
     await reports.gone()
     assert [told[:2] for told in reports.told] == [("camera", "failed"), ("bag", "failed")]
     assert "its process cannot be started" in reports.told[0][2]
+
+
+@pytest.mark.slow
+async def test_one_that_dies_is_started_again_some_times(tmp_path: Path) -> None:
+    script = f"open({str(tmp_path / 'lives')!r}, 'a').write('x'); raise SystemExit('no camera here')"
+    reports = Reports(request(ScriptedRequest, script=script), again=2, again_seconds=0.0)
+    reports.standing["bag"] = "stopped"
+    reports.companions.start()
+    await reports.gone()
+    assert (tmp_path / "lives").read_text() == "xxx"
+    assert reports.told == [("camera", "failed", "no camera here")]  # the record says it once
+
+
+@pytest.mark.slow
+async def test_one_that_is_to_be_started_again_holds_up_no_end(tmp_path: Path) -> None:
+    reports = Reports(request(ScriptedRequest, script="raise SystemExit(1)"), again=2, again_seconds=1_000.0)
+    reports.companions.start()
+    async with asyncio.timeout(30):
+        while not reports.told:  # noqa: ASYNC110  # another process
+            await asyncio.sleep(0.02)
+    await reports.finish()
+    assert not reports.companions.running
 
 
 DEAF = "import signal, time; signal.signal(signal.SIGTERM, signal.SIG_IGN); print(flush=True); time.sleep(60)"
