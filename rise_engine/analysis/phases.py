@@ -13,6 +13,7 @@ from rise_engine.analysis.acts import actor_of
 from rise_engine.analysis.model import Phase, PlayedAct, Point, PointKind, Repairs
 from rise_engine.kernel.behaviors import started_rule
 from rise_engine.kernel.records import (
+    ENGINE,
     AnyRecord,
     CheckRecord,
     ConditionRecord,
@@ -115,6 +116,8 @@ class PointCollector:
         self._points: list[Point] = []
         self._marks: dict[int, int] = {}
         """By task, where in the points its mark stands: the last one counts, and `none` takes it back."""
+        self._ending = False
+        """Whether the last stop was the engine's, which stops everything before a session ends: nobody's stop."""
 
     def add(self, record: AnyRecord) -> None:
         """Take in the next record."""
@@ -125,6 +128,11 @@ class PointCollector:
                 return
             self._marks[record.task] = len(self._points)
         point = _point_of(record)
+        if isinstance(record, StopRecord):
+            if record.status == "requested":
+                self._ending = record.source == ENGINE
+            if self._ending and not record.unconfirmed:
+                return
         if point is not None:
             self._points.append(point)
 

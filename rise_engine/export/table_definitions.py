@@ -326,6 +326,11 @@ RECORDINGS = TableSchema(
         _seconds("offset_s", "Media time = offset_s + rate * session time; empty: nobody knows.", None),
         Column("rate", "Seconds of the file for one second of the session.", "number"),
         Column("aligned_by", "How that is known.", levels=ALIGNMENTS),
+        _seconds(
+            "within_s",
+            "By which that is wrong at most between its marks, as far as the marks' own times are known; in a short "
+            "session, rate can then be nothing but that.",
+        ),
     ),
     ("session", "recording"),
     _SESSION,

@@ -53,7 +53,7 @@ def _session_rows(data: SessionData) -> Iterator[Row]:
     told = summarise(responses)
     kinds = Counter(point.kind for point in data.points)
     asked = [point for point in data.points if point.kind == "stop" and point.name == "requested"]
-    stops = sum(point.source != ENGINE for point in asked)  # the engine stops everything when a session ends
+    stops = sum(point.source != ENGINE for point in asked)
     checks = Counter(check.result for check in data.checks)
     yield {
         "study": facts.study,
@@ -269,6 +269,7 @@ def _file_values(file: MediaFile) -> dict[str, Any]:
         "offset_s": file.offset,
         "rate": file.rate if file.offset is not None else None,
         "aligned_by": file.aligned_by,
+        "within_s": file.within,
     }
 
 

@@ -10,6 +10,7 @@ from msgspec import Struct
 from rise_engine.analysis.model import ActorKind, Phase, PlayedAct, SessionData
 from rise_engine.analysis.statistics import Share, Summary, summarise
 from rise_engine.kernel.records import (
+    ENGINE,
     ActionRecord,
     ActionStatus,
     ControlRecord,
@@ -183,7 +184,11 @@ def _mistakes(data: SessionData, begun: list[PlayedAct]) -> MistakeFacts:
         aborted=sum(act.status == "ABORTED" for act in begun),
         failures=sum(isinstance(record, FailureRecord) and record.status == "asked" for record in data.records),
         rules_faulted=sum(isinstance(record, RuleRecord) and record.status == "faulted" for record in data.records),
-        stops=sum(isinstance(record, StopRecord) and record.status == "requested" for record in data.records),
+        # The engine stops everything when a session ends: that is no stop of anybody.
+        stops=sum(
+            isinstance(record, StopRecord) and record.status == "requested" and record.source != ENGINE
+            for record in data.records
+        ),
         robot_lost=sum(isinstance(record, RobotRecord) and record.status != "connected" for record in data.records),
         control_changes=max(0, len(control) - 1),
     )

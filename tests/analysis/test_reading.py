@@ -3,14 +3,16 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
 import pytest
 
 from rise_engine.analysis.model import PlayedAct, SessionData
+from rise_engine.analysis.phases import PointCollector
 from rise_engine.analysis.reading import read_session, read_sessions
 from rise_engine.analysis.session_records import SessionRecords
 from rise_engine.kernel.inputs import SessionStarted
-from rise_engine.kernel.records import ActionRecord, TimingRecord
+from rise_engine.kernel.records import ENGINE, ActionRecord, StopRecord, TimingRecord
 from rise_engine.session.errors import SessionError
 from rise_engine.session.folder import INFO, JOURNAL, SCENARIO_COPY, mark_abandoned
 from rise_engine.session.journal_reader import JournalContents
@@ -374,3 +376,21 @@ def test_whatever_is_left_of_a_journal_is_read(tmp_path: Path) -> None:
             assert known == sorted(known)
         assert all(each.start <= each.end <= found.facts.duration for each in found.phases)
         assert all(isinstance(each, ActionRecord) or each.t >= 0 for each in found.records)
+
+
+def test_the_stop_before_the_end_is_nobodys_unless_something_did_not_stop() -> None:
+    def collected(*records: StopRecord) -> list[tuple[str, str]]:
+        collector = PointCollector()
+        for record in records:
+            collector.add(record)
+        return [(point.name, point.value) for point in collector.points()]
+
+    def stop(status: Any, source: str = "", unconfirmed: tuple[str, ...] = ()) -> StopRecord:
+        return StopRecord(seq=1, t=1.0, wall="", status=status, source=source, unconfirmed=unconfirmed)
+
+    by_anna = [stop("requested", "wizard:anna"), stop("latched"), stop("released", "wizard:anna")]
+    before_end = [stop("requested", ENGINE), stop("latched")]
+    assert collected(*by_anna, *before_end) == [("requested", ""), ("latched", ""), ("released", "")]
+    assert collected(stop("requested", ENGINE), stop("latched", unconfirmed=("arms",))) == [
+        ("latched", "not confirmed: arms")
+    ]

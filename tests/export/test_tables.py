@@ -314,7 +314,16 @@ def test_every_column_is_described_and_filled(tables: Path) -> None:
             )
             assert (field.get("unit") == "s") == timed, field["name"]
     never = {
-        *("reason", "kind", "duration_s", "offset_s", "rate", "aligned_by", "study_hash"),  # of recordings; see above
+        *(
+            "reason",
+            "kind",
+            "duration_s",
+            "offset_s",
+            "rate",
+            "aligned_by",
+            "within_s",
+            "study_hash",
+        ),  # of recordings; see above
         "outcome_reason",
     }
     for schema in TABLES:
