@@ -7,7 +7,7 @@ import io
 import re
 import shutil
 import tomllib
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -15,6 +15,7 @@ from rise_engine.bundle.errors import BundleError
 from rise_engine.json_codec import encode
 from rise_engine.session.disk import make_private_folder
 from rise_engine.session.levels import ExportLevel, LevelFilter, without_dates
+from rise_engine.study.check_kinds import AUTOMATIC
 from rise_engine.study.model import Participant, Study
 from rise_engine.study.study_log import LogEntry
 from rise_engine.study.study_scenarios import scenario_folder
@@ -28,8 +29,6 @@ _TABLE = re.compile(r"^\s*\[wizards\]")
 _NEXT_TABLE = re.compile(r"^\s*\[")
 _INLINE = re.compile(r"^\s*wizards\s*[.=]")
 _DATE = re.compile(r"^\d{4}-\d{2}-\d{2}_\d{6}_")
-_TYPED = ("reason", "value")
-"""Fields of the log into which people type."""
 
 
 def study_text(text: str, people: Mapping[str, str], level: ExportLevel) -> str:
@@ -114,17 +113,12 @@ def log_text(log: Iterable[LogEntry], names: Mapping[str, str], people: Mapping[
         about = {str(each.get("folder")), str(each.get("session"))}
         if each.kind == "exported" or about & not_counted:
             continue
-        fields = {name: _without_people(value, people) for name, value in each.fields.items()}
+        fields = _told_fields(each.fields, each.kind == "checked", people, count)
         for name in ("folder", "session"):
             if isinstance(folder := fields.get(name), str):
                 fields[name] = names.get(folder, _DATE.sub("", folder))
         if "started" in fields:
             fields["started"] = ""
-        for name in _TYPED:
-            if isinstance(typed := fields.get(name), str) and (name == "reason" or each.kind != "checked"):
-                fields[name] = count(typed)
-            elif isinstance(typed, str):
-                fields[name] = without_dates(typed)
         told.append(("", each.kind, fields))
     return _lines(told)
 
@@ -133,12 +127,34 @@ def _lines(entries: Iterable[tuple[str, str, dict[str, Any]]]) -> str:
     return "".join(encode({"kind": kind, "at": at, **fields}).decode() + "\n" for at, kind, fields in entries)
 
 
-def _without_people(value: Any, people: Mapping[str, str]) -> Any:
+def _told_fields(
+    fields: Mapping[str, Any], of_check: bool, people: Mapping[str, str], count: Callable[[str], str]
+) -> dict[str, Any]:
+    """The fields of an entry, or of a check that stands in one, without names, dates and what people typed."""
+    told: dict[str, Any] = {}
+    for name, value in fields.items():
+        if isinstance(value, list):
+            told[name] = [
+                _told_fields(each, name == "checks", people, count) if isinstance(each, dict) else each
+                for each in value
+            ]
+        elif not isinstance(value, str):
+            told[name] = value
+        elif name == "reason" or (name == "value" and not of_check):
+            told[name] = count(value)
+        elif name == "value" and fields.get("text") == AUTOMATIC["wizard"]:
+            told[name] = people.get(value, "W") if value else ""
+        elif name in ("value", "text"):
+            told[name] = without_dates(value)
+        else:
+            told[name] = _without_people(value, people)
+    return told
+
+
+def _without_people(value: str, people: Mapping[str, str]) -> str:
     """In sources as `wizard:anna`."""
-    if isinstance(value, str):
-        kind, colon, name = value.partition(":")
-        return f"{kind}:{people.get(name, 'W')}" if colon and kind in ("wizard", "observer") else value
-    return value
+    kind, colon, name = value.partition(":")
+    return f"{kind}:{people.get(name, 'W')}" if colon and kind in ("wizard", "observer") else value
 
 
 def copy_scenarios(study: Study, root: Path) -> tuple[list[str], list[str]]:

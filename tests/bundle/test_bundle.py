@@ -285,10 +285,20 @@ def test_the_log_has_no_salts_dates_names_and_no_words_of_people() -> None:
         LogEntry("session", "2026-11-23", {"folder": FOLDER, "started": "2026-11-23", "purpose": "counted"}, 4),
         LogEntry("outcome", "2026-11-23", {"session": "2026-11-23_110000_P02_x_real", "source": "observer:ben"}, 5),
     ]
+    checks = [
+        {"id": "who", "text": "the wizard has given a name", "value": "anna", "reason": "", "source": "engine"},
+        {"id": "clock", "text": "x", "value": "2026-11-23 10:00 UTC", "reason": "", "source": "engine"},
+        {"id": "lamp", "text": "The lamp is on", "value": "", "reason": "Zelda forgot it", "source": "wizard:anna"},
+    ]
+    log[3].fields["checks"] = checks
+    log += [LogEntry("checked", "2026-11-23", {**checks[0], "value": "benedikt"}, 7)]
     pilot = LogEntry("session", "2026-11-23", {"folder": "2026-11-23_090000_P01_x_real_pilot", "purpose": "pilot"}, 6)
     told = log_text([*log, pilot], {FOLDER: "P01_x_real_run1"}, {"anna": "W1"}, "shared")
-    assert not any(word in told for word in ("s3cret", "2026", "anna", "ben", "Zelda", "/home"))
-    assert [json.loads(line)["kind"] for line in told.splitlines()] == ["withdrawn", "excluded", "session", "outcome"]
+    assert not any(word in told for word in ("s3cret", "2026", "anna", "ben", "Zelda", "forgot", "/home"))
+    assert [json.loads(line)["kind"] for line in told.splitlines()] == [
+        *("withdrawn", "excluded", "session", "outcome", "checked")
+    ]
+    assert "[date]" in told and '"value":"W1"' in told and '"value":"W"' in told
     assert '"folder":"P01_x_real_run1"' in told
     assert '"session":"P02_x_real"' in told
     full = log_text(log, {}, {}, "full")

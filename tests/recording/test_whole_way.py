@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import asyncio
 import json
-import stat
 import sys
 from pathlib import Path
 from time import monotonic
@@ -23,8 +22,7 @@ from rise_engine.study.model import SyncSettings
 from ..server.serving import GREETING, served
 from .sounds import record_marks, write_wav
 
-PLAYER = """#!{python}
-import sys, time
+PLAYER = """import sys, time
 assert open(sys.argv[1], "rb").read(4) == b"RIFF"
 begun = time.monotonic()
 time.sleep({seconds})
@@ -38,10 +36,9 @@ BEGAN, RATE = 1.7, 1.000_05
 @pytest.mark.slow
 async def test_a_film_is_aligned_as_well_as_the_marks_say(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("RISE_RUNTIME", str(tmp_path / "runtime"))
-    log, player = tmp_path / "played", tmp_path / "player"
-    player.write_text(PLAYER.format(python=sys.executable, seconds=SOUND_SECONDS, log=str(log)))
-    player.chmod(player.stat().st_mode | stat.S_IXUSR)
-    settings = SyncSettings(play=(str(player), "{file}"))
+    log, player = tmp_path / "played", tmp_path / "player.py"
+    player.write_text(PLAYER.format(seconds=SOUND_SECONDS, log=str(log)))
+    settings = SyncSettings(play=(sys.executable, str(player), "{file}"))
     async with served(tmp_path, GREETING, speed=1.0, disk=Disk()) as running:
         began = monotonic() - running.engine.clock.now()
         async with connect(running.path, name="recorders") as session:
