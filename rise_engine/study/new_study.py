@@ -119,6 +119,7 @@ def study_toml_text(new: NewStudy) -> str:
         *_assignment_lines(study),
         *_consent_lines(study),
         *_check_lines(study.checks),
+        *_RECORDING_LINES,
         *_report_lines(),
         *_participants_lines(study),
     ]
@@ -210,6 +211,18 @@ def _check_lines(checks: Iterable[StudyCheck]) -> Iterable[str]:
         if check.when == "after":
             yield 'when = "after"'
         yield ""
+
+
+_RECORDING_LINES = (
+    "# What records each session, begun and ended with it; take away the # of what you have.",
+    "# Nobody is recorded without a date in the column consent_recording of participants.csv.",
+    "# [recording]",
+    '# obs = { password_file = "~/.config/rise/obs" }',
+    '# camera = { by = "ffmpeg", input = ["-f", "v4l2", "-i", "/dev/video0"] }',
+    "# lsl = true   # markers for EEG and other streams",
+    "# sync = true  # a sound at the start and the end, which lays films against the session",
+    "",
+)
 
 
 def _report_lines() -> Iterable[str]:
