@@ -236,12 +236,15 @@ class Terminal:
     def end(self, key: str = "") -> int:
         """Everything until the end; the exit status.
 
-        :param key: pressed again and again: Python overlooks a ctrl+c that comes right before it waits for a line.
+        :param key: pressed again when nothing has come of it for seconds: Python overlooks a ctrl+c that comes right
+            before it waits for a line, and a second one would meet the program on its way out.
         """
+        wait = 0.0
         try:
             while True:
-                while key and not select.select([self.descriptor], [], [], 0.2)[0]:
+                while key and not select.select([self.descriptor], [], [], wait)[0]:
                     os.write(self.descriptor, key.encode())
+                    wait = 5.0
                 self._read()
         except OSError:  # the other side is closed
             pass
