@@ -168,6 +168,21 @@ def _runs(pid: int) -> bool:
     return bool(found) and not found.startswith("Z")
 
 
+@pytest.mark.skipif(sys.platform != "linux", reason="only Linux tells a process that its parent has died")
+def test_nothing_records_any_longer_when_all_is_killed_at_once(study: Path) -> None:
+    serving = Serving(study, "--record")
+    serving.until("camera", "running")
+    supervisor, *programs = serving.children
+    assert programs
+    os.kill(supervisor, signal.SIGSTOP)  # so that it does nothing about it
+    serving.end(signal.SIGKILL)
+    os.kill(supervisor, signal.SIGKILL)
+    until = time.monotonic() + SECONDS
+    while any(_runs(pid) for pid in programs):
+        assert time.monotonic() < until
+        time.sleep(0.05)
+
+
 def test_after_a_crash_of_the_engine_it_records_into_a_new_file(study: Path) -> None:
     first = Serving(study, "--record")
     first.until("camera", "running")

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import asyncio
+import ctypes
 import signal
+import sys
 from asyncio.subprocess import DEVNULL, PIPE, Process
 from collections.abc import Callable, Sequence
 from contextlib import suppress
@@ -15,6 +17,8 @@ END_SECONDS = 3.0
 """After SIGINT, for the program to complete its file."""
 TERMINATE_SECONDS = 0.5
 """After SIGTERM, and after SIGKILL."""
+_PARENT_DEATH_SIGNAL = 1  # PR_SET_PDEATHSIG, prctl(2)
+_C_LIBRARY = ctypes.CDLL(None) if sys.platform == "linux" else None
 _KEPT_LINES = 20
 _LINE_BYTES = 2_000
 
@@ -43,7 +47,7 @@ class RecordingProgram:
         """
         try:
             self.process = await asyncio.create_subprocess_exec(
-                *arguments, stdin=DEVNULL, stdout=PIPE, stderr=PIPE, umask=0o077
+                *arguments, stdin=DEVNULL, stdout=PIPE, stderr=PIPE, umask=0o077, preexec_fn=_end_with_parent
             )
         except FileNotFoundError:
             raise RecorderError(f"{arguments[0]} is not installed here, or not in the PATH") from None
@@ -122,3 +126,10 @@ async def _read_lines(stream: asyncio.StreamReader, on_line: Callable[[str], obj
                 on_line(text)
     if text := clean(rest.decode("utf-8", "replace")).strip():
         on_line(text)
+
+
+def _end_with_parent() -> None:
+    """In the new process, before it becomes the program: on Linux it is asked to end when whoever started it dies, even
+    by SIGKILL, so that it records nobody any longer. Elsewhere the engine's process sees to that, while it lives."""
+    if _C_LIBRARY is not None:
+        _C_LIBRARY.prctl(_PARENT_DEATH_SIGNAL, signal.SIGINT, 0, 0, 0)
