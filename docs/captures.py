@@ -10,14 +10,14 @@ import asyncio
 import os
 import subprocess
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
 from rise_engine.client import connect
 from rise_engine.client.socket import SocketClient
 from rise_engine.kernel.inputs import CheckReport
-from rise_engine.kernel.records import OutcomeStatus
+from rise_engine.kernel.records import OutcomeStatus, RecordingStatus
 from rise_engine.ports.bridge import RosConnection
 from rise_engine.protocol.client import EngineGone
 from rise_engine.protocol.session_options import SessionOptions
@@ -52,9 +52,16 @@ def app(theme: str, faults: tuple[str, ...]) -> ConsoleApp:
 
 
 async def capture(
-    name: str, size: tuple[int, int], *keys: str, theme: str = "dark", faults: tuple[str, ...] = (), wait: str = ""
+    name: str,
+    size: tuple[int, int],
+    *keys: str,
+    theme: str = "dark",
+    faults: tuple[str, ...] = (),
+    wait: str = "",
+    recorders: Mapping[str, RecordingStatus] | None = None,
 ) -> None:
-    """The console in the middle of the first task, after these keys, once the alarm says `wait`."""
+    """The console in the middle of the first task, after these keys and with these recorders, once the alarm says
+    `wait`."""
     console = app(theme, faults)
     async with console.run_test(size=size) as pilot:
 
@@ -83,6 +90,10 @@ async def capture(
         for key in keys:
             await pilot.press(key)
             await pilot.pause(0.1)
+        for recorder, status in (recorders or {}).items():
+            async with connect("lablinking", name="recorders") as session:
+                reason = "it has not grown for 3 s" if status == "stalled" else ""
+                await session.report_recording(recorder, status, reason=reason)
         await until(lambda: wait in console.console_screen.bars.alarm_bar.text if console.console_screen else False)
         await pilot.pause(0.3)
         console.save_screenshot(f"{name}.svg", path=str(IMAGES))
@@ -155,6 +166,7 @@ async def main() -> None:
     await capture("stopped-120x40", (120, 40), "f9", wait="confirmed")
     await capture("robot-lost-120x40", (120, 40), faults=("vanish@72",), wait="ROBOT LOST")
     await capture("saying-120x40", (120, 40), "ctrl+t", *"Well", "space", *"done,", "space", *"{person")
+    await capture("stalled-80x24", (80, 24), recorders={"camera": "running", "mic": "stalled"})
     await capture("help-120x40", (120, 40), "question_mark")
 
 

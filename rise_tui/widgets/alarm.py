@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from rich.cells import cell_len
 from textual import events
 
 from rise_tui.key_labels import key_name, key_text
@@ -69,12 +70,12 @@ class AttentionBar(StoreLines):
 
     def draw(self) -> None:
         store = self.store
-        lines = (_control_line(store), _recorders_line(store), _degraded_line(store))
+        width = self.size.width
+        lines = (_control_line(store), _recorders_line(store, width), _degraded_line(store))
         shown = [] if store.gone_reason else [line for line in lines if line]
         self.set_class(bool(shown), "-on")
         self.set_class(len(shown) == 2, "-two")
         self.set_class(len(shown) == 3, "-three")
-        width = self.size.width
         self.show(*(crop(line, width) if width else line for line in shown))
 
 
@@ -88,9 +89,10 @@ def _control_line(store: Store) -> StyledLine:
     return ()
 
 
-def _recorders_line(store: Store) -> StyledLine:
+def _recorders_line(store: Store, width: int) -> StyledLine:
+    """Red over the whole row."""
     said = broken_recorders_text(store)
-    return ((f" {said} ", "alarm"),) if said else ()
+    return ((f" {said} " + " " * (width - cell_len(said) - 2), "alarm"),) if said else ()
 
 
 def _degraded_line(store: Store) -> StyledLine:
