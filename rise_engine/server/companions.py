@@ -26,7 +26,7 @@ _LOG = logging.getLogger(__name__)
 FINISH_SECONDS = 13.0
 """That what works the recorders gets to finish, when the session is to end: the last mark, and stopping them."""
 OUTLET_SECONDS = 3.0
-"""That an outlet gets then, which passes on what came until the last."""
+"""That an outlet gets when the session is over, to pass on what came until the last."""
 GRACE_SECONDS = 1.0
 """Between being asked to go (SIGTERM) and being ended (SIGKILL)."""
 LEFT_SECONDS = 3.0
@@ -79,9 +79,9 @@ class Companions:
         self._tasks = [loop.create_task(each.run()) for each in self._companions]
 
     @property
-    def running(self) -> bool:
-        """Whether there is any for which a session has to wait before it ends."""
-        return any(not task.done() for task in self._tasks)
+    def recording(self) -> bool:
+        """Whether there is any for which a session has to wait before it ends: recorders, never outlets."""
+        return any(not task.done() for each, task in self._pairs() if each.request.kind == "recorders")
 
     def hurry(self) -> None:
         """Do not wait for them any longer: each is ended, with what it was to complete."""
@@ -89,17 +89,25 @@ class Companions:
             each.finish()
             each.hurrying.set()
 
+    async def finish_recorders(self) -> None:
+        """Before the session ends: let the recorders finish and go. Returns after `finish_seconds`, and after
+        GRACE_SECONDS twice and LEFT_SECONDS for what has to be ended, at most."""
+        await self._finish([(each, task) for each, task in self._pairs() if each.request.kind == "recorders"])
+
     async def finish(self) -> None:
-        """Let them finish and go, outlets last, so that they pass on what the recorders still have to say. Returns
-        after `finish_seconds` and OUTLET_SECONDS, and after GRACE_SECONDS twice and LEFT_SECONDS for each that has to
-        be ended, at most."""
-        for kind in ("recorders", "outlet"):
-            chosen = [each for each in self._companions if each.request.kind == kind]
-            tasks = [task for each, task in zip(self._companions, self._tasks, strict=False) if each in chosen]
-            for each in chosen:
-                each.finish()
-            if tasks:
-                await asyncio.wait(tasks)
+        """When the session is over, whose end outlets have seen, so that they pass it on: let all that is left finish
+        and go, with the same limits (an outlet's is OUTLET_SECONDS)."""
+        await self._finish(self._pairs())
+
+    def _pairs(self) -> list[tuple[_Companion, asyncio.Task[None]]]:
+        return list(zip(self._companions, self._tasks, strict=False))
+
+    @staticmethod
+    async def _finish(chosen: list[tuple[_Companion, asyncio.Task[None]]]) -> None:
+        for each, _ in chosen:
+            each.finish()
+        if chosen:
+            await asyncio.wait([task for _, task in chosen])
 
 
 class _Lives(NamedTuple):
@@ -211,7 +219,7 @@ class _Companion:
         """What it left open has failed; what it has reported as over needs no other word."""
         status = await _exit_status(process)
         if status == 0 and self.finishing.is_set():
-            return  # it was told to go, and went
+            return  # it was to go, and went
         await asyncio.wait({self._reading}, timeout=GRACE_SECONDS)
         lines = [clean(line).strip() for line in self._said.decode("utf-8", "replace").splitlines()]
         reason = next((line for line in reversed(lines) if line), "")

@@ -113,7 +113,7 @@ class _SessionProcess:
             polling.cancel()
             _notify_systemd("STOPPING=1")
             await server.close()
-            await self.companions.finish()  # of a session that failed; else they have gone
+            await self.companions.finish()  # outlets; and recorders, of a session that failed
             recorded = await asyncio.to_thread(journal.close, RECORD_SECONDS)
             if prepared.study is not None:
                 await asyncio.to_thread(prepared.study.note_ended)
@@ -187,7 +187,7 @@ class _SessionProcess:
         if self.ending:
             return
         self.ending = True
-        if self.companions.running:
+        if self.companions.recording:
             self.hub.ending = True
             self.engine.stop_before_end()
             self._finishing = self.loop.create_task(self._end_after_companions(reason))
@@ -196,7 +196,7 @@ class _SessionProcess:
 
     async def _end_after_companions(self, reason: str) -> None:
         try:
-            await self.companions.finish()
+            await self.companions.finish_recorders()
         finally:
             self._end_engine(reason)
 

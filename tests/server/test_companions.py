@@ -80,12 +80,12 @@ async def test_one_that_finishes_when_its_leash_ends_needs_no_word(tmp_path: Pat
     script = f"import sys; open({str(tmp_path / 'got')!r}, 'w').write(sys.stdin.readline()); sys.stdin.read()"
     reports = Reports(request(ScriptedRequest, script=script))
     reports.companions.start()
-    assert reports.companions.running
+    assert reports.companions.recording
     async with asyncio.timeout(30):
         while not (tmp_path / "got").exists() or not (tmp_path / "got").read_text():  # noqa: ASYNC110  # another process, or the session
             await asyncio.sleep(0.02)
     await reports.finish()
-    assert reports.told == [] and not reports.companions.running
+    assert reports.told == [] and not reports.companions.recording
     assert '"participant":"P07"' in (tmp_path / "got").read_text()
 
 
@@ -104,7 +104,7 @@ async def test_one_that_dies_is_on_record_with_the_reason(script: str, reason: s
     reports.standing["bag"] = "stopped"  # of this one nothing is left to say
     reports.companions.start()
     await reports.gone()
-    assert reports.told == [("camera", "failed", reason)] and not reports.companions.running
+    assert reports.told == [("camera", "failed", reason)] and not reports.companions.recording
     await reports.finish()
     assert len(reports.told) == 1
 
@@ -136,7 +136,7 @@ async def test_one_that_is_to_be_started_again_holds_up_no_end(tmp_path: Path) -
         while not reports.told:  # noqa: ASYNC110  # another process
             await asyncio.sleep(0.02)
     await reports.finish()
-    assert not reports.companions.running
+    assert not reports.companions.recording
 
 
 DEAF = "import signal, time; signal.signal(signal.SIGTERM, signal.SIG_IGN); print(flush=True); time.sleep(60)"
@@ -157,6 +157,34 @@ async def test_one_that_does_not_finish_is_ended_in_time() -> None:
     await asyncio.sleep(0)
     await reports.finish()
     assert reports.told[0] == ("camera", "failed", "its process did not finish within 0.3 s, and was ended")
+
+
+@pytest.mark.slow
+async def test_an_outlet_is_left_alone_until_the_session_is_over(tmp_path: Path) -> None:
+    """It has its end to pass on."""
+    script = (
+        f"import sys; open({str(tmp_path / 'ready')!r}, 'w').close(); sys.stdin.read(); print('x', file=sys.stderr)"
+    )
+    reports = Reports(request(ScriptedRequest, script=script, kind="outlet"))
+    reports.companions.start()
+    assert not reports.companions.recording, "a session waits for no outlet before it ends"
+    async with asyncio.timeout(30):
+        while not (tmp_path / "ready").exists():  # noqa: ASYNC110  # another process
+            await asyncio.sleep(0.02)
+    await reports.companions.finish_recorders()
+    [outlet] = reports.companions._tasks
+    assert not outlet.done()
+    await reports.finish()
+    assert outlet.done() and reports.told == []
+
+
+@pytest.mark.slow
+async def test_an_outlet_that_does_not_go_is_ended_in_time() -> None:
+    reports = Reports(request(ScriptedRequest, script=DEAF, kind="outlet"), finish_seconds=0.3)
+    reports.companions.start()
+    await asyncio.sleep(0)
+    await reports.finish()
+    assert reports.told == [("lsl", "failed", "its process did not finish within 0.3 s, and was ended")]
 
 
 @pytest.mark.slow
