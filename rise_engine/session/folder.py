@@ -173,7 +173,7 @@ def create_session(
             make_private_folder(path.parent)
             write_private_file(path, data)
         (folder / SCENARIO_COPY).mkdir(0o700, exist_ok=True)
-        _write_info(folder / INFO, info)
+        write_info(folder / INFO, info)
     except OSError as error:
         raise SessionError(f"the session's folder cannot be made in {root}: {error.strerror or error}") from None
     return folder
@@ -366,7 +366,7 @@ def _ascii_name(text: str) -> str:
     return re.sub(r"[^A-Za-z0-9]+", "-", plain).strip("-")[:40]
 
 
-def _write_info(path: Path, info: SessionInfo) -> None:
+def write_info(path: Path, info: SessionInfo) -> None:
     """Whole or not at all: whoever looks at a study believes it."""
     new = path.with_name(f"{path.name}.new")
     write_private_file(new, _info_toml(info).encode("utf-8"))

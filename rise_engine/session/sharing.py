@@ -28,11 +28,12 @@ from rise_engine.session.folder import (
     JOURNAL,
     SCENARIO_COPY,
     SessionInfo,
-    _write_info,
     load_scenario_copy,
     read_info,
+    write_info,
 )
 from rise_engine.session.journal_format import (
+    FORMAT,
     InputLine,
     JournalHeader,
     encode_header,
@@ -268,7 +269,7 @@ class _Sharing:
             parts.append(encode_input(number, input))
             parts += [with_checksum(encode_record(record)) for record in records]
         write_private_file(target / JOURNAL, b"".join(parts))
-        _write_info(target / INFO, self._shared_info())
+        write_info(target / INFO, self._shared_info())
         copy = self._folder / SCENARIO_COPY
         for path in sorted(copy.rglob("*")):
             if path.is_file() and not path.is_symlink():
@@ -281,6 +282,7 @@ class _Sharing:
         info = self._info
         return replace(
             info,
+            format=FORMAT,  # as its journal, which this version has written
             scenario_folder="",
             started="",
             ros_args=(),

@@ -37,13 +37,14 @@ from rise_engine.kernel.inputs import (
 )
 from rise_engine.kernel.records import OutcomeStatus
 from rise_engine.scenario import load
-from rise_engine.session.folder import JOURNAL, _write_info, create_session, read_info
+from rise_engine.session.folder import JOURNAL, create_session, read_info, write_info
 from rise_engine.session.journal_format import encode_header
 from rise_engine.session.recovery import recover
 from rise_engine.study.begin import BeginRequest, plan_session
 from rise_engine.study.planning import plan_study
 from rise_engine.study.state import OpenStudy, read_state
 from rise_engine.study.study_toml import load_study
+from tests.study import studies
 
 Script: TypeAlias = Sequence[tuple[float, AnyInput]]
 """What comes from outside, and when (session seconds)."""
@@ -103,31 +104,7 @@ RULES = """<InteractionRules>
   </InteractionRule>
 </InteractionRules>"""
 MEMORY = '{"WorkingMemory": [{"person_name": "", "visits": 0, "hesitation": false, "noise": 0}]}'
-DESIGN = """title = "Hesitation"
-id = "hesitation"
-seed = 20261122
-n = 3
-scenario = "scenario"
-mode = "real"
-
-[factors.hesitation]
-kind = "between"
-levels.yes.memory = { hesitation = true }
-levels.no.memory = { hesitation = false }
-
-[factors.noise]
-kind = "within"
-levels.quiet.memory = { noise = 0 }
-levels.loud.memory = { noise = 3 }
-
-[assignment]
-between = "blocks"
-within = "williams"
-spare = 0.5
-
-[consent]
-needed = ["study"]
-"""
+DESIGN = studies.DESIGN.replace("n = 4\n", "n = 3\n")
 PEOPLE = "participant,consent_study,status,comment\n" + "".join(
     f"P0{number},2026-11-0{number},,\n" for number in range(1, 5)
 )
@@ -272,7 +249,7 @@ def play_session(
     )
     stamp = made.name[:17]
     folder = made.rename(_free(made.with_name(made.name.replace(stamp, f"{began:%Y-%m-%d_%H%M%S}", 1))))
-    _write_info(folder / "session.toml", replace(read_info(folder), started=began.isoformat(timespec="milliseconds")))
+    write_info(folder / "session.toml", replace(read_info(folder), started=began.isoformat(timespec="milliseconds")))
     journal = _FileJournal(folder / JOURNAL)
     journal.append(encode_header("rise-tui test"))
     clock = _LabClock(began)

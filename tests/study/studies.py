@@ -8,7 +8,7 @@ from itertools import count
 from pathlib import Path
 
 from rise_engine.kernel.inputs import AnyInput, SessionEnded, SessionStarted
-from rise_engine.session.folder import JOURNAL, SessionInfo, _write_info
+from rise_engine.session.folder import JOURNAL, SessionInfo, write_info
 from rise_engine.session.journal_format import encode_header, encode_input
 from rise_engine.study.model import Study
 from rise_engine.study.planning import plan_study
@@ -88,7 +88,7 @@ def session_folder(folder: Path, started: SessionStarted, *, mode: str = "real")
         purpose=started.purpose,
         factors=dict(started.factors),
     )
-    _write_info(path / "session.toml", info)
+    write_info(path / "session.toml", info)
     return path
 
 

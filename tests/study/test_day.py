@@ -59,7 +59,7 @@ class Killer:
         self.left: int | None = None
         self.patch = pytest.MonkeyPatch()
         self._wrap(folders, "_make_folder")
-        self._wrap(folders, "_write_info")
+        self._wrap(folders, "write_info")
         for module in (study_session, judge, state):
             self._wrap(module, "mark_abandoned")
         self._wrap(study_log.LockedLog, "append")
