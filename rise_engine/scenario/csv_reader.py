@@ -19,6 +19,7 @@ from rise_engine.text import match_end
 MAX_COLUMNS = 200
 MAX_CHARACTERS = 10_000
 """Of one value."""
+TOO_LONG = f"a value has more than {MAX_CHARACTERS:,} characters; is a quotation mark never closed?"
 SEPARATORS = (",", ";", "\t")
 SHOWN = {",": "comma", ";": "semicolon", "\t": "tab", "|": "vertical line"}
 """What separators are called."""
@@ -105,9 +106,9 @@ class CsvReader:
             message = "a carriage return alone ends no line; save the file with the line ends of Windows or Unix"
             self.report(start + max(0, text.find("\r")), message)
         elif "limit" in str(error):
-            self.report(
-                start, f"a value has more than {MAX_CHARACTERS:,} characters; is a quotation mark never closed?"
-            )
+            # The limit belongs to the whole process: another library may have raised it, so that such a value comes
+            # whole, and is told in the same words by who reads the columns.
+            self.report(start, TOO_LONG)
         else:
             starts, bad = find_values(text, self.separator)
             if bad is not None:

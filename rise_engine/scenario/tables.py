@@ -9,7 +9,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from rise_engine.nearest_name import did_you_mean
-from rise_engine.scenario.csv_reader import MAX_CHARACTERS, SEPARATORS, SHOWN, CsvReader, TableRecord
+from rise_engine.scenario.csv_reader import MAX_CHARACTERS, SEPARATORS, SHOWN, TOO_LONG, CsvReader, TableRecord
 from rise_engine.scenario.diagnostics import Diagnostics
 from rise_engine.scenario.draft import ScenarioDraft
 from rise_engine.scenario.memory import is_writable_key
@@ -130,7 +130,7 @@ class _TableReader(CsvReader):
         values: list[Json] = []
         for row, text in zip(rows, texts, strict=True):
             if len(text) > MAX_CHARACTERS:
-                self.report(self.value_at(row, at), f"a value has at most {MAX_CHARACTERS:,} characters")
+                self.report(self.value_at(row, at), TOO_LONG)
             value = convert_value(text, kind, settings.decimal)
             if value is None and text:
                 message = f"`{name}` is {_KINDS[kind]}, and this is none: `{text[:40]}`"

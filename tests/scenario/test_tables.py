@@ -145,7 +145,7 @@ WRONG: dict[str, tuple[str | bytes, str, str, str]] = {
         "items.csv:3:3 decimal-comma",
         'write decimal = "," into tables/items.toml',
     ),
-    "too long": (f"a\n{'x' * 10_001}\n", "", "items.csv:2:1 table-form", "at most 10,000 characters"),
+    "too long": (f"a\n{'x' * 10_001}\n", "", "items.csv:2:1 table-form", "more than 10,000 characters"),
     "far too long": (f"a\n{'x' * 200_000}\n", "", "items.csv:2:1 table-form", "is a quotation mark never closed?"),
     "too many rows": (
         "a\n" + "1\n" * (MAX_ROWS + 1),
@@ -178,6 +178,15 @@ def test_what_is_wrong_has_its_place(tmp_path: Path, case: str) -> None:
     assert found(result) == [f"tables/{expected}"], result.diagnostics
     assert says in result.diagnostics[0].message
     assert (result.scenario is None) == ("decimal-comma" not in expected)
+
+
+def test_a_limit_that_another_library_raised_changes_nothing(tmp_path: Path) -> None:
+    """`csv.field_size_limit` belongs to the whole process, and frictionless sets it where it is imported."""
+    before = csv.field_size_limit(2**31 - 1)
+    try:
+        test_what_is_wrong_has_its_place(tmp_path, "far too long")
+    finally:
+        csv.field_size_limit(before)
 
 
 def test_names_of_tables(tmp_path: Path) -> None:
