@@ -99,10 +99,10 @@ def _check_outcome(file: EditedText, after: str, wanted: dict[str, Any]) -> None
 
 
 def _typed(value: Any) -> Any:
-    """A value in which 1, 1.0 and true differ, and tables without entries count for nothing."""
+    """A value in which 1, 1.0 and true differ, and tables and lists without entries count for nothing."""
     if isinstance(value, dict):
         inner = {key: _typed(each) for key, each in value.items()}
-        return {key: each for key, each in inner.items() if each != {}}
+        return {key: each for key, each in inner.items() if each not in ({}, [])}
     if isinstance(value, list | tuple):
         return [_typed(each) for each in value]
     return type(value).__name__, value

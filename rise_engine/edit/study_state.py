@@ -1,4 +1,4 @@
-"""The study as it is when an edit is planned."""
+"""What an edit is planned on."""
 
 from __future__ import annotations
 
@@ -12,10 +12,10 @@ from rise_engine.scenario import LoadResult
 
 
 class StudyState(Struct, frozen=True):
-    """What planners look at. They change nothing of it."""
+    """A study as it stands, for planning an edit."""
 
     files: Files
     outline: Outline
     checked: LoadResult
-    """The check of `files`; `scenario` is None while there is an error."""
     folder: Path
+    """Where the study lies. Nothing of it is read while an edit is planned."""

@@ -344,7 +344,9 @@ def _remove_inline(toml: TomlText, holder: TomlValue, index: int) -> str:
     if index:
         return _remove_line(toml, start, end)
     closing = holder.end - 1
-    return f"{text[: holder.start + 1]}{text[closing:]}" if "#" not in text[end:closing] else text[:start] + text[end:]
+    if "#" in text[holder.start : closing]:
+        return _remove_line(toml, start, end)
+    return f"{text[: holder.start + 1]}{text[closing:]}"
 
 
 def _remove_line(toml: TomlText, start: int, end: int) -> str:

@@ -214,7 +214,7 @@ def with_value(holder: Any, path: tuple[str, ...], value: Any) -> None:
 def without_empty(value: Any) -> Any:
     if isinstance(value, dict):
         inner = {key: without_empty(each) for key, each in value.items()}
-        return {key: each for key, each in inner.items() if each != {}}
+        return {key: each for key, each in inner.items() if each not in ({}, [])}
     return [without_empty(each) for each in value] if isinstance(value, list) else value
 
 
