@@ -72,7 +72,7 @@ def changed_text(text: str, edits: Sequence[TextEdit]) -> str:
 
 
 def edits_between(before: str, after: str) -> list[TextEdit]:
-    """The changes from one text to another, a change for each stretch of lines that differ, and within it from the first
+    """The changes from one text to another: one for each stretch of lines that differ, and within it from the first
     character that differs to the last."""
     old, new = before.splitlines(keepends=True), after.splitlines(keepends=True)
     first = _count_common(old, new)

@@ -9,16 +9,14 @@ import json
 import re
 import tomllib
 from collections.abc import Iterator, Mapping, Sequence
-from math import isfinite
 from typing import Any
 
 from msgspec import Struct
 
 from rise_engine.edit.plan import EditRefused
+from rise_engine.edit.toml_writing import toml_key, toml_value
 from rise_engine.scenario.toml_syntax import KeyPath, TomlPair, TomlSection, TomlValue, read_sections
 
-_BARE_KEY = re.compile(r"[A-Za-z0-9_-]+")
-_CONTROL = re.compile(r"[\x00-\x1f\x7f]")
 _PAIRS_IN_A_LINE = ("keys",)
 """Tables whose entries are tables in a line each: `n = { rule = "Next" }`."""
 
@@ -100,12 +98,16 @@ def set_value(text: str, path: KeyPath, value: Any) -> str:
         return _add(toml, path, value)
     if repr(old) == repr(value):  # not ==: 1, 1.0 and true are not the same
         return text
-    if isinstance(old, dict) and isinstance(value, dict) and value:
+    is_element = isinstance(toml.find(path[:-1])[1], list)
+    if isinstance(old, dict) and isinstance(value, dict) and (value or is_element):
         return _set_members(text, path, old, value)
-    if isinstance(old, list) and isinstance(value, list) and value and old:
-        return _set_items(text, path, old, value)
     entry = toml.entries.get(path)
+    fits = entry is not None or (isinstance(value, list) and all(isinstance(each, dict) for each in value))
+    if isinstance(old, list) and isinstance(value, list) and value and old and fits:
+        return _set_items(text, path, old, value)
     if entry is None:
+        if is_element:
+            raise EditRefused(f"`{'.'.join(path)}` is a table, and cannot become {json.dumps(value)}")
         return set_value(remove_value(text, path), path, value)
     new = toml_value(value, like=text[entry.value.start : entry.value.end])
     return text[: entry.value.start] + new + text[entry.value.end :]
@@ -299,8 +301,12 @@ def remove_value(text: str, path: KeyPath) -> str:
         if section.path[: len(path)] == path and section.parts:
             continue
         gone = [pair for pair in section.pairs if (section.path + pair.names)[: len(path)] == path]
-        if gone and len(gone) == len(section.pairs) and section.parts and not section.is_list:
+        is_last = len(gone) == len(section.pairs) and section.parts and not section.is_list
+        if gone and is_last and re.search(r"\n[ \t]*#", text[section.start : section.end]) is None:
             stretches.append(_section_stretch(toml, section))
+        elif gone and is_last:  # comments of their own stay
+            stretches.append(_line_stretch(toml, section.start, section.header_end))
+            stretches += [_line_stretch(toml, pair.start, pair.value.end) for pair in gone]
         else:
             stretches += [_line_stretch(toml, pair.start, pair.value.end) for pair in gone]
     for start, end in sorted(stretches, reverse=True):
@@ -412,51 +418,3 @@ def _holders(toml: TomlText) -> Iterator[tuple[KeyPath, Sequence[TomlPair]]]:
     for path, entry in toml.entries.items():
         if entry.value.pairs:
             yield path, entry.value.pairs
-
-
-# --- writing ----------------------------------------------------------------------------------------------------------
-
-
-def toml_key(name: str) -> str:
-    """A key as TOML has it, in quotation marks where it must be."""
-    return name if _BARE_KEY.fullmatch(name) else _basic(name)
-
-
-def toml_value(value: Any, like: str = "") -> str:
-    """A value in one line.
-
-    :param value: what JSON has.
-    :param like: how the value before was written; its quotation marks are kept where they can be.
-    :raises EditRefused: TOML has no such value: null, NaN, a whole number of more than 64 bits.
-    """
-    match value:
-        case bool():
-            return "true" if value else "false"
-        case str():
-            return _written_text(value, like)
-        case int() if -(2**63) <= value < 2**63:
-            return str(value)
-        case float() if isfinite(value):
-            return repr(value)
-        case list() | tuple():
-            return f"[{', '.join(map(toml_value, value))}]"
-        case dict():
-            pairs = ", ".join(f"{toml_key(key)} = {toml_value(each)}" for key, each in value.items())
-            return f"{{ {pairs} }}" if pairs else "{}"
-        case None:
-            raise EditRefused("a TOML file has no null; leave the entry out instead")
-    raise EditRefused(f"a TOML file cannot hold {value}")
-
-
-def _written_text(value: str, like: str) -> str:
-    if like.startswith('"""') and "\n" in value:
-        newline = "\r\n" if "\r\n" in like else "\n"
-        opening = newline if like.startswith(("\n", "\r\n"), 3) else ""
-        return f'"""{opening}{newline.join(_basic(line)[1:-1] for line in value.split(chr(10)))}"""'
-    if like.startswith("'") and "'" not in value and _CONTROL.search(value) is None:
-        return f"'{value}'"
-    return _basic(value)
-
-
-def _basic(text: str) -> str:
-    return json.dumps(text, ensure_ascii=False).replace("\x7f", "\\u007f")
