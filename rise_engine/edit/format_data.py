@@ -38,8 +38,10 @@ def format_toml(text: str) -> str:
 
 
 def _key_widths(toml: TomlText, section: TomlSection) -> list[int]:
-    """For each entry of a section, how wide its key is with the blanks behind it that stay: those by which its `=` stands
-    below that of the entry before, or above the one behind."""
+    """For each entry of a section, how wide its key is with the blanks behind it that stay.
+
+    They stay where its `=` stands below that of the entry before, or above that of the one behind.
+    """
     lengths = [pair.parts[-1].end - pair.start for pair in section.pairs]
     widths = []
     for pair, length in zip(section.pairs, lengths, strict=True):
