@@ -84,7 +84,7 @@ def _with_gaps(text: str, newline: str) -> str:
     toml = TomlText(text)
     values = [(pair.value.start, pair.value.end) for section in toml.sections for pair in section.pairs]
     headers = {toml.text.count("\n", 0, section.start) for section in toml.sections if section.parts}
-    frozen = set()
+    frozen: set[int] = set()
     for start, end in values:
         frozen.update(range(text.count("\n", 0, start) + 1, text.count("\n", 0, end) + 1))
     lines = text.split("\n")
