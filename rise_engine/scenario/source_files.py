@@ -36,6 +36,12 @@ class SourceFile:
         """Decoded, without byte order mark."""
         self.encoding = encoding
 
+    def with_text(self, text: str) -> SourceFile:
+        """The same file with a text as long as its own: every offset stands where it did."""
+        other = SourceFile(self.name, self.data, text, self.encoding)
+        other._line_starts = self._line_starts
+        return other
+
     @cached_property
     def _line_starts(self) -> list[int]:
         """Offsets at which lines begin. As editors have it, lines end with LF, CRLF, or CR alone."""

@@ -80,7 +80,7 @@ def read_toml(source: SourceFile, diagnostics: Diagnostics) -> TomlFile | None:
                 return None
             text = repaired
         else:
-            file = TomlFile(source if text is source.text else SourceFile(source.name, source.data, text), values)
+            file = TomlFile(source.with_text(text), values)
             _check_values(file, diagnostics)
             return file
     return None
