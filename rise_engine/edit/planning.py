@@ -50,7 +50,12 @@ def plan(edit: Edit, study: StudyState) -> Plan:
     planner = PLANNERS.get(type(edit))
     if planner is None:
         raise EditRefused(f"{type(edit).__name__} cannot be planned here")
-    return planner(edit, study)
+    planned = planner(edit, study)
+    files = study.files
+    splices = tuple(each for each in planned.splices if files[each.file][each.start : each.end] != each.data)
+    written = {file: content for file, content in planned.written.items() if files.get(file) != content}
+    says = planned.says if splices or written else ()  # what changes nothing has nothing to say
+    return Plan(splices, written, says, planned.noticed)
 
 
 __all__ = ["PLANNERS", "Planner", "StudyState", "plan"]
