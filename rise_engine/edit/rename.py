@@ -7,6 +7,7 @@ meet another name is refused, and comments that have the old name are listed.
 
 from __future__ import annotations
 
+import tomllib
 from collections.abc import Callable, Iterator
 from typing import Any
 
@@ -14,12 +15,21 @@ from rise_engine.edit.comments import comments_with
 from rise_engine.edit.edits import Edit, Rename
 from rise_engine.edit.name_places import NamePlace, NamePlaces
 from rise_engine.edit.plan import EditRefused, Plan, Splice
-from rise_engine.edit.rename_data import Renaming, data_splices
+from rise_engine.edit.rename_data import data_splices
+from rise_engine.edit.renaming import Renaming
 from rise_engine.edit.study_state import StudyState
+from rise_engine.edit.toml_writing import toml_key
 from rise_engine.nearest_name import did_you_mean
+from rise_engine.scenario.act_settings import ActTables, read_act_tables
 from rise_engine.scenario.cross_references import ACT_END_SUFFIXES, engine_topics
+from rise_engine.scenario.diagnostics import Diagnostics
+from rise_engine.scenario.draft import ScenarioDraft
+from rise_engine.scenario.file_names import SCENARIO_FILE
 from rise_engine.scenario.memory import is_writable_key
-from rise_engine.scenario.model import SESSION, TemplateLocation, normal_topic, result_topics
+from rise_engine.scenario.model import SESSION, normal_topic, result_topics
+from rise_engine.scenario.source_files import SourceFile
+from rise_engine.scenario.toml_locations import TomlFile
+from rise_engine.scenario.toml_tables import TomlTable
 from rise_engine.scenario.uses import Use, UsedKind, Uses
 from rise_engine.text import BLANKS, find_unseen, pluralize
 
@@ -114,8 +124,7 @@ def plan_rename(edit: Rename, study: StudyState) -> Plan:
         )
     _check_shared(names, found, places)
     splices = [places.splice(place, new) for place, (_, new) in found.items()]
-    renaming = Renaming(edit, names.owner, names.old, names.events())
-    renaming.new = names.new
+    renaming = Renaming(edit.kind, names.owner, names.old, names.new, names.events())
     splices += data_splices(study.files, renaming)
     if not splices:
         raise EditRefused(f"{names.what} stands nowhere")
@@ -215,6 +224,12 @@ def _check_key(names: _Names) -> None:
         raise EditRefused(f"`{flat[0]}` is a memory key of its own, which begins as `{old}` does; rename it first")
     if new in draft.tables or new == SESSION:
         raise EditRefused(f"`{new}` is taken: {'a table' if new in draft.tables else 'the engine has it'}")
+    text = next((each for each in draft.bare_words if each.name == new), None)
+    if text is not None:
+        place = text.locate()
+        raise EditRefused(
+            f"`{new}` is a text in {place.file}, line {place.line}, and would be the key; quote it there first"
+        )
     parts = [key for key in names.uses.names("key") if key.startswith(f"{new}.")]
     if parts:
         raise EditRefused(f"`{parts[0]}` is there already: {_place_text(names.uses.of('key', parts[0])[0])}")
@@ -222,21 +237,31 @@ def _check_key(names: _Names) -> None:
 
 def _check_settings(names: _Names, study: StudyState) -> None:
     """:raises EditRefused: a table for several acts is about this one by its old name, or would be by its new one."""
-    tables = study.checked.act_tables
-    before = {key: table.name for key, table in tables.find_sources(names.old).items() if table.name != names.old}
-    after = {key: table.name for key, table in tables.find_sources(names.new).items()}
-    if before != {key: name for key, name in after.items() if key not in _own_settings(tables, names.old)}:
-        name = next(iter({**before, **after}.values()))
-        is_about = "is" if name in before.values() else "would be"
-        raise EditRefused(
-            f'[act."{name}"] in scenario.toml {is_about} about `{names.old if is_about == "is" else names.new}` by its '
-            f"name, and what it sets would change; choose a name that is like it as the old one is"
-        )
+    tables = _act_tables(study)
+    before = {key: table.given[key] for key, table in tables.find_sources(names.old).items()}
+    own = tables.by_name.get(names.old)
+    after = {key: table.given[key] for key, table in tables.find_sources(names.new).items()}
+    after |= own.given if own is not None else {}
+    if before == after:
+        return
+    setting = next(key for key in {**before, **after} if before.get(key) != after.get(key))
+    act = names.old if setting in before else names.new
+    table = tables.find_sources(act)[setting]
+    raise EditRefused(
+        f"in scenario.toml, {table.header} sets `{setting}` of `{act}` by how it is called, and that would change; choose "
+        f"a name that is like the old one there, or say it under [act.{toml_key(names.old)}] first"
+    )
 
 
-def _own_settings(tables: Any, act: str) -> set[str]:
-    own = tables.by_name.get(act)
-    return set(own.given) if own is not None else set()
+def _act_tables(study: StudyState) -> ActTables:
+    """What scenario.toml says of acts, also when something else in the study is wrong."""
+    text = study.files.get(SCENARIO_FILE, b"").decode("utf-8-sig", "replace")
+    try:
+        values = tomllib.loads(text)
+    except (ValueError, RecursionError):
+        values = {}
+    table = TomlTable(TomlFile(SourceFile(SCENARIO_FILE, b"", text), values), (), values, Diagnostics())
+    return read_act_tables(table.section("act"), ScenarioDraft())
 
 
 def _check_shared(names: _Names, found: dict[NamePlace, tuple[str, str]], places: NamePlaces) -> None:
@@ -249,11 +274,10 @@ def _check_shared(names: _Names, found: dict[NamePlace, tuple[str, str]], places
         if name == own or not name.endswith(names.old):
             continue
         for use in names.uses.of(kind, name):
-            template = use.location.template
-            if isinstance(template, TemplateLocation) and places.find(use, names.old) in found:
+            if use.in_template and places.find(use, names.old) in found:
+                template = use.place
                 raise EditRefused(
-                    f"{names.what} has its name from the template `{template.name}` ({template.file}, line "
-                    f"{template.line}), and so has `{name}`; change it there by hand"
+                    f"{names.what} has its name from a template ({template.file}, line {template.line}), and so has `{name}`; change it there by hand"
                 )
 
 
@@ -285,11 +309,12 @@ def _noticed(names: _Names, study: StudyState, splices: list[Splice]) -> Iterato
     )
     if twin is not None:
         yield f"`{twin}` differs from `{new}` only in capital letters"
+    raised = {mention.name for mention in names.draft.raised_topics}
     for event in names.events():
-        raised = [use for use in names.uses.of("event", event) if use.defines]
-        if kind != "event" and raised:
-            yield f"`/{event}` was raised by hand, too ({_place_text(raised[0])}); that is renamed with it"
-    yield from comments_with(names.old, study.files, splices)
+        if kind != "event" and event in raised:
+            yield f"`/{event}` is raised by hand, too; it is called otherwise there as well"
+    if not names.old.isdecimal():  # an actionID; numbers stand everywhere
+        yield from comments_with(names.old, study.files, splices)
 
 
 PLANNERS: dict[type[Edit], Callable[[Any, StudyState], Plan]] = {Rename: plan_rename}
