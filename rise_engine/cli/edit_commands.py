@@ -16,6 +16,7 @@ from rise_engine.cli.options import FOLDER, JSON
 from rise_engine.cli.terminal import write_json
 from rise_engine.edit.edits import NameKind, Rename
 from rise_engine.edit.formatting import lay_out
+from rise_engine.edit.guard import check_guard
 from rise_engine.edit.plan import EditRefused, Files, Plan, apply_plan
 from rise_engine.edit.planning import plan
 from rise_engine.edit.read_outline import read_outline
@@ -92,9 +93,10 @@ def rename(folder: str, kind: NameKind, old: str, new: str, as_diff: bool, as_js
     try:
         files = read_study_files(path)
         state = StudyState(files, read_outline(files, loaded.scenario.paths), loaded, path)
-        planned = plan(Rename(kind, old, new), state)
+        edit = Rename(kind, old, new)
+        planned = plan(edit, state)
         after = apply_plan(files, planned)
-        _check_after(path, files, after)
+        _check_after(edit, state, after)
         if not as_diff:
             write_study_files(path, files, after)
     except EditRefused as error:
@@ -148,12 +150,13 @@ def _study_folder(folder: str) -> Path:
     return path
 
 
-def _check_after(path: Path, before: Files, after: Files) -> None:
-    """:raises EditRefused: the study would have errors then, which would be a mistake of the program."""
-    held = {name: data for name, data in after.items() if data != before.get(name)}
-    errors = load(path, held=held).errors
-    if errors:
-        raise EditRefused(f"the study would have errors then, first: {errors[0]}; nothing was written")
+def _check_after(edit: Rename, before: StudyState, after: Files) -> None:
+    """:raises EditRefused: the study would have errors then, or mean something else."""
+    held = {name: data for name, data in after.items() if data != before.files.get(name)}
+    loaded = load(before.folder, held=held)
+    if loaded.errors:
+        raise EditRefused(f"the study would have errors then, first: {loaded.errors[0]}; nothing was written")
+    check_guard([edit], before, StudyState(after, before.outline, loaded, before.folder))
 
 
 def _findings(loaded: LoadResult) -> list[tuple[str, str, str]]:

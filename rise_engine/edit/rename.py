@@ -189,6 +189,11 @@ def _check_collisions(names: _Names, study: StudyState) -> None:
         if kind in ("act", "rule") and uses.of("event", new):
             first = uses.of("event", new)[0]
             raise EditRefused(f"the event `{new}` is there already: {_place_text(first)}; choose another name")
+        if kind != "event" and uses.of("event", old) and new in _topics_of_others(names):
+            raise EditRefused(
+                f"something waits for the event `{old}`; it would be `{new}`, which is raised for something else, too; "
+                "choose another name"
+            )
         if kind != "event" and old in _topics_of_others(names):
             raise EditRefused(
                 f"the event `{old}` is raised for something else, too; give that another name first, or this event "
@@ -228,7 +233,8 @@ def _check_key(names: _Names) -> None:
     if text is not None:
         place = text.locate()
         raise EditRefused(
-            f"`{new}` is a text in {place.file}, line {place.line}, and would be the key; quote it there first"
+            f"`{new}` is a text in {place.file}, line {place.line}, and would become the key; write it in quotation "
+            "marks there first"
         )
     parts = [key for key in names.uses.names("key") if key.startswith(f"{new}.")]
     if parts:
@@ -248,8 +254,8 @@ def _check_settings(names: _Names, study: StudyState) -> None:
     act = names.old if setting in before else names.new
     table = tables.find_sources(act)[setting]
     raise EditRefused(
-        f"in scenario.toml, {table.header} sets `{setting}` of `{act}` by how it is called, and that would change; choose "
-        f"a name that is like the old one there, or say it under [act.{toml_key(names.old)}] first"
+        f"in scenario.toml, {table.header} sets `{setting}` of `{act}` by how it is called, and that would change; "
+        f"choose a name that is like the old one there, or say it under [act.{toml_key(names.old)}] first"
     )
 
 
@@ -277,7 +283,8 @@ def _check_shared(names: _Names, found: dict[NamePlace, tuple[str, str]], places
             if use.in_template and places.find(use, names.old) in found:
                 template = use.place
                 raise EditRefused(
-                    f"{names.what} has its name from a template ({template.file}, line {template.line}), and so has `{name}`; change it there by hand"
+                    f"{names.what} has its name from a template ({template.file}, line {template.line}), and so has "
+                    f"`{name}`; change it there by hand"
                 )
 
 
@@ -299,14 +306,8 @@ def _noticed(names: _Names, study: StudyState, splices: list[Splice]) -> Iterato
     other = {"act": "rule", "rule": "act"}.get(kind)
     if other is not None and names.uses.of("act" if other == "act" else "rule", new):
         yield f"there is {'an act' if other == 'act' else 'a rule'} `{new}`, too; the ends of both raise `{new}_end`"
-    twin = next(
-        (
-            each
-            for each in names.uses.names(kind)
-            if each != names.full(names.old) and each.casefold() == names.full(new).casefold()
-        ),
-        None,
-    )
+    own, wanted = names.full(names.old), names.full(new).casefold()
+    twin = next((each for each in names.uses.names(kind) if each != own and each.casefold() == wanted), None)
     if twin is not None:
         yield f"`{twin}` differs from `{new}` only in capital letters"
     raised = {mention.name for mention in names.draft.raised_topics}
