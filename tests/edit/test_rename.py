@@ -89,7 +89,7 @@ def test_the_records_are_equal_but_for_the_name(
 
 
 @pytest.mark.parametrize("spelling", SPELLINGS)
-@pytest.mark.parametrize(("study", "kind", "old", "new"), RENAMES[::3])
+@pytest.mark.parametrize(("study", "kind", "old", "new"), RENAMES[2::5])
 def test_back_again_the_files_are_the_same(spelling: str, study: str, kind: NameKind, old: str, new: str) -> None:
     before = study_state(study, spelling)
     there = after(before, Rename(kind, old, new))
@@ -235,7 +235,7 @@ def test_a_key_is_renamed_where_it_is_a_key(state: StudyState) -> None:
         "acts/a.xml": ACTS.splitlines()[2].replace("{person.name", "{guest.name"),
         "rules/r.xml": RULES.splitlines()[3].replace("person =", "guest =")
         + "\n"
-        + RULES.splitlines()[6].replace("person.name =", "guest.name ="),
+        + RULES.splitlines()[7].replace("person.name =", "guest.name ="),
         "scenario.toml": 'private = ["guest"] # person\nb = { set = "flag = guest.name" }',
         "memory.json": FILES["memory.json"].replace("person", "guest"),
         "session.jsonl": TASKS.splitlines()[4].replace(r"{\"person", r"{\"guest")
