@@ -11,7 +11,7 @@ from typing import Any
 from msgspec import Struct, field
 from msgspec.structs import replace
 
-from rise_engine.nearest_name import limited_comparisons
+from rise_engine.nearest_name import did_you_mean, in_backquotes, limited_comparisons
 from rise_engine.scenario.act_settings import ActTables
 from rise_engine.scenario.action_declarations import apply_declarations
 from rise_engine.scenario.acts import read_acts, report_unsent_ssml
@@ -21,7 +21,7 @@ from rise_engine.scenario.draft import ScenarioDraft
 from rise_engine.scenario.element_templates import LIBRARY, PATTERNS, TemplateCollection
 from rise_engine.scenario.expansion import Expander
 from rise_engine.scenario.failure_checks import check_failures
-from rise_engine.scenario.file_names import DEFAULT_PATHS, LEXICON_FILE, SCENARIO_FILE
+from rise_engine.scenario.file_names import DEFAULT_PATHS, LEXICON_FILE, SCENARIO_FILE, TEXTS_FOLDER
 from rise_engine.scenario.lexicon import read_lexicon
 from rise_engine.scenario.memory import read_memory
 from rise_engine.scenario.model import LexiconTable, RobotProfile, Scenario, SourceLocation
@@ -40,6 +40,7 @@ from rise_engine.scenario.suppressions import (
 from rise_engine.scenario.tables import TABLES_FOLDER, read_tables
 from rise_engine.scenario.toml_locations import TomlFile, read_toml
 from rise_engine.scenario.toml_tables import TomlTable
+from rise_engine.scenario.translations import LanguageTexts, TranslationReader
 from rise_engine.scenario.xml import XmlFile, read_xml
 
 
@@ -56,6 +57,8 @@ class LoadResult(Struct, frozen=True):
     """Warnings that are meant, in reading order; they are not among the findings."""
     act_tables: ActTables = field(default_factory=ActTables)
     """What scenario.toml says of acts."""
+    translations: dict[str, LanguageTexts] = {}
+    """By language; also when there are errors, as far as they could be read."""
 
     def __iter__(self) -> Iterator[Any]:
         """`scenario, findings = load(...)` works too."""
@@ -72,6 +75,8 @@ def load(
     robot: str | None = None,
     mode: str | None = None,
     paths: Mapping[str, str] | None = None,
+    language: str | None = None,
+    allow_untranslated: bool = False,
 ) -> LoadResult:
     """Read and check a scenario.
 
@@ -81,6 +86,8 @@ def load(
         mode: "debug" or "real", instead of what the file says.
         paths: where acts, rules and memory lie, instead of what the file says: paths relative to the folder, by
             `acts`, `rules` and `memory`.
+        language: the one in which everything is to be said (`texts/LANGUAGE.toml`); None: as the acts have it.
+        allow_untranslated: whether what is not translated is said as the acts have it, in their language.
 
     Returns the checked scenario with its warnings, or no scenario and everything that is wrong, each with file, line,
     column and a sentence. Nothing that an author wrote raises an error, nor does a file that cannot be read.
@@ -94,7 +101,7 @@ def load(
     'scenarios/greetings:1:1: error unreadable: there is no such folder'
     """
     with limited_comparisons():
-        return _Loader(Path(path)).load(robot, mode, paths or {})
+        return _Loader(Path(path)).load(robot, mode, paths or {}, language or "", allow_untranslated)
 
 
 def expanded_files(scenario: Scenario) -> list[XmlFile]:
@@ -117,7 +124,14 @@ class _Loader:
         self.caller = SourceLocation(str(path))
         """Where what the caller asked for, and no file says, is reported."""
 
-    def load(self, robot: str | None, mode: str | None, paths: Mapping[str, str]) -> LoadResult:
+    def load(
+        self,
+        robot: str | None,
+        mode: str | None,
+        paths: Mapping[str, str],
+        language: str = "",
+        allow_untranslated: bool = False,
+    ) -> LoadResult:
         diagnostics, draft = self.diagnostics, self.draft
         if not self.folder.is_dir():
             diagnostics.error("unreadable", SourceLocation(str(self.path)), f"there is no such folder{shipped_hint()}")
@@ -138,6 +152,7 @@ class _Loader:
             read_rules(file, draft, diagnostics)
         self.read_memory(paths["memory"])
         report_unsent_ssml(profile, draft, diagnostics)
+        translations = self.read_translations(settings, profile, language, allow_untranslated)
         lexicon = self.read_lexicon(settings.language, profile.name)
         check_cross_references(draft, diagnostics)
         if "acts" not in draft.unreadable_parts:
@@ -151,14 +166,14 @@ class _Loader:
         ]
         found, silenced = apply_suppressions(suppressions, diagnostics)
         if diagnostics.errors:
-            return LoadResult(None, found, suppressed=silenced)
+            return LoadResult(None, found, suppressed=silenced, translations=translations.found)
         files = self.files_by_usual_path(paths)
         scenario = Scenario(
             title=settings.title or self.folder.name,
             folder=str(self.folder),
             mode="real" if (mode or settings.mode) == "real" else "debug",
             robot=profile,
-            acts=draft.acts,
+            acts=translations.translated(language) if language else draft.acts,
             rules=draft.rules,
             memory=draft.memory,
             tables=draft.tables,
@@ -168,7 +183,8 @@ class _Loader:
             study=settings.study,
             conditions=settings.conditions,
             private=settings.private,
-            language=settings.language,
+            language=language or settings.language,
+            languages=tuple(filter(None, (settings.language, *translations.found))) if translations.found else (),
             lexicon=lexicon,
             may_release=settings.may_release,
             on_failure=settings.on_failure,
@@ -177,9 +193,9 @@ class _Loader:
             reads_session=bool(draft.session_keys),
             factors_read=factors_read(draft),
             topics=frozenset(mention.name for mention in draft.awaited_topics),
-            hash=_hash(files, profile.name),
+            hash=_hash(files, profile.name, language),
         )
-        return LoadResult(scenario, found, files, silenced, settings.act_tables)
+        return LoadResult(scenario, found, files, silenced, settings.act_tables, translations.found)
 
     def read_settings(self) -> None:
         path = self.folder / (self.path.name if self.path.suffix == ".toml" else SCENARIO_FILE)
@@ -202,6 +218,23 @@ class _Loader:
                 self.draft.unreadable_parts.add("memory")
             else:
                 read_memory(source, self.draft, self.diagnostics)
+
+    def read_translations(
+        self, settings: ScenarioSettings, robot: RobotProfile, language: str, allow_untranslated: bool
+    ) -> TranslationReader:
+        """What the acts say in other languages, compared with them; a finding when there is not the one asked for."""
+        reader = TranslationReader(robot, self.draft, settings.language, language, self.diagnostics)
+        reader.read(self.files, settings.languages)
+        reader.report_missing(allow=allow_untranslated)
+        self.draft.spoken_languages.update(reader.found)
+        known = [*filter(None, (settings.language, *reader.found))]
+        if language and language not in known:
+            near = did_you_mean(language, known, limit=0)
+            has = f"; it is in {in_backquotes(known)}" if known and not near else near
+            remedy = "" if known else '; say in scenario.toml in which it is: language = "en"'
+            message = f"this study is not in the language `{language}`{has}{remedy}"
+            self.diagnostics.error("unknown-language", self.caller, message)
+        return reader
 
     def read_lexicon(self, language: str, robot: str) -> tuple[LexiconTable, ...]:
         """How words are said; nothing when the folder has no such file."""
@@ -273,6 +306,8 @@ class _Loader:
                 name = f"acts/{path.name}"
             elif rules in (path, path.parent):
                 name = f"rules/{path.name}"
+            elif path.parent == self.folder / TEXTS_FOLDER:
+                name = f"{TEXTS_FOLDER}/{path.name}"
             elif path.parent in (LIBRARY, self.folder / PATTERNS) and path.suffix == ".xml":
                 name = f"{PATTERNS}/{path.name}"
             elif source.name in settings:
@@ -285,10 +320,11 @@ class _Loader:
         return files
 
 
-def _hash(files: Mapping[str, bytes], robot: str) -> str:
-    """Over everything that was read, in a fixed order, wherever it lay."""
+def _hash(files: Mapping[str, bytes], robot: str, language: str = "") -> str:
+    """Over everything that was read, in a fixed order, wherever it lay; and the language that was asked for, if any."""
     digest = sha256()
-    for name, data in [*sorted(files.items()), ("robot", robot.encode())]:
+    asked = [("language", language.encode())] if language else []
+    for name, data in [*sorted(files.items()), ("robot", robot.encode()), *asked]:
         digest.update(f"{name}\0{len(data)}\0".encode())
         digest.update(data)
     return digest.hexdigest()
