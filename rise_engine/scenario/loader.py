@@ -184,7 +184,7 @@ class _Loader:
             conditions=settings.conditions,
             private=settings.private,
             language=language or settings.language,
-            languages=tuple(filter(None, (settings.language, *translations.found))) if translations.found else (),
+            languages=tuple(translations.found),
             lexicon=lexicon,
             may_release=settings.may_release,
             on_failure=settings.on_failure,

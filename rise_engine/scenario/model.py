@@ -445,7 +445,12 @@ class Scenario(Struct, frozen=True):
     """SHA-256 over every file that was read, in a fixed order, and the language that was asked for: two scenarios with
     one hash are the same study."""
     languages: tuple[str, ...] = ()
-    """All languages that its texts are in, that of the acts first; empty: it has no translations."""
+    """Those that it has translations into."""
+
+    @property
+    def is_translated(self) -> bool:
+        """Whether its texts are in another language than the acts are written in."""
+        return self.language in self.languages
 
     @property
     def table_memory(self) -> dict[str, Json]:
