@@ -31,6 +31,7 @@ from rise_engine.scenario.scenario_toml import ScenarioSettings
 from rise_engine.scenario.session_keys import factors_read
 from rise_engine.scenario.shipped_studies import shipped_hint
 from rise_engine.scenario.source_files import MAX_TOML_BYTES, FileReader, SourceFile
+from rise_engine.scenario.spoken_texts import SpokenText
 from rise_engine.scenario.suppressions import (
     SuppressedWarning,
     apply_suppressions,
@@ -59,6 +60,8 @@ class LoadResult(Struct, frozen=True):
     """What scenario.toml says of acts."""
     translations: dict[str, LanguageTexts] = {}
     """By language; also when there are errors, as far as they could be read."""
+    texts: tuple[SpokenText, ...] = ()
+    """All that is said in the acts, as they have it, in their order; also when there are errors."""
 
     def __iter__(self) -> Iterator[Any]:
         """`scenario, findings = load(...)` works too."""
@@ -166,7 +169,9 @@ class _Loader:
         ]
         found, silenced = apply_suppressions(suppressions, diagnostics)
         if diagnostics.errors:
-            return LoadResult(None, found, suppressed=silenced, translations=translations.found)
+            return LoadResult(
+                None, found, suppressed=silenced, translations=translations.found, texts=translations.all_texts
+            )
         files = self.files_by_usual_path(paths)
         scenario = Scenario(
             title=settings.title or self.folder.name,
@@ -195,7 +200,8 @@ class _Loader:
             topics=frozenset(mention.name for mention in draft.awaited_topics),
             hash=_hash(files, profile.name, language),
         )
-        return LoadResult(scenario, found, files, silenced, settings.act_tables, translations.found)
+        tables, texts = settings.act_tables, translations.all_texts
+        return LoadResult(scenario, found, files, silenced, tables, translations.found, texts)
 
     def read_settings(self) -> None:
         path = self.folder / (self.path.name if self.path.suffix == ".toml" else SCENARIO_FILE)

@@ -88,6 +88,7 @@ class TranslationReader:
         self.asked = asked
         self.diagnostics = diagnostics
         self.is_whole = "acts" not in draft.unreadable_parts
+        self.all_texts = tuple(spoken_texts(draft.acts.values(), robot, language))
         self.texts: dict[str, SpokenText] = {}
         self.found: dict[str, LanguageTexts] = {}
         """By language, in the order of their names."""
@@ -135,7 +136,7 @@ class TranslationReader:
             return []
 
     def _index_texts(self) -> None:
-        for text in spoken_texts(self.draft.acts.values(), self.robot, self.language):
+        for text in self.all_texts:
             if text.id in self.texts:
                 message = f"this text and another one of the act are both called `{text.id}` in translations; give one "
                 message += "of the actions another actionID"
