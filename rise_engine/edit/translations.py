@@ -10,10 +10,11 @@ from typing import Any
 from msgspec import Struct
 
 from rise_engine.edit.edits import Edit, SetTranslation
-from rise_engine.edit.plan import EditRefused, Plan
+from rise_engine.edit.plan import EditRefused, Plan, Splice
 from rise_engine.edit.study_state import StudyState
 from rise_engine.edit.text_edits import EditedText, TextEdit, changed_text, file_of
 from rise_engine.nearest_name import did_you_mean
+from rise_engine.scenario.file_names import TEXTS_FOLDER
 from rise_engine.scenario.languages import language_problem
 from rise_engine.scenario.spoken_texts import SpokenText
 from rise_engine.scenario.toml_syntax import KeyPath, TomlPair, TomlSection, TomlValue, read_sections
@@ -60,6 +61,26 @@ def existing_language(study: StudyState, language: str) -> tuple[str, str]:
         if file.lower() == language_file(language).lower():
             return file.rpartition("/")[2].removesuffix(".toml"), file
     return language, language_file(language)
+
+
+def follow_texts(study: StudyState, moved: Mapping[tuple[str, str], str | None]) -> tuple[Splice, ...]:
+    """What becomes of the translations of texts that an edit of an act removes, or gives another number.
+
+    :param moved: by act and key of a text (`("R_Yes", "2/1")`), its new key in the act; None: it goes.
+    :raises EditRefused: a file of translations is written so that this cannot be done in it.
+    """
+    found: list[Splice] = []
+    for name in sorted(study.files):
+        if not (name.startswith(f"{TEXTS_FOLDER}/") and name.endswith(".toml")):
+            continue
+        file = TranslationsFile(file_of(study.files, name))
+        gone = [entry for of, entry in file.entries.items() if of in moved and moved[of] is None]
+        edits = file.removals(gone)
+        for of, entry in file.entries.items():
+            if (key := moved.get(of)) is not None:
+                edits.append(file.renaming(entry, key))
+        found += file.splices(edits) if edits else ()
+    return tuple(found)
 
 
 def _plan_removal(edit: SetTranslation, study: StudyState, name: str) -> Plan:
@@ -127,7 +148,7 @@ class TranslationsFile:
                     values = {each.names[0]: each.value for each in value.pairs if len(each.names) == 1}
                     self.entries.setdefault((path[0], path[1]), TranslationEntry(section, own, value, values))
 
-    def splices(self, edits: Sequence[TextEdit]) -> tuple[Any, ...]:
+    def splices(self, edits: Sequence[TextEdit]) -> tuple[Splice, ...]:
         """The edits in bytes. :raises EditRefused: the file would be no TOML any more, because it is written so."""
         try:
             tomllib.loads(changed_text(self._text, edits))
@@ -183,6 +204,29 @@ class TranslationsFile:
         gap += self._line_end if self._text.strip() else ""
         return TextEdit(len(self._text), len(self._text), f"{gap}{head}{self._line_end}")
 
+    def removals(self, gone: Sequence[TranslationEntry]) -> list[TextEdit]:
+        """Several that go at once; a section of which nothing is left goes whole."""
+        edits: list[TextEdit] = []
+        emptied: list[TomlSection] = []
+        for entry in gone:
+            section = entry.section
+            if any(section is each for each in emptied):
+                continue
+            of_section = [each.pair for each in gone if each.section is section]
+            if entry.pair is not None and section.path and all(pair in of_section for pair in section.pairs):
+                emptied.append(section)
+                edits.append(self._lines_of(section.start, section.end))
+            else:
+                edits.append(self.removal(entry))
+        return edits
+
+    def renaming(self, entry: TranslationEntry, key: str) -> TextEdit:
+        """A translation under another key. :raises EditRefused: its key stands nowhere by itself."""
+        parts = entry.pair.parts if entry.pair is not None else entry.section.parts
+        if entry.pair is None and entry.whole is not None:
+            raise EditRefused(f"{self._file.name} is written in a way in which this cannot be changed by itself")
+        return TextEdit(parts[-1].start, parts[-1].end, quote_toml_key(key))
+
     def removal(self, found: TranslationEntry) -> TextEdit:
         """A translation that goes, with its line; with the last one of an act, the header, too.
 
@@ -194,6 +238,10 @@ class TranslationsFile:
         start, end = (section.start, section.end) if pair is None else (pair.start, pair.value.end)
         if pair is not None and section.path and section.pairs == [pair]:
             start = section.start
+        return self._lines_of(start, end)
+
+    def _lines_of(self, start: int, end: int) -> TextEdit:
+        """Takes lines out, and the blank line before a header."""
         start, end = self._text.rfind("\n", 0, start) + 1, self._line_behind(end)
         if self._text[start:end].lstrip().startswith("[") and (gap := re.search(r"(\r?\n)\r?\n\Z", self._text[:start])):
             start = gap.end(1)
