@@ -42,6 +42,7 @@ from rise_engine.scenario.tables import TABLES_FOLDER, read_tables
 from rise_engine.scenario.toml_locations import TomlFile, read_toml
 from rise_engine.scenario.toml_tables import TomlTable
 from rise_engine.scenario.translations import LanguageTexts, TranslationReader
+from rise_engine.scenario.tree import FileTree, Held
 from rise_engine.scenario.xml import XmlFile, read_xml
 
 
@@ -80,6 +81,7 @@ def load(
     paths: Mapping[str, str] | None = None,
     language: str | None = None,
     allow_untranslated: bool = False,
+    held: Held | None = None,
 ) -> LoadResult:
     """Read and check a scenario.
 
@@ -91,6 +93,8 @@ def load(
             `acts`, `rules` and `memory`.
         language: the one in which everything is to be said (`texts/LANGUAGE.toml`); None: as the acts have it.
         allow_untranslated: whether what is not translated is said as the acts have it, in their language.
+        held: contents that are read instead of the disk, by the names of their files relative to the folder,
+            `acts/greet.xml`; None: as if the file were not there. Of these files nothing is asked of the disk.
 
     Returns the checked scenario with its warnings, or no scenario and everything that is wrong, each with file, line,
     column and a sentence. Nothing that an author wrote raises an error, nor does a file that cannot be read.
@@ -104,7 +108,7 @@ def load(
     'scenarios/greetings:1:1: error unreadable: there is no such folder'
     """
     with limited_comparisons():
-        return _Loader(Path(path)).load(robot, mode, paths or {}, language or "", allow_untranslated)
+        return _Loader(Path(path), held).load(robot, mode, paths or {}, language or "", allow_untranslated)
 
 
 def expanded_files(scenario: Scenario) -> list[XmlFile]:
@@ -115,12 +119,13 @@ def expanded_files(scenario: Scenario) -> list[XmlFile]:
 
 
 class _Loader:
-    def __init__(self, path: Path) -> None:
+    def __init__(self, path: Path, held: Held | None = None) -> None:
         self.diagnostics = Diagnostics()
         self.path = path
         is_file = path.name == SCENARIO_FILE or path.suffix == ".toml"
         self.folder = Path(os.path.abspath(path.parent if is_file else path))  # noqa: PTH100  # keeps symbolic links
-        self.files = FileReader(self.folder, self.diagnostics)
+        self.tree = FileTree(self.folder, held)
+        self.files = FileReader(self.folder, self.diagnostics, self.tree)
         self.draft = ScenarioDraft()
         self.file = TomlFile(SourceFile(SCENARIO_FILE, b"", ""), {})
         self.named: dict[str, str] = {}
@@ -136,7 +141,7 @@ class _Loader:
         allow_untranslated: bool = False,
     ) -> LoadResult:
         diagnostics, draft = self.diagnostics, self.draft
-        if not self.folder.is_dir():
+        if not self.tree.is_folder(self.folder):
             diagnostics.error("unreadable", SourceLocation(str(self.path)), f"there is no such folder{shipped_hint()}")
             return LoadResult(None, diagnostics.sorted())
         self.read_settings()
@@ -205,7 +210,7 @@ class _Loader:
 
     def read_settings(self) -> None:
         path = self.folder / (self.path.name if self.path.suffix == ".toml" else SCENARIO_FILE)
-        source = self.files.read(path, MAX_TOML_BYTES) if os.path.lexists(path) else None
+        source = self.files.read(path, MAX_TOML_BYTES) if self.tree.exists(path) else None
         file = read_toml(source, self.diagnostics) if source is not None else None
         self.file = file or self.file
 
@@ -245,11 +250,11 @@ class _Loader:
     def read_lexicon(self, language: str, robot: str) -> tuple[LexiconTable, ...]:
         """How words are said; nothing when the folder has no such file."""
         path = self.folder / LEXICON_FILE
-        source = self.files.read(path, MAX_TOML_BYTES) if os.path.lexists(path) else None
+        source = self.files.read(path, MAX_TOML_BYTES) if self.tree.exists(path) else None
         file = read_toml(source, self.diagnostics) if source is not None else None
         if file is None:
             return ()
-        return read_lexicon(file, language, {*robot_names(self.folder), robot}, self.draft, self.diagnostics)
+        return read_lexicon(file, language, {*robot_names(self.folder, self.tree), robot}, self.draft, self.diagnostics)
 
     def read_xml_files(self, kind: str, relative_path: str) -> Iterator[XmlFile]:
         """The XML files of a folder in the order of their names, or the one file that was named."""
@@ -257,9 +262,9 @@ class _Loader:
         if not self.check_exists(kind, path):
             return
         paths = [path]
-        if path.is_dir():
+        if self.tree.is_folder(path):
             try:
-                names = sorted(each.name for each in path.iterdir())
+                names = self.tree.names(path)
             except OSError as error:
                 message = f"this folder cannot be read: {error.strerror or error}"
                 self.diagnostics.error("unreadable", SourceLocation(relative_path), message)
@@ -287,7 +292,7 @@ class _Loader:
     def check_exists(self, kind: str, path: Path) -> bool:
         """Whether a place is there. One that was named must be; the usual ones need not."""
         try:
-            if os.path.lexists(path):  # a link that leads nowhere is there, and cannot be read
+            if self.tree.exists(path):  # a link that leads nowhere is there, and cannot be read
                 return True
         except (OSError, ValueError):  # a name that no file can have
             pass

@@ -100,7 +100,7 @@ class TranslationReader:
         """
         folder = files.folder / TEXTS_FOLDER
         by_tag: dict[str, Path] = {}
-        for path in self._files(folder):
+        for path in self._files(files, folder):
             if (before := by_tag.setdefault(path.stem.lower(), path)) != path:
                 message = f"{before.name} is for the same language; put all translations into one of the files"
                 self.diagnostics.error("duplicate-name", SourceLocation(files.display_name(path)), message)
@@ -125,9 +125,9 @@ class TranslationReader:
             else:
                 self._read_language(path, files)
 
-    def _files(self, folder: Path) -> list[Path]:
+    def _files(self, files: FileReader, folder: Path) -> list[Path]:
         try:
-            return sorted(path for path in folder.iterdir() if path.suffix == ".toml" and path.name[0] != ".")
+            return [folder / name for name in files.tree.names(folder) if name.endswith(".toml") and name[0] != "."]
         except (FileNotFoundError, NotADirectoryError):
             return []
         except OSError as error:
@@ -145,7 +145,7 @@ class TranslationReader:
 
     def _read_language(self, path: Path, files: FileReader) -> None:
         name = files.display_name(path)
-        source = files.read(path, MAX_TEXTS_BYTES) if path.is_symlink() or path.exists() else None
+        source = files.read(path, MAX_TEXTS_BYTES) if files.tree.exists(path) else None
         file = read_toml(source, self.diagnostics) if source is not None else None
         texts: dict[str, Translation] = {}
         if file is not None:

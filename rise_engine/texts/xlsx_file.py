@@ -14,7 +14,7 @@ _TEXT_WIDTH = 60
 
 
 def write_xlsx(table: TextTable) -> bytes:
-    """The table as a file. :raises TextsError: openpyxl is not installed, or a text has a character that no cell has."""
+    """The table as a file. :raises TextsError: openpyxl is missing, or a text has a character that no cell has."""
     openpyxl = _openpyxl()
     book = openpyxl.Workbook()
     sheet = book.active
