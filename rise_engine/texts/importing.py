@@ -102,7 +102,7 @@ class _Importer:
             if column not in columns:
                 near = did_you_mean(column, [each for each in columns if each], limit=0)
                 raise TextsError(
-                    f"the table has no column `{column}`{near or ';'} it says which text a row is about, and of which it "
+                    f"the table has no column `{column}`{near or ';'} it says what a row is about, and of what it "
                     "was made: export the table anew, and put the texts in"
                 )
         for column in ("text", *self.languages):

@@ -34,7 +34,7 @@ class TextRow(Struct, frozen=True):
     """Of the text, `R_Praise/2/1`."""
     act: str
     number: str
-    """The action and the wording: `2.1`."""
+    """The action and the wording, `2 (1)`: no spreadsheet takes it for a date."""
     when: str
     """`at once`, or what it waits for: `after 3, 4`."""
     beside: str
@@ -104,7 +104,7 @@ def text_check(text: str) -> str:
 
 def _make_row(text: SpokenText, scenario: Scenario, files: Sequence[LanguageTexts]) -> TextRow:
     act, action, location = scenario.acts[text.act], text.action, text.action.location
-    number = action.id if len(action.calls) == 1 else f"{action.id}.{text.variant + 1}"
+    number = action.id if len(action.calls) == 1 else f"{action.id} ({text.variant + 1})"
     given = {each.language: each.texts.get(text.id) for each in files}
     notes = [
         f"{language}: the text has changed since this translation; it was “{each.of}”"
