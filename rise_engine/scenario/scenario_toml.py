@@ -6,6 +6,7 @@ from functools import partial
 from typing import Any
 
 from rise_engine.expression import Assignment, ExpressionError
+from rise_engine.nearest_name import did_you_mean
 from rise_engine.scenario.act_settings import read_act_tables, read_on_failure
 from rise_engine.scenario.conditions import read_conditions, read_private, read_study
 from rise_engine.scenario.delays import MIN_SECONDS
@@ -124,7 +125,7 @@ class ScenarioSettings:
                 message = 'which language the acts are in says `language = "en"` at the top of the file, not `default`'
                 table.report_key("unknown-key", message, key)
             elif key != "also":
-                table.report_key("unknown-key", f"unknown key `{key}`; [languages] has only `also`", key)
+                table.report_key("unknown-key", f"unknown key `{key}`{did_you_mean(key, ('also',))}", key)
         also = table.read_texts("also", ())
         for index, tag in enumerate(also):
             if problem := language_problem(tag):

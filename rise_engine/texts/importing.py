@@ -84,8 +84,8 @@ class _Importer:
         self._check_columns()
         for row in self.table.rows:
             id = id_of_cell(row.values.get("id", ""), self.texts.keys())
-            if not any(value.strip() for value in row.values.values()):
-                continue
+            if not id and not any(row.values.get(column, "").strip() for column in ("act", "text", *self.languages)):
+                continue  # of no text: what somebody has written below the table
             if not id:
                 self._read_new(row)
             elif id in self.seen:
