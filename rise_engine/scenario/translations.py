@@ -8,6 +8,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
+from functools import partial
 from pathlib import Path
 
 from msgspec import Struct, field
@@ -24,7 +25,7 @@ from rise_engine.scenario.spoken import LANGUAGE
 from rise_engine.scenario.spoken_texts import SpokenText, own_language, spoken_texts
 from rise_engine.scenario.ssml_checks import find_ssml_problems
 from rise_engine.scenario.template import Template, TemplateError, parse_template
-from rise_engine.scenario.toml_locations import TomlFile, read_toml
+from rise_engine.scenario.toml_locations import TomlFile, toml_of
 from rise_engine.scenario.toml_tables import TomlTable
 
 MAX_TEXTS_BYTES = 4_000_000
@@ -45,6 +46,8 @@ class Translation(Struct, frozen=True):
     """The text that it was translated from."""
     location: SourceLocation
     """Of its key."""
+    text_location: SourceLocation
+    """Of what is said."""
 
 
 class LanguageTexts(Struct, frozen=True):
@@ -54,7 +57,11 @@ class LanguageTexts(Struct, frozen=True):
     """As the file is called."""
     file: str
     texts: dict[str, Translation] = field(default_factory=dict)
-    """By the id of the text, `ACT/ID/VARIANT`; also those whose text has changed since."""
+    """By the id of the text, `ACT/ID/VARIANT`; also those whose text has changed since, or that is none."""
+    keys: dict[tuple[str, str], SourceLocation] = field(default_factory=dict)
+    """Where each translation stands, by act and key of the text, also what could not be understood."""
+    acts: dict[str, SourceLocation] = field(default_factory=dict)
+    """Where those of an act begin."""
 
     def stale(self, texts: Iterable[SpokenText]) -> list[SpokenText]:
         """Of these texts, those that were written anew since they were translated."""
@@ -146,77 +153,39 @@ class TranslationReader:
     def _read_language(self, path: Path, files: FileReader) -> None:
         name = files.display_name(path)
         source = files.read(path, MAX_TEXTS_BYTES) if files.tree.exists(path) else None
-        file = read_toml(source, self.diagnostics) if source is not None else None
-        texts: dict[str, Translation] = {}
+        file = toml_of(source, files) if source is not None else None
+        found = LanguageTexts(path.stem, name)
         if file is not None:
-            table = TomlTable(file, (), file.values, self.diagnostics)
-            for act in table.values:
-                inner = table.subtable(act, f"translations stand under their act: {_FORM}")
-                if inner is not None:
-                    texts.update(self._read_act(inner))
-        self.found[path.stem] = LanguageTexts(path.stem, name, texts)
+            key = ("texts", source, path.stem)
+            found = files.memo.read(key, self.diagnostics, partial(_read_texts, file, path.stem))
+        self.found[path.stem] = found
+        if self.is_whole:
+            self._compare(found)
 
-    def _read_act(self, table: TomlTable) -> dict[str, Translation]:
-        act, draft = table.name, self.draft
-        if act not in draft.acts and self.is_whole:
-            near = did_you_mean(act, draft.acts, limit=0) or "; if it is gone, delete its translations"
-            table.report_key("unknown-text", f"there is no act `{act}`{near}")
-            return {}
-        known = [text.key for text in self.texts.values() if text.act == act]
-        found: dict[str, Translation] = {}
-        for key in table.values:
-            text = self.texts.get(f"{act}/{key}")
-            if text is None and self.is_whole:
+    def _compare(self, found: LanguageTexts) -> None:
+        """Findings about translations beside their texts."""
+        acts = self.draft.acts
+        for act, location in found.acts.items():
+            if act not in acts:
+                near = did_you_mean(act, acts, limit=0) or "; if it is gone, delete its translations"
+                self.diagnostics.error("unknown-text", location, f"there is no act `{act}`{near}")
+        for (act, key), location in found.keys.items():
+            text, translation = self.texts.get(f"{act}/{key}"), found.texts.get(f"{act}/{key}")
+            if act in acts and text is None:
+                known = [each.key for each in self.texts.values() if each.act == act]
                 near = did_you_mean(key, known, limit=_LISTED) or "; if it is gone, delete its translation"
-                table.report_key("unknown-text", f"the act `{act}` has no text `{key}`{near}", key)
-            elif (translation := self._read_text(table, key)) is not None:
-                if text is not None:
-                    self._compare(text, translation, table.file, (*table.path, key))
-                found[f"{act}/{key}"] = translation
-        return found
+                self.diagnostics.error("unknown-text", location, f"the act `{act}` has no text `{key}`{near}")
+            elif text is not None and translation is not None:
+                self._compare_text(text, translation, is_asked=found.language == self.asked)
 
-    def _read_text(self, act: TomlTable, key: str) -> Translation | None:
-        values = act.values[key]
-        if not isinstance(values, dict):
-            message = f"a translation says of which text it is one; write {_FORM}"
-            act.report_value("wrong-type", key, message)
-            return None
-        table = TomlTable(act.file, (*act.path, key), values, self.diagnostics)
-        table.report_unknown_keys(("text", "of"))
-        written = [self._read_entry(table, name) for name in ("text", "of")]
-        text, of = ("" if each is None else " ".join(each.split()) for each in written)
-        if not text or not of:
-            return None
-        try:
-            template = parse_template(text)
-        except TemplateError as error:
-            self.diagnostics.error("template", table.value_location("text"), str(error))
-            return None
-        return Translation(template, of, table.key_location())
-
-    def _read_entry(self, table: TomlTable, key: str) -> str | None:
-        form = f"; write {_FORM}"
-        value: str | None = table.read(key, str, None, form=form)
-        if key not in table.values or (isinstance(value, str) and not value.strip()):
-            what = "what is said" if key == "text" else "the text that it was translated from"
-            table.report_key("missing-value", f"`{key}`, {what}, is missing{form}")
-            return None
-        return value
-
-    def _compare(self, text: SpokenText, given: Translation, file: TomlFile, path: tuple[str, ...]) -> None:
-        """Findings about a translation beside its text."""
-        location = file.value_location(*path, "text")
-        problem = slot_problem(text.template, given.template)
-        is_stale = given.of != text.text
+    def _compare_text(self, text: SpokenText, given: Translation, *, is_asked: bool) -> None:
+        problem, is_stale = slot_problem(text.template, given.template), given.of != text.text
         if is_stale:
             message = f"the text has changed since: it is “{_short(text.text)}” now, and this translates "
             message += f"“{_short(given.of)}”; translate it anew, or write what it is now into `of`"
             self.diagnostics.warning("stale-translation", given.location, message)
-        if problem and (not is_stale or file.source.name == language_file(self.asked)):
-            self.diagnostics.error("slot-differs", location, problem)
-        for problem_found in find_ssml_problems(given.template):
-            report = self.diagnostics.error if problem_found.is_error else self.diagnostics.warning
-            report("ssml", location, problem_found.text)
+        if problem and (not is_stale or is_asked):
+            self.diagnostics.error("slot-differs", given.text_location, problem)
 
     def report_missing(self, *, allow: bool) -> None:
         """Findings for each act of which something is not translated.
@@ -278,6 +247,55 @@ class TranslationReader:
             if LANGUAGE not in call.parameters or (is_ours and given):
                 parameters[LANGUAGE] = parse_template(language)
         return ActionCall(call.type, parameters)
+
+
+def _read_texts(file: TomlFile, language: str, diagnostics: Diagnostics) -> LanguageTexts:
+    """All translations of a file."""
+    top = TomlTable(file, (), file.values, diagnostics)
+    found = LanguageTexts(language, file.source.name)
+    for act in top.values:
+        table = top.subtable(act, f"translations stand under their act: {_FORM}")
+        if table is None:
+            continue
+        found.acts[act] = table.key_location()
+        for key in table.values:
+            found.keys[act, key] = table.key_location(key)
+            translation = _read_text(table, key)
+            if translation is not None:
+                found.texts[f"{act}/{key}"] = translation
+    return found
+
+
+def _read_text(act: TomlTable, key: str) -> Translation | None:
+    values = act.values[key]
+    if not isinstance(values, dict):
+        act.report_value("wrong-type", key, f"a translation says of which text it is one; write {_FORM}")
+        return None
+    table = TomlTable(act.file, (*act.path, key), values, act.diagnostics)
+    table.report_unknown_keys(("text", "of"))
+    text, of = (" ".join((_read_entry(table, name) or "").split()) for name in ("text", "of"))
+    if not text or not of:
+        return None
+    location = table.value_location("text")
+    try:
+        template = parse_template(text)
+    except TemplateError as error:
+        act.diagnostics.error("template", location, str(error))
+        return None
+    for problem in find_ssml_problems(template):
+        report = act.diagnostics.error if problem.is_error else act.diagnostics.warning
+        report("ssml", location, problem.text)
+    return Translation(template, of, table.key_location(), location)
+
+
+def _read_entry(table: TomlTable, key: str) -> str | None:
+    form = f"; write {_FORM}"
+    value: str | None = table.read(key, str, None, form=form)
+    if key not in table.values or (isinstance(value, str) and not value.strip()):
+        what = "what is said" if key == "text" else "the text that it was translated from"
+        table.report_key("missing-value", f"`{key}`, {what}, is missing{form}")
+        return None
+    return value
 
 
 def slot_problem(original: Template, translation: Template) -> str:

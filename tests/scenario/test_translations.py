@@ -110,7 +110,7 @@ def test_what_is_missing_can_be_said_in_the_language_of_the_acts() -> None:
 WRONG: dict[str, tuple[str, list[str]]] = {
     "fine": (GERMAN, []),
     "another text since": (GERMAN.replace("Right.", "Wrong."), ["texts/de.toml:5:1 stale-translation"]),
-    "no such act": (f"{GERMAN}[B]\n1 = 2", ["texts/de.toml:6:2 unknown-text"]),
+    "no such act": (f"{GERMAN}[B]\n", ["texts/de.toml:6:2 unknown-text"]),
     "no such text": (f'{GERMAN}"2/3" = {{ text = "x", of = "y" }}', ["texts/de.toml:6:1 unknown-text"]),
     "variants now": (
         GERMAN.replace('"2/1"', "2"),
