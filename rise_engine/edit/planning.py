@@ -17,6 +17,7 @@ from rise_engine.edit import (
     tables,
     templates,
     transitions,
+    translations,
 )
 from rise_engine.edit.edits import Edit
 from rise_engine.edit.plan import EditRefused, Plan
@@ -37,6 +38,7 @@ _OF_MODULES: tuple[Mapping[type[Edit], Planner], ...] = (
     tables.PLANNERS,
     templates.PLANNERS,
     transitions.PLANNERS,
+    translations.PLANNERS,
 )
 """What each module of edits can plan, its `PLANNERS`."""
 PLANNERS: dict[type[Edit], Planner] = {edit: planner for part in _OF_MODULES for edit, planner in part.items()}

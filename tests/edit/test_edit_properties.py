@@ -54,7 +54,9 @@ from rise_engine.edit.writing import one_line
 from tests.edit.samples import NAMES, SPELLINGS, changed_lines, state_of, study_state
 
 TEXTS = st.text(
-    st.one_of(st.sampled_from("abc <>&\"']. {ß😀"), st.characters(exclude_categories=("Cs", "Cc", "Cn"))), min_size=1, max_size=20
+    st.one_of(st.sampled_from("abc <>&\"']. {ß😀"), st.characters(exclude_categories=("Cs", "Cc", "Cn"))),
+    min_size=1,
+    max_size=20,
 ).filter(lambda text: bool(text.strip()) and text.strip().isprintable())
 WORDS = st.sampled_from(["Grün", "x", "After <all> & more", "it's", 'say "hi"', "a" * 40])
 CONDITIONS = st.sampled_from(["person_near", "1 < 2 && 3 > 2", 'name = "x"', "a = 'b' and\tc"])
@@ -86,7 +88,9 @@ class Maker:
             lambda: SetWaits(act.name, action.id, self.draw(some)),
             lambda: SetActionFailure(act.name, action.id, self.draw(st.booleans())),
             lambda: SetActionType(act.name, action.id, self.draw(st.sampled_from(["Speech", "Wait", "LookAt"]))),
-            lambda: AddAction(act.name, "Speech", {"message": text}, self.draw(some), after=self.draw(st.sampled_from(["", *ids]))),
+            lambda: AddAction(
+                act.name, "Speech", {"message": text}, self.draw(some), after=self.draw(st.sampled_from(["", *ids]))
+            ),
             lambda: RemoveAction(act.name, action.id),
             lambda: AddVariant(act.name, action.id, {"message": text}),
             lambda: RemoveVariant(act.name, action.id, variant),
@@ -215,7 +219,11 @@ def assert_form_of_the_files(before: Files, after: Files, edit: AnyEdit, planned
         assert old.startswith(b"<?xml") == new.startswith(b"<?xml")
         read_document(new)
     added, removed = changed_lines(before, after)
-    if isinstance(edit, SetParameter) and edit.value is not None or isinstance(edit, SetUseParameter | SetPriority | SetInitial):
+    if (
+        isinstance(edit, SetParameter)
+        and edit.value is not None
+        or isinstance(edit, SetUseParameter | SetPriority | SetInitial)
+    ):
         assert added <= 2
     if isinstance(edit, AddTransition | AddState | AddAction | AddAct | CopyAct | AddRule | CopyRule):
         assert removed <= 2  # <State id="A"/> is opened; a file in one line
@@ -236,7 +244,11 @@ def assert_done(edit: AnyEdit, before: StudyState, after: StudyState) -> None:
             assert next(each for each in found.actions if each.id == action).wait_for == wait_for
         case AddTransition(rule=rule, state=state, transition=form, at=at):
             old, new = _ways(rule, state, before), _ways(rule, state, after)
-            index = next(number for number, way in enumerate(new) if same_form(way, form) and [*new[:number], *new[number + 1 :]] == old)
+            index = next(
+                number
+                for number, way in enumerate(new)
+                if same_form(way, form) and [*new[:number], *new[number + 1 :]] == old
+            )
             own = len(old) if at is None else at
             assert index <= own
         case SetTransition(rule=rule, state=state, index=index, transition=form):
@@ -259,7 +271,9 @@ def assert_done(edit: AnyEdit, before: StudyState, after: StudyState) -> None:
             assert [each for each in new if each != state.strip()] == old
             assert edit.after == "" or new.index(state.strip()) > new.index(edit.after)
         case MoveStatement() | AddStatement() | RemoveStatement():
-            assert (model_of(before) == model_of(after)) == (before.files == after.files) or isinstance(edit, MoveStatement)
+            assert (model_of(before) == model_of(after)) == (before.files == after.files) or isinstance(
+                edit, MoveStatement
+            )
 
 
 def _ways(rule: str, state: str, study: StudyState) -> list[TransitionForm]:
@@ -276,7 +290,9 @@ def _states(rule: str, study: StudyState) -> list[str]:
 
 def plan_again_is_empty(edit: AnyEdit, after: StudyState) -> bool:
     """What sets something to a value has nothing to do a second time."""
-    if isinstance(edit, SetParameter | SetWaits | SetActionFailure | SetInitial | SetPriority | SetCall | SetUseParameter):
+    if isinstance(
+        edit, SetParameter | SetWaits | SetActionFailure | SetInitial | SetPriority | SetCall | SetUseParameter
+    ):
         again = plan(edit, after)
         return again.splices == () and again.written == {}
     return True
@@ -302,4 +318,9 @@ def test_a_series_of_edits_leaves_a_study_that_can_be_read(data: st.DataObject, 
 
 
 def test_every_edit_is_planned_somewhere() -> None:
-    assert json.loads(msgspec.json.encode(AddState("R", "S"))) == {"edit": "add_state", "rule": "R", "state": "S", "after": ""}
+    assert json.loads(msgspec.json.encode(AddState("R", "S"))) == {
+        "edit": "add_state",
+        "rule": "R",
+        "state": "S",
+        "after": "",
+    }
