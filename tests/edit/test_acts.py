@@ -156,8 +156,13 @@ def test_waits_and_failures_come_and_go_without_a_trace() -> None:
 def test_another_action_keeps_what_both_have() -> None:
     study = study_state("greeting")
     there = after(study, SetActionType("R_Smile", "1", "Wait"))
-    assert b"  <Wait>\n    <actionID>1</actionID>\n    <duration>2000</duration>\n  </Wait>" in there.files["acts/signals.xml"]
-    assert plan(SetActionType("R_Smile", "1", "Wait"), study).says == ("R_Smile 1 is Wait (was Emotion), without value",)
+    assert (
+        b"  <Wait>\n    <actionID>1</actionID>\n    <duration>2000</duration>\n  </Wait>"
+        in there.files["acts/signals.xml"]
+    )
+    assert plan(SetActionType("R_Smile", "1", "Wait"), study).says == (
+        "R_Smile 1 is Wait (was Emotion), without value",
+    )
     assert "did you mean `Emotion`?" in refusal(study, SetActionType("R_Smile", "1", "Emotoin"))
 
 
@@ -167,7 +172,10 @@ def test_a_second_wording_and_back_are_the_same_bytes(spelling: str) -> None:
     there = after(study, AddVariant("R_Apology", "2", {"message": "Sorry."}))
     act = there.outline.act("R_Apology")
     assert act is not None
-    assert [call.parameters["message"].text for call in act.actions[1].calls] == ["I am sorry, that was not very clear.", "Sorry."]
+    assert [call.parameters["message"].text for call in act.actions[1].calls] == [
+        "I am sorry, that was not very clear.",
+        "Sorry.",
+    ]
     assert after(there, RemoveVariant("R_Apology", "2", 1)).files == study.files
 
 
@@ -213,7 +221,7 @@ def test_acts_are_made_where_they_are_wanted() -> None:
 def test_a_file_with_one_act_gets_a_wrapper_for_the_second() -> None:
     text = "<!-- One. -->\n<Dialog name='A'>\n  <Wait>\n    <actionID>1</actionID>\n    <duration>1</duration>\n  </Wait>\n</Dialog>\n"
     there = acts_after(text, AddAct("B", after="A"))
-    assert there == f"<Dialogs>\n{text}\n<Dialog name=\"B\"/>\n</Dialogs>\n"
+    assert there == f'<Dialogs>\n{text}\n<Dialog name="B"/>\n</Dialogs>\n'
 
 
 def test_a_copy_is_the_act_with_another_name() -> None:

@@ -73,11 +73,19 @@ def test_one_state_and_one_way_are_one_line_each() -> None:
     study = study_state("greeting", "crlf")
     state = after(study, AddState("Greeting", "Waiting", after="Nobody"))
     assert changed_lines(study.files, state.files) == (1, 0)
-    way = after(study, AddTransition("Greeting", "Nobody", TransitionForm(event="x", condition="1 < 2", target="Closed")))
+    way = after(
+        study, AddTransition("Greeting", "Nobody", TransitionForm(event="x", condition="1 < 2", target="Closed"))
+    )
     assert changed_lines(study.files, way.files) == (1, 0)
     line = b'    <transition eventTopic="/x" cond="1 &lt; 2" target="Closed"/>\r\n'
     assert b'target="Closed"/>\r\n' + line + b"  </State>" in way.files[FILE]
-    assert after(way, RemoveTransition("Greeting", "Nobody", 2, EVENT.__class__(event="/x", condition="1 < 2", target="Closed"))).files == study.files
+    assert (
+        after(
+            way,
+            RemoveTransition("Greeting", "Nobody", 2, EVENT.__class__(event="/x", condition="1 < 2", target="Closed")),
+        ).files
+        == study.files
+    )
 
 
 def test_a_state_without_anything_is_opened_and_closed() -> None:
@@ -92,7 +100,9 @@ def test_a_new_way_stands_behind_the_comment_of_the_last_one() -> None:
     states = '  <State id="A">\n    <transition cond="true" target="A"/> <!-- so -->\n    <!-- end -->\n  </State>'
     last = rule_after(states, AddTransition("R", "A", EVENT))
     assert '<!-- so -->\n    <transition eventTopic="/x" target="Closed"/>\n    <!-- end -->' in last
-    first = rule_after(states.replace("<transition cond", "<!-- why -->\n    <transition cond"), AddTransition("R", "A", EVENT, 0))
+    first = rule_after(
+        states.replace("<transition cond", "<!-- why -->\n    <transition cond"), AddTransition("R", "A", EVENT, 0)
+    )
     assert '<State id="A">\n    <transition eventTopic="/x" target="Closed"/>\n    <!-- why -->' in first
 
 
@@ -115,7 +125,9 @@ def test_of_a_way_only_what_is_meant_otherwise_is_written() -> None:
     assert rule_after(states, now) == states.replace("=  1", "=  2")
     ended = SetTransition("R", "A", 0, was, TransitionForm(ended="R_Nod", outcomes=("failed", "stopped"), target="A"))
     there = rule_after(states, ended)
-    assert there == states.replace("eventTopic = 'x'", 'ended="R_Nod"').replace('cond="a  =  1"', 'outcome="failed | stopped"')
+    assert there == states.replace("eventTopic = 'x'", 'ended="R_Nod"').replace(
+        'cond="a  =  1"', 'outcome="failed | stopped"'
+    )
     held = SetTransition("R", "A", 0, was, TransitionForm(after="2s", held='b = "c"'))
     there = rule_after(states, held)
     assert "<transition   while='b = \"c\"'\n" in there
@@ -138,7 +150,9 @@ def test_a_way_that_cannot_be_is_refused(form: TransitionForm, why: str) -> None
 def test_ways_move_with_their_comments() -> None:
     study = study_state("greeting")
     ways = ("person_near", "W_close")
-    there = after(study, MoveTransition("Greeting", "Nobody", 0, TransitionForm(condition=ways[0], target="Visitor comes"), 1))
+    there = after(
+        study, MoveTransition("Greeting", "Nobody", 0, TransitionForm(condition=ways[0], target="Visitor comes"), 1)
+    )
     rule = there.outline.rule("Greeting")
     assert rule is not None
     assert [way.form.condition or way.form.event for way in rule.states[1].transitions] == ["/W_close", "person_near"]
@@ -224,10 +238,14 @@ def test_functions_are_added_moved_and_removed() -> None:
 
 
 def test_an_if_is_made_with_its_branches() -> None:
-    form = IfForm((BranchForm("person_near", (ASSIGN,)), BranchForm("1 < 2"), BranchForm(None, (OneOfForm((ASSIGN, ASSIGN)),))))
+    form = IfForm(
+        (BranchForm("person_near", (ASSIGN,)), BranchForm("1 < 2"), BranchForm(None, (OneOfForm((ASSIGN, ASSIGN)),)))
+    )
     text = rule_after('  <State id="A"/>', AddStatement(at((0,), "onExit"), form))
     function = '<function assignValue="person_greeted = true"/>'
-    assert text == f"""  <State id="A">
+    assert (
+        text
+        == f"""  <State id="A">
     <onExit>
       <if cond="person_near">
         {function}
@@ -241,6 +259,7 @@ def test_an_if_is_made_with_its_branches() -> None:
       </if>
     </onExit>
   </State>"""
+    )
 
 
 INSIDE = """  <State id="A">
@@ -306,7 +325,9 @@ def test_what_branches_cannot_do() -> None:
     assert "keep their order" in refusal(study, MoveStatement(at((0, 0)), 1))
     assert "no statement number 7" in refusal(study, AddStatement(at((7, 0, 0)), ASSIGN))
     assert "needs to know what" in refusal(study, AddStatement(at((0,)), CallForm("raiseEventTopic", "/")))
-    assert "goes with startInteractionRule" in refusal(study, AddStatement(at((0,)), CallForm("assignValue", "a = 1", "S")))
+    assert "goes with startInteractionRule" in refusal(
+        study, AddStatement(at((0,)), CallForm("assignValue", "a = 1", "S"))
+    )
 
 
 def test_what_a_template_brings_is_left_alone() -> None:
