@@ -30,6 +30,7 @@ _COMMANDS = {
     "redact": "rise_engine.cli.redact",
     "reproduce": "rise_engine.cli.reproduce",
     "report": "rise_engine.cli.report",
+    "texts": "rise_engine.cli.texts",
     **dict.fromkeys(("replay", "run", "serve", "sessions", "stop"), _SESSION),
     "study": _STUDY,
 }

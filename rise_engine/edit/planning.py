@@ -5,7 +5,17 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from typing import Any, TypeAlias
 
-from rise_engine.edit import acts, new_files, parts, statements, states, templates, transitions
+from rise_engine.edit import (
+    acts,
+    memory,
+    new_files,
+    parts,
+    statements,
+    states,
+    templates,
+    transitions,
+    translations,
+)
 from rise_engine.edit.edits import Edit
 from rise_engine.edit.plan import EditRefused, Plan
 from rise_engine.edit.study_state import StudyState
@@ -15,12 +25,14 @@ Planner: TypeAlias = Callable[[Any, StudyState], Plan]
 
 _OF_MODULES: tuple[Mapping[type[Edit], Planner], ...] = (
     acts.PLANNERS,
+    memory.PLANNERS,
     new_files.PLANNERS,
     parts.PLANNERS,
     states.PLANNERS,
     statements.PLANNERS,
     templates.PLANNERS,
     transitions.PLANNERS,
+    translations.PLANNERS,
 )
 """What each module of edits can plan, its `PLANNERS`."""
 PLANNERS: dict[type[Edit], Planner] = {edit: planner for part in _OF_MODULES for edit, planner in part.items()}
