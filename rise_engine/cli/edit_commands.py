@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import difflib
 import sys
 from pathlib import Path
 from typing import get_args
@@ -20,8 +19,10 @@ from rise_engine.edit.guard import check_guard
 from rise_engine.edit.plan import EditRefused, Files, Plan, apply_plan
 from rise_engine.edit.planning import plan
 from rise_engine.edit.read_outline import read_outline
-from rise_engine.edit.study_folder import read_study_files, write_study_files
+from rise_engine.edit.saving import refuse_shipped, write_files
+from rise_engine.edit.study_folder import read_study_files
 from rise_engine.edit.study_state import StudyState
+from rise_engine.edit.workspace import Workspace, diff_of
 from rise_engine.nearest_name import did_you_mean
 from rise_engine.scenario import LoadResult, load
 from rise_engine.scenario.model import normal_topic
@@ -98,7 +99,7 @@ def rename(folder: str, kind: NameKind, old: str, new: str, as_diff: bool, as_js
         after = apply_plan(files, planned)
         _check_after(edit, state, after)
         if not as_diff:
-            write_study_files(path, files, after)
+            _write(path, files, after)
     except EditRefused as error:
         _refuse(str(error), as_json=as_json)
     _tell(planned, files, after, as_diff=as_diff, as_json=as_json)
@@ -123,11 +124,11 @@ def fmt(folder: str, check_only: bool, as_diff: bool) -> None:
         if _findings(before) != _findings(now):
             raise EditRefused("the layout would change what `rise-engine check` finds; nothing was written")
         if not check_only and not as_diff:
-            write_study_files(path, files, after)
+            _write(path, files, after)
     except EditRefused as error:
         _refuse(str(error), as_json=False)
     if as_diff:
-        _print_diff(files, after)
+        print(diff_of(files, after), end="")
     else:
         for name in layout.changed:
             print(f"{name}: {'would change' if check_only else 'laid out anew'}")
@@ -171,7 +172,7 @@ def _tell(planned: Plan, before: Files, after: Files, *, as_diff: bool, as_json:
         write_json({"says": planned.says, "noticed": planned.noticed, "files": files, "written": not as_diff})
         return
     if as_diff:
-        _print_diff(before, after)
+        print(diff_of(before, after), end="")
     else:
         for sentence in planned.says:
             print(sentence)
@@ -179,13 +180,19 @@ def _tell(planned: Plan, before: Files, after: Files, *, as_diff: bool, as_json:
         print(sentence, file=sys.stderr)
 
 
-def _print_diff(before: Files, after: Files) -> None:
-    for name in sorted(after):
-        if after[name] != before.get(name):
-            old = before.get(name, b"").decode(errors="replace").splitlines(keepends=True)
-            new = after[name].decode(errors="replace").splitlines(keepends=True)
-            for line in difflib.unified_diff(old, new, f"a/{name}", f"b/{name}"):
-                print(line.rstrip("\r\n"))
+def _write(path: Path, before: Files, after: Files) -> None:
+    """Write all or nothing, while nobody else has the study open. A draft of the editor stays as it is.
+
+    :raises EditRefused: somebody has, or it cannot be written.
+    """
+    refuse_shipped(path)
+    workspace = Workspace(path)
+    try:
+        if workspace.read_only:
+            raise EditRefused(workspace.read_only)
+        write_files(path, before, after)
+    finally:
+        workspace.close()
 
 
 def _refuse(sentence: str, *, as_json: bool) -> None:

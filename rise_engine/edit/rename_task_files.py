@@ -125,7 +125,7 @@ def _edit_behavior(edits: _JsonEdits, function: str, value: JsonObject, renaming
 
 
 def _edit_expectation(edits: _JsonEdits, value: JsonObject, renaming: Renaming) -> None:
-    """What a test of the study expects (rise_engine/trial/study_test.py)."""
+    """What a test of the study expects: states of rules, values of keys, acts and events."""
     rules = value.get("rules")
     for member in rules.members if isinstance(rules, JsonObject) else ():
         edits.replace(member.key_at, member.key, renaming.rule(member.key))
