@@ -123,7 +123,7 @@ def fmt(folder: str, check_only: bool, as_diff: bool) -> None:
         before, now = load(path), load(path, held=after)
         if _findings(before) != _findings(now):
             raise EditRefused("the layout would change what `rise-engine check` finds; nothing was written")
-        if not check_only and not as_diff:
+        if layout.changed and not check_only and not as_diff:
             _write(path, files, after)
     except EditRefused as error:
         _refuse(str(error), as_json=False)

@@ -31,7 +31,7 @@ MEMORY_TEXT = '\ufeff{"WorkingMemory":\r\n[\r\n  {"name": "Jürgen"},\r\n\r\n  {
     ("edit", "old", "new", "says"),
     [
         (SetStartValue("name", "Ada"), '"Jürgen"', '"Ada"', 'name begins as "Ada" (was "Jürgen")'),
-        (SetStartValue("n", 1.5), "", "", "n begins as 1.5 (was 1.5)"),
+        (SetStartValue("n", 1.5), "", "", ""),
         (SetStartValue("x", [1]), "1.50}", '1.50},\r\n  {"x": [1]}', "x begins as [1] (new key)"),
         (RemoveStartValue("n"), ',\r\n\r\n  {"n": 1.50}', "", "n has no start value any more (was 1.5)"),
     ],
@@ -39,7 +39,7 @@ MEMORY_TEXT = '\ufeff{"WorkingMemory":\r\n[\r\n  {"name": "Jürgen"},\r\n\r\n  {
 def test_a_start_value_is_changed_in_its_line(edit: Edit, old: str, new: str, says: str) -> None:
     after, planned = changed({"memory.json": MEMORY_TEXT.encode()}, edit)
     assert after["memory.json"].decode() == MEMORY_TEXT.replace(old, new) if old else MEMORY_TEXT
-    assert planned.says == (says,) and len(planned.splices) == (1 if old else 0)
+    assert planned.says == ((says,) if old else ()) and len(planned.splices) == (1 if old else 0)
 
 
 def test_a_study_without_memory_gets_a_file_where_it_names_it() -> None:
