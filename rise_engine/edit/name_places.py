@@ -51,7 +51,8 @@ class NamePlaces:
         source, text = self._source(place.file), self._text(place.file)
         start = source.offset(place.line, place.column)
         end = start + use.length
-        if self._read(place.file, text.text[start:end]) != name:
+        written = text.text[start:end]
+        if name not in (written, self._read(place.file, written)):
             return None
         return NamePlace(place.file, text.byte_offset(start), text.byte_offset(end))
 

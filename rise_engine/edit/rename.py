@@ -38,7 +38,7 @@ _KINDS = {"act": "the act", "rule": "the rule", "state": "the state", "event": "
 _CONSTANTS = ("pi", "e", "r2d", "d2r")
 
 
-class _Names:
+class _RenamedName:
     """What a rename is about: names of a kind as `Uses` has them, and what is written at each of their places."""
 
     def __init__(self, edit: Rename, study: StudyState) -> None:
@@ -103,7 +103,7 @@ def plan_rename(edit: Rename, study: StudyState) -> Plan:
     if study.outline.unreadable:
         file, problem = next(iter(study.outline.unreadable.items()))
         raise EditRefused(f"{file} cannot be read ({problem}), so nobody knows what names it has; mend it first")
-    names = _Names(edit, study)
+    names = _RenamedName(edit, study)
     _check_new_name(names)
     _check_collisions(names, study)
     places = NamePlaces(study.files)
@@ -156,7 +156,7 @@ def _owner_and_name(edit: Rename, uses: Uses) -> tuple[str, str]:
 # --- the new name -----------------------------------------------------------------------------------------------------
 
 
-def _check_new_name(names: _Names) -> None:
+def _check_new_name(names: _RenamedName) -> None:
     """:raises EditRefused: the new name is none."""
     kind, new = names.edit.kind, names.new
     if not new or new.strip() != new or find_unseen(new) >= 0 or any(each in new for each in BLANKS[1:]):
@@ -167,11 +167,13 @@ def _check_new_name(names: _Names) -> None:
         raise EditRefused(f"`{new}` cannot be a memory key: use letters, digits and `_`, and no word of conditions")
     if kind == "key" and "." in new:
         raise EditRefused(f"`{new}` would be a part of `{new.partition('.')[0]}`; a key's new name has no dot")
+    if "${" in new or (kind == "state" and "|" in new):
+        raise EditRefused(f"`{new}` is no name: `${{` and, in states, `|` have a meaning of their own")
     if kind == "action" and any(each in new for each in " ,;"):
         raise EditRefused(f"`{new}` is no actionID: it has no blanks, commas and semicolons")
 
 
-def _check_collisions(names: _Names, study: StudyState) -> None:
+def _check_collisions(names: _RenamedName, study: StudyState) -> None:
     """:raises EditRefused: the new name is another's, or the old one is no name of its own."""
     kind, uses, draft = names.edit.kind, names.uses, names.draft
     if kind == "key":
@@ -203,7 +205,7 @@ def _check_collisions(names: _Names, study: StudyState) -> None:
         _check_settings(names, study)
 
 
-def _topics_of_others(names: _Names) -> set[str]:
+def _topics_of_others(names: _RenamedName) -> set[str]:
     """The events that the engine raises for all acts and rules but the one that is renamed (or whose state is)."""
     draft, name = names.draft, names.old if names.edit.kind != "state" else names.owner
     found = {
@@ -215,7 +217,7 @@ def _topics_of_others(names: _Names) -> set[str]:
     return found
 
 
-def _check_key(names: _Names) -> None:
+def _check_key(names: _RenamedName) -> None:
     old, new, draft = names.old, names.new, names.draft
     head = old.partition(".")[0]
     if head in draft.tables:
@@ -241,7 +243,7 @@ def _check_key(names: _Names) -> None:
         raise EditRefused(f"`{parts[0]}` is there already: {_place_text(names.uses.of('key', parts[0])[0])}")
 
 
-def _check_settings(names: _Names, study: StudyState) -> None:
+def _check_settings(names: _RenamedName, study: StudyState) -> None:
     """:raises EditRefused: a table for several acts is about this one by its old name, or would be by its new one."""
     tables = _act_tables(study)
     before = {key: table.given[key] for key, table in tables.find_sources(names.old).items()}
@@ -270,7 +272,7 @@ def _act_tables(study: StudyState) -> ActTables:
     return read_act_tables(table.section("act"), ScenarioDraft())
 
 
-def _check_shared(names: _Names, found: dict[NamePlace, tuple[str, str]], places: NamePlaces) -> None:
+def _check_shared(names: _RenamedName, found: dict[NamePlace, tuple[str, str]], places: NamePlaces) -> None:
     """:raises EditRefused: a place in a template gives other acts, rules or states their names, too."""
     kind = names.edit.kind
     if kind in ("key", "event"):
@@ -301,7 +303,7 @@ def _in_order(splices: list[Splice]) -> list[Splice]:
     return [unique[key] for key in sorted(unique)]
 
 
-def _noticed(names: _Names, study: StudyState, splices: list[Splice]) -> Iterator[str]:
+def _noticed(names: _RenamedName, study: StudyState, splices: list[Splice]) -> Iterator[str]:
     kind, new = names.edit.kind, names.new
     other = {"act": "rule", "rule": "act"}.get(kind)
     if other is not None and names.uses.of("act" if other == "act" else "rule", new):

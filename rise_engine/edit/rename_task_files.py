@@ -24,6 +24,20 @@ def task_splices(file: EditedText, renaming: Renaming) -> tuple[Splice, ...]:
     return file.splices(edits)
 
 
+def pressed_key_splices(file: EditedText, old: str, new: str) -> tuple[Splice, ...]:
+    """What changes in a test of the study when another key of the keyboard is pressed: `{"key": "n"}`."""
+    edits: list[TextEdit] = []
+    at = 0
+    for line in file.text.splitlines(keepends=True):
+        found, value = _JsonEdits(line), _read(line) if line.lstrip().startswith("{") else None
+        for member in value.members if value is not None else ():
+            if member.key == "key" and member.value == old:
+                found.replace(member.value_at, old, new)
+        edits += (TextEdit(at + edit.start, at + edit.end, edit.text) for edit in found.found)
+        at += len(line)
+    return file.splices(edits)
+
+
 def _line_edits(line: str, renaming: Renaming) -> list[TextEdit]:
     value = _read(line)
     if value is None:

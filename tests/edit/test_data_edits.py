@@ -99,3 +99,14 @@ def test_a_value_that_stays_is_no_change() -> None:
     files: dict[str, Any] = {"scenario.toml": b"a = 0x10\n"}
     assert plan(files, SetSetting(("a",), 16)).splices == ()
     assert apply_plan(files, plan(files, SetSetting(("a",), 16.0)))["scenario.toml"] == b"a = 16.0\n"
+
+
+def test_a_key_that_is_another_one_is_pressed_in_tests_of_the_study() -> None:
+    files = {
+        "scenario.toml": b'[keys]\nn = { rule = "Next" }\n',
+        "tests/a.jsonl": b'{"test": "n"}\r\n{"key" : "n"}\r\n{"key": "m"}\r\nn\r\n',
+        "session.jsonl": b'{"key": "n"}\n',
+    }
+    after, _ = changed(files, RenameSetting(("keys", "n"), "k"))
+    assert after["tests/a.jsonl"] == b'{"test": "n"}\r\n{"key" : "k"}\r\n{"key": "m"}\r\nn\r\n'
+    assert after["session.jsonl"] == files["session.jsonl"]
