@@ -148,7 +148,10 @@ def changed_paths(before: StudyState, after: StudyState) -> Iterator[Path]:
     if before.checked.scenario is None or after.checked.scenario is None:
         one.pop("settings", None)
         other.pop("settings", None)
-    return differences(one, other)
+    for path in differences(one, other):
+        if path[:2] == ("settings", "act_settings") and not (path[2] in one["acts"] and path[2] in other["acts"]):
+            continue  # [act."R_*"] is for acts that come and go
+        yield path
 
 
 def differences(one: Any, other: Any, path: Path = ()) -> Iterator[Path]:

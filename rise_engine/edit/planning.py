@@ -10,8 +10,11 @@ from rise_engine.edit import (
     memory,
     new_files,
     parts,
+    rename,
+    settings,
     statements,
     states,
+    tables,
     templates,
     transitions,
     translations,
@@ -28,8 +31,11 @@ _OF_MODULES: tuple[Mapping[type[Edit], Planner], ...] = (
     memory.PLANNERS,
     new_files.PLANNERS,
     parts.PLANNERS,
+    rename.PLANNERS,
+    settings.PLANNERS,
     states.PLANNERS,
     statements.PLANNERS,
+    tables.PLANNERS,
     templates.PLANNERS,
     transitions.PLANNERS,
     translations.PLANNERS,
@@ -46,7 +52,12 @@ def plan(edit: Edit, study: StudyState) -> Plan:
     planner = PLANNERS.get(type(edit))
     if planner is None:
         raise EditRefused(f"{type(edit).__name__} cannot be planned here")
-    return planner(edit, study)
+    planned = planner(edit, study)
+    files = study.files
+    splices = tuple(each for each in planned.splices if files[each.file][each.start : each.end] != each.data)
+    written = {file: content for file, content in planned.written.items() if files.get(file) != content}
+    says = planned.says if splices or written else ()  # what changes nothing has nothing to say
+    return Plan(splices, written, says, planned.noticed)
 
 
 __all__ = ["PLANNERS", "Planner", "StudyState", "plan"]

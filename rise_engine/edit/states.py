@@ -84,8 +84,9 @@ def plan_remove_state(edit: RemoveState, study: StudyState) -> Plan:
 
 def _check_not_reached(rule: WrittenRule, name: str) -> None:
     """:raises EditRefused: the rule begins in a state, or a way of another one leads to it."""
-    if rule.initial == name and len(rule.states) > 1:
-        raise EditRefused(f"{rule.name} begins in {name}; let it begin in another state first")
+    if rule.initial == name:
+        instead = "let it begin in another state first" if len(rule.states) > 1 else "remove the rule"
+        raise EditRefused(f"{rule.name} begins in {name}; {instead}")
     ways = [
         f"{state.id} (line {way.line})"
         for state in rule.states

@@ -23,10 +23,12 @@ from rise_engine.scenario.element_templates import LIBRARY, PATTERNS, TemplateCo
 from rise_engine.scenario.expansion import expand_files
 from rise_engine.scenario.failure_checks import check_failures
 from rise_engine.scenario.file_names import DEFAULT_PATHS, LEXICON_FILE, SCENARIO_FILE, TEXTS_FOLDER
+from rise_engine.scenario.find_uses import uses_in_acts, uses_in_rules
+from rise_engine.scenario.find_uses_in_settings import uses_in_memory, uses_in_settings
 from rise_engine.scenario.lexicon import read_lexicon
 from rise_engine.scenario.memo import Memo, Value
 from rise_engine.scenario.memory import read_memory
-from rise_engine.scenario.model import LexiconTable, RobotProfile, Scenario, SourceLocation
+from rise_engine.scenario.model import SESSION, LexiconTable, RobotProfile, Scenario, SourceLocation
 from rise_engine.scenario.robot_profiles import DEFAULT_ROBOT, builtin_robot, read_robot, robot_names
 from rise_engine.scenario.rules import read_rules
 from rise_engine.scenario.scenario_toml import ScenarioSettings
@@ -46,6 +48,7 @@ from rise_engine.scenario.toml_locations import TomlFile, toml_of
 from rise_engine.scenario.toml_tables import TomlTable
 from rise_engine.scenario.translations import LanguageTexts, TranslationReader
 from rise_engine.scenario.tree import FileTree, Held
+from rise_engine.scenario.uses import Use, Uses
 from rise_engine.scenario.xml import XmlFile, xml_of
 
 
@@ -70,6 +73,8 @@ class LoadResult(Struct, frozen=True):
     """By language; also when there are errors, as far as they could be read."""
     texts: tuple[SpokenText, ...] = ()
     """All that is said in the acts, as they have it, in their order; also when there are errors."""
+    uses: Uses = field(default_factory=partial(Uses, ()))
+    """Who names what in the files that could be read."""
 
     def __iter__(self) -> Iterator[Any]:
         """`scenario, findings = load(...)` works too."""
@@ -143,6 +148,7 @@ class ScenarioLoader:
         self.files = FileReader(self.folder, self.diagnostics, self.tree, self.memo)
         self.draft = ScenarioDraft(self.memo.expressions, self.memo.assignments)
         self.file = self.memo.get("no scenario.toml", lambda: TomlFile(SourceFile(SCENARIO_FILE, b"", ""), {}))
+        self.memory_source: SourceFile | None = None
         self.named: dict[str, str] = {}
         self.caller = SourceLocation(str(path))
         """Where what the caller asked for, and no file says, is reported."""
@@ -190,6 +196,7 @@ class ScenarioLoader:
             *memory_suppressions(settings.suppressions, draft.memory_key_locations),
         ]
         found, silenced = apply_suppressions(suppressions, diagnostics)
+        uses = Uses(self.find_uses(expanded, number, profile))
         if diagnostics.errors:
             return LoadResult(
                 None,
@@ -197,6 +204,7 @@ class ScenarioLoader:
                 suppressed=silenced,
                 draft=draft,
                 robot=profile,
+                uses=uses,
                 translations=translations.found,
                 texts=translations.all_texts,
             )
@@ -238,10 +246,28 @@ class ScenarioLoader:
             profile,
             translations.found,
             translations.all_texts,
+            uses,
         )
 
     def read_part(self, key: Hashable, read: Callable[[ScenarioDraft, Diagnostics], Value]) -> Value:
         return self.memo.read_part(key, self.draft, self.diagnostics, read)
+
+    def find_uses(self, files: dict[str, list[XmlFile]], robot_number: int, robot: RobotProfile) -> Iterator[Use]:
+        """Who names what, in no order; what has not changed is not looked through again."""
+        draft, memo = self.draft, self.memo
+        sources = {source.name: source for source in self.files.sources}
+        lists = [memo.get(("uses", self.file), partial(uses_in_settings, self.file))]
+        if self.memory_source is not None:
+            lists.append(memo.get(("uses", self.memory_source), partial(uses_in_memory, self.memory_source)))
+        for file in files["acts"]:
+            lists.append(memo.get(("uses", file, robot_number), partial(uses_in_acts, file, robot, sources)))
+        for file in files["rules"]:
+            lists.append(memo.get(("uses", file), partial(uses_in_rules, file, sources)))
+        for use in (use for uses in lists for use in uses):
+            head = use.name.partition(".")[0]
+            is_of_engine = use.kind == "key" and (head in draft.tables or (head == SESSION and draft.session_keys))
+            if not is_of_engine and (not use.may_be_text or draft.settable_keys & {use.name, head}):
+                yield use
 
     def read_settings(self) -> None:
         path = self.folder / (self.path.name if self.path.suffix == ".toml" else SCENARIO_FILE)
@@ -263,7 +289,7 @@ class ScenarioLoader:
     def read_memory(self, relative_path: str) -> None:
         path = self.folder / relative_path
         if self.check_exists("memory", path):
-            source = self.files.read(path)
+            source = self.memory_source = self.files.read(path)
             if source is None:
                 self.draft.unreadable_parts.add("memory")
             else:
