@@ -63,7 +63,7 @@ def read_woz4u(text: str, name: str, diagnostics: Diagnostics) -> WozFile:
     if not isinstance(values, dict) or not {*SECTIONS, *EYE_MOVEMENTS} & values.keys():
         listed = ", ".join(SECTIONS)
         raise NotWoz4uError(f"{name} is no configuration of WoZ4U: it has none of the lists {listed}")
-    reader = _Reader(name, diagnostics)
+    reader = _ConfigurationReader(name, diagnostics)
     items = [item for section in SECTIONS for item in reader.items(section, values)]
     items += reader.eye_movements(values)
     known = {*SECTIONS, *EYE_MOVEMENTS, "volume", "voice_speed", "tablet_root_location"}
@@ -91,7 +91,7 @@ def _read_yaml(text: str, name: str) -> Any:
         raise NotWoz4uError(f"{name}{where}: this is not YAML: {problem}") from None
 
 
-class _Reader:
+class _ConfigurationReader:
     def __init__(self, name: str, diagnostics: Diagnostics) -> None:
         self.name = name
         self.diagnostics = diagnostics

@@ -77,7 +77,7 @@ class ImportedStudy(Struct, frozen=True):
     """What was not taken over, and why."""
 
 
-class _Act(Struct):
+class _MadeAct(Struct):
     name: str
     item: WozItem
     actions: list[MadeAction]
@@ -99,7 +99,7 @@ class _StudyMaker:
         self.woz = woz
         self.robot = robot
         self.read_text = read_text
-        self.acts: list[_Act] = []
+        self.acts: list[_MadeAct] = []
         self.left_out: list[str] = []
         animation = robot.actions["Animation"].parameters["value"] if "Animation" in robot.actions else None
         self.animations: list[str] = []
@@ -111,7 +111,7 @@ class _StudyMaker:
         for item in self.woz.items:
             actions = self._actions(item)
             if actions:
-                self.acts.append(_Act(self._name(item), item, actions))
+                self.acts.append(_MadeAct(self._name(item), item, actions))
         self._give_keys()
         files: dict[str, str] = {"scenario.toml": self._settings(), "memory.json": '{"WorkingMemory": []}\n'}
         for file, comment in dict(_FILES.values()).items():
@@ -264,7 +264,7 @@ class _StudyMaker:
         return f"{head}\n{table}\n\nNot taken over, or to be looked at:\n\n{left}\n"
 
 
-def _act_text(act: _Act) -> str:
+def _act_text(act: _MadeAct) -> str:
     lines = [f"<Dialog name={quoteattr(act.name)}>"]
     for number, action in enumerate(act.actions, start=1):
         lines.append(f"  <{action.type}>" + (f" <!-- {_comment(action.comment)} -->" if action.comment else ""))
