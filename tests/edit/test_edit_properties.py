@@ -46,7 +46,7 @@ from rise_engine.edit.edits import (
     StatementAddress,
     TransitionForm,
 )
-from rise_engine.edit.guard import check_guard, model_of
+from rise_engine.edit.guard import check_guard, differences, model_of
 from rise_engine.edit.outline import WrittenRule, WrittenStatement
 from rise_engine.edit.plan import EditRefused, Files, Plan, Splice, apply_plan
 from rise_engine.edit.planning import StudyState, plan
@@ -289,9 +289,9 @@ def assert_done(edit: AnyEdit, before: StudyState, after: StudyState) -> None:
             assert new == [*old[:variant], *old[variant + 1 :]]
         case CopyAct(act=act, name=name):
             assert _waits(name, after) == _waits(act, before)
-            assert model_of(after)["acts"][name] == model_of(before)["acts"][act]
+            assert not [*differences(model_of(after)["acts"][name], model_of(before)["acts"][act])]
         case CopyRule(rule=rule, name=name):
-            assert model_of(after)["rules"][name] == model_of(before)["rules"][rule]
+            assert [*differences(model_of(after)["rules"][name], model_of(before)["rules"][rule])] == [("name",)]
         case AddAct(name=name):
             assert after.outline.act(name) is not None
         case RemoveAct(act=name):
