@@ -10,7 +10,8 @@ from msgspec import Struct
 
 from rise_engine.edit.documents import Node
 from rise_engine.edit.edits import AddAct, AddRule, CopyAct, CopyRule, Edit, RemoveAct, RemoveRule
-from rise_engine.edit.finding import act_of, check_changeable, check_name, document_of, node_of, rule_of
+from rise_engine.edit.finding import act_of, check_changeable, check_name, document_of, node_of, rule_of, still_named
+from rise_engine.edit.following import follow_act
 from rise_engine.edit.layout import (
     DEFAULT_UNIT,
     Gap,
@@ -228,22 +229,18 @@ def _remove(kind: _Kind, name: str, study: StudyState) -> Plan:
         check_changeable(f"`{name}`", f"{part.reason}, together with others")
     says = (f"the {kind.word} {name} goes",)
     node = node_of(study, part.file, part.span)
-    noticed = tuple(still_named(study, kind.word, name))
+    noticed = still_named(study, "act" if kind is _ACTS else "rule", name, within=name)
+    translations = follow_act(study, name, lambda _: None) if kind is _ACTS else ()
     if node.parent is None:
-        return Plan(written={part.file: None}, says=says, noticed=noticed)
+        return Plan(translations, written={part.file: None}, says=says, noticed=noticed)
     start, end = removal(node)
     comment = (f"the comment above it in {part.file} stays",) if has_own_lines(node) and _has_lead(node) else ()
-    return Plan((Splice(part.file, start, end, b""),), says=says, noticed=(*noticed, *comment))
+    return Plan((Splice(part.file, start, end, b""), *translations), says=says, noticed=(*noticed, *comment))
 
 
 def _has_lead(node: Node) -> bool:
     data = node.document.data
     return bool(data[lead_start(node) : node.start].strip())
-
-
-def still_named(study: StudyState, kind: str, name: str) -> list[str]:
-    """Where something is named that goes, in a sentence; nothing when it is nowhere."""
-    return []
 
 
 PLANNERS: Mapping[type[Edit], Callable[..., Plan]] = {
