@@ -204,6 +204,7 @@ class ScenarioLoader:
                 suppressed=silenced,
                 draft=draft,
                 robot=profile,
+                uses=uses,
                 translations=translations.found,
                 texts=translations.all_texts,
                 uses=uses,

@@ -1,4 +1,4 @@
-"""TOML files as they are written: where every table, key and value begins and ends. For changes that leave the rest alone.
+"""TOML files as they are written: where every table, key and value begins and ends, for changes that leave the rest.
 
 The text is known to be valid (tomllib has read it), so that this only has to find things, in time that grows with its
 length.
@@ -65,6 +65,8 @@ class TomlSection(Struct):
     """With the numbers of the elements of lists."""
     parts: tuple[TomlKeyPart, ...]
     """Of its header, as it is written there."""
+    places: tuple[int, ...]
+    """For each of these parts, its number in `path`."""
     start: int
     """Of its header."""
     header_end: int
@@ -76,20 +78,6 @@ class TomlSection(Struct):
     def end(self) -> int:
         """Behind its last pair, or its header."""
         return self.pairs[-1].value.end if self.pairs else self.header_end
-
-    @property
-    def written_path(self) -> tuple[tuple[str, TomlKeyPart | None], ...]:
-        """`path`, with the part of the header for each name; None for the number of an element."""
-        parts = iter(self.parts)
-        found: list[tuple[str, TomlKeyPart | None]] = []
-        part = next(parts, None)
-        for name in self.path:
-            if part is not None and part.name == name and (len(found) + 1 > 0):
-                found.append((name, part))
-                part = next(parts, None)
-            else:
-                found.append((name, None))
-        return tuple(found)
 
 
 def read_sections(text: str) -> list[TomlSection]:
@@ -104,7 +92,7 @@ class _SyntaxReader:
         """How many elements each `[[list]]` has so far."""
 
     def read(self) -> Iterator[TomlSection]:
-        section = TomlSection((), (), 0, 0, False, [])
+        section = TomlSection((), (), (), 0, 0, False, [])
         at = match_end(_BLANK, self.text, 0)
         while at < len(self.text):
             if self.text.startswith("[", at):
@@ -123,13 +111,16 @@ class _SyntaxReader:
         is_list = self.text.startswith("[[", start)
         parts, at = self.read_key(match_end(_SPACE, self.text, start + 1 + is_list))
         path: KeyPath = ()
+        places: list[int] = []
         for number, part in enumerate(parts, start=1):
+            places.append(len(path))
             path = (*path, part.name)
             if is_list and number == len(parts):
                 self.lengths[path] = self.lengths.get(path, 0) + 1
             if path in self.lengths:
                 path = (*path, str(self.lengths[path] - 1))
-        return TomlSection(path, parts, start, match_end(_SPACE, self.text, at) + 1 + is_list, is_list, [])
+        end = match_end(_SPACE, self.text, at) + 1 + is_list
+        return TomlSection(path, parts, tuple(places), start, end, is_list, [])
 
     def read_key(self, at: int) -> tuple[tuple[TomlKeyPart, ...], int]:
         parts: list[TomlKeyPart] = []

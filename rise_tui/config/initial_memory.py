@@ -12,10 +12,10 @@ from typing import Any
 
 from rise_engine.edit.json_edits import MemoryFileNotEditable, edit_memory_text, memory_file_text
 from rise_engine.errors import RiseError
+from rise_engine.json_codec import json_equal
 from rise_engine.scenario.file_names import DEFAULT_PATHS
 from rise_engine.scenario.model import Scenario
 from rise_engine.scenario.shipped_studies import shipped_name
-from rise_engine.json_codec import json_equal
 from rise_tui.rendering.text import format_value
 
 
