@@ -1,7 +1,7 @@
 """The shipped studies, each written in the ways in which files come: for all tests of edits.
 
-`study_files("greeting", "crlf")` are a study's files, `study_state(...)` what an edit is planned on, and `after(...)` what
-has come of edits.
+`study_files("greeting", "crlf")` are a study's files, `study_state(...)` what an edit is planned on, and `after(...)`
+what has come of edits.
 """
 
 from __future__ import annotations
