@@ -26,6 +26,7 @@ _COMMANDS = {
     "lsl": "rise_engine.cli.lsl",
     "agree": "rise_engine.cli.agree",
     "export": "rise_engine.cli.export",
+    "import": "rise_engine.cli.imports",
     **dict.fromkeys(("fmt", "rename", "uses"), "rise_engine.cli.edit_commands"),
     "media": "rise_engine.cli.media",
     "redact": "rise_engine.cli.redact",
