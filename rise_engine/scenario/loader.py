@@ -207,7 +207,6 @@ class ScenarioLoader:
                 uses=uses,
                 translations=translations.found,
                 texts=translations.all_texts,
-                uses=uses,
             )
         files = self.files_by_usual_path(paths)
         scenario = Scenario(
