@@ -37,6 +37,7 @@
       NoSuchPath                  The value has no such part
       NodeError                   The node cannot do what it is for
       NotAdmitted                 Somebody cannot attach
+      NotWoz4uError               The file is no configuration of WoZ4U
       NotXmlError                 A file that is no XML
       NothingStarted              Nothing is started and nothing attached to
       NothingToKeep               Nothing may be kept of somebody
