@@ -193,8 +193,6 @@ def _tag(node: _Node, indent: str) -> str:
 
 def _moved(comment: str, gap: str, indent: str) -> str:
     """A comment whose first line stands elsewhere now: its other lines move as far."""
-    if "\n" not in comment or "\n" not in gap:
-        return comment
     column = len(gap.rpartition("\n")[2].expandtabs(2))
     by = len(indent) - column
     first, *rest = comment.split("\n")

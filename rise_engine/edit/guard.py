@@ -15,6 +15,7 @@ from rise_engine.edit import edits as of
 from rise_engine.edit.edits import Edit
 from rise_engine.edit.outline import Span, WrittenAct, WrittenRule, WrittenState
 from rise_engine.edit.plan import EditRefused
+from rise_engine.edit.rename_guard import check_rename
 from rise_engine.edit.study_state import StudyState
 from rise_engine.edit.transitions import find_transition
 from rise_engine.expression import Assignment, Expression
@@ -34,6 +35,9 @@ def check_guard(edits: Sequence[Edit], before: StudyState, after: StudyState) ->
     :param before: what the edits were planned on. :param after: what has come of them.
     :raises EditRefused: something else differs; the message names it. Nothing of `after` may then be kept.
     """
+    if len(edits) == 1 and isinstance(edits[0], of.Rename):
+        check_rename(edits[0], model_of(before), model_of(after))
+        return
     allowed = [path for edit in edits for path in allowed_paths(edit, before, after)]
     if () in allowed:
         return

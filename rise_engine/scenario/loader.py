@@ -25,6 +25,7 @@ from rise_engine.scenario.failure_checks import check_failures
 from rise_engine.scenario.file_names import DEFAULT_PATHS, LEXICON_FILE, SCENARIO_FILE, TEXTS_FOLDER
 from rise_engine.scenario.find_uses import uses_in_acts, uses_in_rules
 from rise_engine.scenario.find_uses_in_settings import uses_in_memory, uses_in_settings
+from rise_engine.scenario.finding_ends import with_ends
 from rise_engine.scenario.lexicon import read_lexicon
 from rise_engine.scenario.memo import Memo, Value
 from rise_engine.scenario.memory import read_memory
@@ -196,6 +197,7 @@ class ScenarioLoader:
             *memory_suppressions(settings.suppressions, draft.memory_key_locations),
         ]
         found, silenced = apply_suppressions(suppressions, diagnostics)
+        found = with_ends(found, {source.name: source for source in self.files.sources})
         uses = Uses(self.find_uses(expanded, number, profile))
         if diagnostics.errors:
             return LoadResult(
