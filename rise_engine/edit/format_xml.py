@@ -118,7 +118,8 @@ def _write(node: _Node, indent: str, lines: list[str], *, first: bool, tall_befo
     empty = node.gap.count("\n") > 1
     same = not first and "\n" not in node.gap
     if node.kind != "element":
-        if same and lines:
+        fits = bool(lines) and len(lines[-1]) + len(node.written) <= WIDTH
+        if same and lines and (node.gap or fits):
             lines[-1] += node.gap + node.written
         else:
             lines += [""] * (empty and not first)

@@ -14,7 +14,7 @@ from rise_engine.edit.finding import act_of, check_changeable, check_name, docum
 from rise_engine.edit.following import follow_act
 from rise_engine.edit.layout import (
     DEFAULT_UNIT,
-    Gap,
+    WritingGap,
     begins_line,
     gap_behind,
     gap_in,
@@ -153,10 +153,10 @@ def _splices(kind: _Kind, element: NewElement, sibling: Node | None, file: str, 
     return _wrapped(kind, root, file, lambda gap: render(element, gap))
 
 
-def _wrapped(kind: _Kind, root: Node, file: str, write: Callable[[Gap], bytes]) -> list[Splice]:
+def _wrapped(kind: _Kind, root: Node, file: str, write: Callable[[WritingGap], bytes]) -> list[Splice]:
     """A file with one act or rule and no wrapper gets both."""
     line_end = line_end_near(root) if begins_line(root) else b""
-    gap = Gap(root.end, root.end, b"", b"", b"", indent_unit(root.document), line_end, own_line=bool(line_end))
+    gap = WritingGap(root.end, root.end, b"", b"", b"", indent_unit(root.document), line_end, own_line=bool(line_end))
     opening, closing = f"<{kind.wrapper}>".encode(), f"</{kind.wrapper}>".encode()
     at = lead_start(root) if line_end else root.start
     return [
@@ -168,7 +168,7 @@ def _wrapped(kind: _Kind, root: Node, file: str, write: Callable[[Gap], bytes]) 
 def new_file(elements: list[NewElement], wrapper: str, files: Files) -> bytes:
     """A new file of acts or rules, with the line ends of the others."""
     line_end = next((b"\r\n" for name, data in files.items() if name.endswith(".xml") and b"\r\n" in data), b"\n")
-    gap = Gap(0, 0, b"", b"", b"", DEFAULT_UNIT, line_end, own_line=True)
+    gap = WritingGap(0, 0, b"", b"", b"", DEFAULT_UNIT, line_end, own_line=True)
     if len(elements) == 1 and wrapper == _RULES.wrapper:
         return render(elements[0], gap) + line_end
     return render(NewElement(wrapper, children=tuple(elements)), gap) + line_end

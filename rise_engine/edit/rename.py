@@ -26,7 +26,7 @@ from rise_engine.scenario.diagnostics import Diagnostics
 from rise_engine.scenario.draft import ScenarioDraft
 from rise_engine.scenario.file_names import SCENARIO_FILE
 from rise_engine.scenario.memory import is_writable_key
-from rise_engine.scenario.model import SESSION, normal_topic, result_topics
+from rise_engine.scenario.model import SESSION, TemplateLocation, normal_topic, result_topics
 from rise_engine.scenario.source_files import SourceFile
 from rise_engine.scenario.toml_locations import TomlFile
 from rise_engine.scenario.toml_tables import TomlTable
@@ -113,14 +113,14 @@ def plan_rename(edit: Rename, study: StudyState) -> Plan:
         for use in names.uses.of(kind, name):
             place = places.find(use, old)
             if place is None:
-                problems.append(_place_text(use))
+                problems.append(_why_not(use, places))
             else:
                 found[place] = old, new
+    problems = list(dict.fromkeys(problems))
     if problems:
-        where = "; ".join(dict.fromkeys(problems[:_MOST_SHOWN]))
+        more = f", and in {len(problems) - _MOST_SHOWN} more" if len(problems) > _MOST_SHOWN else ""
         raise EditRefused(
-            f"{names.what} cannot be renamed from here: its name is put together of parts, or comes from a template of "
-            f"the program, in {where}; change it there by hand"
+            f"{names.what} cannot be renamed from here; change it by hand: " + "; ".join(problems[:_MOST_SHOWN]) + more
         )
     _check_shared(names, found, places)
     splices = [places.splice(place, new) for place, (_, new) in found.items()]
@@ -295,6 +295,21 @@ def _check_shared(names: _RenamedName, found: dict[NamePlace, tuple[str, str]], 
 
 def _place_text(use: Use) -> str:
     return f"{use.location.file}, line {use.location.line}" + (f" ({use.where})" if use.where else "")
+
+
+def _why_not(use: Use, places: NamePlaces) -> str:
+    """Why a name cannot be changed where a use has it."""
+    template = use.location.template
+    if isinstance(template, TemplateLocation):
+        if template.file not in places.files:
+            return (
+                f"{_place_text(use)}: the name stands in the template `{template.name}`, which comes with the program"
+            )
+        return (
+            f"{_place_text(use)}: the template `{template.name}` puts the name together ({template.file}, line "
+            f"{template.line})"
+        )
+    return f"{_place_text(use)}: the name does not stand there as a whole"
 
 
 def _in_order(splices: list[Splice]) -> list[Splice]:

@@ -16,15 +16,18 @@ from rise_engine.edit.documents import read_document
 from rise_engine.edit.edits import (
     AddAct,
     AddAction,
+    AddBranch,
     AddRule,
     AddState,
     AddStatement,
     AddTransition,
     AddVariant,
     AnyEdit,
+    BranchForm,
     CallForm,
     CopyAct,
     CopyRule,
+    IfForm,
     MoveStatement,
     MoveTransition,
     RemoveAct,
@@ -36,6 +39,7 @@ from rise_engine.edit.edits import (
     RemoveVariant,
     SetActionFailure,
     SetActionType,
+    SetBranchCondition,
     SetCall,
     SetInitial,
     SetParameter,
@@ -46,7 +50,7 @@ from rise_engine.edit.edits import (
     StatementAddress,
     TransitionForm,
 )
-from rise_engine.edit.guard import check_guard, differences, model_of
+from rise_engine.edit.guard import changed_paths, check_guard, differences, model_of
 from rise_engine.edit.outline import WrittenRule, WrittenStatement
 from rise_engine.edit.plan import EditRefused, Files, Plan, Splice, apply_plan
 from rise_engine.edit.planning import StudyState, plan
@@ -143,11 +147,16 @@ class Maker:
                 ]
             )
         )
+        branches = IfForm((BranchForm("1 < 2", (CallForm("assignValue", "x = 1"),)), BranchForm(None)))
         makers: list[Callable[[], AnyEdit]] = [
             lambda: AddStatement(at, call),
+            lambda: AddStatement(at, branches),
             lambda: SetCall(at, call),
             lambda: RemoveStatement(at),
             lambda: MoveStatement(at, self.draw(st.integers(0, 3))),
+            lambda: AddBranch(_longer(at, self.draw(st.integers(0, 2))), self.draw(st.sampled_from([None, "1 < 2"]))),
+            lambda: SetBranchCondition(_longer(at, self.draw(st.integers(0, 2))), self.draw(CONDITIONS)),
+            lambda: RemoveStatement(_longer(at, self.draw(st.integers(0, 2)))),
         ]
         return self.draw(st.sampled_from(makers))()
 
@@ -156,6 +165,10 @@ class Maker:
         use = self.draw(st.sampled_from([use for use in self.study.outline.uses if use.parameters]))
         parameter = self.draw(st.sampled_from(list(use.parameters)))
         return SetUseParameter(use.file, use.line, use.template, parameter, self.draw(TEXTS))
+
+
+def _longer(at: StatementAddress, number: int) -> StatementAddress:
+    return msgspec.structs.replace(at, path=(*at.path, number))
 
 
 def _statements(rule: WrittenRule) -> list[StatementAddress]:
@@ -221,10 +234,11 @@ def assert_form_of_the_files(before: Files, after: Files, edit: AnyEdit, planned
         assert old.startswith(b"<?xml") == new.startswith(b"<?xml")
         read_document(new)
     added, removed = changed_lines(before, after)
-    if (isinstance(edit, SetParameter) and edit.value is not None) or isinstance(
-        edit, SetUseParameter | SetPriority | SetInitial
-    ):
-        assert added <= 2
+    if isinstance(edit, SetUseParameter | SetPriority | SetInitial | SetBranchCondition):
+        assert added <= 2, edit  # a new attribute has a line of its own if the others have
+        assert removed <= 2, edit  # a condition over two lines
+    if isinstance(edit, SetParameter):
+        assert added <= 1, edit
     if isinstance(edit, AddTransition | AddState | AddAction | AddAct | CopyAct | AddRule | CopyRule):
         assert removed <= 2  # <State id="A"/> is opened; a file in one line
 
@@ -300,10 +314,8 @@ def assert_done(edit: AnyEdit, before: StudyState, after: StudyState) -> None:
             old, new = _states(rule, before), _states(rule, after)
             assert [each for each in new if each != state.strip()] == old
             assert edit.after == "" or new.index(state.strip()) > new.index(edit.after)
-        case MoveStatement() | AddStatement() | RemoveStatement():
-            assert (model_of(before) == model_of(after)) == (before.files == after.files) or isinstance(
-                edit, MoveStatement
-            )
+        case AddStatement() | RemoveStatement() | SetBranchCondition() | AddBranch():
+            assert any(True for _ in changed_paths(before, after))
 
 
 def _waits(act: str, study: StudyState) -> dict[str, tuple[str, ...]]:

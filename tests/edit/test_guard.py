@@ -108,8 +108,13 @@ def test_layout_and_comments_mean_nothing() -> None:
     )
 
 
-def test_a_name_may_change_everywhere() -> None:
-    check(Rename("act", "R_Smile", "R_Grin"), (SIGNALS, "R_Smile", "R_Grin"), (SIGNALS, "600", "60"))
+def test_a_name_may_change_everywhere_and_nothing_else() -> None:
+    edit = Rename("act", "R_Smile", "R_Grin")
+    everywhere = [(file, "R_Smile", "R_Grin") for file in (SIGNALS, GREETING, "scenario.toml")]
+    everywhere.append(("scenario.toml", "[act.R_Smile]", "[act.R_Grin]"))
+    check(edit, *everywhere)
+    with pytest.raises(EditRefused, match="what acts do would change"):
+        check(edit, *everywhere, (SIGNALS, "<duration>600<", "<duration>60<"))
 
 
 def test_it_looks_also_when_something_is_wrong() -> None:

@@ -275,7 +275,12 @@ def test_states_and_rules_take_the_events_of_their_ends_with_them(state: StudySt
         ("act", "R_A", "", "is no name"),
         ("act", "R_A", "a\u200bb", "is no name"),
         ("act", "R_A", "R_A", "is called so already"),
-        ("act", "R_1", "R_2", "its name is put together of parts"),
+        (
+            "act",
+            "R_1",
+            "R_2",
+            r"acts/a.xml, line 14 .*: the template `Twice` puts the name together \(acts/a.xml, line 6\)",
+        ),
         ("act", "R_B", "R_C", r'\[act."R_B\*"\] sets `filler` of `R_B` by how it is called'),
         ("act", "R_A", "R_B2", r'\[act."R_B\*"\] sets `filler` of `R_B2` by how it is called'),
         ("act", "R_A", "Other", "waits for the event `R_A_end`; it would be `Other_end`"),
