@@ -5,8 +5,11 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from typing import Any
 
+import msgspec
+
 from rise_engine.edit.edits import Rename
 from rise_engine.edit.plan import EditRefused
+from rise_engine.expression import Assignment, Expression
 from rise_engine.scenario.model import normal_topic
 
 _NAME = "\0"
@@ -29,8 +32,9 @@ def check_rename(edit: Rename, before: Mapping[str, Any], after: Mapping[str, An
         return text.replace(longer, _NAME).replace(shorter, _NAME)
 
     for part in before:
-        in_content = part != "acts" or edit.kind in ("key", "action")
-        if _mapped(before[part], either, in_content) != _mapped(after.get(part), either, in_content):
+        inner = either if part != "acts" or edit.kind in ("key", "action") else _as_it_is
+        one, other = before[part], after.get(part)
+        if not (isinstance(other, dict) and _is_same_dict(one, other, either, inner)):
             what = {"acts": "what acts do", "rules": "what rules do"}.get(part, part)
             raise EditRefused(
                 f"`{old}` cannot be renamed from here: {what} would change, perhaps because a parameter of a template "
@@ -38,11 +42,39 @@ def check_rename(edit: Rename, before: Mapping[str, Any], after: Mapping[str, An
             )
 
 
-def _mapped(value: Any, either: Callable[[str], str], in_content: bool) -> Any:
-    """A model with the names taken for the same: in all of it, or only in the keys of its outermost level."""
-    if isinstance(value, dict):
-        inner = {either(key): _mapped(each, either, True) if in_content else each for key, each in value.items()}
-        return len(value), inner
-    if isinstance(value, list | tuple):
-        return [_mapped(each, either, in_content) for each in value]
-    return either(value) if isinstance(value, str) else value
+def _as_it_is(text: str) -> str:
+    return text
+
+
+def _is_same_dict(
+    one: Mapping[str, Any], other: Mapping[str, Any], outer: Callable[[str], str], inner: Callable[[str], str]
+) -> bool:
+    """Whether two tables are the same: their keys with the names taken for the same as `outer` does, what is in them as
+    `inner` does."""
+    if len(one) != len(other):
+        return False
+    found = {outer(str(key)): value for key, value in other.items()}
+    keys = {outer(str(key)): value for key, value in one.items()}
+    return keys.keys() == found.keys() and all(_is_same(value, found[key], inner) for key, value in keys.items())
+
+
+def _is_same(one: Any, other: Any, either: Callable[[str], str]) -> bool:
+    """Whether two parts of models are the same; places in files do not matter."""
+    if one is other:
+        return True
+    if isinstance(one, Mapping) and isinstance(other, Mapping):
+        return _is_same_dict(one, other, either, either)
+    if isinstance(one, list | tuple) and isinstance(other, list | tuple):
+        return len(one) == len(other) and all(
+            _is_same(left, right, either) for left, right in zip(one, other, strict=True)
+        )
+    if type(one) is not type(other):
+        return False
+    if isinstance(one, Expression | Assignment):
+        return either(one.text) == either(other.text)
+    if isinstance(one, msgspec.Struct):
+        names = (name for name in one.__struct_fields__ if name != "location")
+        return all(_is_same(getattr(one, name), getattr(other, name), either) for name in names)
+    if isinstance(one, set | frozenset):
+        return set(map(either, map(str, one))) == set(map(either, map(str, other)))
+    return bool(either(one) == either(other) if isinstance(one, str) else one == other)

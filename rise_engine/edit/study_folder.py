@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from contextlib import suppress
 from pathlib import Path
 
 from rise_engine.edit.plan import EditRefused, Files
+from rise_engine.scenario.interrupted_save import contents_of_interrupted_save
 from rise_engine.scenario.source_files import MAX_BYTES
 
 _SUFFIXES = (".xml", ".toml", ".json", ".jsonl", ".csv", ".md", ".txt")
@@ -22,10 +24,16 @@ def read_study_files(folder: Path) -> Files:
     files: dict[str, bytes] = {}
     try:
         for path in _paths(folder):
-            if path.stat().st_size <= MAX_BYTES:
-                files[path.relative_to(folder).as_posix()] = path.read_bytes()
+            with suppress(FileNotFoundError):  # gone since it was listed, as what other editors write beside
+                if path.stat().st_size <= MAX_BYTES:
+                    files[path.relative_to(folder).as_posix()] = path.read_bytes()
             if len(files) > _MOST_FILES:
                 raise EditRefused(f"{folder} has more than {_MOST_FILES:,} files; is it the folder of one study?")
+        for name, data in contents_of_interrupted_save(folder).items():
+            if data is None:
+                files.pop(name, None)
+            else:
+                files[name] = data
     except OSError as error:
         raise EditRefused(f"{error.filename or folder}: {error.strerror or error}") from None
     return files

@@ -109,12 +109,13 @@ def test_layout_and_comments_mean_nothing() -> None:
 
 
 def test_a_name_may_change_everywhere_and_nothing_else() -> None:
-    edit = Rename("act", "R_Smile", "R_Grin")
-    everywhere = [(file, "R_Smile", "R_Grin") for file in (SIGNALS, GREETING, "scenario.toml")]
-    everywhere.append(("scenario.toml", "[act.R_Smile]", "[act.R_Grin]"))
-    check(edit, *everywhere)
+    rename = Rename("act", "R_Smile", "R_Grin")
+    everywhere = [(file, "R_Smile", "R_Grin") for file in (SIGNALS, "rules/greeting.xml", "scenario.toml")]
+    check(rename, *everywhere)
     with pytest.raises(EditRefused, match="what acts do would change"):
-        check(edit, *everywhere, (SIGNALS, "<duration>600<", "<duration>60<"))
+        check(rename, *everywhere, (SIGNALS, "600", "60"))
+    with pytest.raises(EditRefused, match="settings would change"):
+        check(rename, *everywhere[:2])
 
 
 def test_it_looks_also_when_something_is_wrong() -> None:
