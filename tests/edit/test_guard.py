@@ -110,7 +110,7 @@ def test_layout_and_comments_mean_nothing() -> None:
 
 def test_a_name_may_change_everywhere_and_nothing_else() -> None:
     rename = Rename("act", "R_Smile", "R_Grin")
-    everywhere = [(file, "R_Smile", "R_Grin") for file in (SIGNALS, "rules/greeting.xml", "scenario.toml")]
+    everywhere = [(file, "R_Smile", "R_Grin") for file in (SIGNALS, "rules/greeting.xml", *["scenario.toml"] * 2)]
     check(rename, *everywhere)
     with pytest.raises(EditRefused, match="what acts do would change"):
         check(rename, *everywhere, (SIGNALS, "600", "60"))
