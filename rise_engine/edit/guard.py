@@ -64,13 +64,7 @@ _SETTINGS = ("title", "mode", "keys", "act_settings", "fillers", "study", "condi
 
 
 def model_of(study: StudyState) -> dict[str, Any]:
-    """What a study means as dictionaries, lists and texts, without places in files; also when something is wrong."""
-    plain: dict[str, Any] = _plain(_model(study))
-    return plain
-
-
-def _model(study: StudyState) -> dict[str, Any]:
-    """The same as values of the model, for `differences`."""
+    """What a study means, also when something is wrong with it: for `differences`."""
     checked = study.checked
     draft = checked.draft
     model: dict[str, Any] = {
@@ -84,29 +78,9 @@ def _model(study: StudyState) -> dict[str, Any]:
     return model
 
 
-def _plain(value: Any) -> Any:
-    """A model as dictionaries, lists and texts, without places in files."""
-    match value:
-        case Expression() | Assignment():
-            return value.text
-        case msgspec.Struct():
-            names = (name for name in value.__struct_fields__ if name != "location")
-            return {name: _plain(getattr(value, name)) for name in names}
-        case dict():
-            return {key: _plain(inner) for key, inner in value.items()}
-        case list() | tuple():
-            return [_plain(inner) for inner in value]
-        case frozenset():
-            return sorted(value)
-        case str() | int() | float() | None:
-            return value
-        case _:  # parts of templates, which have their texts beside them
-            return None
-
-
 def changed_paths(before: StudyState, after: StudyState) -> Iterator[Path]:
     """Where two studies differ in what they mean, as deep as can be said."""
-    one, other = _model(before), _model(after)
+    one, other = model_of(before), model_of(after)
     if before.checked.scenario is None or after.checked.scenario is None:
         one.pop("settings", None)
         other.pop("settings", None)
