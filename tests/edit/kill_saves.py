@@ -78,6 +78,7 @@ def main(folder: Path, kills: int) -> None:
         if not os.WIFSIGNALED(os.waitpid(child, 0)[1]):
             call = 0
             _restore(folder, old)
+            workspace._keep_draft()  # noqa: SLF001  # the child has taken it away
             continue
         drafted = workspace.draft is not None
         read = read_study_files(folder)
