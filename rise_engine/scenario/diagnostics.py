@@ -84,6 +84,11 @@ class Diagnostics:
     def warning(self, code: str, location: SourceLocation, message: str) -> None:
         self._found.append(Diagnostic("warning", code, message + _template_note(location), location))
 
+    def add(self, others: Diagnostics) -> None:
+        """Take over what others have collected."""
+        self._found += others._found
+        self.errors += others.errors
+
     def sorted(self) -> list[Diagnostic]:
         """All findings in reading order: by file, line and column, each once."""
         return sorted(set(self._found), key=_reading_order)

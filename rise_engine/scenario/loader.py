@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Hashable, Iterator, Mapping
+from functools import partial
 from hashlib import sha256
 from pathlib import Path
 from typing import Any
@@ -19,13 +20,14 @@ from rise_engine.scenario.cross_references import check_cross_references
 from rise_engine.scenario.diagnostics import Diagnostic, Diagnostics
 from rise_engine.scenario.draft import ScenarioDraft
 from rise_engine.scenario.element_templates import LIBRARY, PATTERNS, TemplateCollection
-from rise_engine.scenario.expansion import Expander
+from rise_engine.scenario.expansion import expand_files
 from rise_engine.scenario.failure_checks import check_failures
 from rise_engine.scenario.file_names import DEFAULT_PATHS, LEXICON_FILE, SCENARIO_FILE
 from rise_engine.scenario.lexicon import read_lexicon
+from rise_engine.scenario.memo import Memo, Value
 from rise_engine.scenario.memory import read_memory
 from rise_engine.scenario.model import LexiconTable, RobotProfile, Scenario, SourceLocation
-from rise_engine.scenario.robot_profiles import DEFAULT_ROBOT, read_robot, robot_names
+from rise_engine.scenario.robot_profiles import DEFAULT_ROBOT, builtin_robot, read_robot, robot_names
 from rise_engine.scenario.rules import read_rules
 from rise_engine.scenario.scenario_toml import ScenarioSettings
 from rise_engine.scenario.session_keys import factors_read
@@ -33,15 +35,16 @@ from rise_engine.scenario.shipped_studies import shipped_hint
 from rise_engine.scenario.source_files import MAX_TOML_BYTES, FileReader, SourceFile
 from rise_engine.scenario.suppressions import (
     SuppressedWarning,
+    Suppression,
     apply_suppressions,
     memory_suppressions,
     read_suppressions,
 )
 from rise_engine.scenario.tables import TABLES_FOLDER, read_tables
-from rise_engine.scenario.toml_locations import TomlFile, read_toml
+from rise_engine.scenario.toml_locations import TomlFile, toml_of
 from rise_engine.scenario.toml_tables import TomlTable
 from rise_engine.scenario.tree import FileTree, Held
-from rise_engine.scenario.xml import XmlFile, read_xml
+from rise_engine.scenario.xml import XmlFile, xml_of
 
 
 class LoadResult(Struct, frozen=True):
@@ -57,6 +60,10 @@ class LoadResult(Struct, frozen=True):
     """Warnings that are meant, in reading order; they are not among the findings."""
     act_tables: ActTables = field(default_factory=ActTables)
     """What scenario.toml says of acts."""
+    draft: ScenarioDraft = field(default_factory=ScenarioDraft)
+    """What could be read, also when something is wrong: acts, rules, memory, tables, and who names what."""
+    robot: RobotProfile = field(default_factory=builtin_robot)
+    """The robot's profile; on errors, what could be understood of it."""
 
     def __iter__(self) -> Iterator[Any]:
         """`scenario, findings = load(...)` works too."""
@@ -98,26 +105,34 @@ def load(
     'scenarios/greetings:1:1: error unreadable: there is no such folder'
     """
     with limited_comparisons():
-        return _Loader(Path(path), held).load(robot, mode, paths or {})
+        return ScenarioLoader(Path(path), held).load(robot, mode, paths or {})
 
 
 def expanded_files(scenario: Scenario) -> list[XmlFile]:
     """The files of acts and rules of a scenario that `load` has found without errors, with their templates put in."""
-    loader = _Loader(Path(scenario.folder))
+    loader = ScenarioLoader(Path(scenario.folder))
     files = {kind: list(loader.read_xml_files(kind, scenario.paths[kind])) for kind in ("acts", "rules")}
     return [file for kind in loader.expand_files(files).values() for file in kind]
 
 
-class _Loader:
-    def __init__(self, path: Path, held: Held | None = None) -> None:
+class ScenarioLoader:
+    """Reads one scenario once; `load` says how, `ScenarioChecker` does it again and again."""
+
+    def __init__(self, path: Path, held: Held | None = None, memo: Memo | None = None) -> None:
+        """
+        :param path: the scenario's folder, or the `scenario.toml` in it.
+        :param held: what is read instead of the disk.
+        :param memo: what was read before.
+        """
+        self.memo = memo or Memo()
         self.diagnostics = Diagnostics()
         self.path = path
         is_file = path.name == SCENARIO_FILE or path.suffix == ".toml"
         self.folder = Path(os.path.abspath(path.parent if is_file else path))  # noqa: PTH100  # keeps symbolic links
         self.tree = FileTree(self.folder, held)
-        self.files = FileReader(self.folder, self.diagnostics, self.tree)
-        self.draft = ScenarioDraft()
-        self.file = TomlFile(SourceFile(SCENARIO_FILE, b"", ""), {})
+        self.files = FileReader(self.folder, self.diagnostics, self.tree, self.memo)
+        self.draft = ScenarioDraft(self.memo.expressions, self.memo.assignments)
+        self.file = self.memo.get("no scenario.toml", lambda: TomlFile(SourceFile(SCENARIO_FILE, b"", ""), {}))
         self.named: dict[str, str] = {}
         self.caller = SourceLocation(str(path))
         """Where what the caller asked for, and no file says, is reported."""
@@ -128,7 +143,7 @@ class _Loader:
             diagnostics.error("unreadable", SourceLocation(str(self.path)), f"there is no such folder{shipped_hint()}")
             return LoadResult(None, diagnostics.sorted())
         self.read_settings()
-        settings = ScenarioSettings(self.file, draft, diagnostics)
+        settings = self.read_part(("settings", self.file), partial(ScenarioSettings, self.file))
         if mode is not None and mode not in ("debug", "real"):
             diagnostics.error("wrong-value", self.caller, f'the mode asked for is "debug" or "real", not "{mode}"')
         profile = self.read_robot_profile(robot if robot is not None else settings.robot, asked=robot is not None)
@@ -137,10 +152,12 @@ class _Loader:
 
         read_tables(self.files, draft, diagnostics)
         expanded = self.expand_files({kind: list(self.read_xml_files(kind, paths[kind])) for kind in ("acts", "rules")})
+        number, tables = self.memo.number("robot", profile), tuple(draft.tables)
         for file in expanded["acts"]:
-            read_acts(file, profile, draft, diagnostics)
+            self.read_part(("acts", file, number), partial(read_acts, file, profile))
         for file in expanded["rules"]:
-            read_rules(file, draft, diagnostics)
+            self.read_part(("rules", file, tables), partial(read_rules, file, tables))
+        self.draft.define(diagnostics)
         self.read_memory(paths["memory"])
         report_unsent_ssml(profile, draft, diagnostics)
         lexicon = self.read_lexicon(settings.language, profile.name)
@@ -151,12 +168,12 @@ class _Loader:
                 check_failures(draft, settings.act_tables, settings.on_failure, profile, diagnostics)
 
         suppressions = [
-            *read_suppressions(self.files.sources, diagnostics),
+            *(each for source in self.files.sources for each in self.read_suppressions(source)),
             *memory_suppressions(settings.suppressions, draft.memory_key_locations),
         ]
         found, silenced = apply_suppressions(suppressions, diagnostics)
         if diagnostics.errors:
-            return LoadResult(None, found, suppressed=silenced)
+            return LoadResult(None, found, suppressed=silenced, draft=draft, robot=profile)
         files = self.files_by_usual_path(paths)
         scenario = Scenario(
             title=settings.title or self.folder.name,
@@ -184,20 +201,27 @@ class _Loader:
             topics=frozenset(mention.name for mention in draft.awaited_topics),
             hash=_hash(files, profile.name),
         )
-        return LoadResult(scenario, found, files, silenced, settings.act_tables)
+        return LoadResult(scenario, found, files, silenced, settings.act_tables, draft, profile)
+
+    def read_part(self, key: Hashable, read: Callable[[ScenarioDraft, Diagnostics], Value]) -> Value:
+        return self.memo.read_part(key, self.draft, self.diagnostics, read)
 
     def read_settings(self) -> None:
         path = self.folder / (self.path.name if self.path.suffix == ".toml" else SCENARIO_FILE)
         source = self.files.read(path, MAX_TOML_BYTES) if self.tree.exists(path) else None
-        file = read_toml(source, self.diagnostics) if source is not None else None
+        file = toml_of(source, self.files) if source is not None else None
         self.file = file or self.file
 
     def read_robot_profile(self, name: str, *, asked: bool) -> RobotProfile:
         file = self.file
         location = self.caller if asked else file.value_location("robot")
         profile = read_robot(name or DEFAULT_ROBOT, self.files, location, asked=asked)
-        table = TomlTable(file, (), file.values, self.diagnostics)
-        return replace(profile, actions=apply_declarations(table, profile.actions, "scenario"))
+
+        def make(diagnostics: Diagnostics) -> RobotProfile:
+            table = TomlTable(file, (), file.values, diagnostics)
+            return replace(profile, actions=apply_declarations(table, profile.actions, "scenario"))
+
+        return self.memo.read(("robot", file, self.memo.number("profile", profile)), self.diagnostics, make)
 
     def read_memory(self, relative_path: str) -> None:
         path = self.folder / relative_path
@@ -206,13 +230,17 @@ class _Loader:
             if source is None:
                 self.draft.unreadable_parts.add("memory")
             else:
-                read_memory(source, self.draft, self.diagnostics)
+                tables = tuple(self.draft.tables)
+                self.read_part(("memory", source, tables), partial(read_memory, source, tables))
+
+    def read_suppressions(self, source: SourceFile) -> list[Suppression]:
+        return self.memo.read(("allow", source), self.diagnostics, lambda found: read_suppressions([source], found))
 
     def read_lexicon(self, language: str, robot: str) -> tuple[LexiconTable, ...]:
         """How words are said; nothing when the folder has no such file."""
         path = self.folder / LEXICON_FILE
         source = self.files.read(path, MAX_TOML_BYTES) if self.tree.exists(path) else None
-        file = read_toml(source, self.diagnostics) if source is not None else None
+        file = toml_of(source, self.files) if source is not None else None
         if file is None:
             return ()
         return read_lexicon(file, language, {*robot_names(self.folder, self.tree), robot}, self.draft, self.diagnostics)
@@ -233,7 +261,7 @@ class _Loader:
             paths = [path / name for name in names if name.lower().endswith(".xml") and not name.startswith(".")]
         for each in paths:
             source = self.files.read(each)
-            file = read_xml(source, self.diagnostics) if source is not None else None
+            file = xml_of(source, self.files) if source is not None else None
             if file is None:
                 self.draft.unreadable_parts.add(kind)
             else:
@@ -243,8 +271,8 @@ class _Loader:
         """These files with their templates put in."""
         templates = TemplateCollection(self.files, self.draft, self.diagnostics)
         templates.read(file for kind in files for file in files[kind] if file.may_have_templates)
-        expander = Expander(templates)
-        expanded = {kind: [expander.expand(file) for file in files[kind]] for kind in files}
+        rest = iter(expand_files([file for kind in files for file in files[kind]], templates))
+        expanded = {kind: [next(rest) for _ in files[kind]] for kind in files}
         for kind, those in expanded.items():
             if not all(file.is_complete(file.root) for file in those):
                 self.draft.unreadable_parts.add(kind)

@@ -9,6 +9,7 @@ from itertools import accumulate
 from pathlib import Path
 
 from rise_engine.scenario.diagnostics import Diagnostics
+from rise_engine.scenario.memo import Memo
 from rise_engine.scenario.model import SourceLocation
 from rise_engine.scenario.tree import FileTree, UnreadableError
 
@@ -58,12 +59,16 @@ class SourceFile:
 class FileReader:
     """Reads files and remembers what was read, so that a scenario can be identified by its content."""
 
-    def __init__(self, folder: Path, diagnostics: Diagnostics, tree: FileTree | None = None) -> None:
+    def __init__(
+        self, folder: Path, diagnostics: Diagnostics, tree: FileTree | None = None, memo: Memo | None = None
+    ) -> None:
         """
         :param folder: the scenario's folder.
         :param diagnostics: where findings go.
         :param tree: what lies in the folder; None: what lies there on the disk.
+        :param memo: what was read before.
         """
+        self.memo = memo or Memo()
         self.folder = folder
         self.diagnostics = diagnostics
         self.tree = tree or FileTree(folder)
@@ -88,14 +93,18 @@ class FileReader:
         except UnreadableError as error:
             self.diagnostics.error(error.code, location, str(error))
             return None
-        text = decode_text(name, data, self.diagnostics, encoding, remedy)
-        if text is None:
-            return None
-        source = SourceFile(name, data, text)
-        if _has_conflicts(source, self.diagnostics):
-            return None
-        self.sources.append(source)
+        key = ("source", name, data, encoding, remedy)
+        source = self.memo.read(key, self.diagnostics, lambda found: _decode(name, data, found, encoding, remedy))
+        if source is not None:
+            self.sources.append(source)
         return source
+
+
+def _decode(name: str, data: bytes, diagnostics: Diagnostics, encoding: str, remedy: str) -> SourceFile | None:
+    """The file, or None after findings."""
+    text = decode_text(name, data, diagnostics, encoding, remedy)
+    source = SourceFile(name, data, text) if text is not None else None
+    return None if source is None or _has_conflicts(source, diagnostics) else source
 
 
 def _has_conflicts(source: SourceFile, diagnostics: Diagnostics) -> bool:
