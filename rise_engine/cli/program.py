@@ -26,10 +26,12 @@ _COMMANDS = {
     "lsl": "rise_engine.cli.lsl",
     "agree": "rise_engine.cli.agree",
     "export": "rise_engine.cli.export",
+    **dict.fromkeys(("fmt", "rename", "uses"), "rise_engine.cli.edit_commands"),
     "media": "rise_engine.cli.media",
     "redact": "rise_engine.cli.redact",
     "reproduce": "rise_engine.cli.reproduce",
     "report": "rise_engine.cli.report",
+    "texts": "rise_engine.cli.texts",
     **dict.fromkeys(("replay", "run", "serve", "sessions", "stop"), _SESSION),
     "study": _STUDY,
 }

@@ -18,7 +18,7 @@ class ScenarioChecker:
     >>> checker.check({}).diagnostics
     []
     >>> print(checker.check({"acts/greeting.xml": b"<Dialogs>"}).errors[0])
-    acts/greeting.xml:1:10: error not-well-formed: `<Dialogs>` in line 1 is not closed; add `</Dialogs>`
+    acts/greeting.xml:1:10: error not-well-formed: `<Dialogs>` of line 1 is never closed; add `</Dialogs>`
     """
 
     def __init__(self, folder: str | os.PathLike[str], robot: str | None = None) -> None:

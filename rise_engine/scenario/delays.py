@@ -38,6 +38,12 @@ def read_delay(reader: ElementReader, element: Element, attribute: str) -> Delay
     return Delay(text.strip(), None, expression, unit)
 
 
+def computed_part(text: str) -> tuple[str, int] | None:
+    """The expression of a time that is worked out, and where it begins: of `{pause}ms`, `pause` and 1."""
+    computed = _COMPUTED.match(text)
+    return (computed.group(2), computed.start(2)) if computed is not None else None
+
+
 def _check_constant(
     reader: ElementReader, element: Element, attribute: str, expression: Expression, unit: float | None
 ) -> None:

@@ -12,7 +12,7 @@ from typing import Any
 from msgspec import Struct, field
 from msgspec.structs import replace
 
-from rise_engine.nearest_name import limited_comparisons
+from rise_engine.nearest_name import did_you_mean, in_backquotes, limited_comparisons
 from rise_engine.scenario.act_settings import ActTables
 from rise_engine.scenario.action_declarations import apply_declarations
 from rise_engine.scenario.acts import read_acts, report_unsent_ssml
@@ -22,17 +22,20 @@ from rise_engine.scenario.draft import ScenarioDraft
 from rise_engine.scenario.element_templates import LIBRARY, PATTERNS, TemplateCollection
 from rise_engine.scenario.expansion import expand_files
 from rise_engine.scenario.failure_checks import check_failures
-from rise_engine.scenario.file_names import DEFAULT_PATHS, LEXICON_FILE, SCENARIO_FILE
+from rise_engine.scenario.file_names import DEFAULT_PATHS, LEXICON_FILE, SCENARIO_FILE, TEXTS_FOLDER
+from rise_engine.scenario.find_uses import uses_in_acts, uses_in_rules
+from rise_engine.scenario.find_uses_in_settings import uses_in_memory, uses_in_settings
 from rise_engine.scenario.lexicon import read_lexicon
 from rise_engine.scenario.memo import Memo, Value
 from rise_engine.scenario.memory import read_memory
-from rise_engine.scenario.model import LexiconTable, RobotProfile, Scenario, SourceLocation
+from rise_engine.scenario.model import SESSION, LexiconTable, RobotProfile, Scenario, SourceLocation
 from rise_engine.scenario.robot_profiles import DEFAULT_ROBOT, builtin_robot, read_robot, robot_names
 from rise_engine.scenario.rules import read_rules
 from rise_engine.scenario.scenario_toml import ScenarioSettings
 from rise_engine.scenario.session_keys import factors_read
 from rise_engine.scenario.shipped_studies import shipped_hint
 from rise_engine.scenario.source_files import MAX_TOML_BYTES, FileReader, SourceFile
+from rise_engine.scenario.spoken_texts import SpokenText
 from rise_engine.scenario.suppressions import (
     SuppressedWarning,
     Suppression,
@@ -43,7 +46,9 @@ from rise_engine.scenario.suppressions import (
 from rise_engine.scenario.tables import TABLES_FOLDER, read_tables
 from rise_engine.scenario.toml_locations import TomlFile, toml_of
 from rise_engine.scenario.toml_tables import TomlTable
+from rise_engine.scenario.translations import LanguageTexts, TranslationReader
 from rise_engine.scenario.tree import FileTree, Held
+from rise_engine.scenario.uses import Use, Uses
 from rise_engine.scenario.xml import XmlFile, xml_of
 
 
@@ -64,6 +69,12 @@ class LoadResult(Struct, frozen=True):
     """What could be read, also when something is wrong: acts, rules, memory, tables, and who names what."""
     robot: RobotProfile = field(default_factory=builtin_robot)
     """The robot's profile; on errors, what could be understood of it."""
+    translations: dict[str, LanguageTexts] = {}
+    """By language; also when there are errors, as far as they could be read."""
+    texts: tuple[SpokenText, ...] = ()
+    """All that is said in the acts, as they have it, in their order; also when there are errors."""
+    uses: Uses = field(default_factory=partial(Uses, ()))
+    """Who names what in the files that could be read."""
 
     def __iter__(self) -> Iterator[Any]:
         """`scenario, findings = load(...)` works too."""
@@ -80,6 +91,8 @@ def load(
     robot: str | None = None,
     mode: str | None = None,
     paths: Mapping[str, str] | None = None,
+    language: str | None = None,
+    allow_untranslated: bool = False,
     held: Held | None = None,
 ) -> LoadResult:
     """Read and check a scenario.
@@ -90,6 +103,8 @@ def load(
         mode: "debug" or "real", instead of what the file says.
         paths: where acts, rules and memory lie, instead of what the file says: paths relative to the folder, by
             `acts`, `rules` and `memory`.
+        language: the one in which everything is to be said (`texts/LANGUAGE.toml`); None: as the acts have it.
+        allow_untranslated: whether what is not translated is said as the acts have it, in their language.
         held: contents that are read instead of the disk, by the names of their files relative to the folder,
             `acts/greet.xml`; None: as if the file were not there. Of these files nothing is asked of the disk.
 
@@ -105,7 +120,7 @@ def load(
     'scenarios/greetings:1:1: error unreadable: there is no such folder'
     """
     with limited_comparisons():
-        return ScenarioLoader(Path(path), held).load(robot, mode, paths or {})
+        return ScenarioLoader(Path(path), held).load(robot, mode, paths or {}, language or "", allow_untranslated)
 
 
 def expanded_files(scenario: Scenario) -> list[XmlFile]:
@@ -133,11 +148,19 @@ class ScenarioLoader:
         self.files = FileReader(self.folder, self.diagnostics, self.tree, self.memo)
         self.draft = ScenarioDraft(self.memo.expressions, self.memo.assignments)
         self.file = self.memo.get("no scenario.toml", lambda: TomlFile(SourceFile(SCENARIO_FILE, b"", ""), {}))
+        self.memory_source: SourceFile | None = None
         self.named: dict[str, str] = {}
         self.caller = SourceLocation(str(path))
         """Where what the caller asked for, and no file says, is reported."""
 
-    def load(self, robot: str | None, mode: str | None, paths: Mapping[str, str]) -> LoadResult:
+    def load(
+        self,
+        robot: str | None,
+        mode: str | None,
+        paths: Mapping[str, str],
+        language: str = "",
+        allow_untranslated: bool = False,
+    ) -> LoadResult:
         diagnostics, draft = self.diagnostics, self.draft
         if not self.tree.is_folder(self.folder):
             diagnostics.error("unreadable", SourceLocation(str(self.path)), f"there is no such folder{shipped_hint()}")
@@ -160,6 +183,7 @@ class ScenarioLoader:
         self.draft.define(diagnostics)
         self.read_memory(paths["memory"])
         report_unsent_ssml(profile, draft, diagnostics)
+        translations = self.read_translations(settings, profile, language, allow_untranslated)
         lexicon = self.read_lexicon(settings.language, profile.name)
         check_cross_references(draft, diagnostics)
         if "acts" not in draft.unreadable_parts:
@@ -172,15 +196,25 @@ class ScenarioLoader:
             *memory_suppressions(settings.suppressions, draft.memory_key_locations),
         ]
         found, silenced = apply_suppressions(suppressions, diagnostics)
+        uses = Uses(self.find_uses(expanded, number, profile))
         if diagnostics.errors:
-            return LoadResult(None, found, suppressed=silenced, draft=draft, robot=profile)
+            return LoadResult(
+                None,
+                found,
+                suppressed=silenced,
+                draft=draft,
+                robot=profile,
+                uses=uses,
+                translations=translations.found,
+                texts=translations.all_texts,
+            )
         files = self.files_by_usual_path(paths)
         scenario = Scenario(
             title=settings.title or self.folder.name,
             folder=str(self.folder),
             mode="real" if (mode or settings.mode) == "real" else "debug",
             robot=profile,
-            acts=draft.acts,
+            acts=translations.translated(language) if language else draft.acts,
             rules=draft.rules,
             memory=draft.memory,
             tables=draft.tables,
@@ -190,7 +224,8 @@ class ScenarioLoader:
             study=settings.study,
             conditions=settings.conditions,
             private=settings.private,
-            language=settings.language,
+            language=language or settings.language,
+            languages=tuple(translations.found),
             lexicon=lexicon,
             may_release=settings.may_release,
             on_failure=settings.on_failure,
@@ -199,12 +234,40 @@ class ScenarioLoader:
             reads_session=bool(draft.session_keys),
             factors_read=factors_read(draft),
             topics=frozenset(mention.name for mention in draft.awaited_topics),
-            hash=_hash(files, profile.name),
+            hash=_hash(files, profile.name, language),
         )
-        return LoadResult(scenario, found, files, silenced, settings.act_tables, draft, profile)
+        return LoadResult(
+            scenario,
+            found,
+            files,
+            silenced,
+            settings.act_tables,
+            draft,
+            profile,
+            translations.found,
+            translations.all_texts,
+            uses,
+        )
 
     def read_part(self, key: Hashable, read: Callable[[ScenarioDraft, Diagnostics], Value]) -> Value:
         return self.memo.read_part(key, self.draft, self.diagnostics, read)
+
+    def find_uses(self, files: dict[str, list[XmlFile]], robot_number: int, robot: RobotProfile) -> Iterator[Use]:
+        """Who names what, in no order; what has not changed is not looked through again."""
+        draft, memo = self.draft, self.memo
+        sources = {source.name: source for source in self.files.sources}
+        lists = [memo.get(("uses", self.file), partial(uses_in_settings, self.file))]
+        if self.memory_source is not None:
+            lists.append(memo.get(("uses", self.memory_source), partial(uses_in_memory, self.memory_source)))
+        for file in files["acts"]:
+            lists.append(memo.get(("uses", file, robot_number), partial(uses_in_acts, file, robot, sources)))
+        for file in files["rules"]:
+            lists.append(memo.get(("uses", file), partial(uses_in_rules, file, sources)))
+        for use in (use for uses in lists for use in uses):
+            head = use.name.partition(".")[0]
+            is_of_engine = use.kind == "key" and (head in draft.tables or (head == SESSION and draft.session_keys))
+            if not is_of_engine and (not use.may_be_text or draft.settable_keys & {use.name, head}):
+                yield use
 
     def read_settings(self) -> None:
         path = self.folder / (self.path.name if self.path.suffix == ".toml" else SCENARIO_FILE)
@@ -226,7 +289,7 @@ class ScenarioLoader:
     def read_memory(self, relative_path: str) -> None:
         path = self.folder / relative_path
         if self.check_exists("memory", path):
-            source = self.files.read(path)
+            source = self.memory_source = self.files.read(path)
             if source is None:
                 self.draft.unreadable_parts.add("memory")
             else:
@@ -235,6 +298,23 @@ class ScenarioLoader:
 
     def read_suppressions(self, source: SourceFile) -> list[Suppression]:
         return self.memo.read(("allow", source), self.diagnostics, lambda found: read_suppressions([source], found))
+
+    def read_translations(
+        self, settings: ScenarioSettings, robot: RobotProfile, language: str, allow_untranslated: bool
+    ) -> TranslationReader:
+        """What the acts say in other languages, compared with them; a finding when there is not the one asked for."""
+        reader = TranslationReader(robot, self.draft, settings.language, language, self.diagnostics)
+        reader.read(self.files, settings.languages)
+        reader.report_missing(allow=allow_untranslated)
+        self.draft.spoken_languages.update(reader.found)
+        known = [*filter(None, (settings.language, *reader.found))]
+        if language and language not in known:
+            near = did_you_mean(language, known, limit=0)
+            has = f"; it is in {in_backquotes(known)}" if known and not near else near
+            remedy = "" if known else '; say in scenario.toml in which it is: language = "en"'
+            message = f"this study is not in the language `{language}`{has}{remedy}"
+            self.diagnostics.error("unknown-language", self.caller, message)
+        return reader
 
     def read_lexicon(self, language: str, robot: str) -> tuple[LexiconTable, ...]:
         """How words are said; nothing when the folder has no such file."""
@@ -306,6 +386,8 @@ class ScenarioLoader:
                 name = f"acts/{path.name}"
             elif rules in (path, path.parent):
                 name = f"rules/{path.name}"
+            elif path.parent == self.folder / TEXTS_FOLDER:
+                name = f"{TEXTS_FOLDER}/{path.name}"
             elif path.parent in (LIBRARY, self.folder / PATTERNS) and path.suffix == ".xml":
                 name = f"{PATTERNS}/{path.name}"
             elif source.name in settings:
@@ -318,10 +400,11 @@ class ScenarioLoader:
         return files
 
 
-def _hash(files: Mapping[str, bytes], robot: str) -> str:
-    """Over everything that was read, in a fixed order, wherever it lay."""
+def _hash(files: Mapping[str, bytes], robot: str, language: str = "") -> str:
+    """Over everything that was read, in a fixed order, wherever it lay; and the language that was asked for, if any."""
     digest = sha256()
-    for name, data in [*sorted(files.items()), ("robot", robot.encode())]:
+    asked = [("language", language.encode())] if language else []
+    for name, data in [*sorted(files.items()), ("robot", robot.encode()), *asked]:
         digest.update(f"{name}\0{len(data)}\0".encode())
         digest.update(data)
     return digest.hexdigest()
