@@ -131,12 +131,9 @@ def act_preview(draft: StudyDraft, act: WrittenAct, width: int) -> list[StyledLi
         ((f" {act.name}", "strong"),),
         ((f" {act.file}:{act.line}  ~{format_seconds(act_seconds(act, draft.checked))} s", "muted"),),
     ]
-    for action in act.actions:
-        head = f" {when_text(action):9}"
-        lines.append(
-            crop(((head, "muted"), (f"{action.id:>2} ", "accent"), (f"{action_type(action)[:9]:9} ", "plain"),
-                  (what_text(action), "plain")), width)
-        )  # fmt: skip
+    for action in act.actions:  # one role: changing colours is most of what a moved cursor costs on the wire
+        head = f" {when_text(action):9}{action.id:>2} {action_type(action)[:9]:9} "
+        lines.append(crop(((head + what_text(action), "plain"),), width))
     return [*lines, (), *used_lines(draft, "act", act.name, width)]
 
 
