@@ -141,7 +141,7 @@ def _editable(store: Store) -> Obstacle:
         return "this console is in a browser, which writes no files"
     if store.attach_reply.shadow:
         return IN_SHADOW
-    return None if store.scenario.folder else "the scenario has no folder"
+    return _own_console(store) or (None if store.scenario.folder else "the scenario has no folder")
 
 
 def _sayable(store: Store) -> Obstacle:
@@ -334,7 +334,7 @@ ACTIONS: tuple[ConsoleAction, ...] = (
            "editor", _in_editor),
     ConsoleAction("edit.findings", "What is wrong", ("f",), "edit",
            "All errors and warnings; enter goes to one.", "findings", _in_editor),
-    ConsoleAction("edit.undo", "Undo the last change of the files", ("ctrl+u",), "edit",
+    ConsoleAction("edit.undo", "Undo a change of the files", ("ctrl+u",), "edit",
            "Takes back the last change, then the one before it, also when it has been saved.", "undo", _in_editor),
     ConsoleAction("edit.redo", "Make the change again", ("ctrl+r",), "edit",
            "Makes a change again that was taken back.", "redo", _in_editor),

@@ -8,14 +8,14 @@ import shlex
 import subprocess
 import tempfile
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import Any
+
+from textual.app import App
 
 from rise_engine.edit.edits import ReplaceFile
 from rise_tui.editing.model.draft import FilePlace
+from rise_tui.editing.page import EditFrame
 from rise_tui.rendering.terminal_app import TerminalApp
-
-if TYPE_CHECKING:
-    from rise_tui.editing.screen import EditScreen
 
 USUAL_EDITORS = ("nano", "vim", "vi")
 
@@ -46,48 +46,45 @@ def arguments_at(command: list[str], path: str, line: int) -> list[str]:
     return [*command, f"+{line}", path]
 
 
-async def edit_file(screen: EditScreen, place: FilePlace) -> None:
-    """Give the terminal to the editor until it ends.
+async def edit_file(app: App[Any], frame: EditFrame, place: FilePlace) -> None:
+    """Give the terminal to the editor until it ends; then the caller looks what has changed on the disk.
 
     A file without unsaved changes is edited where it lies, and read again; else a copy of the draft is, and what came
     of it is one more change of the draft. :raises EditRefused: the draft cannot take it.
     """
-    draft = screen.study.draft
+    draft = frame.study.draft
     content = draft.files.get(place.file)
     if content is None:
-        screen.say(f"{place.file} is not there any more", "wait")
+        frame.say(f"{place.file} is not there any more", "wait")
         return
     if content == draft.saved.get(place.file):
-        await _run(screen, str(Path(draft.folder, place.file)), place.line)
-        screen.draw()
-        screen.look_outside()
+        await _run(app, frame, str(Path(draft.folder, place.file)), place.line)
         return
-    written = await _edit_copy(screen, place, content)
+    written = await _edit_copy(app, frame, place, content)
     if written != content:
         try:
             text = written.decode("utf-8")
         except UnicodeDecodeError:
-            screen.say(f"{place.file} is not taken: what was written is no UTF-8", "fault")
+            frame.say(f"{place.file} is not taken: what was written is no UTF-8", "fault")
             return
-        screen.make(ReplaceFile(place.file, text))
+        frame.make(ReplaceFile(place.file, text))
 
 
-async def _edit_copy(screen: EditScreen, place: FilePlace, content: bytes) -> bytes:
+async def _edit_copy(app: App[Any], frame: EditFrame, place: FilePlace, content: bytes) -> bytes:
     """What came of a copy of the draft."""
     with tempfile.TemporaryDirectory(prefix="rise-draft-") as folder:
         copy = Path(folder, Path(place.file).name)
         await asyncio.to_thread(copy.write_bytes, content)
-        await _run(screen, str(copy), place.line)
+        await _run(app, frame, str(copy), place.line)
         return await asyncio.to_thread(copy.read_bytes)
 
 
-async def _run(screen: EditScreen, path: str, line: int) -> None:
-    app = screen.app
+async def _run(app: App[Any], frame: EditFrame, path: str, line: int) -> None:
     arguments = arguments_at(editor_command(), path, line)
     try:
         with app.suspend():
             await asyncio.to_thread(subprocess.run, arguments, check=False)
     except OSError as error:
-        screen.say(f"{arguments[0]} cannot be started ({error.strerror}): name your editor in $EDITOR", "fault")
+        frame.say(f"{arguments[0]} cannot be started ({error.strerror}): name your editor in $EDITOR", "fault")
     if isinstance(app, TerminalApp):
         app.repaint_everything()

@@ -384,7 +384,9 @@ class EditScreen(Screen[None]):
             path = overlays.folder_of(self.study) / place.file
             self.say(f"a session runs, and the stop key must work: open {path}, line {place.line}, elsewhere", "wait")
         else:
-            await external.edit_file(self, place)
+            await external.edit_file(self.app, self, place)
+            self.draw()
+            self.look_outside()
 
     # --- leaving ------------------------------------------------------------------------------------------------------
 
