@@ -110,6 +110,7 @@ def diagnostic_row(diagnostic: Diagnostic) -> dict[str, Any]:
         "file": diagnostic.location.file,
         "line": diagnostic.location.line,
         "column": diagnostic.location.column,
+        **({} if (end := diagnostic.end) is UNSET else {"end_line": end.line, "end_column": end.column}),
         "severity": diagnostic.severity,
         "code": diagnostic.code,
         "message": diagnostic.message,

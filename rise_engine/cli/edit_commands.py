@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import difflib
 import sys
 from pathlib import Path
 from typing import get_args
@@ -16,11 +15,14 @@ from rise_engine.cli.options import FOLDER, JSON
 from rise_engine.cli.terminal import write_json
 from rise_engine.edit.edits import NameKind, Rename
 from rise_engine.edit.formatting import lay_out
+from rise_engine.edit.guard import check_guard
 from rise_engine.edit.plan import EditRefused, Files, Plan, apply_plan
 from rise_engine.edit.planning import plan
 from rise_engine.edit.read_outline import read_outline
-from rise_engine.edit.study_folder import read_study_files, write_study_files
+from rise_engine.edit.saving import refuse_shipped, write_files
+from rise_engine.edit.study_folder import read_study_files
 from rise_engine.edit.study_state import StudyState
+from rise_engine.edit.workspace import Workspace, diff_of
 from rise_engine.nearest_name import did_you_mean
 from rise_engine.scenario import LoadResult, load
 from rise_engine.scenario.model import normal_topic
@@ -92,11 +94,12 @@ def rename(folder: str, kind: NameKind, old: str, new: str, as_diff: bool, as_js
     try:
         files = read_study_files(path)
         state = StudyState(files, read_outline(files, loaded.scenario.paths), loaded, path)
-        planned = plan(Rename(kind, old, new), state)
+        edit = Rename(kind, old, new)
+        planned = plan(edit, state)
         after = apply_plan(files, planned)
-        _check_after(path, files, after)
+        _check_after(edit, state, after)
         if not as_diff:
-            write_study_files(path, files, after)
+            _write(path, files, after)
     except EditRefused as error:
         _refuse(str(error), as_json=as_json)
     _tell(planned, files, after, as_diff=as_diff, as_json=as_json)
@@ -120,12 +123,12 @@ def fmt(folder: str, check_only: bool, as_diff: bool) -> None:
         before, now = load(path), load(path, held=after)
         if _findings(before) != _findings(now):
             raise EditRefused("the layout would change what `rise-engine check` finds; nothing was written")
-        if not check_only and not as_diff:
-            write_study_files(path, files, after)
+        if layout.changed and not check_only and not as_diff:
+            _write(path, files, after)
     except EditRefused as error:
         _refuse(str(error), as_json=False)
     if as_diff:
-        _print_diff(files, after)
+        print(diff_of(files, after), end="")
     else:
         for name in layout.changed:
             print(f"{name}: {'would change' if check_only else 'laid out anew'}")
@@ -148,12 +151,13 @@ def _study_folder(folder: str) -> Path:
     return path
 
 
-def _check_after(path: Path, before: Files, after: Files) -> None:
-    """:raises EditRefused: the study would have errors then, which would be a mistake of the program."""
-    held = {name: data for name, data in after.items() if data != before.get(name)}
-    errors = load(path, held=held).errors
-    if errors:
-        raise EditRefused(f"the study would have errors then, first: {errors[0]}; nothing was written")
+def _check_after(edit: Rename, before: StudyState, after: Files) -> None:
+    """:raises EditRefused: the study would have errors then, or mean something else."""
+    held = {name: data for name, data in after.items() if data != before.files.get(name)}
+    loaded = load(before.folder, held=held)
+    if loaded.errors:
+        raise EditRefused(f"the study would have errors then, first: {loaded.errors[0]}; nothing was written")
+    check_guard([edit], before, StudyState(after, before.outline, loaded, before.folder))
 
 
 def _findings(loaded: LoadResult) -> list[tuple[str, str, str]]:
@@ -168,7 +172,7 @@ def _tell(planned: Plan, before: Files, after: Files, *, as_diff: bool, as_json:
         write_json({"says": planned.says, "noticed": planned.noticed, "files": files, "written": not as_diff})
         return
     if as_diff:
-        _print_diff(before, after)
+        print(diff_of(before, after), end="")
     else:
         for sentence in planned.says:
             print(sentence)
@@ -176,13 +180,19 @@ def _tell(planned: Plan, before: Files, after: Files, *, as_diff: bool, as_json:
         print(sentence, file=sys.stderr)
 
 
-def _print_diff(before: Files, after: Files) -> None:
-    for name in sorted(after):
-        if after[name] != before.get(name):
-            old = before.get(name, b"").decode(errors="replace").splitlines(keepends=True)
-            new = after[name].decode(errors="replace").splitlines(keepends=True)
-            for line in difflib.unified_diff(old, new, f"a/{name}", f"b/{name}"):
-                print(line.rstrip("\r\n"))
+def _write(path: Path, before: Files, after: Files) -> None:
+    """Write all or nothing, while nobody else has the study open. A draft of the editor stays as it is.
+
+    :raises EditRefused: somebody has, or it cannot be written.
+    """
+    refuse_shipped(path)
+    workspace = Workspace(path)
+    try:
+        if workspace.read_only:
+            raise EditRefused(workspace.read_only)
+        write_files(path, before, after)
+    finally:
+        workspace.close()
 
 
 def _refuse(sentence: str, *, as_json: bool) -> None:

@@ -24,8 +24,10 @@ _STUDY = "rise_engine.cli.study_commands"
 _COMMANDS = {
     **dict.fromkeys(("check", "doctor", "eval", "expand", "new", "robots", "schema"), _SCENARIO),
     "lsl": "rise_engine.cli.lsl",
+    "lsp": "rise_engine.cli.lsp",
     "agree": "rise_engine.cli.agree",
     "export": "rise_engine.cli.export",
+    "import": "rise_engine.cli.imports",
     **dict.fromkeys(("fmt", "rename", "uses"), "rise_engine.cli.edit_commands"),
     "media": "rise_engine.cli.media",
     "redact": "rise_engine.cli.redact",

@@ -22,7 +22,7 @@ from rise_engine.scenario import load
 from rise_engine.study.begin import BeginRequest, CannotBegin, SessionPlan, plan_session, to_give_up
 from rise_engine.study.recorded import decide_recording, recording_lines
 from rise_engine.study.sessions import given_up_fields
-from rise_engine.study.state import StudyState, StudyUnusable, read_state
+from rise_engine.study.state import StudyStatus, StudyUnusable, read_state
 from rise_engine.study.study_log import StudyLogError
 from rise_engine.text import clean
 
@@ -67,7 +67,7 @@ def study_session(
 
 
 def _check_or_exit(
-    state: StudyState, plan: SessionPlan, options: SessionOptions, checks: CheckOptions
+    state: StudyStatus, plan: SessionPlan, options: SessionOptions, checks: CheckOptions
 ) -> tuple[CheckReport, ...]:
     context = CheckContext(
         state.study,
@@ -113,7 +113,7 @@ def rehearsed_session(
     return options, plan.first_input(state.study)
 
 
-def _read_or_exit(folder: Path) -> StudyState:
+def _read_or_exit(folder: Path) -> StudyStatus:
     try:
         return read_state(folder)
     except StudyUnusable as error:
@@ -122,7 +122,7 @@ def _read_or_exit(folder: Path) -> StudyState:
         _exit_refused([f"error: {error}"])
 
 
-def _plan_or_exit(state: StudyState, options: SessionOptions, *, serves: bool = False) -> SessionPlan | None:
+def _plan_or_exit(state: StudyStatus, options: SessionOptions, *, serves: bool = False) -> SessionPlan | None:
     """What the session is; None, where one is to be served: another one runs or did not end, and the engine says so."""
     request = BeginRequest(
         participant=options.participant,

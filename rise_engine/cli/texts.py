@@ -107,15 +107,20 @@ def import_(folder: str, file: str, languages: tuple[str, ...], dry_run: bool, n
     Exit status: 0; 1 something was refused, or the study would have errors; 2 wrong usage, or no such table.
     """
     where = resolve_scenario(folder)
-    loaded = _load_or_exit(where)
     try:
         table = _read_table(Path(file), languages)
         workspace = Workspace(Path(where))
     except (TextsError, EditRefused) as error:
         exit_with_usage(f"{file}: {error}" if isinstance(error, TextsError) else str(error))
     try:
-        found = import_table(table, loaded, workspace.outline, languages, new=new)
-        saved = _apply(workspace, found, dry_run=dry_run)
+        if workspace.checked.scenario is None:
+            print_findings(workspace.checked)
+            sys.exit(REFUSED)
+        if workspace.draft is not None:
+            message = "an editor has left changes in this study that are not saved"
+            raise EditRefused(f"{message}; open it (rise-tui edit {where}), and save them or give them up")
+        found = import_table(table, workspace.checked, workspace.outline, languages, new=new)
+        end = _apply(workspace, found, dry_run=dry_run)
     except TextsError as error:
         exit_with_usage(f"{file}: {error}")
     except EditRefused as error:
@@ -125,7 +130,7 @@ def import_(folder: str, file: str, languages: tuple[str, ...], dry_run: bool, n
         workspace.close()
     for sentence in (*map(str, found.refused), *found.noticed):
         click.echo(clean(sentence), err=True)
-    click.echo(f"{summary(found)}{saved}")
+    click.echo(f"{summary(found)}{end}")
     sys.exit(REFUSED if found.refused else OK)
 
 
@@ -136,12 +141,20 @@ def _apply(workspace: Workspace, found: TextImport, *, dry_run: bool) -> str:
     """
     if not found.edits:
         return ": nothing is to be changed"
-    for sentence in workspace.apply(*found.edits).says:
+    change = workspace.apply(*found.edits)
+    saved: tuple[str, ...] = ()
+    try:
+        saved = () if dry_run else workspace.save().files
+    finally:
+        difference = workspace.diff()
+        if not saved:  # nor does a draft of it stay
+            workspace.undo()
+    for sentence in change.says:
         click.echo(clean(sentence))
     if dry_run:
-        click.echo(clean(workspace.diff(), keep="\n\t"))
+        click.echo(clean(difference, keep="\n\t"))
         return "; nothing was written (--dry-run)"
-    return f": {', '.join(workspace.save().files)}"
+    return f": {', '.join(saved)}"
 
 
 @texts.command("check")

@@ -5,6 +5,8 @@ from __future__ import annotations
 import re
 from collections.abc import Callable, Iterable, Mapping
 
+from msgspec.structs import replace
+
 from rise_engine.edit.documents import Node, NotXmlError, read_document
 from rise_engine.edit.edits import (
     AddAction,
@@ -17,7 +19,8 @@ from rise_engine.edit.edits import (
     SetParameter,
     SetWaits,
 )
-from rise_engine.edit.finding import act_of, action_of, check_changeable, document_of, node_of
+from rise_engine.edit.finding import act_of, action_of, check_changeable, node_of
+from rise_engine.edit.following import follow_act, follow_action
 from rise_engine.edit.layout import collapse, gap_before, gap_behind, gap_in, is_one_line, removal
 from rise_engine.edit.outline import WrittenAct, WrittenAction
 from rise_engine.edit.plan import EditRefused, Plan, Splice
@@ -28,6 +31,7 @@ from rise_engine.edit.writing import NewElement, escape_text, insert, one_line, 
 from rise_engine.nearest_name import did_you_mean
 from rise_engine.scenario.acts import COMMON
 from rise_engine.scenario.model import ActionSpec
+from rise_engine.scenario.spoken_texts import SpokenText, text_key
 
 _ID = re.compile(r"[^,;\s]+")
 
@@ -125,7 +129,7 @@ def plan_remove_action(edit: RemoveAction, study: StudyState) -> Plan:
     assert parent is not None, "an action stands in an act"
     emptied = collapse(parent) if len(parent.children) == 1 else None
     splices.append(Splice(act.file, *emptied) if emptied else Splice(act.file, *removal(node), b""))
-    return Plan(tuple(splices), says=tuple(says))
+    return Plan((*splices, *follow_action(study, edit.act, edit.action, lambda _: None)), says=tuple(says))
 
 
 def _inherited(waits: Iterable[str], gone: str, its_waits: Iterable[str]) -> Iterable[str]:
@@ -155,7 +159,11 @@ def plan_set_type(edit: SetActionType, study: StudyState) -> Plan:
         splices += _removals(act.file, gone)
     was = action.calls[0].type if action.calls else "nothing"
     without = f", without {', '.join(dict.fromkeys(lost))}" if lost else ""
-    return Plan(tuple(splices), says=(f"{edit.act} {edit.action} is {edit.type} (was {was}){without}",))
+    translations = follow_action(
+        study, edit.act, edit.action, lambda text: text.key if text.parameter in spec.parameters else None
+    )
+    says = f"{edit.act} {edit.action} is {edit.type} (was {was}){without}"
+    return Plan((*splices, *translations), says=(says,))
 
 
 def _removals(file: str, nodes: list[Node]) -> list[Splice]:
@@ -195,7 +203,9 @@ def plan_set_parameter(edit: SetParameter, study: StudyState) -> Plan:
     check_changeable(f"{edit.parameter} of {where}", written.reason)
     element = next(child for child in node.children if child.tag == edit.parameter)
     if value is None:
-        return Plan((Splice(act.file, *removal(element), b""),), says=(says,))
+        gone = text_key(edit.action, edit.variant if len(action.calls) > 1 else None, edit.parameter)
+        translations = follow_act(study, edit.act, lambda text: None if text.key == gone else text.key)
+        return Plan((Splice(act.file, *removal(element), b""), *translations), says=(says,))
     if value == written.text:
         return Plan()
     splice = _markup_splice(act.file, element, value) if element.children else text_splice(act.file, element, value)
@@ -295,7 +305,11 @@ def _add_variant(edit: AddVariant, study: StudyState) -> Plan:
         NewElement(each, text=one_line(edit.parameters[each])) for each in spec.parameters if each in edit.parameters
     )
     says = f"{edit.act} {edit.action} gets the wording {len(action.calls) + 1}{_in_words(edit.parameters)}"
-    return plan_add_variant(act.file, node, action, NewElement(spec.name, children=tuple(children)), says)
+    planned = plan_add_variant(act.file, node, action, NewElement(spec.name, children=tuple(children)), says)
+    if len(action.calls) != 1:
+        return planned
+    first = follow_action(study, edit.act, edit.action, lambda text: text_key(edit.action, 0, text.parameter))
+    return replace(planned, splices=(*planned.splices, *first))
 
 
 def _remove_variant(edit: RemoveVariant, study: StudyState) -> Plan:
@@ -307,9 +321,16 @@ def _remove_variant(edit: RemoveVariant, study: StudyState) -> Plan:
     gone = action.calls[edit.variant]
     said = gone.parameters.get("message")
     says = f"{edit.act} {edit.action} loses the wording {edit.variant + 1}" + (f" “{said.text}”" if said else "")
-    document_of(study, act.file)
     calls = [node_of(study, act.file, call.span) for call in action.calls]
-    return plan_remove_variant(act.file, node, calls, edit.variant, says)
+    planned = plan_remove_variant(act.file, node, calls, edit.variant, says)
+
+    def key_of(text: SpokenText) -> str | None:
+        if text.variant == edit.variant:
+            return None
+        number = text.variant - (text.variant > edit.variant)
+        return text_key(edit.action, number if len(calls) > 2 else None, text.parameter)
+
+    return replace(planned, splices=(*planned.splices, *follow_action(study, edit.act, edit.action, key_of)))
 
 
 PLANNERS: Mapping[type[Edit], Callable[..., Plan]] = {

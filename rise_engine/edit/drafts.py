@@ -7,6 +7,7 @@ the edits that made them, and what the files were that they were made on.
 from __future__ import annotations
 
 import fcntl
+import glob
 import json
 import os
 import socket
@@ -31,6 +32,8 @@ class DraftChange(Struct, frozen=True):
     edits: tuple[AnyEdit, ...]
     says: tuple[str, ...]
     noticed: tuple[str, ...] = ()
+    replaced: tuple[bytes, ...] = ()
+    """What each edit took away, so that it is seen when somebody else has changed just that."""
 
 
 class Draft(Struct, frozen=True):
@@ -44,6 +47,8 @@ class Draft(Struct, frozen=True):
     files: dict[str, bytes | None]
     """The files that differ, whole; None: deleted."""
     changes: tuple[DraftChange, ...]
+    set_aside: tuple[DraftChange, ...] = ()
+    """Changes that could not be made again on what somebody else had written meanwhile."""
     format: int = FORMAT
 
 
@@ -67,20 +72,44 @@ class DraftFile:
         self.path = state_folder() / f"{self.folder.name}-{name}.json"
 
     def read(self) -> Draft | None:
-        """What was kept; None: nothing, or nothing that can be read."""
-        try:
-            draft = msgspec.json.decode(self.path.read_bytes(), type=Draft)
-        except (OSError, msgspec.DecodeError, UnicodeError):
-            return None
-        return draft if draft.format == FORMAT else None
+        """What was kept last; None: nothing, or nothing that can be read."""
+        found = self._find()
+        return None if found is None else found[1]
 
-    def keep(self, base: Files, files: Mapping[str, bytes | None], changes: tuple[DraftChange, ...]) -> None:
-        """Write it anew; without changed files there is none. Raises OSError."""
-        if not files:
+    def _find(self) -> tuple[Path, Draft] | None:
+        earlier = sorted(self.path.parent.glob(f"{glob.escape(self.path.stem)}.earlier-*.json"), reverse=True)
+        for path in (self.path, *earlier):
+            with suppress(OSError, msgspec.DecodeError, UnicodeError):
+                draft = msgspec.json.decode(path.read_bytes(), type=Draft)
+                if draft.format == FORMAT:
+                    return path, draft
+        return None
+
+    def put_aside(self) -> None:
+        """Leave what is kept now where the next draft does not replace it; it is offered again. Raises OSError."""
+        if self.path.exists():
+            now = datetime.now().astimezone().strftime("%Y%m%d-%H%M%S-%f")
+            self.path.rename(self.path.with_name(f"{self.path.stem}.earlier-{now}.json"))
+
+    def forget(self) -> None:
+        """Delete what `read` gives. Raises OSError."""
+        found = self._find()
+        if found is not None:
+            found[0].unlink(missing_ok=True)
+
+    def keep(
+        self,
+        base: Files,
+        files: Mapping[str, bytes | None],
+        changes: tuple[DraftChange, ...],
+        set_aside: tuple[DraftChange, ...] = (),
+    ) -> None:
+        """Write it anew; without changed files and changes set aside there is none. Raises OSError."""
+        if not files and not set_aside:
             self.path.unlink(missing_ok=True)
             return
         now = datetime.now().astimezone().isoformat(timespec="seconds")
-        draft = Draft(str(self.folder), now, hashes(base), dict(files), changes)
+        draft = Draft(str(self.folder), now, hashes(base), dict(files), changes, set_aside)
         self.path.parent.mkdir(0o700, parents=True, exist_ok=True)
         fresh = self.path.with_suffix(f".{os.getpid()}.new")
         descriptor = os.open(fresh, os.O_WRONLY | os.O_CREAT | os.O_TRUNC | os.O_CLOEXEC, 0o600)
@@ -96,12 +125,20 @@ class EditorLock:
 
     def __init__(self, folder: Path) -> None:
         """:param folder: the study's. Nothing is written in it: the folder itself is locked."""
+        self.folder = folder
         self._descriptor = -1
         self._note = DraftFile(folder).path.with_suffix(".editor")
         self.holder = ""
         """Who else has it, for a person; empty: we do."""
+        self.try_again()
+
+    def try_again(self) -> None:
+        """Take it if nobody has it any more."""
+        if self._descriptor >= 0:
+            return
+        self.holder = ""
         try:
-            descriptor = os.open(folder, os.O_RDONLY | os.O_CLOEXEC)
+            descriptor = os.open(self.folder, os.O_RDONLY | os.O_CLOEXEC)
         except OSError:
             return
         try:

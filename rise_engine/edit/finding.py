@@ -9,6 +9,10 @@ from rise_engine.edit.outline import Span, WrittenAct, WrittenAction, WrittenRul
 from rise_engine.edit.plan import EditRefused
 from rise_engine.edit.study_state import StudyState
 from rise_engine.nearest_name import did_you_mean
+from rise_engine.scenario.uses import UsedKind
+
+_SHOWN = 5
+"""Places that a sentence names."""
 
 
 def document_of(study: StudyState, file: str) -> XmlDocument:
@@ -82,3 +86,20 @@ def check_name(kind: str, name: str) -> str:
     if not name.isprintable():
         raise EditRefused(f"the name of the {kind} holds a character that cannot be shown; leave it out")
     return name
+
+
+def still_named(study: StudyState, kind: UsedKind, name: str, *, within: str = "") -> tuple[str, ...]:
+    """Where something that goes is named elsewhere, in a sentence; nothing when it is nowhere.
+
+    :param within: the act or rule that goes, or in which it stands: what stands there is not counted.
+    """
+    uses = study.checked.uses.of(kind, name)
+    places = [
+        f"{use.where} ({use.location.file}, line {use.location.line})"
+        for use in uses
+        if not use.defines and use.of != within
+    ]
+    if not places:
+        return ()
+    more = f" and {len(places) - _SHOWN} more" if len(places) > _SHOWN else ""
+    return (f"`{name}` is still named in {'; '.join(places[:_SHOWN])}{more}",)

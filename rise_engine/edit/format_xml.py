@@ -118,7 +118,8 @@ def _write(node: _Node, indent: str, lines: list[str], *, first: bool, tall_befo
     empty = node.gap.count("\n") > 1
     same = not first and "\n" not in node.gap
     if node.kind != "element":
-        if same and lines:
+        fits = bool(lines) and len(lines[-1]) + len(node.written) <= WIDTH
+        if same and lines and (node.gap or fits):
             lines[-1] += node.gap + node.written
         else:
             lines += [""] * (empty and not first)
@@ -193,8 +194,6 @@ def _tag(node: _Node, indent: str) -> str:
 
 def _moved(comment: str, gap: str, indent: str) -> str:
     """A comment whose first line stands elsewhere now: its other lines move as far."""
-    if "\n" not in comment or "\n" not in gap:
-        return comment
     column = len(gap.rpartition("\n")[2].expandtabs(2))
     by = len(indent) - column
     first, *rest = comment.split("\n")

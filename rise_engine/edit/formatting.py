@@ -21,7 +21,7 @@ from rise_engine.text import BLANKS
 _BYTE_ORDER_MARK = b"\xef\xbb\xbf"
 
 
-class Layout(Struct, frozen=True):
+class StudyLayout(Struct, frozen=True):
     """What the usual layout makes of a study's files."""
 
     changed: dict[str, bytes]
@@ -32,7 +32,7 @@ class Layout(Struct, frozen=True):
     """How many were looked at."""
 
 
-def lay_out(files: Files) -> Layout:
+def lay_out(files: Files) -> StudyLayout:
     """Acts, rules, settings, start values and translations in the usual layout. What is no such file is left alone."""
     changed: dict[str, bytes] = {}
     problems: dict[str, str] = {}
@@ -45,7 +45,7 @@ def lay_out(files: Files) -> Layout:
         else:
             if after != files[name]:
                 changed[name] = after
-    return Layout(changed, problems, len(names))
+    return StudyLayout(changed, problems, len(names))
 
 
 def format_file(name: str, files: Files) -> bytes:

@@ -6,8 +6,7 @@ another reader than the one that planned the edit by, so that a mistake in a spl
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from functools import lru_cache
+from collections.abc import Iterator, Sequence
 from typing import Any, TypeAlias
 
 import msgspec
@@ -16,10 +15,10 @@ from rise_engine.edit import edits as of
 from rise_engine.edit.edits import Edit
 from rise_engine.edit.outline import Span, WrittenAct, WrittenRule, WrittenState
 from rise_engine.edit.plan import EditRefused
+from rise_engine.edit.rename_guard import check_rename
 from rise_engine.edit.study_state import StudyState
 from rise_engine.edit.transitions import find_transition
 from rise_engine.expression import Assignment, Expression
-from rise_engine.scenario.model import Act, Rule
 
 Path: TypeAlias = tuple[str | int, ...]
 """Where in a model something stands: `("acts", "R_Yes", "actions", "2", "wait_for")`."""
@@ -36,6 +35,9 @@ def check_guard(edits: Sequence[Edit], before: StudyState, after: StudyState) ->
     :param before: what the edits were planned on. :param after: what has come of them.
     :raises EditRefused: something else differs; the message names it. Nothing of `after` may then be kept.
     """
+    if len(edits) == 1 and isinstance(edits[0], of.Rename):
+        check_rename(edits[0], model_of(before), model_of(after))
+        return
     allowed = [path for edit in edits for path in allowed_paths(edit, before, after)]
     if () in allowed:
         return
@@ -58,88 +60,22 @@ def _is_within(path: Path, allowed: Path) -> bool:
 
 # --- the models ---------------------------------------------------------------------------------------------------
 
+_SETTINGS = ("title", "mode", "keys", "act_settings", "fillers", "study", "conditions", "private", "language")
+
 
 def model_of(study: StudyState) -> dict[str, Any]:
-    """What a study means as plain data, without places in files; also when something is wrong with it."""
+    """What a study means, also when something is wrong with it: for `differences`."""
     checked = study.checked
     draft = checked.draft
     model: dict[str, Any] = {
-        "acts": {name: _act_data(act) for name, act in draft.acts.items()},
-        "rules": {name: _rule_data(rule) for name, rule in draft.rules.items()},
+        "acts": {name: {"actions": {each.id: each for each in act.actions}} for name, act in draft.acts.items()},
+        "rules": draft.rules,
         "memory": draft.memory,
-        "tables": {name: [list(table.columns), *table.rows] for name, table in draft.tables.items()},
+        "tables": {name: [table.columns, *table.rows] for name, table in draft.tables.items()},
     }
     if checked.scenario is not None:
-        scenario = checked.scenario
-        settings = {
-            name: getattr(scenario, name)
-            for name in (
-                "title",
-                "mode",
-                "keys",
-                "act_settings",
-                "fillers",
-                "study",
-                "conditions",
-                "private",
-                "language",
-            )
-        }
-        model["settings"] = _plain(settings)
+        model["settings"] = {name: getattr(checked.scenario, name) for name in _SETTINGS}
     return model
-
-
-@lru_cache(maxsize=2048)
-def _by_identity(part: _Kept) -> Any:
-    return part.make(part.value)
-
-
-class _Kept:
-    """An act or rule whose data are made once: between two edits nearly all of them are the same objects."""
-
-    def __init__(self, value: Act | Rule, make: Callable[[Any], Any]) -> None:
-        self.value = value
-        self.make = make
-
-    def __hash__(self) -> int:
-        return id(self.value)
-
-    def __eq__(self, other: object) -> bool:
-        return isinstance(other, _Kept) and other.value is self.value
-
-
-def _act_data(act: Act) -> Any:
-    return _by_identity(_Kept(act, _make_act))
-
-
-def _make_act(act: Act) -> Any:
-    return {"actions": {action.id: _plain(action) for action in act.actions}}
-
-
-def _rule_data(rule: Rule) -> Any:
-    return _by_identity(_Kept(rule, _make_rule))
-
-
-def _make_rule(rule: Rule) -> Any:
-    states = {name: _plain(state) for name, state in rule.states.items()}
-    return {"initial": rule.initial, "priority": rule.priority, "states": states}
-
-
-def _plain(value: Any) -> Any:
-    """Dictionaries, lists and plain values, without places."""
-    if isinstance(value, Expression | Assignment):
-        return value.text
-    if isinstance(value, msgspec.Struct):
-        names = (name for name in value.__struct_fields__ if name != "location")
-        data = {name: _plain(getattr(value, name)) for name in names}
-        return {"kind": type(value).__name__, **data}
-    if isinstance(value, Mapping):
-        return {str(key): _plain(inner) for key, inner in value.items()}
-    if isinstance(value, list | tuple):
-        return [_plain(inner) for inner in value]
-    if isinstance(value, set | frozenset):
-        return sorted(map(str, value))
-    return value if isinstance(value, str | int | float | bool | None) else str(getattr(value, "text", value))
 
 
 def changed_paths(before: StudyState, after: StudyState) -> Iterator[Path]:
@@ -155,22 +91,32 @@ def changed_paths(before: StudyState, after: StudyState) -> Iterator[Path]:
 
 
 def differences(one: Any, other: Any, path: Path = ()) -> Iterator[Path]:
-    """The places at which two pieces of plain data differ."""
+    """The places at which two pieces of data differ; where in files something stands does not matter."""
     if one is other:
         return
     if isinstance(one, dict) and isinstance(other, dict):
         for key in dict.fromkeys((*one, *other)):
             if key not in one or key not in other:
                 yield (*path, key)
-            else:
+            elif one[key] is not other[key]:
                 yield from differences(one[key], other[key], (*path, key))
-    elif isinstance(one, list) and isinstance(other, list):
+    elif isinstance(one, list | tuple) and isinstance(other, list | tuple):
         if len(one) != len(other):
             yield path
             return
         for index, (left, right) in enumerate(zip(one, other, strict=True)):
-            yield from differences(left, right, (*path, index))
-    elif type(one) is not type(other) or one != other:
+            if left is not right:
+                yield from differences(left, right, (*path, index))
+    elif type(one) is not type(other):
+        yield path
+    elif isinstance(one, Expression | Assignment):
+        if one.text != other.text:
+            yield path
+    elif isinstance(one, msgspec.Struct):
+        for name in one.__struct_fields__:
+            if name != "location" and getattr(one, name) is not getattr(other, name):
+                yield from differences(getattr(one, name), getattr(other, name), (*path, name))
+    elif one != other:
         yield path
 
 

@@ -23,7 +23,7 @@ _EMPTY_LINE = re.compile(rb"(?>\r\n?|\n)[ \t]*(?>\r\n?|\n)")
 DEFAULT_UNIT = b"  "
 
 
-class Gap(Struct, frozen=True):
+class WritingGap(Struct, frozen=True):
     """A place for something new."""
 
     start: int
@@ -130,7 +130,7 @@ def lead_start(node: Node) -> int:
 # --- something new ------------------------------------------------------------------------------------------------
 
 
-def gap_behind(node: Node, *, blank_line: bool = False) -> Gap:
+def gap_behind(node: Node, *, blank_line: bool = False) -> WritingGap:
     """Behind a sibling.
 
     :param blank_line: leave a line empty where the siblings stand in lines of their own with empty lines between.
@@ -139,20 +139,20 @@ def gap_behind(node: Node, *, blank_line: bool = False) -> Gap:
     if has_own_lines(node):
         at = line_rest(node)
         before = line_end * (2 if blank_line and is_set_apart(node) else 1) + indent
-        return Gap(at, at, before, b"", indent, unit, line_end, own_line=True)
-    return Gap(node.end, node.end, _separator(node), b"", indent, unit, line_end, own_line=False)
+        return WritingGap(at, at, before, b"", indent, unit, line_end, own_line=True)
+    return WritingGap(node.end, node.end, _separator(node), b"", indent, unit, line_end, own_line=False)
 
 
-def gap_before(node: Node) -> Gap:
+def gap_before(node: Node) -> WritingGap:
     """Before a sibling, and before the comments that belong to it."""
     line_end, indent, unit = line_end_near(node), indent_of(node), indent_unit(node.document)
     if has_own_lines(node):
         at = lead_start(node)
-        return Gap(at, at, indent, line_end, indent, unit, line_end, own_line=True)
-    return Gap(node.start, node.start, b"", _separator(node), indent, unit, line_end, own_line=False)
+        return WritingGap(at, at, indent, line_end, indent, unit, line_end, own_line=True)
+    return WritingGap(node.start, node.start, b"", _separator(node), indent, unit, line_end, own_line=False)
 
 
-def gap_in(parent: Node) -> Gap:
+def gap_in(parent: Node) -> WritingGap:
     """In an element that holds no other: behind the comments in it, if there are."""
     data, line_end, outer = parent.document.data, line_end_near(parent), indent_of(parent)
     unit = indent_unit(parent.document)
@@ -163,7 +163,7 @@ def gap_in(parent: Node) -> Gap:
     if parent.is_closed:
         start = len(data[: parent.end - 2].rstrip())
         closing = b"</" + parent.tag.encode() + b">"
-        return Gap(start, parent.end, b">" + before, behind + closing, indent, unit, line_end, own_line)
+        return WritingGap(start, parent.end, b">" + before, behind + closing, indent, unit, line_end, own_line)
     inner = data[parent.inner_start : parent.inner_end]
     at = parent.inner_start + len(inner.rstrip())
     rest = data[at : parent.inner_end]
@@ -171,8 +171,8 @@ def gap_in(parent: Node) -> Gap:
         if inner.strip():  # comments
             indent = _last_line_indent(data, at)
             before = line_end + indent
-        return Gap(at, at, before or line_end + outer + unit, b"", indent, unit, line_end, own_line=True)
-    return Gap(at, parent.inner_end, before, behind, indent, unit, line_end, own_line)
+        return WritingGap(at, at, before or line_end + outer + unit, b"", indent, unit, line_end, own_line=True)
+    return WritingGap(at, parent.inner_end, before, behind, indent, unit, line_end, own_line)
 
 
 def _last_line_indent(data: bytes, at: int) -> bytes:

@@ -14,7 +14,6 @@ from rise_engine.edit.plan import EditRefused, Files, Splice
 from rise_engine.edit.text_edits import EditedText
 from rise_engine.edit.toml_edits import TomlText
 from rise_engine.edit.toml_writing import toml_key
-from rise_engine.scenario.model import TemplateLocation
 from rise_engine.scenario.source_files import SourceFile
 from rise_engine.scenario.toml_syntax import TomlKeyPart, TomlValue
 from rise_engine.scenario.uses import Use
@@ -46,21 +45,16 @@ class NamePlaces:
         :param use: the use.
         :param name: what must be written there: of an event without its slash, of a state without its rule.
         """
-        location = use.location
-        spots = [(location.file, location.line, location.column)]
-        if isinstance(location.template, TemplateLocation):
-            inner = location.template
-            spots.append((inner.file, inner.line, inner.column))
-        for file, line, column in spots:
-            if file not in self.files:
-                continue
-            source, text = self._source(file), self._text(file)
-            offset = source.offset(line, column)
-            for start in (offset, offset + 1) if text.text[offset : offset + 1] in ('"', "'") else (offset,):
-                for end in dict.fromkeys((start + use.length, start + len(name), start + use.length - 2)):
-                    if end > start and self._read(file, text.text[start:end]) == name:
-                        return NamePlace(file, text.byte_offset(start), text.byte_offset(end))
-        return None
+        place = use.place
+        if not use.length or place.file not in self.files:
+            return None
+        source, text = self._source(place.file), self._text(place.file)
+        start = source.offset(place.line, place.column)
+        end = start + use.length
+        written = text.text[start:end]
+        if name not in (written, self._read(place.file, written)):
+            return None
+        return NamePlace(place.file, text.byte_offset(start), text.byte_offset(end))
 
     def _source(self, file: str) -> SourceFile:
         if file not in self._sources:

@@ -10,10 +10,11 @@ from msgspec import Struct
 
 from rise_engine.edit.documents import Node
 from rise_engine.edit.edits import AddAct, AddRule, CopyAct, CopyRule, Edit, RemoveAct, RemoveRule
-from rise_engine.edit.finding import act_of, check_changeable, check_name, document_of, node_of, rule_of
+from rise_engine.edit.finding import act_of, check_changeable, check_name, document_of, node_of, rule_of, still_named
+from rise_engine.edit.following import follow_act
 from rise_engine.edit.layout import (
     DEFAULT_UNIT,
-    Gap,
+    WritingGap,
     begins_line,
     gap_behind,
     gap_in,
@@ -152,10 +153,10 @@ def _splices(kind: _Kind, element: NewElement, sibling: Node | None, file: str, 
     return _wrapped(kind, root, file, lambda gap: render(element, gap))
 
 
-def _wrapped(kind: _Kind, root: Node, file: str, write: Callable[[Gap], bytes]) -> list[Splice]:
+def _wrapped(kind: _Kind, root: Node, file: str, write: Callable[[WritingGap], bytes]) -> list[Splice]:
     """A file with one act or rule and no wrapper gets both."""
     line_end = line_end_near(root) if begins_line(root) else b""
-    gap = Gap(root.end, root.end, b"", b"", b"", indent_unit(root.document), line_end, own_line=bool(line_end))
+    gap = WritingGap(root.end, root.end, b"", b"", b"", indent_unit(root.document), line_end, own_line=bool(line_end))
     opening, closing = f"<{kind.wrapper}>".encode(), f"</{kind.wrapper}>".encode()
     at = lead_start(root) if line_end else root.start
     return [
@@ -167,7 +168,7 @@ def _wrapped(kind: _Kind, root: Node, file: str, write: Callable[[Gap], bytes]) 
 def new_file(elements: list[NewElement], wrapper: str, files: Files) -> bytes:
     """A new file of acts or rules, with the line ends of the others."""
     line_end = next((b"\r\n" for name, data in files.items() if name.endswith(".xml") and b"\r\n" in data), b"\n")
-    gap = Gap(0, 0, b"", b"", b"", DEFAULT_UNIT, line_end, own_line=True)
+    gap = WritingGap(0, 0, b"", b"", b"", DEFAULT_UNIT, line_end, own_line=True)
     if len(elements) == 1 and wrapper == _RULES.wrapper:
         return render(elements[0], gap) + line_end
     return render(NewElement(wrapper, children=tuple(elements)), gap) + line_end
@@ -228,22 +229,18 @@ def _remove(kind: _Kind, name: str, study: StudyState) -> Plan:
         check_changeable(f"`{name}`", f"{part.reason}, together with others")
     says = (f"the {kind.word} {name} goes",)
     node = node_of(study, part.file, part.span)
-    noticed = tuple(still_named(study, kind.word, name))
+    noticed = still_named(study, "act" if kind is _ACTS else "rule", name, within=name)
+    translations = follow_act(study, name, lambda _: None) if kind is _ACTS else ()
     if node.parent is None:
-        return Plan(written={part.file: None}, says=says, noticed=noticed)
+        return Plan(translations, written={part.file: None}, says=says, noticed=noticed)
     start, end = removal(node)
     comment = (f"the comment above it in {part.file} stays",) if has_own_lines(node) and _has_lead(node) else ()
-    return Plan((Splice(part.file, start, end, b""),), says=says, noticed=(*noticed, *comment))
+    return Plan((Splice(part.file, start, end, b""), *translations), says=says, noticed=(*noticed, *comment))
 
 
 def _has_lead(node: Node) -> bool:
     data = node.document.data
     return bool(data[lead_start(node) : node.start].strip())
-
-
-def still_named(study: StudyState, kind: str, name: str) -> list[str]:
-    """Where something is named that goes, in a sentence; nothing when it is nowhere."""
-    return []
 
 
 PLANNERS: Mapping[type[Edit], Callable[..., Plan]] = {

@@ -1,6 +1,6 @@
 """Saving a study: all files of a change or none, whatever happens on the way.
 
-New contents are written beside the files and made durable; then a note says which of them go where; then they are
+New contents are written beside the files and made durable; then a note says which files get them; then they are
 renamed; then the note goes. Killed before the note, a save has not happened, and after it, it has: `finish_interrupted`
 brings it to its end, and who reads the study before that follows the note (`rise_engine.scenario.interrupted_save`).
 """
@@ -9,24 +9,29 @@ from __future__ import annotations
 
 import os
 import stat
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from contextlib import suppress
 from pathlib import Path
 
 import msgspec
 
 from rise_engine.edit.plan import EditRefused, Files
-from rise_engine.scenario.interrupted_save import NOTE, SavedFile, read_note
+from rise_engine.scenario.interrupted_save import (
+    FRESH,
+    NOTE,
+    SavedFile,
+    fresh_path,
+    read_note,
+    still_to_do,
+    sum_of,
+    sum_on_disk,
+)
 from rise_engine.scenario.shipped_studies import shipped_name
-from rise_engine.text import pluralize
 
-_FRESH = ".rise-new"
-"""The end of the name of a new content that is not in its place yet."""
+Reached = Callable[[str], None]
 
 
-def write_files(
-    folder: Path, before: Files, after: Files, *, reached: Callable[[str], None] = lambda step: None
-) -> tuple[str, ...]:
+def write_files(folder: Path, before: Files, after: Files, *, reached: Reached = lambda step: None) -> tuple[str, ...]:
     """Write what differs between two states of a study's files: all of it or nothing.
 
     A link stays a link, and the file that it leads to is written; owner and permissions stay.
@@ -42,34 +47,21 @@ def write_files(
     if not names:
         return ()
     _check_unchanged(folder, before, names)
-    saved: list[SavedFile] = []
+    note = tuple(SavedFile(name, sum_of(before.get(name)), sum_of(after.get(name))) for name in names)
     made: list[Path] = []
     try:
-        for name in names:
-            target = Path(os.path.realpath(folder / name))
-            content = after.get(name)
-            if content is None:
-                saved.append(SavedFile(name, str(target), None))
-                continue
-            _make_folders(target.parent, made)
-            fresh = target.with_name(f".{target.name}{_FRESH}")
-            saved.append(SavedFile(name, str(target), str(fresh)))
-            _write_beside(target, fresh, content)
-            reached(f"wrote {name}")
-        _write_note(folder, tuple(saved))
+        _write_fresh(folder, after, names, made, reached)
+        _check_unchanged(folder, before, names)  # writing took its time
+        _write_note(folder, note)
         reached("wrote the note")
-    except OSError as error:
-        for file in saved:
-            if file.fresh is not None:
-                with suppress(OSError):
-                    Path(file.fresh).unlink(missing_ok=True)
-        for each in reversed(made):
-            with suppress(OSError):
-                each.rmdir()
+    except BaseException as error:
+        _clear(folder, names, made)
+        if not isinstance(error, OSError):
+            raise
         named = os.path.relpath(error.filename, folder) if isinstance(error.filename, str) else str(folder)
         raise EditRefused(f"{named}: {error.strerror or error}; nothing was written") from None
     try:
-        _carry_out(folder, tuple(saved), reached)
+        _carry_out(folder, note, reached)
     except OSError as error:
         raise EditRefused(
             f"{error.filename or folder}: {error.strerror or error}; the rest is written when the study is opened next"
@@ -88,36 +80,64 @@ def refuse_shipped(folder: Path) -> None:
 def finish_interrupted(folder: Path) -> tuple[str, ...]:
     """Bring a save to its end that was killed, and clear away what one has left that had not begun to count.
 
+    What somebody has changed since stays as it is.
+
     :return: the names of the files that were written now; empty: nothing was interrupted.
     :raises EditRefused: the disk does not take it.
     """
+    finished: tuple[str, ...] = ()
     try:
-        note = read_note(folder)
-        if note is not None:
-            _carry_out(folder, note, lambda step: None)
-        for litter in folder.rglob(f".*{_FRESH}"):
+        with suppress(msgspec.DecodeError, ValueError):  # a note is there when it is whole; this is somebody else's
+            note = read_note(folder)
+            if note is not None:
+                finished = _carry_out(folder, note, lambda step: None)
+        for litter in _litter(folder):
             litter.unlink(missing_ok=True)
     except OSError as error:
         raise EditRefused(f"{error.filename or folder}: {error.strerror or error}") from None
-    except msgspec.DecodeError:  # a note is renamed into its place when it is whole; this is somebody else's file
-        return ()
-    return tuple(file.name for file in note or ())
+    return finished
+
+
+def _litter(folder: Path) -> Iterator[Path]:
+    """New contents that have no place: in the folder, and where its links lead to."""
+    for path in [*folder.rglob("*")]:
+        if path.name.startswith(".") and path.name.endswith(FRESH):
+            yield path
+        elif path.is_symlink() and os.path.lexists(fresh := fresh_path(Path(os.path.realpath(path)))):
+            yield fresh
 
 
 def _check_unchanged(folder: Path, before: Files, names: list[str]) -> None:
+    """:raises EditRefused: a file is not what it was, or cannot be read."""
     changed = []
     for name in names:
         try:
-            now: bytes | None = (folder / name).read_bytes()
-        except FileNotFoundError:
-            now = None
+            now = sum_on_disk(folder / name)
         except OSError as error:
             raise EditRefused(f"{name}: {error.strerror or error}; nothing was written") from None
-        if now != before.get(name):
+        if now != sum_of(before.get(name)):
             changed.append(name)
     if changed:
         have = "has" if len(changed) == 1 else "have"
         raise EditRefused(f"{', '.join(changed)} {have} changed on the disk meanwhile; nothing was written")
+
+
+def _write_fresh(folder: Path, after: Files, names: list[str], made: list[Path], reached: Reached) -> None:
+    """All new contents beside their files, durable. `made` gets the folders that were made for them."""
+    for name in names:
+        target = Path(os.path.realpath(folder / name))
+        content = after.get(name)
+        if content is None:
+            if not os.access((folder / name).parent, os.W_OK):
+                raise PermissionError(13, "this folder may not be written by you", str((folder / name).parent))
+            continue
+        _make_folders(target.parent, made)
+        _write_beside(target, content)
+        reached(f"wrote {name}")
+    parents = {Path(os.path.realpath(folder / name)).parent for name in names}
+    for each in {*parents, *(each.parent for each in made)}:
+        if each.is_dir():
+            _sync_folder(each)
 
 
 def _make_folders(folder: Path, made: list[Path]) -> None:
@@ -127,15 +147,16 @@ def _make_folders(folder: Path, made: list[Path]) -> None:
         made.append(folder)
 
 
-def _write_beside(target: Path, fresh: Path, data: bytes) -> None:
-    """A new content, durable, with the owner and permissions of the file that it will replace."""
+def _write_beside(target: Path, data: bytes) -> None:
+    """A new content with the owner and permissions of the file that it will replace."""
+    fresh = fresh_path(target)
+    if target.exists() and not os.access(target, os.W_OK):
+        raise PermissionError(13, "this file may not be written by you", str(target))
     fresh.unlink(missing_ok=True)
     descriptor = os.open(fresh, os.O_WRONLY | os.O_CREAT | os.O_EXCL | os.O_CLOEXEC, 0o666)
     with os.fdopen(descriptor, "wb") as file:
         if target.exists():
             found = target.stat()
-            if not os.access(target, os.W_OK):
-                raise PermissionError(13, "this file may not be written by you", str(target))
             with suppress(OSError):  # only root may give a file away
                 os.fchown(descriptor, found.st_uid, found.st_gid)
             os.fchmod(descriptor, stat.S_IMODE(found.st_mode))
@@ -144,32 +165,47 @@ def _write_beside(target: Path, fresh: Path, data: bytes) -> None:
         os.fsync(descriptor)
 
 
-def _write_note(folder: Path, saved: tuple[SavedFile, ...]) -> None:
-    fresh = folder / f"{NOTE}{_FRESH}"
-    descriptor = os.open(fresh, os.O_WRONLY | os.O_CREAT | os.O_TRUNC | os.O_CLOEXEC, 0o600)
+def _clear(folder: Path, names: list[str], made: list[Path]) -> None:
+    """Take away what a save has left that does not happen. Once its note is there, it does."""
+    if os.path.lexists(folder / NOTE):
+        return
+    for name in (*names, NOTE):
+        with suppress(OSError):
+            fresh_path(Path(os.path.realpath(folder / name))).unlink(missing_ok=True)
+    for each in reversed(made):
+        with suppress(OSError):
+            each.rmdir()
+
+
+def _write_note(folder: Path, note: tuple[SavedFile, ...]) -> None:
+    fresh = fresh_path(folder / NOTE)
+    descriptor = os.open(fresh, os.O_WRONLY | os.O_CREAT | os.O_TRUNC | os.O_CLOEXEC, 0o644)
     with os.fdopen(descriptor, "wb") as file:
-        file.write(msgspec.json.encode(saved))
+        file.write(msgspec.json.encode(note))
         file.flush()
         os.fsync(descriptor)
-    for each in {Path(file.target).parent for file in saved if file.fresh is not None}:
-        _sync_folder(each)
     fresh.replace(folder / NOTE)
     _sync_folder(folder)
 
 
-def _carry_out(folder: Path, saved: tuple[SavedFile, ...], reached: Callable[[str], None]) -> None:
-    for file in saved:
-        target = Path(file.target)
-        if file.fresh is None:
-            target.unlink(missing_ok=True)
-        elif os.path.lexists(file.fresh):  # else it has its place already
-            Path(file.fresh).replace(target)
-        reached(f"put {file.name} in its place")
-    for each in {Path(file.target).parent for file in saved}:
+def _carry_out(folder: Path, note: tuple[SavedFile, ...], reached: Reached) -> tuple[str, ...]:
+    """Put every new content in its place; which ones were still to be put there."""
+    left = still_to_do(folder, note)
+    for name, content in left.items():
+        path = folder / name
+        if content is None:
+            path.unlink(missing_ok=True)  # of a link, the link
+        else:
+            target = Path(os.path.realpath(path))
+            fresh_path(target).replace(target)
+        reached(f"put {name} in its place")
+    for each in {Path(os.path.realpath(folder / file.name)).parent for file in note}:
         if each.is_dir():
             _sync_folder(each)
     (folder / NOTE).unlink(missing_ok=True)
+    _sync_folder(folder)
     reached("took the note away")
+    return tuple(left)
 
 
 def _sync_folder(folder: Path) -> None:
@@ -178,8 +214,3 @@ def _sync_folder(folder: Path) -> None:
         os.fsync(descriptor)
     finally:
         os.close(descriptor)
-
-
-def save_report(names: tuple[str, ...]) -> str:
-    """`2 files written: acts/a.xml, memory.json`."""
-    return f"{pluralize(len(names), 'file')} written: {', '.join(names)}" if names else "nothing was to be written"

@@ -9,9 +9,11 @@ from typing import Any
 from rise_engine.edit.edits import Edit, RenameSetting, SetSetting
 from rise_engine.edit.memory import value_text
 from rise_engine.edit.plan import EditRefused, Plan
+from rise_engine.edit.rename_task_files import pressed_key_splices
 from rise_engine.edit.study_state import StudyState
 from rise_engine.edit.text_edits import EditedText, edits_between
 from rise_engine.edit.toml_edits import TomlText, remove_value, rename_key, set_value
+from rise_engine.scenario.file_names import SCENARIO_FILE
 from rise_engine.scenario.toml_syntax import KeyPath
 
 
@@ -40,7 +42,7 @@ def plan_set_setting(edit: SetSetting, study: StudyState) -> Plan:
 
 
 def plan_rename_setting(edit: RenameSetting, study: StudyState) -> Plan:
-    """An entry of a TOML file under another name, in its place.
+    """An entry of a TOML file under another name, in its place; of a key of the keyboard, tests press the new one.
 
     :raises EditRefused: there is no such entry, or there is one of the new name.
     """
@@ -53,7 +55,13 @@ def plan_rename_setting(edit: RenameSetting, study: StudyState) -> Plan:
     holder[edit.name] = holder.pop(edit.path[-1])
     _check_outcome(file, after, wanted)
     says = f"{_label(edit)} is called {edit.name} now"
-    return Plan(splices=file.splices(edits_between(file.text, after)), says=(says,))
+    splices = file.splices(edits_between(file.text, after))
+    if edit.file == SCENARIO_FILE and edit.path[:-1] == ("keys",):
+        for name in sorted(study.files):
+            if name.startswith("tests/") and name.endswith(".jsonl"):
+                test = EditedText(name, study.files[name])
+                splices += pressed_key_splices(test, edit.path[-1], edit.name)
+    return Plan(splices=splices, says=(says,))
 
 
 def _check_path(file: str, path: KeyPath) -> None:

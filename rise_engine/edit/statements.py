@@ -23,7 +23,7 @@ from rise_engine.edit.edits import (
     StatementForm,
 )
 from rise_engine.edit.finding import check_changeable, node_of
-from rise_engine.edit.layout import Gap, collapse, gap_before, gap_behind, gap_in, removal
+from rise_engine.edit.layout import WritingGap, collapse, gap_before, gap_behind, gap_in, removal
 from rise_engine.edit.moving import move_siblings
 from rise_engine.edit.outline import WrittenStatement
 from rise_engine.edit.plan import EditRefused, Plan, Splice
@@ -127,7 +127,7 @@ def plan_add_statement(edit: AddStatement, study: StudyState) -> Plan:
     return Plan((insert(place.file, gap, [element]),), says=says)
 
 
-def _new_block(place: StatementList, element: NewElement) -> tuple[Gap, NewElement]:
+def _new_block(place: StatementList, element: NewElement) -> tuple[WritingGap, NewElement]:
     """`<onEntry>` stands first in its state, `<onExit>` behind it."""
     state = place.state_node
     block = NewElement(place.tag, children=(element,))
@@ -137,7 +137,7 @@ def _new_block(place: StatementList, element: NewElement) -> tuple[Gap, NewEleme
     return (gap_before(state.children[0]) if state.children else gap_in(state)), block
 
 
-def _gap_at(place: StatementList, at: int, study: StudyState) -> Gap:
+def _gap_at(place: StatementList, at: int, study: StudyState) -> WritingGap:
     holder = place.holder
     assert holder is not None, "it has been made where it was missing"
     if at < len(place.statements):

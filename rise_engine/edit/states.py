@@ -6,7 +6,7 @@ from collections.abc import Callable, Mapping
 
 from rise_engine.edit.documents import Node
 from rise_engine.edit.edits import AddState, Edit, RemoveState, SetInitial, SetPriority
-from rise_engine.edit.finding import check_changeable, check_name, node_of, rule_of, state_of
+from rise_engine.edit.finding import check_changeable, check_name, node_of, rule_of, state_of, still_named
 from rise_engine.edit.layout import collapse, gap_behind, gap_in, removal
 from rise_engine.edit.outline import WrittenRule
 from rise_engine.edit.plan import EditRefused, Plan, Splice
@@ -79,7 +79,8 @@ def plan_remove_state(edit: RemoveState, study: StudyState) -> Plan:
         splices += _without_state(rule.file, shared, edit.state)
     if len(rule_node.children) == 1 and (emptied := collapse(rule_node)) is not None:
         splices = [Splice(rule.file, *emptied)]
-    return Plan(tuple(splices), says=(f"{edit.rule} loses the state {edit.state}",))
+    noticed = still_named(study, "state", f"{edit.rule}/{edit.state}", within=edit.rule)
+    return Plan(tuple(splices), says=(f"{edit.rule} loses the state {edit.state}",), noticed=noticed)
 
 
 def _check_not_reached(rule: WrittenRule, name: str) -> None:

@@ -24,7 +24,7 @@ from rise_engine.text import pluralize
 _SHOWN = 60
 
 
-class _Table(Struct):
+class _WrittenTable(Struct):
     """A table as it is written."""
 
     file: EditedText
@@ -109,7 +109,7 @@ def plan_remove_row(edit: RemoveRow, study: StudyState) -> Plan:
     return _plan(table, [TextEdit(start, end, "")], rows, says)
 
 
-def _plan(table: _Table, edits: list[TextEdit], rows: list[list[str]], says: str) -> Plan:
+def _plan(table: _WrittenTable, edits: list[TextEdit], rows: list[list[str]], says: str) -> Plan:
     """:raises EditRefused: the file would not read as these rows."""
     after = _records(table.file.name, changed_text(table.file.text, edits), table.separator)
     width = len(table.columns)
@@ -118,7 +118,7 @@ def _plan(table: _Table, edits: list[TextEdit], rows: list[list[str]], says: str
     return Plan(splices=table.file.splices(edits), says=(says,))
 
 
-def _read(name: str, study: StudyState) -> _Table:
+def _read(name: str, study: StudyState) -> _WrittenTable:
     """:raises EditRefused: there is no such table, or something is wrong with its form."""
     tables = [file for file in study.files if file.startswith(f"{TABLES_FOLDER}/") and file.lower().endswith(".csv")]
     file = next((file for file in tables if file[len(TABLES_FOLDER) + 1 : -4] == name), None)
@@ -135,7 +135,7 @@ def _read(name: str, study: StudyState) -> _Table:
     columns = reader.read_header(header, rows)
     if reader.has_problems() or not all(reader.check_length(row, len(columns)) for row in rows):
         raise EditRefused(f"{file} cannot be read as a table; `rise-engine check` says why")
-    return _Table(text, reader.separator, columns, header, rows)
+    return _WrittenTable(text, reader.separator, columns, header, rows)
 
 
 def _settings(file: str, study: StudyState) -> TableSettings:
@@ -155,7 +155,7 @@ def _value(written: str) -> str:
     return written.strip().replace("\r\n", "\n").replace("\r", "\n")
 
 
-def _check_row(values: list[str], table: _Table) -> None:
+def _check_row(values: list[str], table: _WrittenTable) -> None:
     if not any(values):
         raise EditRefused(f"a row of {table.file.name} without any value would not be read; take the row out instead")
 

@@ -21,7 +21,7 @@ _PAIRS_IN_A_LINE = ("keys",)
 """Tables whose entries are tables in a line each: `n = { rule = "Next" }`."""
 
 
-class _Entry(Struct, frozen=True):
+class _TomlEntry(Struct, frozen=True):
     """A pair, or an element of an array, with what holds it."""
 
     holder: TomlSection | TomlValue
@@ -41,13 +41,13 @@ class TomlText:
         except (ValueError, RecursionError) as error:
             raise EditRefused(f"it is not TOML as it stands ({error}); mend that first") from None
         self.sections = read_sections(text)
-        self.entries: dict[KeyPath, _Entry] = {}
+        self.entries: dict[KeyPath, _TomlEntry] = {}
         for section in self.sections:
             for index, pair in enumerate(section.pairs):
                 self._note(section.path + pair.names, section, index, pair.value)
 
     def _note(self, path: KeyPath, holder: TomlSection | TomlValue, index: int, value: TomlValue) -> None:
-        self.entries[path] = _Entry(holder, index, value)
+        self.entries[path] = _TomlEntry(holder, index, value)
         for at, pair in enumerate(value.pairs):
             self._note(path + pair.names, value, at, pair.value)
         for at, item in enumerate(value.items):

@@ -6,7 +6,7 @@ import re
 
 from rise_engine.edit.documents import Node
 from rise_engine.edit.layout import (
-    Gap,
+    WritingGap,
     gap_behind,
     has_own_lines,
     indent_of,
@@ -34,7 +34,7 @@ def plan_add_variant(file: str, node: Node, action: WrittenAction, new: NewEleme
     own_line, outer = has_own_lines(node), indent_of(node)
     unit, line_end = indent_unit(node.document), line_end_near(node)
     kept = _without(node, common)
-    gap = Gap(0, 0, b"", b"", outer + unit, unit, line_end, own_line)
+    gap = WritingGap(0, 0, b"", b"", outer + unit, unit, line_end, own_line)
     added = render(new, gap, flat=not _LINE_BEGIN.search(kept))
     if own_line:
         kept = _LINE_BEGIN.sub(lambda found: found.group() + unit, kept)

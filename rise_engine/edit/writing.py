@@ -8,7 +8,7 @@ from collections.abc import Callable, Iterable, Mapping
 from msgspec import Struct
 
 from rise_engine.edit.documents import CDATA, Node
-from rise_engine.edit.layout import Gap
+from rise_engine.edit.layout import WritingGap
 from rise_engine.edit.plan import EditRefused, Splice
 from rise_engine.text import character_name
 
@@ -70,7 +70,7 @@ def start_tag(element: NewElement) -> str:
     return f"<{element.tag}" + "".join(f" {name}={quoted(value)}" for name, value in element.attributes.items())
 
 
-def render(element: NewElement, gap: Gap, *, flat: bool = False) -> bytes:
+def render(element: NewElement, gap: WritingGap, *, flat: bool = False) -> bytes:
     """An element as it stands in a gap: what it holds in lines of its own, unless it is `flat`, or the gap is none."""
     line_end, unit = gap.line_end.decode(), gap.unit.decode()
     return _render(element, gap.indent.decode(), unit, line_end, flat or not gap.own_line).encode()
@@ -88,7 +88,7 @@ def _render(element: NewElement, indent: str, unit: str, line_end: str, flat: bo
     return f"{opening}>{element.text if element.markup else escape_text(element.text)}</{element.tag}>"
 
 
-def insert(file: str, gap: Gap, elements: Iterable[NewElement], *, flat: bool = False) -> Splice:
+def insert(file: str, gap: WritingGap, elements: Iterable[NewElement], *, flat: bool = False) -> Splice:
     """The splice that puts new elements into a gap, in lines of their own where it has them."""
     between = gap.line_end + gap.indent if gap.own_line else b""
     return gap.splice(file, between.join(render(element, gap, flat=flat) for element in elements))

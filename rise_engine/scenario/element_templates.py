@@ -16,7 +16,7 @@ from pathlib import Path
 from msgspec import Struct
 
 from rise_engine.nearest_name import did_you_mean, nearest_name
-from rise_engine.scenario.diagnostics import Diagnostics
+from rise_engine.scenario.diagnostics import Diagnostics, unknown_code
 from rise_engine.scenario.draft import ScenarioDraft
 from rise_engine.scenario.element_reader import ElementReader
 from rise_engine.scenario.graph import find_cycles
@@ -320,7 +320,8 @@ class _TemplateReader(ElementReader):
         elif not self.collection.draft.unreadable_parts:
             known = [*self.collection.templates, *self.collection.library]
             near = did_you_mean(name, sorted(known), limit=0)
-            self.report_value("unknown-template", element, "template", f"there is no template `{name}`{near}")
+            code = unknown_code("unknown-template", name, known)
+            self.report_value(code, element, "template", f"there is no template `{name}`{near}")
 
     def check_arguments(self, element: Element, template: ElementTemplate) -> None:
         required = set(template.required)

@@ -79,8 +79,8 @@ class _SettingsUses:
                 yield self.key_use("key", key, f"condition {name}", "conditions", name, "memory", key)
         allowed = self.table("check").get("allow")
         for index, values in enumerate(allowed if isinstance(allowed, list) else []):
-            if isinstance(values, dict) and isinstance(key := values.get("key"), str) and key:
-                yield self.text_use("key", key, "silenced warning", ("check", "allow", str(index), "key"), key, 0)
+            if isinstance(values, dict) and isinstance(named := values.get("key"), str) and named:
+                yield self.text_use("key", named, "silenced warning", ("check", "allow", str(index), "key"), named, 0)
 
     def table(self, *path: str) -> dict[str, Any]:
         value: Any = self.file.values

@@ -25,6 +25,8 @@ from rise_engine.scenario.failure_checks import check_failures
 from rise_engine.scenario.file_names import DEFAULT_PATHS, LEXICON_FILE, SCENARIO_FILE, TEXTS_FOLDER
 from rise_engine.scenario.find_uses import uses_in_acts, uses_in_rules
 from rise_engine.scenario.find_uses_in_settings import uses_in_memory, uses_in_settings
+from rise_engine.scenario.finding_ends import with_ends
+from rise_engine.scenario.interrupted_save import contents_of_interrupted_save
 from rise_engine.scenario.lexicon import read_lexicon
 from rise_engine.scenario.memo import Memo, Value
 from rise_engine.scenario.memory import read_memory
@@ -144,7 +146,7 @@ class ScenarioLoader:
         self.path = path
         is_file = path.name == SCENARIO_FILE or path.suffix == ".toml"
         self.folder = Path(os.path.abspath(path.parent if is_file else path))  # noqa: PTH100  # keeps symbolic links
-        self.tree = FileTree(self.folder, held)
+        self.tree = FileTree(self.folder, {**contents_of_interrupted_save(self.folder), **(held or {})})
         self.files = FileReader(self.folder, self.diagnostics, self.tree, self.memo)
         self.draft = ScenarioDraft(self.memo.expressions, self.memo.assignments)
         self.file = self.memo.get("no scenario.toml", lambda: TomlFile(SourceFile(SCENARIO_FILE, b"", ""), {}))
@@ -196,6 +198,7 @@ class ScenarioLoader:
             *memory_suppressions(settings.suppressions, draft.memory_key_locations),
         ]
         found, silenced = apply_suppressions(suppressions, diagnostics)
+        found = with_ends(found, {source.name: source for source in self.files.sources})
         uses = Uses(self.find_uses(expanded, number, profile))
         if diagnostics.errors:
             return LoadResult(

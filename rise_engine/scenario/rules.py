@@ -14,7 +14,7 @@ from rise_engine.expression import Expression
 from rise_engine.nearest_name import did_you_mean
 from rise_engine.scenario.blocks import NO_ATTRIBUTES, BlockReader
 from rise_engine.scenario.delays import read_delay
-from rise_engine.scenario.diagnostics import Diagnostics
+from rise_engine.scenario.diagnostics import Diagnostics, unknown_code
 from rise_engine.scenario.draft import ForeignEnd, Mention, ScenarioDraft
 from rise_engine.scenario.graph import component_numbers
 from rise_engine.scenario.model import (
@@ -130,7 +130,7 @@ class _RuleReader(BlockReader):
 
     def report_unknown_state(self, element: Element, attribute: str, name: str, states: dict[str, State]) -> None:
         message = f"there is no state `{name}` in this rule{did_you_mean(name, states)}"
-        self.report_value("unknown-state", element, attribute, message)
+        self.report_value(unknown_code("unknown-state", name, states), element, attribute, message)
 
     def read_priority(self, element: Element) -> float:
         text = element.get("priority")

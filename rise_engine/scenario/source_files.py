@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import re
 from bisect import bisect_right
-from collections.abc import Iterator
 from functools import cached_property
 from itertools import accumulate
 from pathlib import Path
@@ -20,7 +19,6 @@ MAX_TOML_BYTES = 1_000_000
 """The same for settings and robot profiles, which people write by hand."""
 ENCODING_REMEDY = "open it with the encoding it has (often Windows-1252 or Latin-1) and save it as UTF-8"
 _BYTE_ORDER_MARK = b"\xef\xbb\xbf"
-_LINE_END = re.compile(r"\r\n?|\n")
 _CONFLICT = re.compile(r"^(?:<{7}|={7}|>{7})(?=[ \r\n]|\Z)", re.MULTILINE)
 """What git writes into a file whose two versions it could not join."""
 
@@ -36,17 +34,9 @@ class SourceFile:
         """Decoded, without byte order mark."""
         self.encoding = encoding
 
-    def with_text(self, text: str) -> SourceFile:
-        """The same file with a text as long as its own: every offset stands where it did."""
-        other = SourceFile(self.name, self.data, text, self.encoding)
-        other._line_starts = self._line_starts
-        return other
-
     @cached_property
     def _line_starts(self) -> list[int]:
-        """Offsets at which lines begin. As editors have it, lines end with LF, CRLF, or CR alone."""
-        if "\r" in self.text:
-            return [0, *(end.end() for end in _LINE_END.finditer(self.text))]
+        """Offsets at which lines begin. Lines end with LF or CRLF."""
         return [0, *accumulate(len(line) + 1 for line in self.text.split("\n")[:-1])]
 
     def location(self, offset: int) -> SourceLocation:
@@ -71,11 +61,6 @@ class SourceFile:
         """The text of a line, without its end."""
         starts = self._line_starts
         return self.text[starts[number - 1] : starts[number] if number < len(starts) else None].rstrip("\r\n")
-
-    @property
-    def lines(self) -> Iterator[str]:
-        """The texts of all lines, without their ends."""
-        return map(self.line_text, range(1, len(self._line_starts) + 1))
 
 
 class FileReader:

@@ -80,7 +80,7 @@ def read_toml(source: SourceFile, diagnostics: Diagnostics) -> TomlFile | None:
                 return None
             text = repaired
         else:
-            file = TomlFile(source.with_text(text), values)
+            file = TomlFile(source if text is source.text else SourceFile(source.name, source.data, text), values)
             _check_values(file, diagnostics)
             return file
     return None
@@ -119,15 +119,14 @@ def _report_syntax_error(message: str, source: SourceFile, text: str, diagnostic
     if position is None or position.group(1) is None:
         offset = 0 if position is None else end
     else:
-        offset = _offset(source.text, int(position.group(1)), int(position.group(2)))
-    line = source.text.count("\n", 0, offset) + 1
+        offset = source.offset(int(position.group(1)), int(position.group(2)))
     sentence = _AT.sub("", message).strip().rstrip(".")
     if _TWICE.search(sentence) is not None:
-        start = _offset(source.text, line, 1)
+        line = source.location(offset).line
+        at_line = source.line_text(line)
         name, before = _duplicate_key(source, line)
-        location = source.location(start + len(source.text[start:]) - len(source.text[start:].lstrip()))
-        first_line = source.location(_offset(source.text, before, 1)).line if before else 0
-        known = f"; it stands in line {first_line} already" if before else f" ({sentence})"
+        location = source.location(source.offset(line, len(at_line) - len(at_line.lstrip()) + 1))
+        known = f"; it stands in line {before} already" if before else f" ({sentence})"
         diagnostics.error("duplicate-key", location, f"`{name}` is given twice{known}")
         return line
     if first:
@@ -137,15 +136,7 @@ def _report_syntax_error(message: str, source: SourceFile, text: str, diagnostic
         offset = closing if closing >= 0 else offset
         known = typography_problem(source.text, offset)
         diagnostics.error("toml-syntax", source.location(offset), known or f"this is not TOML: {sentence}")
-    return line
-
-
-def _offset(text: str, line: int, column: int) -> int:
-    """Where tomllib stands: for it, a carriage return ends no line."""
-    start = 0
-    for _ in range(line - 1):
-        start = text.find("\n", start) + 1 or len(text)
-    return min(start + column - 1, len(text))
+    return source.location(offset).line
 
 
 def _unclosed_quote(text: str, offset: int) -> int:

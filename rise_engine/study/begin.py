@@ -31,7 +31,7 @@ from rise_engine.study.model import (
 from rise_engine.study.plan import parse_condition, planned_run, runs_of
 from rise_engine.study.sessions import StudySession
 from rise_engine.study.standing import BEGINNABLE, missing_consent, when_text
-from rise_engine.study.state import StudyState
+from rise_engine.study.state import StudyStatus
 
 LANGUAGE = "language"
 """A factor, a stratum or a column of this name says in which language the robot speaks."""
@@ -115,7 +115,7 @@ class SessionPlan(Struct, frozen=True):
         )
 
 
-def plan_session(state: StudyState, request: BeginRequest) -> SessionPlan:
+def plan_session(state: StudyStatus, request: BeginRequest) -> SessionPlan:
     """Decide what the session is.
 
     :param state: the study as it stands, read under the lock by who is going to begin it.
@@ -137,7 +137,7 @@ def _language(run: PlannedRun, participant: Participant | None) -> str:
     return str({**of_person, **run.factors}.get(LANGUAGE, "")).strip()
 
 
-def unfinished_sessions_of(state: StudyState, request: BeginRequest) -> list[StudySession]:
+def unfinished_sessions_of(state: StudyStatus, request: BeginRequest) -> list[StudySession]:
     """The participant's sessions of this purpose (and run) that did not end, the earliest first."""
     return [
         each
@@ -148,12 +148,12 @@ def unfinished_sessions_of(state: StudyState, request: BeginRequest) -> list[Stu
     ]
 
 
-def to_give_up(state: StudyState, request: BeginRequest) -> list[StudySession]:
+def to_give_up(state: StudyStatus, request: BeginRequest) -> list[StudySession]:
     """The sessions that are given up when a new one begins in spite of them. A rehearsal is in nobody's way."""
     return unfinished_sessions_of(state, replace(request, run=0)) if request.purpose == "counted" else []
 
 
-def running_problem(state: StudyState, participant: str) -> str:
+def running_problem(state: StudyStatus, participant: str) -> str:
     """That a session of the study runs, and whose; or empty."""
     running = next((each.entry for each in state.sessions if each.entry.status == "running"), None)
     if running is None:
@@ -164,7 +164,7 @@ def running_problem(state: StudyState, participant: str) -> str:
     return f"{whose} is running (run {running.run}, begun {when_text(running.started)}): end it first"
 
 
-def _plan_counted(state: StudyState, request: BeginRequest) -> SessionPlan:
+def _plan_counted(state: StudyStatus, request: BeginRequest) -> SessionPlan:
     study, name = state.study, request.participant
     problems = list(state.problems)
     participant = _find_participant(state, name, problems)
@@ -209,7 +209,7 @@ def _plan_counted(state: StudyState, request: BeginRequest) -> SessionPlan:
 
 
 def _planned_run(
-    state: StudyState,
+    state: StudyStatus,
     participant: Participant,
     standing: ParticipantStanding,
     request: BeginRequest,
@@ -240,7 +240,7 @@ def _run_count(runs: int) -> str:
     return "every participant has one" if runs == 1 else f"every participant has {runs}"
 
 
-def _find_participant(state: StudyState, name: str, problems: list[str]) -> Participant | None:
+def _find_participant(state: StudyStatus, name: str, problems: list[str]) -> Participant | None:
     known = [each.participant for each in state.participants]
     if not name:
         nexts = f"; the next one is {state.standing.next}" if state.standing.next else ""
@@ -271,7 +271,7 @@ def _hindrance(standing: ParticipantStanding) -> str:
             return f"{name} has done {runs} before, last {when_text(standing.sessions[-1].started)}"
 
 
-def check_problems(state: StudyState, reports: Sequence[CheckReport]) -> list[str]:
+def check_problems(state: StudyStatus, reports: Sequence[CheckReport]) -> list[str]:
     """What must be looked at before a session that counts, and was not, or failed.
 
     :param reports: what came of the checks; the last one of an id counts.
@@ -296,7 +296,7 @@ def check_problems(state: StudyState, reports: Sequence[CheckReport]) -> list[st
     return problems
 
 
-def _plan_rehearsal(state: StudyState, request: BeginRequest) -> SessionPlan:
+def _plan_rehearsal(state: StudyStatus, request: BeginRequest) -> SessionPlan:
     """What does not count takes no row, and runs as the row that the participant would get, or as was asked for."""
     study, name = state.study, request.participant
     problems: list[str] = []
@@ -327,7 +327,7 @@ def _plan_rehearsal(state: StudyState, request: BeginRequest) -> SessionPlan:
 
 
 def _rehearsed_run(
-    state: StudyState, participant: Participant | None, request: BeginRequest, problems: list[str]
+    state: StudyStatus, participant: Participant | None, request: BeginRequest, problems: list[str]
 ) -> PlannedRun | None:
     study = state.study
     if request.condition:
@@ -347,7 +347,7 @@ def _rehearsed_run(
     return runs[number - 1]
 
 
-def _next_run(state: StudyState, participant: str) -> int | None:
+def _next_run(state: StudyStatus, participant: str) -> int | None:
     return next((each.next_run for each in state.standing.participants if each.participant == participant), None)
 
 

@@ -1,7 +1,7 @@
 """The shipped studies, each written in the ways in which files come: for all tests of edits.
 
-`study_files("greeting", "crlf")` are a study's files, `study_state(...)` what an edit is planned on, and `after(...)` what
-has come of edits.
+`study_files("greeting", "crlf")` are a study's files, `study_state(...)` what an edit is planned on, and `after(...)`
+what has come of edits.
 """
 
 from __future__ import annotations
@@ -11,7 +11,9 @@ import unicodedata
 from collections.abc import Callable, Iterable
 from functools import lru_cache
 from pathlib import Path
+from random import Random
 
+from rise_engine.edit.documents import read_document
 from rise_engine.edit.edits import AnyEdit
 from rise_engine.edit.guard import check_guard
 from rise_engine.edit.plan import Files, apply_plan
@@ -73,6 +75,38 @@ def _one_line(file: str, text: str) -> str:
     return re.sub(r"\s*\n\s*", " ", re.sub(r">\s*\n\s*<", "><", text.strip()))
 
 
+def _ragged(file: str, text: str) -> str:
+    """Something else between any two elements: nothing, blanks, line ends of all kinds, comments."""
+    if not file.endswith(".xml"):
+        return text
+    random, data = Random(file), text.encode()
+    gaps: list[tuple[int, int]] = []
+    for node in read_document(data).root.walk():
+        if node.children and node.tag not in ("message", "speak"):
+            starts = [node.inner_start, *(child.end for child in node.children)]
+            ends = [*(child.start for child in node.children), node.inner_end]
+            gaps += zip(starts, ends, strict=True)
+    for start, end in sorted(gaps, reverse=True):
+        if not data[start:end].strip():
+            data = data[:start] + random.choice(_GAPS) + data[end:]
+    return data.decode()
+
+
+_GAPS = (
+    b"",
+    b"",
+    b" ",
+    b"\n",
+    b"\n  ",
+    b"\n\t",
+    b"\r\n    ",
+    b"\n\n  ",
+    b" <!-- a -->\n  ",
+    b"\n  <!-- b\n -->\n  ",
+    b"<!---->",
+)
+
+
 SPELLINGS: dict[str, Callable[[str, str], str]] = {
     "lf": lambda _file, text: text,
     "crlf": _crlf,
@@ -83,6 +117,7 @@ SPELLINGS: dict[str, Callable[[str, str], str]] = {
     "nfd": _nfd,
     "quotes": _quotes,
     "one_line": _one_line,
+    "ragged": _ragged,
 }
 
 

@@ -51,7 +51,8 @@ def test_one_message_is_one_line() -> None:
 
 
 def test_of_a_text_only_what_differs_is_replaced() -> None:
-    text = "<Dialog name='A'><Speech><actionID>1</actionID><message>\n  Gr&#252;n &amp;\r\n  naive.\n</message></Speech></Dialog>"
+    message = "<message>\n  Gr&#252;n &amp;\r\n  naive.\n</message>"
+    text = f"<Dialog name='A'><Speech><actionID>1</actionID>{message}</Speech></Dialog>"
     (splice,) = plan(SetParameter("A", "1", "message", "Grün & naïve."), with_acts(text)).splices
     assert (text.encode()[splice.start : splice.end], splice.data) == (b"i", "ï".encode())
 
@@ -119,7 +120,8 @@ def test_a_new_action_stands_as_the_others_do() -> None:
     study = study_state("lablinking", "crlf")
     edit = AddAction("R_Praise", "Speech", {"message": "Hm"}, wait_for=("4",), after="3")
     there = after(study, edit)
-    new = "\n  <Speech>\n    <actionID>5</actionID>\n    <waitForActions>4</waitForActions>\n    <message>Hm</message>\n  </Speech>\n"
+    parts = "    <actionID>5</actionID>\n    <waitForActions>4</waitForActions>\n    <message>Hm</message>\n"
+    new = f"\n  <Speech>\n{parts}  </Speech>\n"
     assert f"</Animation>\n{new}\n  <Emotion>".replace("\n", "\r\n").encode() in there.files["acts/feedback.xml"]
     assert changed_lines(study.files, there.files) == (6, 0)
 
@@ -219,7 +221,7 @@ def test_acts_are_made_where_they_are_wanted() -> None:
 
 
 def test_a_file_with_one_act_gets_a_wrapper_for_the_second() -> None:
-    text = "<!-- One. -->\n<Dialog name='A'>\n  <Wait>\n    <actionID>1</actionID>\n    <duration>1</duration>\n  </Wait>\n</Dialog>\n"
+    text = "<!-- One. -->\n<Dialog name='A'>\n  <Wait><actionID>1</actionID><duration>1</duration></Wait>\n</Dialog>\n"
     there = acts_after(text, AddAct("B", after="A"))
     assert there == f'<Dialogs>\n{text}\n<Dialog name="B"/>\n</Dialogs>\n'
 
@@ -242,3 +244,23 @@ def test_an_act_that_goes_takes_its_lines() -> None:
     assert after(there, RemoveAct("R_Smile2")).files == study.files
     single = with_acts("<Dialog name='A'/>", "acts/single.xml")
     assert apply_plan(single.files, plan(RemoveAct("A"), single)) == study_files("greeting")
+
+
+def test_translations_go_with_their_texts() -> None:
+    study = study_state("lablinking")
+    german = study.files["texts/de.toml"]
+    there = after(study, RemoveVariant("R_Yes", "2", 0), AddVariant("R_Apology", "2", {"message": "Sorry."}))
+    texts = there.checked.translations["de"]
+    assert [each.code for each in there.checked.errors] == []
+    assert there.files["texts/de.toml"] != german
+    gone = after(there, RemoveAction("R_Apology", "2"), RemoveAct("R_TakeYourTime"))
+    assert "unknown-text" not in {each.code for each in gone.checked.errors}
+    assert texts is not None
+
+
+def test_what_is_still_named_is_said() -> None:
+    study = study_state("greeting")
+    noticed = plan(RemoveAct("R_Nod"), study).noticed
+    assert noticed[0].startswith("`R_Nod` is still named in rule Greeting, state Visitor is here")
+    assert "key n (scenario.toml, line 23)" in noticed[0]
+    assert noticed[1] == "the comment above it in acts/signals.xml stays"

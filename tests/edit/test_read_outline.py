@@ -97,7 +97,9 @@ def test_what_is_wrong_is_shown_as_it_stands() -> None:
             "acts/a.xml": "<Dialogs><Dialog name='A'><Speach><message>Hi</message></Speach></Dialog></Dialogs>",
             "acts/b.xml": "<Dialogs><Dialog name='B'>",
             "acts/c.xml": "<!DOCTYPE x><Dialogs/>",
-            "rules/r.xml": "<InteractionRule name='R'><State><onEntry><function say='A'/></onEntry></State></InteractionRule>",
+            "rules/r.xml": (
+                "<InteractionRule name='R'><State><onEntry><function say='A'/></onEntry></State></InteractionRule>"
+            ),
         }
     )
     assert [action.calls[0].type for action in outline.acts[0].actions] == ["Speach"]
@@ -162,7 +164,8 @@ def test_templates_that_use_each_other_bring_nothing_for_ever() -> None:
 
 def test_branches_stand_inside_their_if_or_behind_it() -> None:
     block = (
-        "<if cond='a'><function assignValue='x = 1'/><elseif cond='b'/></if><else><function assignValue='x = 2'/></else>"
+        "<if cond='a'><function assignValue='x = 1'/><elseif cond='b'/></if>"
+        "<else><function assignValue='x = 2'/></else>"
         "<function assignValue='y = 1'/>"
     )
     state = f"<State id='S'><onEntry>{block}</onEntry></State>"

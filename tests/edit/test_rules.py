@@ -117,7 +117,8 @@ def test_a_way_is_found_again_when_its_number_has_changed() -> None:
 
 
 def test_of_a_way_only_what_is_meant_otherwise_is_written() -> None:
-    states = "  <State id='A'>\n    <transition   eventTopic = 'x'\n                  cond=\"a  =  1\" target='A'/>\n  </State>"
+    way = "<transition   eventTopic = 'x'\n                  cond=\"a  =  1\" target='A'/>"
+    states = f"  <State id='A'>\n    {way}\n  </State>"
     was = TransitionForm(event="/x", condition="a  =  1", target="A")
     same = SetTransition("R", "A", 0, was, TransitionForm(event="x", condition="a  =  1", target="A"))
     assert plan(same, with_rule(states)).splices == ()
@@ -222,9 +223,8 @@ def test_rules_are_made_copied_and_removed() -> None:
 
 def test_functions_are_added_moved_and_removed() -> None:
     added = rule_after('  <State id="A"/>', AddStatement(at((0,)), ASSIGN))
-    assert added == (
-        '  <State id="A">\n    <onEntry>\n      <function assignValue="person_greeted = true"/>\n    </onEntry>\n  </State>'
-    )
+    function = '      <function assignValue="person_greeted = true"/>\n'
+    assert added == f'  <State id="A">\n    <onEntry>\n{function}    </onEntry>\n  </State>'
     assert rule_after(added, RemoveStatement(at((0,)))) == '  <State id="A"/>'
     event = CallForm("raiseEventTopic", "hey", keep="2s")
     two = rule_after(added, AddStatement(at((0,)), event))

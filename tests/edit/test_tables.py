@@ -92,7 +92,7 @@ cells = st.text('ab;,"\n é\t', max_size=4)
     st.data(),
 )
 def test_any_edit_of_any_table(
-    rows: list[list[str]], separator: str, newline: str, quoting: int, data: st.DataObject
+    rows: list[list[str]], separator: str, newline: str, quoting: Literal[0, 1], data: st.DataObject
 ) -> None:
     rows = [["x" + row[0], *row[1:]] for row in rows]
     out = io.StringIO()

@@ -99,6 +99,7 @@ def test_findings_are_json(tmp_path: Path) -> None:
             "code": "unknown-element",
             "message": result.diagnostics[0].message,
             "location": {"file": "rules/r.xml", "line": 3, "column": 10},
+            "end": {"file": "rules/r.xml", "line": 3, "column": 12},
         }
     ]
 

@@ -102,9 +102,9 @@ EXPECTED = """\
 act R_A&B: acts/a.xml:1:25+9! act R_A&B | rules/r.xml:3:98+9 rule R, state S < T, on entry | \
 rules/r.xml:4:119+9 rule R, state U, transition 1 | scenario.toml:3:16+10 key 1 | \
 scenario.toml:8:7+5 settings of the act R_A&B
-action R_A&B/1: acts/a.xml:2:20+1! act R_A&B | acts/a.xml:3:45+1 act R_A&B, action 2
-action R_A&B/2: acts/a.xml:3:17+1! act R_A&B
-action R_A&B/x: acts/a.xml:4:21+1! act R_A&B | acts/a.xml:3:48+1 act R_A&B, action 2
+action R_A&B/1: acts/a.xml:2:20+1! act R_A&B | acts/a.xml:2:174+1 act R_A&B, action 2
+action R_A&B/2: acts/a.xml:2:146+1! act R_A&B
+action R_A&B/x: acts/a.xml:2:249+1! act R_A&B | acts/a.xml:2:177+1 act R_A&B, action 2
 event go: rules/r.xml:4:51+2 rule R, state U, on exit | scenario.toml:6:2+2 key 3
 event go_end: rules/r.xml:2:57+6 rule R, transitions of several states, transition 1
 """

@@ -8,6 +8,7 @@ import pytest
 
 from rise_engine.protocol.session_options import SessionOptions
 from rise_engine.server.preparation import ServeRefused, SessionPreparation
+from rise_engine.study.review import review_study
 from rise_engine.study.state import read_state
 
 from .studies import DESIGN, HEAD, PEOPLE, write_study
@@ -81,3 +82,19 @@ def test_a_language_that_there_is_not_refuses_the_session(tmp_path: Path) -> Non
     with pytest.raises(ServeRefused) as refused:
         language_of(folder, "P02")
     assert "this study is not in the language `fr`; it is in `en`, `de`" in refused.value.report.lines[0]
+
+
+def test_the_study_is_checked_before_the_first_session(tmp_path: Path) -> None:
+    folder = tmp_path / "study"
+    write_study(folder, COLUMN, people().replace("P05,2026-11-06,,,de", "P05,2026-11-06,,,fr"))
+    assert review_study(folder).errors == []  # nothing is translated, so the column is one like any other
+    translate(folder)
+    assert [str(each) for each in review_study(folder).errors] == [
+        "participants.csv:6:1: error unknown-language: the scenario scenario is not in the language `fr`; it is in "
+        "`en`, `de`"
+    ]
+    (folder / "scenario/texts/de.toml").write_text("", "utf-8")
+    assert (
+        "not-translated: sessions in `de` are refused: a text of `Greet` is not translated into `de`: 1"
+        in "\n".join(str(each) for each in review_study(folder).errors)
+    )
