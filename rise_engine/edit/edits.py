@@ -1,8 +1,8 @@
 """What can be changed in a study: one value for each change that a form, a command or a program makes.
 
-Plain data, JSON both ways: `{"edit": "set_parameter", "act": "R_Greeting", "action": "2", ...}` (docs/reference/edits.md).
-Everything is addressed by its name, so that an edit can be made again on files that have changed meanwhile; a way out of
-a state, which has none, by its number in the state and by what it waits for.
+Plain data, JSON both ways: `{"edit": "set_parameter", "act": "R_Greeting", "action": "2", ...}`
+(docs/reference/edits.md). Everything is addressed by its name, so that an edit can be made again on files that have
+changed meanwhile; a way out of a state, which has none, by its number in the state and by what it waits for.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ class Edit(Struct, frozen=True, forbid_unknown_fields=True, tag_field="edit", ta
     """One change. Its subclasses are all that there are (`AnyEdit`)."""
 
 
-# --- what is written in a form -----------------------------------------------------------------------------------------
+# --- what is written in a form --------------------------------------------------------------------------------------
 
 
 class TransitionForm(Struct, frozen=True, forbid_unknown_fields=True):
@@ -99,7 +99,7 @@ class StatementAddress(Struct, frozen=True, forbid_unknown_fields=True):
     path: tuple[int, ...] = ()
 
 
-# --- acts ---------------------------------------------------------------------------------------------------------------
+# --- acts -----------------------------------------------------------------------------------------------------------
 
 
 class AddAct(Edit, frozen=True):
@@ -189,7 +189,7 @@ class RemoveVariant(Edit, frozen=True):
     variant: int
 
 
-# --- rules --------------------------------------------------------------------------------------------------------------
+# --- rules ----------------------------------------------------------------------------------------------------------
 
 
 class AddRule(Edit, frozen=True):
@@ -306,7 +306,7 @@ class SetBranchCondition(Edit, frozen=True):
     condition: str
 
 
-# --- memory, settings, tables, templates --------------------------------------------------------------------------------
+# --- memory, settings, tables, templates ----------------------------------------------------------------------------
 
 
 class SetStartValue(Edit, frozen=True):
@@ -381,7 +381,7 @@ class SetTranslation(Edit, frozen=True):
     value: str | None
 
 
-# --- names and whole files ----------------------------------------------------------------------------------------------
+# --- names and whole files ------------------------------------------------------------------------------------------
 
 
 class Rename(Edit, frozen=True):

@@ -1,7 +1,7 @@
 """A study as it is written: what forms show and edits find their places by.
 
-Unlike `Scenario`, it is there when something is wrong: values are the texts that stand in the file, right or not. What a
-form cannot change is there too, with the reason.
+Unlike `Scenario`, it is there when something is wrong: values are the texts that stand in the file, right or not. What
+a form cannot change is there too, with the reason.
 """
 
 from __future__ import annotations
@@ -27,6 +27,9 @@ class WrittenValue(Struct, frozen=True):
     """What stands in the file for it."""
     reason: str = ""
     """Why a form cannot change it ("a comment stands in it"); empty: it can."""
+    parameter: str = ""
+    """Of what comes from a template: the parameter of the `<use>` at `span` whose value it is, whole and as it stands;
+    `SetUseParameter` changes it. Empty: it is none."""
 
 
 class WrittenCall(Struct, frozen=True):
@@ -67,7 +70,10 @@ class WrittenAct(Struct, frozen=True):
 
 
 class WrittenStatement(Struct, frozen=True):
-    """A function, an `if` with its branches, a `oneOf` with its choices, or a `<use>`."""
+    """A function, an `if` with its branches, a `oneOf` with its choices, or a `<use>`.
+
+    One without `call`, `branches`, `choices` and `template` is no statement that is known; its reason says so.
+    """
 
     span: Span
     line: int
@@ -77,6 +83,11 @@ class WrittenStatement(Struct, frozen=True):
     choices: tuple[WrittenStatement, ...] = ()
     """Of a `oneOf`."""
     reason: str = ""
+    """Why a form cannot change it; empty: it can."""
+    template: str = ""
+    """Of a `<use>`: its template."""
+    brings: tuple[WrittenStatement, ...] = ()
+    """Of a `<use>`: what comes of it. No address leads to these."""
 
 
 class WrittenBranch(Struct, frozen=True):
@@ -84,7 +95,9 @@ class WrittenBranch(Struct, frozen=True):
     """None: `else`."""
     statements: tuple[WrittenStatement, ...]
     span: Span
+    """Of the `if`, `elseif` or `else` that it begins with."""
     line: int
+    reason: str = ""
 
 
 class WrittenTransition(Struct, frozen=True):

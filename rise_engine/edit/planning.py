@@ -1,0 +1,31 @@
+"""From an edit to the stretches of bytes that change: one function for each kind of edit."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from typing import Any, TypeAlias
+
+from rise_engine.edit.edits import Edit
+from rise_engine.edit.plan import EditRefused, Plan
+from rise_engine.edit.study_state import StudyState
+
+Planner: TypeAlias = Callable[[Any, StudyState], Plan]
+"""Plans the edits of one kind. Raises EditRefused for one that cannot be made."""
+
+_OF_MODULES: tuple[Mapping[type[Edit], Planner], ...] = ()
+"""What each module of edits can plan, its `PLANNERS`."""
+PLANNERS: dict[type[Edit], Planner] = {edit: planner for part in _OF_MODULES for edit, planner in part.items()}
+
+
+def plan(edit: Edit, study: StudyState) -> Plan:
+    """What an edit does to the files of a study; nothing is changed.
+
+    :raises EditRefused: it cannot be made; the message says why, and what could be done.
+    """
+    planner = PLANNERS.get(type(edit))
+    if planner is None:
+        raise EditRefused(f"{type(edit).__name__} cannot be planned here")
+    return planner(edit, study)
+
+
+__all__ = ["PLANNERS", "Planner", "StudyState", "plan"]
