@@ -61,8 +61,11 @@ def trigger_words(form: TransitionForm) -> str:
     if form.ended is not None:
         return f"as soon as {form.ended.strip()} has {' or '.join(form.outcomes) or 'ended'}"
     if form.after is not None:
-        held = f" of {one_line(form.held)}" if form.held is not None else ""
-        return f"when {form.after.strip()}{held} have passed"
+        if form.held is not None:
+            return f"when this has been true for {form.after.strip()}: {one_line(form.held)}"
+        return f"when {form.after.strip()} have passed"
+    if form.condition is not None and form.condition.strip() == "true":
+        return "at once"
     return f"as soon as this is true: {one_line(form.condition or '–')}"
 
 

@@ -22,7 +22,14 @@ from rise_engine.edit.edits import (
     StatementForm,
     StatementPlace,
 )
-from rise_engine.edit.outline import WrittenState, WrittenStatement, WrittenTransition
+from rise_engine.edit.outline import (
+    Outline,
+    WrittenRule,
+    WrittenState,
+    WrittenStatement,
+    WrittenTransition,
+    WrittenUse,
+)
 from rise_tui.editing.model.rule_words import (
     ONE_OF,
     branch_words,
@@ -31,7 +38,7 @@ from rise_tui.editing.model.rule_words import (
     trigger_words,
 )
 
-PartKind: TypeAlias = Literal["heading", "call", "if", "branch", "choice", "way", "other", "empty"]
+PartKind: TypeAlias = Literal["heading", "call", "if", "branch", "choice", "way", "other", "empty", "parameter"]
 MOST_LEVELS = 4
 """Blocks within each other that the list shows; what is deeper is changed in the file."""
 
@@ -43,7 +50,7 @@ class PartRow(NamedTuple):
     text: str
     depth: int = 0
     at: StatementAddress | None = None
-    """Of a statement or a branch; of a heading or an empty place, where the first one would stand."""
+    """Of a statement or a branch; of a heading, a way or an empty place, where the first one in it would stand."""
     way: int = -1
     """The number of the way out that the row is, or belongs to."""
     siblings: int = 0
@@ -51,9 +58,9 @@ class PartRow(NamedTuple):
     reason: str = ""
     """Why a form cannot change it."""
     guard: str = ""
-    """Of a way: what must hold besides."""
+    """Of a way: what must hold besides. Of an arm: its condition. Of a parameter: what is to be known of it."""
     target: str | None = None
-    """Of a way: where it leads."""
+    """Of a way: where it leads. Of a parameter: its name."""
     in_arm: bool = False
     """Of a function: it stands in an arm of an `if`."""
     line: int = 0
@@ -64,17 +71,28 @@ class PartRow(NamedTuple):
         """The same for the same thing as long as nothing before it is added or removed."""
         path = ".".join(map(str, self.at.path)) if self.at is not None else ""
         place = self.at.place if self.at is not None else ""
-        return f"{self.kind}:{place}:{self.way}:{path}"
+        return f"{self.kind}:{place}:{self.way}:{path or (self.target if self.kind == 'parameter' else '')}"
 
 
-def state_parts(rule: str, state: WrittenState) -> list[PartRow]:
-    """The list of a state."""
-    rows = [*_block(rule, state, "onEntry", state.on_entry, "WHEN IT IS ENTERED")]
+def state_parts(rule: str, state: WrittenState, use: WrittenUse | None = None) -> list[PartRow]:
+    """The list of a state.
+
+    :param use: the `<use>` that it comes from.
+    """
+    rows = [*_parameters(use)] if use is not None else []
+    rows += [*_block(rule, state, "onEntry", state.on_entry, "WHEN IT IS ENTERED")]
     rows.append(PartRow("heading", "WAYS OUT" if state.transitions else "WAYS OUT   none: here the rule ends", way=-1))
     for number, way in enumerate(state.transitions):
         rows += _way(rule, state, number, way)
     rows += _block(rule, state, "onExit", state.on_exit, "WHEN IT IS LEFT")
     return rows
+
+
+def use_of(outline: Outline, rule: WrittenRule, state: WrittenState) -> WrittenUse | None:
+    """The `<use>` that a state comes from."""
+    if not state.template:
+        return None
+    return next((use for use in outline.uses if (use.file, use.span) == (rule.file, state.span)), None)
 
 
 def add_statement(row: PartRow, statement: StatementForm, *, behind: bool = False) -> AddStatement | None:
@@ -169,6 +187,20 @@ def block_of(state: WrittenState, address: StatementAddress) -> tuple[WrittenSta
     return ways[address.transition].statements if 0 <= address.transition < len(ways) else ()
 
 
+def _parameters(use: WrittenUse) -> Iterator[PartRow]:
+    """What is given to a template, by which its states differ."""
+    yield PartRow(
+        "heading", f"FROM THE TEMPLATE {use.template}", reason="a template's name stands in the file", line=use.line
+    )
+    for name in dict.fromkeys((*use.parameters, *use.values)):
+        value, default = use.values.get(name), use.parameters.get(name)
+        text = f"{name} = {value.text}" if value is not None else f"{name} = {default or '–'}"
+        known = name in use.parameters or not use.parameters
+        note = "" if value is not None else "as the template says" if default is not None else "must be given"
+        reason = (value.reason if value is not None else "") if known else "the template has no such parameter"
+        yield PartRow("parameter", text, 1, reason=reason, guard=note, target=name, line=use.line)
+
+
 def _block(
     rule: str, state: WrittenState, place: StatementPlace, statements: tuple[WrittenStatement, ...], title: str
 ) -> Iterator[PartRow]:
@@ -178,8 +210,7 @@ def _block(
 
 
 def _way(rule: str, state: WrittenState, number: int, way: WrittenTransition) -> Iterator[PartRow]:
-    reason = way.reason or state.reason
-    form = way.form
+    reason, form = way.reason, way.form
     has_trigger = form.event is not None or form.ended is not None or form.after is not None
     guard = one_line(form.condition) if form.condition is not None and has_trigger else ""
     place = StatementAddress(rule, state.id, "transition", number, (0,))
@@ -215,6 +246,9 @@ def _statements(
             yield row._replace(kind="call", text=call_words(statement.call))
         elif statement.branches:
             yield from _branches(statement, row)
+        elif statement.template:
+            yield row._replace(text=f"the template {statement.template} brings")
+            yield from _statements(statement.brings, at, depth + 1, way, why)
         elif statement.choices or not statement.reason:
             yield row._replace(kind="choice", text=ONE_OF)
             if depth <= MOST_LEVELS:
@@ -230,18 +264,21 @@ def _branches(statement: WrittenStatement, row: PartRow) -> Iterator[PartRow]:
     assert row.at is not None
     for number, branch in enumerate(statement.branches):
         at = _with_path(row.at, (*row.at.path, number))
+        reason = row.reason or branch.reason
         text = branch_words(branch, first=number == 0)
         if number == 0:
             yield row._replace(kind="if", text=text, guard=branch.condition or "")
         else:
-            yield row._replace(kind="branch", text=text, at=at, guard=branch.condition or "", line=branch.line)
+            yield row._replace(
+                kind="branch", text=text, at=at, guard=branch.condition or "", reason=reason, line=branch.line
+            )
         if row.depth > MOST_LEVELS:
             yield _too_deep(row)
         elif branch.statements:
-            yield from _statements(branch.statements, at, row.depth + 1, row.way, row.reason, in_arm=True)
+            yield from _statements(branch.statements, at, row.depth + 1, row.way, reason, in_arm=True)
         else:
             empty = _with_path(at, (*at.path, 0))
-            yield PartRow("empty", "nothing yet", row.depth + 1, empty, row.way, reason=row.reason)
+            yield PartRow("empty", "nothing yet", row.depth + 1, empty, row.way, reason=reason)
 
 
 def _too_deep(row: PartRow) -> PartRow:

@@ -161,7 +161,7 @@ def _calls_in(statements: tuple[WrittenStatement, ...]) -> Iterator[CallForm]:
     for statement in statements:
         if statement.call is not None:
             yield statement.call
-        yield from _calls_in(statement.choices)
+        yield from _calls_in((*statement.choices, *statement.brings))
         for branch in statement.branches:
             yield from _calls_in(branch.statements)
 
