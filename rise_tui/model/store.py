@@ -12,6 +12,7 @@ from typing import Any, Literal, TypeAlias, get_args
 
 from msgspec import Struct
 
+from rise_engine.drawing.study_keys import StudyKeys
 from rise_engine.kernel.behaviors import started_rule
 from rise_engine.kernel.records import (
     ActionRecord,
@@ -46,7 +47,7 @@ from rise_engine.protocol.client import (
 from rise_engine.scenario.model import KeyBinding, Scenario
 from rise_engine.scenario.robot_wording import RobotWording
 from rise_tui.model import control
-from rise_tui.model.act_levels import estimate_act_seconds
+from rise_tui.model.act_seconds import estimate_act_seconds
 from rise_tui.model.blocked import BlockedReason, Deed
 from rise_tui.model.expected_inputs import ExpectedInputs, find_expected_inputs
 from rise_tui.model.flash import LATE_SECONDS
@@ -54,7 +55,6 @@ from rise_tui.model.input_lock import CUE_EVENTS, STARTING_FUNCTIONS, InputMode
 from rise_tui.model.log_rows import LogRows
 from rise_tui.model.notice import Notice
 from rise_tui.model.robot_speech import CurrentSentence, SentenceTracker
-from rise_tui.model.study_keys import StudyKeys
 from rise_tui.model.task_messages import completion_message, record_notice
 from rise_tui.model.undo import UndoStack
 from rise_tui.model.unhandled_events import UnhandledEvents
