@@ -11,6 +11,7 @@
       ChecksRefused               The session cannot begin
       ClipboardTooLarge           It does not fit on a clipboard
       DriverError                 No usable driver of that name is installed
+      EditRefused                 An edit that cannot be made
       EndRefused                  This client may not end the session
       EngineGone                  The engine has ended or cannot be reached
         LinkLost                  This connection was cut
@@ -71,6 +72,7 @@
       TaskFileError               A task file with mistakes
       TemplateError               A template that cannot be read
       UnknownActError             There is no such act
+      UnreadableError             A file that cannot be read
       UnusableArgument            Something on the command line cannot be used
       UnusableMemoryError         `--memory` cannot be read
       WebError                    Nothing is served

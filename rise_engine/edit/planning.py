@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from typing import Any, TypeAlias
 
+from rise_engine.edit import acts, parts, templates
 from rise_engine.edit.edits import Edit
 from rise_engine.edit.plan import EditRefused, Plan
 from rise_engine.edit.study_state import StudyState
@@ -12,7 +13,11 @@ from rise_engine.edit.study_state import StudyState
 Planner: TypeAlias = Callable[[Any, StudyState], Plan]
 """Plans the edits of one kind. Raises EditRefused for one that cannot be made."""
 
-_OF_MODULES: tuple[Mapping[type[Edit], Planner], ...] = ()
+_OF_MODULES: tuple[Mapping[type[Edit], Planner], ...] = (
+    acts.PLANNERS,
+    parts.PLANNERS,
+    templates.PLANNERS,
+)
 """What each module of edits can plan, its `PLANNERS`."""
 PLANNERS: dict[type[Edit], Planner] = {edit: planner for part in _OF_MODULES for edit, planner in part.items()}
 

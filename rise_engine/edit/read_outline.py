@@ -142,6 +142,7 @@ def _read_act(shown: Shown, file: str) -> WrittenAct:
         shown.line,
         _from_template(shown),
         shown.template,
+        shown.attribute_parameter("name"),
     )
 
 
@@ -223,6 +224,7 @@ def _read_rule(shown: Shown, file: str) -> WrittenRule:
         shown.line,
         _from_template(shown),
         shown.template,
+        shown.attribute_parameter("name"),
     )
 
 

@@ -142,8 +142,14 @@ class TemplateCollection:
         """The files of the library by the names of their templates."""
         if self._library is None:
             folders = (LIBRARY, self.files.folder / PATTERNS)
-            self._library = {path.stem: path for folder in folders for path in sorted(folder.glob("*.xml"))}
+            self._library = {path.stem: path for folder in folders for path in self._xml_files(folder)}
         return self._library
+
+    def _xml_files(self, folder: Path) -> list[Path]:
+        try:
+            return [folder / name for name in self.files.tree.names(folder) if name.endswith(".xml")]
+        except OSError:
+            return []
 
 
 def pending(templates: dict[str, ElementTemplate]) -> Iterator[ElementTemplate]:

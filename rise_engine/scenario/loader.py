@@ -40,6 +40,7 @@ from rise_engine.scenario.suppressions import (
 from rise_engine.scenario.tables import TABLES_FOLDER, read_tables
 from rise_engine.scenario.toml_locations import TomlFile, read_toml
 from rise_engine.scenario.toml_tables import TomlTable
+from rise_engine.scenario.tree import FileTree, Held
 from rise_engine.scenario.xml import XmlFile, read_xml
 
 
@@ -72,6 +73,7 @@ def load(
     robot: str | None = None,
     mode: str | None = None,
     paths: Mapping[str, str] | None = None,
+    held: Held | None = None,
 ) -> LoadResult:
     """Read and check a scenario.
 
@@ -81,6 +83,8 @@ def load(
         mode: "debug" or "real", instead of what the file says.
         paths: where acts, rules and memory lie, instead of what the file says: paths relative to the folder, by
             `acts`, `rules` and `memory`.
+        held: contents that are read instead of the disk, by the names of their files relative to the folder,
+            `acts/greet.xml`; None: as if the file were not there. Of these files nothing is asked of the disk.
 
     Returns the checked scenario with its warnings, or no scenario and everything that is wrong, each with file, line,
     column and a sentence. Nothing that an author wrote raises an error, nor does a file that cannot be read.
@@ -94,7 +98,7 @@ def load(
     'scenarios/greetings:1:1: error unreadable: there is no such folder'
     """
     with limited_comparisons():
-        return _Loader(Path(path)).load(robot, mode, paths or {})
+        return _Loader(Path(path), held).load(robot, mode, paths or {})
 
 
 def expanded_files(scenario: Scenario) -> list[XmlFile]:
@@ -105,12 +109,13 @@ def expanded_files(scenario: Scenario) -> list[XmlFile]:
 
 
 class _Loader:
-    def __init__(self, path: Path) -> None:
+    def __init__(self, path: Path, held: Held | None = None) -> None:
         self.diagnostics = Diagnostics()
         self.path = path
         is_file = path.name == SCENARIO_FILE or path.suffix == ".toml"
         self.folder = Path(os.path.abspath(path.parent if is_file else path))  # noqa: PTH100  # keeps symbolic links
-        self.files = FileReader(self.folder, self.diagnostics)
+        self.tree = FileTree(self.folder, held)
+        self.files = FileReader(self.folder, self.diagnostics, self.tree)
         self.draft = ScenarioDraft()
         self.file = TomlFile(SourceFile(SCENARIO_FILE, b"", ""), {})
         self.named: dict[str, str] = {}
@@ -119,7 +124,7 @@ class _Loader:
 
     def load(self, robot: str | None, mode: str | None, paths: Mapping[str, str]) -> LoadResult:
         diagnostics, draft = self.diagnostics, self.draft
-        if not self.folder.is_dir():
+        if not self.tree.is_folder(self.folder):
             diagnostics.error("unreadable", SourceLocation(str(self.path)), f"there is no such folder{shipped_hint()}")
             return LoadResult(None, diagnostics.sorted())
         self.read_settings()
@@ -183,7 +188,7 @@ class _Loader:
 
     def read_settings(self) -> None:
         path = self.folder / (self.path.name if self.path.suffix == ".toml" else SCENARIO_FILE)
-        source = self.files.read(path, MAX_TOML_BYTES) if os.path.lexists(path) else None
+        source = self.files.read(path, MAX_TOML_BYTES) if self.tree.exists(path) else None
         file = read_toml(source, self.diagnostics) if source is not None else None
         self.file = file or self.file
 
@@ -206,11 +211,11 @@ class _Loader:
     def read_lexicon(self, language: str, robot: str) -> tuple[LexiconTable, ...]:
         """How words are said; nothing when the folder has no such file."""
         path = self.folder / LEXICON_FILE
-        source = self.files.read(path, MAX_TOML_BYTES) if os.path.lexists(path) else None
+        source = self.files.read(path, MAX_TOML_BYTES) if self.tree.exists(path) else None
         file = read_toml(source, self.diagnostics) if source is not None else None
         if file is None:
             return ()
-        return read_lexicon(file, language, {*robot_names(self.folder), robot}, self.draft, self.diagnostics)
+        return read_lexicon(file, language, {*robot_names(self.folder, self.tree), robot}, self.draft, self.diagnostics)
 
     def read_xml_files(self, kind: str, relative_path: str) -> Iterator[XmlFile]:
         """The XML files of a folder in the order of their names, or the one file that was named."""
@@ -218,9 +223,9 @@ class _Loader:
         if not self.check_exists(kind, path):
             return
         paths = [path]
-        if path.is_dir():
+        if self.tree.is_folder(path):
             try:
-                names = sorted(each.name for each in path.iterdir())
+                names = self.tree.names(path)
             except OSError as error:
                 message = f"this folder cannot be read: {error.strerror or error}"
                 self.diagnostics.error("unreadable", SourceLocation(relative_path), message)
@@ -248,7 +253,7 @@ class _Loader:
     def check_exists(self, kind: str, path: Path) -> bool:
         """Whether a place is there. One that was named must be; the usual ones need not."""
         try:
-            if os.path.lexists(path):  # a link that leads nowhere is there, and cannot be read
+            if self.tree.exists(path):  # a link that leads nowhere is there, and cannot be read
                 return True
         except (OSError, ValueError):  # a name that no file can have
             pass

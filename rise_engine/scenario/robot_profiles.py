@@ -17,6 +17,7 @@ from rise_engine.scenario.model import RobotProfile, SourceLocation
 from rise_engine.scenario.source_files import MAX_TOML_BYTES, FileReader
 from rise_engine.scenario.toml_locations import read_toml
 from rise_engine.scenario.toml_tables import TomlTable
+from rise_engine.scenario.tree import FileTree
 
 ENTRY_POINT_GROUP = "rise.robots"
 """Entry-point group: each entry names a package whose *.toml files are robot profiles."""
@@ -29,11 +30,13 @@ def read_robot(name: str, files: FileReader, location: SourceLocation, *, asked:
 
     On errors, what could be understood.
     """
-    path = find_profile(name, files.folder)
+    path = find_profile(name, files.folder, files.tree)
     if path is None:
         if name != DEFAULT_ROBOT:
             what = f"the robot asked for, `{name}`, does not exist" if asked else f"there is no robot `{name}`"
-            files.diagnostics.error("unknown-robot", location, what + did_you_mean(name, robot_names(files.folder)))
+            files.diagnostics.error(
+                "unknown-robot", location, what + did_you_mean(name, robot_names(files.folder, files.tree))
+            )
         return builtin_robot()
     return read_profile(path, name, files)
 
@@ -61,27 +64,28 @@ def builtin_robot() -> RobotProfile:
     return RobotProfile(DEFAULT_ROBOT, "Generic simulated robot", "simulated", actions)
 
 
-def find_profile(name: str, folder: Path) -> Path | None:
-    """Where the profile called `name` lies, in the documented order."""
+def find_profile(name: str, folder: Path, tree: FileTree | None = None) -> Path | None:
+    """Where the profile called `name` lies, in the documented order. `tree` is what is taken to lie in the folder."""
+    tree = tree or FileTree(folder)
     if not name or "/" in name or "\\" in name or name.startswith("."):
         return None
     for directory in profile_folders(folder):
         path = directory / f"{name}.toml"
-        if path.is_file():
+        if tree.is_file(path):
             return path
     return None
 
 
-def robot_names(folder: Path) -> list[str]:
-    """The names of all profiles that a scenario in `folder` can pick, sorted.
+def robot_names(folder: Path, tree: FileTree | None = None) -> list[str]:
+    """The names of all profiles that a scenario in `folder` can pick, sorted. `tree` is what is taken to lie there.
 
     >>> "pepper" in robot_names(Path("scenarios/greeting"))
     True
     """
-    names = {DEFAULT_ROBOT}
+    names, tree = {DEFAULT_ROBOT}, tree or FileTree(folder)
     for directory in profile_folders(folder):
-        if directory.is_dir():
-            names.update(path.stem for path in directory.glob("*.toml"))
+        if tree.is_folder(directory):
+            names.update(path.removesuffix(".toml") for path in tree.names(directory) if path.endswith(".toml"))
     return sorted(names)
 
 

@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import os
 import re
-import stat
 from bisect import bisect_right
 from functools import cached_property
 from itertools import accumulate
@@ -12,6 +10,7 @@ from pathlib import Path
 
 from rise_engine.scenario.diagnostics import Diagnostics
 from rise_engine.scenario.model import SourceLocation
+from rise_engine.scenario.tree import FileTree, UnreadableError
 
 MAX_BYTES = 10_000_000
 """Larger files are refused before anything looks into them."""
@@ -59,9 +58,15 @@ class SourceFile:
 class FileReader:
     """Reads files and remembers what was read, so that a scenario can be identified by its content."""
 
-    def __init__(self, folder: Path, diagnostics: Diagnostics) -> None:
+    def __init__(self, folder: Path, diagnostics: Diagnostics, tree: FileTree | None = None) -> None:
+        """
+        :param folder: the scenario's folder.
+        :param diagnostics: where findings go.
+        :param tree: what lies in the folder; None: what lies there on the disk.
+        """
         self.folder = folder
         self.diagnostics = diagnostics
+        self.tree = tree or FileTree(folder)
         self.sources: list[SourceFile] = []
 
     def display_name(self, path: Path) -> str:
@@ -79,20 +84,9 @@ class FileReader:
         name = self.display_name(path)
         location = SourceLocation(name)
         try:
-            status = path.stat()
-            if not stat.S_ISREG(status.st_mode):  # a pipe would keep us waiting for ever
-                kind = "a folder" if stat.S_ISDIR(status.st_mode) else "no regular file"
-                self.diagnostics.error("unreadable", location, f"this is {kind}; a file must stand here")
-                return None
-            if status.st_size > most:
-                self.diagnostics.error("too-large", location, f"this file is larger than {most // 1_000_000} MB")
-                return None
-            data = path.read_bytes()
-        except OSError as error:
-            reason = f"this file cannot be read: {error.strerror or error}"
-            if isinstance(error, FileNotFoundError) and path.is_symlink():
-                reason = f"this link leads nowhere: there is no `{os.readlink(path)}`"  # noqa: PTH115  # as written
-            self.diagnostics.error("unreadable", location, reason)
+            data = self.tree.read(path, most)
+        except UnreadableError as error:
+            self.diagnostics.error(error.code, location, str(error))
             return None
         text = decode_text(name, data, self.diagnostics, encoding, remedy)
         if text is None:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any, get_args
@@ -56,7 +55,7 @@ class TableSettings:
 
 def read_table_settings(path: Path, files: FileReader, diagnostics: Diagnostics) -> TableSettings:
     """The settings in that file, if there is one. On errors, what could be understood."""
-    source = files.read(path, MAX_TOML_BYTES) if os.path.lexists(path) else None
+    source = files.read(path, MAX_TOML_BYTES) if files.tree.exists(path) else None
     file = read_toml(source, diagnostics) if source is not None else None
     if file is None:
         file = TomlFile(SourceFile(files.display_name(path), b"", ""), {})

@@ -28,7 +28,7 @@ def read_tables(files: FileReader, draft: ScenarioDraft, diagnostics: Diagnostic
     """Read every table of a scenario into `draft`, in the order of their names."""
     folder = files.folder / TABLES_FOLDER
     try:
-        paths = sorted(path for path in folder.iterdir() if not path.name.startswith("."))
+        paths = [folder / name for name in files.tree.names(folder) if not name.startswith(".")]
     except (FileNotFoundError, NotADirectoryError):
         return
     except OSError as error:

@@ -25,7 +25,7 @@ class Use(Struct, frozen=True):
     defines: bool
     """Whether this is what is called so (a start value of a key counts), and not only names it."""
     where: str
-    """For a list, without the name: "rule Table setting, state Start, on entry", "key 2", "act R_Yes, action 3: message"."""
+    """For a list, without the name: "rule Table setting, state Start, on entry", "key 2", "act R_Yes, action 3"."""
     of: str = ""
     """The act or rule in which it stands, as a name alone; empty: elsewhere."""
 
