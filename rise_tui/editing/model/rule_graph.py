@@ -8,6 +8,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import NamedTuple
 
+from rise_engine.drawing.state_graph import GraphLayout, GraphRow, edge_path, lay_out_graph
 from rise_engine.edit.outline import WrittenRule, WrittenTransition
 from rise_engine.expression import Expression
 from rise_engine.expression.nodes import Literal as LiteralNode
@@ -16,7 +17,6 @@ from rise_engine.scenario.durations import parse_time
 from rise_engine.scenario.model import Delay, Rule, State, Transition, normal_topic
 from rise_tui.editing.model.rule_words import one_line
 from rise_tui.model.state_drawing import GraphPosition, draw_state_graph
-from rise_tui.model.state_graph import GraphLayout, GraphRow, edge_path, lay_out_graph
 from rise_tui.rendering.text import ListRow, StyledLine, StyledSpan, TextRole, crop
 
 MARGIN = 2

@@ -12,6 +12,7 @@ from textual.binding import Binding, BindingType
 from textual.containers import Vertical
 from textual.message import Message
 
+from rise_engine.drawing.state_graph import GraphLayout
 from rise_engine.edit.edits import (
     AddStatement,
     AnyEdit,
@@ -52,7 +53,6 @@ from rise_tui.editing.model.study_names import StudyNames
 from rise_tui.editing.model.transition_draft import TransitionDraft, why_not_editable
 from rise_tui.editing.rules.form_panel import FormPanel
 from rise_tui.editing.rules.rule_lists import PartList, RuleGraphList
-from rise_tui.model.state_graph import GraphLayout
 from rise_tui.rendering.text import ListRow, StyledLine, StyledSpan, align_at_both_ends, crop
 from rise_tui.widgets.row_list import RowView
 from rise_tui.widgets.static_lines import StaticLines
