@@ -59,13 +59,14 @@ class TransitionRuleForm(RuleForm):
     @property
     def fields(self) -> tuple[FormField, ...]:
         draft = self.draft
-        triggers = tuple((each, f"{TRIGGER_WORDS[each][0]}: {TRIGGER_WORDS[each][1]}") for each in TRIGGERS)
+        triggers = tuple((each, TRIGGER_WORDS[each]) for each in TRIGGERS)
         guard = "" if draft.trigger == "condition" else "at that moment"
+        empty = "step = 2, or a memory key that is true" if draft.trigger == "condition" else "–"
         condition = "this is true" if draft.trigger == "condition" else "but only if"
         every = {
             "trigger": FormField("trigger", "as soon as", draft.trigger, "choice", triggers),
-            "event": FormField("event", "event", draft.event, has_list=True),
-            "act": FormField("act", "act", draft.act, has_list=True),
+            "event": FormField("event", "event", draft.event, placeholder="its name; F2 lists them", has_list=True),
+            "act": FormField("act", "act", draft.act, placeholder="one that this rule has started", has_list=True),
             "outcomes": FormField(
                 "outcomes",
                 "has",
@@ -79,7 +80,7 @@ class TransitionRuleForm(RuleForm):
                 "held", "while", draft.held, behind="true all that time", placeholder="–", notes=3, has_list=True
             ),
             "condition": FormField(
-                "condition", condition, draft.condition, behind=guard, placeholder="–", notes=3, has_list=True
+                "condition", condition, draft.condition, behind=guard, placeholder=empty, notes=3, has_list=True
             ),
             "target": FormField("target", "go to", draft.target, placeholder="stays in this state", has_list=True),
         }

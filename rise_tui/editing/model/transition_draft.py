@@ -30,13 +30,13 @@ Trigger: TypeAlias = Literal["event", "ended", "condition", "after"]
 TransitionField: TypeAlias = Literal["trigger", "event", "act", "outcomes", "time", "held", "condition", "target"]
 
 TRIGGERS: tuple[Trigger, ...] = ("event", "condition", "after", "ended")
-TRIGGER_WORDS: dict[Trigger, tuple[str, str]] = {
-    "event": ("this happens", "an event"),
-    "condition": ("this is true", "a condition"),
-    "after": ("this much time has passed", "500ms, 2s, 1.5min"),
-    "ended": ("this act has ended", "one that this rule has started"),
+TRIGGER_WORDS: dict[Trigger, str] = {
+    "event": "this happens",
+    "condition": "this is true",
+    "after": "this much time has passed",
+    "ended": "this act has ended",
 }
-"""Behind "as soon as": each trigger, and what is written for it."""
+"""What stands behind "as soon as"."""
 FIELDS: dict[Trigger, tuple[TransitionField, ...]] = {
     "event": ("trigger", "event", "condition", "target"),
     "condition": ("trigger", "condition", "target"),

@@ -12,7 +12,6 @@ from textual.binding import Binding, BindingType
 from textual.containers import Horizontal, Vertical
 from textual.message import Message
 from textual.suggester import Suggester
-from textual.widget import Widget
 from textual.widgets import Input
 
 from rise_tui.editing.model.condition_reading import FieldNote, NoteLevel
@@ -21,7 +20,7 @@ from rise_tui.rendering.text import StyledLine, StyledSpan, TextRole, crop, line
 from rise_tui.widgets.memory_editor import TextField
 from rise_tui.widgets.static_lines import StaticLines
 
-LABEL_WIDTH = 14
+LABEL_WIDTH = 15
 """Cells of a field's name, with the blanks around it."""
 NOTE_MARKS: dict[NoteLevel, StyledSpan] = {"error": ("✗ ", "fault"), "warning": ("▲ ", "wait"), "info": ("", "muted")}
 NOTE_ROLES: dict[NoteLevel, TextRole] = {"error": "fault", "warning": "wait", "info": "muted"}
@@ -52,8 +51,8 @@ class EndingSuggester(Suggester):
         return value + ending if ending else None
 
 
-class FieldControl(Widget):
-    """What a field is changed with."""
+class FieldControl:
+    """What a field asks of its form."""
 
     @dataclass
     class ChangeField(Message):
@@ -61,6 +60,12 @@ class FieldControl(Widget):
 
         field: str
         value: str
+
+    @dataclass
+    class GoOn(Message):
+        """To the next field, or the one before."""
+
+        step: int
 
     @dataclass
     class ListNames(Message):
@@ -78,8 +83,8 @@ class WrittenField(TextField):
     """
     BINDINGS: ClassVar[list[BindingType]] = [
         Binding("f2", "list", show=False),
-        Binding("down", "app.focus_next", show=False),
-        Binding("up", "app.focus_previous", show=False),
+        Binding("tab,down", "go_on(1)", show=False),
+        Binding("shift+tab,up", "go_on(-1)", show=False),
     ]
 
     def __init__(self, field: FormField, ending: Callable[[str], str]) -> None:
@@ -87,6 +92,9 @@ class WrittenField(TextField):
             field.value, placeholder=field.placeholder, select_on_focus=False, suggester=EndingSuggester(ending)
         )
         self.field_name = field.name
+
+    def action_go_on(self, step: int) -> None:
+        self.post_message(FieldControl.GoOn(step))
 
     def action_list(self) -> None:
         self.post_message(FieldControl.ListNames(self.field_name))
@@ -112,8 +120,8 @@ class OptionField(StaticLines, can_focus=True):
         Binding("left", "step(-1)", show=False),
         Binding("right", "step(1)", show=False),
         Binding("space", "tick", show=False),
-        Binding("down", "app.focus_next", show=False),
-        Binding("up", "app.focus_previous", show=False),
+        Binding("tab,down", "go_on(1)", show=False),
+        Binding("shift+tab,up", "go_on(-1)", show=False),
     ]
 
     def __init__(self, field: FormField) -> None:
@@ -140,6 +148,9 @@ class OptionField(StaticLines, can_focus=True):
         lines = option_lines(self._field, self._ticked, self._at if self.has_focus else -1, width)
         self.styles.height = len(lines)
         self.show(*lines)
+
+    def action_go_on(self, step: int) -> None:
+        self.post_message(FieldControl.GoOn(step))
 
     def action_step(self, step: int) -> None:
         count = len(self._field.options)
@@ -204,10 +215,10 @@ class FieldRow(Vertical):
     DEFAULT_CSS = """
     FieldRow { height: auto; }
     FieldRow .line { height: auto; }
-    FieldRow .label { width: 14; }
+    FieldRow .label { width: 15; }
     FieldRow .mark { width: 2; }
     FieldRow .behind { width: auto; }
-    FieldRow .notes { height: 0; margin: 0 0 0 16; }
+    FieldRow .notes { height: 0; margin: 0 0 0 17; }
     """
 
     def __init__(self, field: FormField, ending: Callable[[str], str]) -> None:

@@ -34,8 +34,6 @@ class FormPanel(Vertical):
     BINDINGS: ClassVar[list[BindingType]] = [
         Binding("escape", "leave", show=False),
         Binding("enter", "finish", show=False),
-        Binding("tab", "app.focus_next", show=False),
-        Binding("shift+tab", "app.focus_previous", show=False),
         Binding("f5", "extra", show=False),
     ]
 
@@ -141,6 +139,14 @@ class FormPanel(Vertical):
             min(len(before), len(after)),
         )
         await self._make_rows(kept)
+
+    @on(FieldControl.GoOn)
+    def _go_on(self, event: FieldControl.GoOn) -> None:
+        """The fields are a ring: nothing but esc and enter leads out of the form."""
+        event.stop()
+        rows = self.rows
+        at = next((index for index, row in enumerate(rows) if row.is_focused), 0)
+        rows[(at + event.step) % len(rows)].control.focus()
 
     @on(FieldControl.ListNames)
     def _list_names(self, event: FieldControl.ListNames) -> None:

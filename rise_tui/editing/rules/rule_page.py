@@ -127,6 +127,8 @@ class RulePage(Vertical):
         self._findings = NO_FINDINGS
         self.heading, self.state_heading = StaticLines(id="rule-heading"), StaticLines(id="state-heading")
         self.graph, self.parts, self.panel = RuleGraphList(id="rule-graph-list"), PartList(), FormPanel()
+        self._opened_from: RowView = self.graph
+        """The list from which the form was opened."""
 
     def compose(self) -> ComposeResult:
         yield self.heading
@@ -161,7 +163,9 @@ class RulePage(Vertical):
     def redraw(self) -> None:
         """Show the rule as it is now."""
         rule, width = self.rule, self.graph.row_width
-        if rule is None or width <= 0:
+        if width <= 0:
+            return
+        if rule is None:
             self.graph.show(
                 [ListRow("", ((" this rule is not there any more; esc leaves", "muted"),), selectable=False)]
             )
@@ -326,6 +330,8 @@ class RulePage(Vertical):
         )
 
     async def _open(self, form: RuleForm, focus: str = "") -> None:
+        if not self.panel.is_open:
+            self._opened_from = self.parts if self.parts.has_focus else self.graph
         self.add_class("-form")
         await self.panel.open(form, focus)
 
@@ -333,7 +339,7 @@ class RulePage(Vertical):
         """Back to the list, or the graph, where the form was opened."""
         self.panel.close()
         self.remove_class("-form")
-        self.graph.focus()
+        self._opened_from.focus()
 
     async def action_add(self) -> None:
         await self._add(behind=False)
