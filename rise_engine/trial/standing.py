@@ -1,4 +1,4 @@
-"""How a trial stands: where each rule is, what each way out of it waits for, what the keys would do, and what counts."""
+"""How a trial stands: where each rule is, what its ways out wait for, what the keys would do, and what counts."""
 
 from __future__ import annotations
 
