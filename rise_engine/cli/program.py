@@ -26,6 +26,7 @@ _COMMANDS = {
     "lsl": "rise_engine.cli.lsl",
     "agree": "rise_engine.cli.agree",
     "export": "rise_engine.cli.export",
+    "graph": "rise_engine.cli.graph",
     "media": "rise_engine.cli.media",
     "redact": "rise_engine.cli.redact",
     "reproduce": "rise_engine.cli.reproduce",

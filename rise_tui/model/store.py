@@ -12,6 +12,7 @@ from typing import Any, Literal, TypeAlias, get_args
 
 from msgspec import Struct
 
+from rise_engine.drawing.act_seconds import estimate_act_seconds
 from rise_engine.drawing.study_keys import StudyKeys
 from rise_engine.kernel.behaviors import started_rule
 from rise_engine.kernel.records import (
@@ -47,7 +48,6 @@ from rise_engine.protocol.client import (
 from rise_engine.scenario.model import KeyBinding, Scenario
 from rise_engine.scenario.robot_wording import RobotWording
 from rise_tui.model import control
-from rise_tui.model.act_seconds import estimate_act_seconds
 from rise_tui.model.blocked import BlockedReason, Deed
 from rise_tui.model.expected_inputs import ExpectedInputs, find_expected_inputs
 from rise_tui.model.flash import LATE_SECONDS
