@@ -34,7 +34,7 @@ class FieldNote(NamedTuple):
     text: str
 
 
-class ConditionReading(NamedTuple):
+class TypedCondition(NamedTuple):
     """What a text means as a condition."""
 
     text: str
@@ -63,7 +63,7 @@ class ConditionReading(NamedTuple):
         return Expression.parse(readable) if readable else None
 
 
-def read_condition(text: str, names: StudyNames, *, memory: Mapping[str, Json] | None = None) -> ConditionReading:
+def read_condition(text: str, names: StudyNames, *, memory: Mapping[str, Json] | None = None) -> TypedCondition:
     """How a condition is read.
 
     :param memory: the values to look at; without it, those of the start.
@@ -76,12 +76,12 @@ def read_condition(text: str, names: StudyNames, *, memory: Mapping[str, Json] |
         problem = f"{error.message}; {error.hint}" if error.hint else error.message
         beginning = _readable_beginning(text) if text else None
         if beginning is None:
-            return ConditionReading(text, problem, error.column)
+            return TypedCondition(text, problem, error.column)
         values, holds, why = _evaluate(beginning, memory)
-        return ConditionReading(text, problem, error.column, beginning.with_all_brackets, "", values, holds, why)
+        return TypedCondition(text, problem, error.column, beginning.with_all_brackets, "", values, holds, why)
     values, holds, why = _evaluate(expression, memory)
     explicit = expression.with_all_brackets
-    return ConditionReading(
+    return TypedCondition(
         text,
         explicit=explicit if _without_blanks(explicit) != _without_blanks(text) else "",
         values=values,
@@ -92,7 +92,7 @@ def read_condition(text: str, names: StudyNames, *, memory: Mapping[str, Json] |
     )
 
 
-def reading_notes(reading: ConditionReading, basis: str = "at the start") -> list[FieldNote]:
+def reading_notes(reading: TypedCondition, basis: str = "at the start") -> list[FieldNote]:
     """The lines below a condition's field, the most important first.
 
     :param basis: of when the values are, in words.
@@ -148,7 +148,7 @@ def values_text(expression: Expression, memory: Mapping[str, Json]) -> str:
     return _evaluate(expression, memory)[0]
 
 
-def _truth_text(reading: ConditionReading, basis: str) -> str:
+def _truth_text(reading: TypedCondition, basis: str) -> str:
     if reading.holds is None:
         return reading.why_unknown
     truth = "true" if reading.holds else "false"

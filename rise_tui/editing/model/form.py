@@ -15,7 +15,7 @@ from rise_tui.editing.model.study_names import NameChoice
 FieldKind: TypeAlias = Literal["text", "choice", "ticks"]
 
 
-class FormField(NamedTuple):
+class RuleField(NamedTuple):
     """One field, as it is shown."""
 
     name: str
@@ -41,7 +41,7 @@ class RuleForm:
 
     @property
     @abstractmethod
-    def fields(self) -> tuple[FormField, ...]:
+    def fields(self) -> tuple[RuleField, ...]:
         """The fields, in their order."""
 
     @abstractmethod

@@ -17,7 +17,7 @@ from rise_engine.edit.outline import WrittenRule, WrittenUse
 from rise_engine.nearest_name import did_you_mean
 from rise_engine.scenario.keys import KeyRefusedError, bindable_key_name
 from rise_tui.editing.model.condition_reading import FieldNote
-from rise_tui.editing.model.form import FormField, RuleForm
+from rise_tui.editing.model.form import RuleField, RuleForm
 from rise_tui.editing.model.study_names import StudyNames
 
 
@@ -34,10 +34,10 @@ class TemplateValueForm(RuleForm):
         return f"the template {self.use.template}, used in line {self.use.line}"
 
     @property
-    def fields(self) -> tuple[FormField, ...]:
+    def fields(self) -> tuple[RuleField, ...]:
         default = self.use.parameters.get(self.parameter)
         placeholder = f"as the template says: {default}" if default else ""
-        return (FormField("value", self.parameter, self.value, placeholder=placeholder, notes=2),)
+        return (RuleField("value", self.parameter, self.value, placeholder=placeholder, notes=2),)
 
     def with_value(self, field: str, value: str) -> TemplateValueForm:
         return replace(self, value=value)
@@ -75,8 +75,8 @@ class NameForm(RuleForm):
         return words[self.purpose] or f"the rule {self.rule.name}: another name"
 
     @property
-    def fields(self) -> tuple[FormField, ...]:
-        return (FormField("name", "name", self.name),)
+    def fields(self) -> tuple[RuleField, ...]:
+        return (RuleField("name", "name", self.name),)
 
     def with_value(self, field: str, value: str) -> NameForm:
         return replace(self, name=value)
@@ -126,10 +126,10 @@ class EventKeyForm(RuleForm):
         return f"a key that raises /{self.event}"
 
     @property
-    def fields(self) -> tuple[FormField, ...]:
+    def fields(self) -> tuple[RuleField, ...]:
         return (
-            FormField("key", "key", self.key, placeholder="a letter, a digit, F5"),
-            FormField("label", "means", self.label, placeholder="what the wizard reads beside it; may stay empty"),
+            RuleField("key", "key", self.key, placeholder="a letter, a digit, F5"),
+            RuleField("label", "means", self.label, placeholder="what the wizard reads beside it; may stay empty"),
         )
 
     def with_value(self, field: str, value: str) -> EventKeyForm:

@@ -23,7 +23,7 @@ from rise_engine.scenario.blocks import FUNCTIONS
 from rise_engine.scenario.model import normal_topic
 from rise_tui.editing.model.call_draft import CallDraft, call_notes, choices_for, is_changed
 from rise_tui.editing.model.condition_reading import FieldNote, read_condition, reading_notes, suggest_ending
-from rise_tui.editing.model.form import FormField, RuleForm, complete_name
+from rise_tui.editing.model.form import RuleField, RuleForm, complete_name
 from rise_tui.editing.model.rule_words import FUNCTION_WORDS
 from rise_tui.editing.model.study_names import NameChoice, StudyNames, acts_started_by
 from rise_tui.editing.model.transition_draft import (
@@ -57,17 +57,17 @@ class TransitionRuleForm(RuleForm):
         return f"{self.state}: {which}"
 
     @property
-    def fields(self) -> tuple[FormField, ...]:
+    def fields(self) -> tuple[RuleField, ...]:
         draft = self.draft
         triggers = tuple((each, TRIGGER_WORDS[each]) for each in TRIGGERS)
         guard = "" if draft.trigger == "condition" else "at that moment"
         empty = "step = 2, or a memory key that is true" if draft.trigger == "condition" else "–"
         condition = "this is true" if draft.trigger == "condition" else "but only if"
         every = {
-            "trigger": FormField("trigger", "as soon as", draft.trigger, "choice", triggers),
-            "event": FormField("event", "event", draft.event, placeholder="its name; F2 lists them", has_list=True),
-            "act": FormField("act", "act", draft.act, placeholder="one that this rule has started", has_list=True),
-            "outcomes": FormField(
+            "trigger": RuleField("trigger", "as soon as", draft.trigger, "choice", triggers),
+            "event": RuleField("event", "event", draft.event, placeholder="its name; F2 lists them", has_list=True),
+            "act": RuleField("act", "act", draft.act, placeholder="one that this rule has started", has_list=True),
+            "outcomes": RuleField(
                 "outcomes",
                 "has",
                 " ".join(draft.outcomes),
@@ -75,14 +75,14 @@ class TransitionRuleForm(RuleForm):
                 tuple((each, each) for each in OUTCOMES),
                 "" if draft.outcomes else "none ticked: however it ends",
             ),
-            "time": FormField("time", "time", draft.time, placeholder="500ms, 2s, 1.5min", has_list=False),
-            "held": FormField(
+            "time": RuleField("time", "time", draft.time, placeholder="500ms, 2s, 1.5min", has_list=False),
+            "held": RuleField(
                 "held", "while", draft.held, behind="true all that time", placeholder="–", notes=3, has_list=True
             ),
-            "condition": FormField(
+            "condition": RuleField(
                 "condition", condition, draft.condition, behind=guard, placeholder=empty, notes=3, has_list=True
             ),
-            "target": FormField("target", "go to", draft.target, placeholder="stays in this state", has_list=True),
+            "target": RuleField("target", "go to", draft.target, placeholder="stays in this state", has_list=True),
         }
         return tuple(every[field] for field in draft.fields)
 
@@ -146,25 +146,25 @@ class CallRuleForm(RuleForm):
         return f"{self.at.state}: {'a function' if self.was is not None else 'something more to do'}"
 
     @property
-    def fields(self) -> tuple[FormField, ...]:
+    def fields(self) -> tuple[RuleField, ...]:
         draft = self.draft
         words = tuple((name, FUNCTION_WORDS[name]) for name in FUNCTIONS)
         every = {
-            "function": FormField("function", "do", draft.function, "choice", words),
-            "act": FormField("act", "act", draft.act, has_list=True),
-            "rule": FormField("rule", "rule", draft.rule, has_list=True),
-            "state": FormField("state", "in state", draft.state, placeholder="its first state", has_list=True),
-            "enter": FormField(
+            "function": RuleField("function", "do", draft.function, "choice", words),
+            "act": RuleField("act", "act", draft.act, has_list=True),
+            "rule": RuleField("rule", "rule", draft.rule, has_list=True),
+            "state": RuleField("state", "in state", draft.state, placeholder="its first state", has_list=True),
+            "enter": RuleField(
                 "enter",
                 "on entry",
                 "yes" if draft.enter else "no",
                 "choice",
                 (("yes", "is done"), ("no", "is left out")),
             ),
-            "event": FormField("event", "event", draft.event, has_list=True),
-            "keep": FormField("keep", "kept for", draft.keep, placeholder="not at all; or 500ms, 2s, 3min"),
-            "key": FormField("key", "key", draft.key, has_list=True),
-            "value": FormField(
+            "event": RuleField("event", "event", draft.event, has_list=True),
+            "keep": RuleField("keep", "kept for", draft.keep, placeholder="not at all; or 500ms, 2s, 3min"),
+            "key": RuleField("key", "key", draft.key, has_list=True),
+            "value": RuleField(
                 "value", "becomes", draft.value, placeholder="2, true, 'a text', step + 1", notes=2, has_list=True
             ),
         }
@@ -217,11 +217,11 @@ class ConditionRuleForm(RuleForm):
         return f"{self.at.state}: {words[self.use]}"
 
     @property
-    def fields(self) -> tuple[FormField, ...]:
+    def fields(self) -> tuple[RuleField, ...]:
         is_arm = self.use == "otherwise"
         placeholder = "empty: in every other case" if is_arm and self.can_be_else else ""
         label = "but if" if is_arm else "only if"
-        return (FormField("condition", label, self.condition, placeholder=placeholder, notes=3, has_list=True),)
+        return (RuleField("condition", label, self.condition, placeholder=placeholder, notes=3, has_list=True),)
 
     def with_value(self, field: str, value: str) -> ConditionRuleForm:
         return replace(self, condition=value)

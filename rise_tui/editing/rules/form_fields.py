@@ -15,7 +15,7 @@ from textual.suggester import Suggester
 from textual.widgets import Input
 
 from rise_tui.editing.model.condition_reading import FieldNote, NoteLevel
-from rise_tui.editing.model.form import FormField
+from rise_tui.editing.model.form import RuleField
 from rise_tui.rendering.text import StyledLine, StyledSpan, TextRole, crop, line_width, wrap
 from rise_tui.widgets.memory_editor import TextField
 from rise_tui.widgets.static_lines import StaticLines
@@ -87,7 +87,7 @@ class WrittenField(TextField):
         Binding("shift+tab,up", "go_on(-1)", show=False),
     ]
 
-    def __init__(self, field: FormField, ending: Callable[[str], str]) -> None:
+    def __init__(self, field: RuleField, ending: Callable[[str], str]) -> None:
         super().__init__(
             field.value, placeholder=field.placeholder, select_on_focus=False, suggester=EndingSuggester(ending)
         )
@@ -124,7 +124,7 @@ class OptionField(StaticLines, can_focus=True):
         Binding("shift+tab,up", "go_on(-1)", show=False),
     ]
 
-    def __init__(self, field: FormField) -> None:
+    def __init__(self, field: RuleField) -> None:
         super().__init__()
         self._field = field
         self.field_name = field.name
@@ -132,7 +132,7 @@ class OptionField(StaticLines, can_focus=True):
         if field.kind == "choice":
             self._at = next((index for index, (word, _) in enumerate(field.options) if word == field.value), 0)
 
-    def update_field(self, field: FormField) -> None:
+    def update_field(self, field: RuleField) -> None:
         """The same field with another value."""
         self._field = field
         self.draw()
@@ -182,7 +182,7 @@ class OptionField(StaticLines, can_focus=True):
         self.draw()
 
 
-def option_lines(field: FormField, ticked: list[str], at: int, width: int) -> list[StyledLine]:
+def option_lines(field: RuleField, ticked: list[str], at: int, width: int) -> list[StyledLine]:
     """The words, as many beside each other as there is room for, all columns alike.
 
     :param at: the one that the keys are at; -1: they are elsewhere.
@@ -221,7 +221,7 @@ class FieldRow(Vertical):
     FieldRow .notes { height: 0; margin: 0 0 0 17; }
     """
 
-    def __init__(self, field: FormField, ending: Callable[[str], str]) -> None:
+    def __init__(self, field: RuleField, ending: Callable[[str], str]) -> None:
         super().__init__()
         self.field = field
         self._notes: list[FieldNote] = []
@@ -251,7 +251,7 @@ class FieldRow(Vertical):
     def is_focused(self) -> bool:
         return self.control.has_focus
 
-    def update_row(self, field: FormField, notes: list[FieldNote]) -> None:
+    def update_row(self, field: RuleField, notes: list[FieldNote]) -> None:
         """The same field with what has become of it; what is typed is left alone."""
         self.field, self._notes = field, notes
         if isinstance(self.control, OptionField):
