@@ -139,9 +139,9 @@ class Trial:
 
     # --- what can be done -----------------------------------------------------------------------------------------
 
-    def press(self, key: KeyBinding) -> TrialStep:
-        """Press a key of the study."""
-        return self.submit(Submit(function=key.function, behavior=key.task_behavior, source=SOURCE), key.label)
+    def press(self, key: KeyBinding, at: float | None = None) -> TrialStep:
+        """Press a key of the study; `at` as in `submit`."""
+        return self.submit(Submit(function=key.function, behavior=key.task_behavior, source=SOURCE), key.label, at)
 
     def start_rule(self, name: str, state: str | None = None, enter: bool = True) -> TrialStep:
         """Start a rule, in its initial state or another; without `enter` it waits there and does not run onEntry."""
@@ -213,7 +213,11 @@ class Trial:
         self.problem = ""
         self._begin()
         for step in steps:
-            self._do(step, again=True)
+            self.do(step)
+
+    def do(self, step: TrialStep) -> TrialStep:
+        """Do a step of a trial again that stood as this one does."""
+        return self._do(step, again=True)
 
     def _do(self, step: TrialStep, *, again: bool = False) -> TrialStep:
         first_record = len(self.records) + 1
