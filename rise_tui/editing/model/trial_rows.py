@@ -8,6 +8,7 @@ from rise_engine.scenario.model import KeyBinding, Scenario
 from rise_engine.trial.happened import HappenedKind, HappenedLine
 from rise_engine.trial.standing import (
     ConditionReading,
+    KeyChoice,
     RuleStanding,
     WayOut,
     events_to_raise,
@@ -76,10 +77,14 @@ def trial_rows(trial: Trial, rule: str, width: int) -> list[ListRow]:
         rows.append(_heading("WAYS OUT" if standing.ways else "WAYS OUT   none: the rule ends here"))
         for way in standing.ways:
             rows += _way_rows(way, width)
-    rows += _key_rows(trial, width)
+    keys = key_choices(trial)
+    rows += _rows_to_do(trial, [key for key in keys if key.is_awaited], width)
     name = standing.name if standing is not None else rule
     if name in trial.scenario.rules:
         rows += _memory_rows(trial, name, width)
+    if others := [key for key in keys if not key.is_awaited]:
+        rows.append(_heading("OTHER KEYS OF THE STUDY"))
+        rows += [_key_row(choice, width) for choice in others]
     return rows
 
 
@@ -172,22 +177,23 @@ def _reading_spans(reading: ConditionReading) -> list[StyledSpan]:
     return spans
 
 
-def _key_rows(trial: Trial, width: int) -> Iterator[ListRow]:
-    choices = key_choices(trial)
+def _rows_to_do(trial: Trial, keys: list[KeyChoice], width: int) -> Iterator[ListRow]:
+    """What would make a rule go on."""
     events = events_to_raise(trial)
-    if choices or events:
+    if keys or events:
         yield _heading("WHAT YOU CAN DO")
     for topic in events:
         left: StyledLine = ((f"   raise /{topic}", "plain"), ("   no key does", "muted"))
         yield ListRow(f"event:{topic}", crop(left, width))
-    for choice in choices:
-        role: TextRole = "plain" if choice.is_awaited else "muted"
-        title = f"  {choice.title}" if choice.title and choice.title != choice.does else ""
-        left = (
-            (f"   {fit(choice.key.label, 4)}", "key" if choice.is_awaited else "muted"),
-            (f"{choice.does}{title}", role),
-        )
-        yield ListRow(f"key:{choice.key.key}", align_at_both_ends(left, ((f"{choice.now} ", "muted"),), width))
+    yield from (_key_row(choice, width) for choice in keys)
+
+
+def _key_row(choice: KeyChoice, width: int) -> ListRow:
+    role: TextRole = "plain" if choice.is_awaited else "muted"
+    title = f"  {choice.title}" if choice.title and choice.title != choice.does else ""
+    key: StyledSpan = (f"   {fit(choice.key.label, 4)}", "key" if choice.is_awaited else "muted")
+    line = align_at_both_ends((key, (f"{choice.does}{title}", role)), ((f"{choice.now} ", "muted"),), width)
+    return ListRow(f"key:{choice.key.key}", line)
 
 
 def _memory_rows(trial: Trial, rule: str, width: int) -> Iterator[ListRow]:
