@@ -55,6 +55,8 @@ class FormPanel(Vertical):
     def __init__(self) -> None:
         super().__init__(id="form")
         self.form: RuleForm | None = None
+        self.is_waiting = False
+        """Whether what the form says is just being made: a second enter must not make it again."""
         self.heading, self.answer = StaticLines(id="form-heading"), StaticLines(id="form-answer")
         self.body = VerticalScroll(id="form-fields")
         self.body.can_focus = False
@@ -74,7 +76,7 @@ class FormPanel(Vertical):
 
     async def open(self, form: RuleForm, focus: str = "") -> None:
         """Show a form, and put the cursor into a field (else its first that is written)."""
-        self.form = form
+        self.form, self.is_waiting = form, False
         self.add_class("-open")
         await self._make_rows(0)
         self.say("")
@@ -127,7 +129,7 @@ class FormPanel(Vertical):
         form = self.form
         if form is None or all(row.field.name != event.field for row in self.rows):
             return
-        self.form = form.with_value(event.field, event.value)
+        self.form, self.is_waiting = form.with_value(event.field, event.value), False
         self.say("")
         before = [row.field.name for row in self.rows]
         after = [field.name for field in self.form.fields]
@@ -179,7 +181,8 @@ class FormPanel(Vertical):
             return
         if problem := self.form.missing():
             self.say(problem)
-        else:
+        elif not self.is_waiting:
+            self.is_waiting = True
             self.post_message(self.Finished(self.form))
 
     def action_leave(self) -> None:

@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from typing import ClassVar
+from collections.abc import Callable, Coroutine, Mapping
+from typing import Any
 
 from textual import on
-from textual.binding import Binding, BindingType
 
 from rise_engine.edit.edits import (
     AddStatement,
@@ -39,54 +38,69 @@ from rise_tui.editing.model.transition_draft import TransitionDraft, why_not_edi
 from rise_tui.editing.rules.form_panel import FormPanel
 from rise_tui.editing.rules.rule_view import RuleView
 
-GRAPH_HINTS = (
-    ("enter", "what it does"), ("a", "way out"), ("n", "new state"), ("r", "rename"), ("del", "remove"), ("t", "try"),
-    ("i", "begins here"),
-)  # fmt: skip
-WAY_HINTS = (("enter", "change"), ("a", "another way"), ("del", "remove"), ("[ ]", "earlier, later"), ("t", "try"))
-PART_HINTS = (
-    ("enter", "change"), ("a", "add"), ("f", "only if"), ("l", "otherwise"), ("o", "by chance"), ("w", "way out"),
-    ("del", "remove"), ("[ ]", "move"), ("A", "add behind the block"),
-)  # fmt: skip
+STATE_HINTS = {
+    "edit.open": "what it does", "edit.add": "way out", "edit.new-state": "new state", "edit.rename": "rename",
+    "edit.try": "try", "edit.remove": "remove", "edit.first": "begins here",
+}  # fmt: skip
+WAY_HINTS = {
+    "edit.open": "change", "edit.add": "another way", "edit.try": "try", "edit.remove": "remove",
+    "edit.earlier": "earlier", "edit.later": "later",
+}  # fmt: skip
+PART_HINTS = {
+    "edit.open": "change", "edit.add": "add", "edit.only-if": "only if", "edit.otherwise": "otherwise",
+    "edit.chance": "by chance", "edit.remove": "remove", "edit.earlier": "earlier", "edit.later": "later",
+}  # fmt: skip
 """What the hint line says: in the graph on a state and on a way, and in the list."""
 
 
-class RulePage(RuleView):
+class RuleEditor(RuleView):
     """One rule, and its keys: enter opens the form of what is under the cursor."""
 
-    BINDINGS: ClassVar[list[BindingType]] = [
-        Binding("enter", "open", show=False),
-        Binding("a,insert", "add", show=False),
-        Binding("A", "add_behind", show=False),
-        Binding("w", "add_way", show=False),
-        Binding("n", "new_state", show=False),
-        Binding("r", "rename", show=False),
-        Binding("i", "make_first", show=False),
-        Binding("f", "only_if", show=False),
-        Binding("l", "otherwise", show=False),
-        Binding("o", "by_chance", show=False),
-        Binding("delete", "remove", show=False),
-        Binding("left_square_bracket,shift+up", "move(-1)", show=False),
-        Binding("right_square_bracket,shift+down", "move(1)", show=False),
-        Binding("t", "try_rule", show=False),
-        Binding("tab,shift+tab", "other_list", show=False),
-    ]
-
-    def action_try_rule(self) -> None:
+    def _try_rule(self) -> None:
         self.post_message(self.TryRule(self._rule_name, self.spot.state if self.spot is not None else ""))
 
-    def hints(self) -> Sequence[tuple[str, str]]:
-        """The keys that matter here and now, the most important first."""
-        if self.panel.is_open:
-            extra = (("F5", "a key for it"),) if _wants_key(self.panel.form) else ()
-            return (("enter", "done"), ("esc", "as it was"), ("tab", "next field"), ("F2", "list"), *extra)
+    @property
+    def hints(self) -> Mapping[str, str]:
+        """The actions that matter under the cursor, the most important first, each with a word for it."""
         if self.parts.has_focus:
             return PART_HINTS
-        return GRAPH_HINTS if self.spot is None or self.spot.way < 0 else WAY_HINTS
+        return STATE_HINTS if self.spot is None or self.spot.way < 0 else WAY_HINTS
+
+    @property
+    def is_typing(self) -> bool:
+        return self.panel.is_open
+
+    def carry_out(self, action: str) -> bool:
+        """Do what an action of the editor means here; False: nothing."""
+        forms: dict[str, Callable[[], Coroutine[Any, Any, None]]] = {
+            "edit.open": self._open_here,
+            "edit.add": lambda: self._add(behind=False),
+            "edit.behind": lambda: self._add(behind=True),
+            "edit.new-state": self._new_state,
+            "edit.rename": self._rename,
+            "edit.only-if": self._only_if,
+            "edit.otherwise": self._otherwise,
+        }
+        calls: dict[str, Callable[[], None]] = {
+            "edit.chance": self._by_chance,
+            "edit.first": self._make_first,
+            "edit.remove": self._remove,
+            "edit.earlier": lambda: self._move(-1),
+            "edit.later": lambda: self._move(1),
+            "edit.try": self._try_rule,
+            "edit.other": self.action_other_list,
+        }
+        if (form := forms.get(action)) is not None:
+            self.run_worker(form(), group="rule-form", exclusive=True)
+        elif (call := calls.get(action)) is not None:
+            call()
+        else:
+            return False
+        return True
 
     # --- forms ---
 
-    async def action_open(self) -> None:
+    async def _open_here(self) -> None:
         rule, state, spot = self.rule, self.state, self.spot
         if rule is None or state is None or spot is None:
             return
@@ -103,7 +117,7 @@ class RulePage(RuleView):
     async def _open_part(self, rule: WrittenRule, state: WrittenState, part: PartRow) -> None:
         names = self._study.names
         if part.kind == "heading" and part.at is None and not part.reason:
-            await self.action_add_way()
+            await self._add_way()
         elif part.reason:
             self._refuse(f"{part.reason}; e opens the file there")
         elif part.kind == "way":
@@ -118,7 +132,7 @@ class RulePage(RuleView):
             given = use.values.get(name)
             await self._open(TemplateValueForm(use, name, given.text if given is not None else ""))
         else:
-            await self.action_add()
+            await self._add(behind=False)
 
     async def _open_way(self, rule: WrittenRule, state: WrittenState, number: int) -> None:
         way = state.transitions[number]
@@ -150,17 +164,11 @@ class RulePage(RuleView):
         self.remove_class("-form")
         self._opened_from.focus()
 
-    async def action_add(self) -> None:
-        await self._add(behind=False)
-
-    async def action_add_behind(self) -> None:
-        await self._add(behind=True)
-
     async def _add(self, *, behind: bool) -> None:
         """A function at the cursor of the list; in the graph, a way out of the state."""
         part = self.parts.part
         if self.graph.has_focus or part is None or (part.kind == "heading" and part.at is None):
-            await self.action_add_way()
+            await self._add_way()
             return
         edit = add_statement(part, CallForm("startCommunicationRobotAct", ""), behind=behind)
         if edit is None:
@@ -168,35 +176,35 @@ class RulePage(RuleView):
             return
         await self._open(CallRuleForm(self._study.names, CallDraft(), edit.at))
 
-    async def action_add_way(self) -> None:
+    async def _add_way(self) -> None:
         rule, state = self.rule, self.state
         if rule is not None and state is not None:
             form = TransitionRuleForm(self._study.names, rule, state.id, TransitionDraft(), ways=len(state.transitions))
             await self._open(form, "trigger")
 
-    async def action_new_state(self) -> None:
+    async def _new_state(self) -> None:
         rule = self.rule
         if rule is not None:
             behind = self.spot.state if self.spot is not None else ""
             await self._open(NameForm(self._study.names, rule, "new state", "", behind))
 
-    async def action_rename(self) -> None:
+    async def _rename(self) -> None:
         rule, state = self.rule, self.state
         if rule is not None and state is not None:
             await self._open(NameForm(self._study.names, rule, "rename state", state.id, state.id))
 
-    async def action_only_if(self) -> None:
+    async def _only_if(self) -> None:
         """The function at the cursor is to be done only if something is true."""
         state, part = self.state, self.parts.part
         call = call_at(state, part) if state is not None and part is not None else None
         if not self.parts.has_focus or part is None or part.at is None or call is None:
-            self._refuse("f puts a function into a condition: go to one in the list below the graph (tab)")
+            self._refuse("o puts a function into a condition: go to one in the list below the graph (tab)")
         elif part.reason:
             self._refuse(f"{part.reason}; e opens the file there")
         else:
             await self._open(ConditionRuleForm(self._study.names, part.at, "wrap", call=call))
 
-    async def action_otherwise(self) -> None:
+    async def _otherwise(self) -> None:
         part, parts = self.parts.part, self._parts_now()
         if not self.parts.has_focus or part is None:
             self._refuse("l says what happens otherwise: go to a condition in the list below the graph (tab)")
@@ -204,28 +212,28 @@ class RulePage(RuleView):
         without, with_condition = add_branch(part, parts, None), add_branch(part, parts, "x")
         edit = without or with_condition
         if edit is None:
-            self._refuse("there is no condition here; f puts a function into one")
+            self._refuse("there is no condition here; o puts a function into one")
             return
         form = ConditionRuleForm(self._study.names, edit.at, "otherwise", can_be_else=without is not None)
         await self._open(form)
 
-    def action_by_chance(self) -> None:
+    def _by_chance(self) -> None:
         """The function at the cursor becomes one of several, of which one is picked."""
         state, part = self.state, self.parts.part
         call = call_at(state, part) if state is not None and part is not None else None
         if not self.parts.has_focus or part is None or part.at is None or call is None:
-            self._refuse("o makes a function one of several: go to one in the list below the graph (tab)")
+            self._refuse("b makes a function one of several: go to one in the list below the graph (tab)")
         elif part.reason:
             self._refuse(f"{part.reason}; e opens the file there")
         else:
             self._change(RemoveStatement(part.at), AddStatement(part.at, OneOfForm((call,))))
 
-    def action_make_first(self) -> None:
+    def _make_first(self) -> None:
         rule, state = self.rule, self.state
         if rule is not None and state is not None:
             self._change(*make_first(rule, state.id))
 
-    def action_remove(self) -> None:
+    def _remove(self) -> None:
         rule, state, spot = self.rule, self.state, self.spot
         if rule is None or state is None or spot is None:
             return
@@ -240,7 +248,7 @@ class RulePage(RuleView):
         else:
             self._change(edit)
 
-    def action_move(self, step: int) -> None:
+    def _move(self, step: int) -> None:
         rule, state, spot = self.rule, self.state, self.spot
         if rule is None or state is None or spot is None:
             return
@@ -249,10 +257,12 @@ class RulePage(RuleView):
         if part is None or edit is None:
             self._refuse((part.reason if part is not None else "") or "it cannot be moved further")
             return
-        if not self._change(edit):
-            return
-        if part.kind == "way":
-            self._go_to(GraphSpot(spot.state, part.way + step))
+        self._change(edit, then=lambda: self._go_with(part, step))
+
+    def _go_with(self, part: PartRow, step: int) -> None:
+        """The cursor goes with what was moved."""
+        if part.kind == "way" and self.spot is not None:
+            self._go_to(GraphSpot(self.spot.state, part.way + step))
             self._select_part()
         elif part.at is not None:
             moved = (*part.at.path[:-1], part.at.path[-1] + step)
@@ -276,42 +286,46 @@ class RulePage(RuleView):
     @on(FormPanel.Finished)
     def _form_finished(self, event: FormPanel.Finished) -> None:
         event.stop()
-        form = event.form
-        edits = form.edits()
-        if edits and (problem := self._study.change(*edits)):
-            self.panel.say(problem)
-            return
-        if isinstance(form, NameForm) and self.spot is not None and form.purpose != "rename rule":
-            self.spot = GraphSpot(form.name.strip(), -1)
-        if isinstance(form, TransitionRuleForm) and form.index is None:
-            self.spot = GraphSpot(form.state, form.ways)
+        form, edits = event.form, event.form.edits()
+        if edits:
+            self._study.make(*edits, then=lambda: self._form_done(form))
+        else:
+            self._form_done(form)
+
+    def _form_done(self, form: RuleForm) -> None:
+        """The form has become true: the cursor goes to what was made."""
+        if isinstance(form, NameForm) and form.purpose != "rename rule":
+            self.spot = GraphSpot(form.name.strip())
+        if isinstance(form, TransitionRuleForm) and form.index is None and (state := self.state) is not None:
+            same = [number for number, way in enumerate(state.transitions) if way.form == form.draft.form()]
+            self.spot = GraphSpot(form.state, same[-1] if same else -1)
         self.close_form()
         self.redraw()
         self._select_part()
 
     @on(FormPanel.ExtraAsked)
-    async def _give_key(self, event: FormPanel.ExtraAsked) -> None:
+    def _give_key(self, event: FormPanel.ExtraAsked) -> None:
+        """A key of the keyboard for the event that the form waits for; what the form says is kept first."""
         event.stop()
         form = event.form
-        if isinstance(form, TransitionRuleForm) and form.event_without_key:
-            if form.edits() and (problem := self._study.change(*form.edits())):
-                self.panel.say(problem)
-                return
-            self.redraw()
-            await self._open(EventKeyForm(self._study.names, form.event_without_key))
+        if not isinstance(form, TransitionRuleForm) or not form.event_without_key or form.missing():
+            return
 
-    def _change(self, *edits: AnyEdit) -> bool:
-        """Make edits; what is in the way is said. Whether something was changed."""
-        if not edits:
-            return False
-        if problem := self._study.change(*edits):
-            self._refuse(problem)
-            return False
-        self.redraw()
-        return True
+        def go_on() -> None:
+            key = EventKeyForm(self._study.names, form.event_without_key)
+            self.run_worker(self._open(key), group="rule-form", exclusive=True)
+
+        if edits := form.edits():
+            self._study.make(*edits, then=go_on)
+        else:
+            go_on()
+
+    def _change(self, *edits: AnyEdit, then: Callable[[], None] | None = None) -> None:
+        if edits:
+            self._study.make(*edits, then=then)
 
     def _refuse(self, sentence: str) -> None:
-        self.post_message(self.Refused(sentence))
+        self._study.say(sentence, "wait")
 
 
 def _arm(part: PartRow) -> StatementAddress:
@@ -319,8 +333,3 @@ def _arm(part: PartRow) -> StatementAddress:
     assert part.at is not None
     path = (*part.at.path, 0) if part.kind == "if" else part.at.path
     return StatementAddress(part.at.rule, part.at.state, part.at.place, part.at.transition, path)
-
-
-def _wants_key(form: RuleForm | None) -> bool:
-    """Whether a form waits for an event that nobody raises."""
-    return isinstance(form, TransitionRuleForm) and bool(form.event_without_key)

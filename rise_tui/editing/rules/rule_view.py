@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Protocol
 
@@ -36,6 +36,7 @@ from rise_tui.editing.model.state_parts import (
 from rise_tui.editing.model.study_names import StudyNames
 from rise_tui.editing.rules.form_panel import FormPanel
 from rise_tui.editing.rules.rule_lists import PartList, RuleGraphList
+from rise_tui.model.notice import Level
 from rise_tui.rendering.text import ListRow, StyledLine, StyledSpan, align_at_both_ends, crop
 from rise_tui.widgets.row_list import RowView
 from rise_tui.widgets.static_lines import StaticLines
@@ -58,8 +59,11 @@ class RuleStudy(Protocol):
     @property
     def files(self) -> Mapping[str, bytes]: ...
 
-    def change(self, *edits: AnyEdit) -> str:
-        """Make edits as one step; why they cannot be made, or empty."""
+    def make(self, *edits: AnyEdit, then: Callable[[], None] | None = None) -> None:
+        """Make edits as one step; `then` is called when they are made. What cannot be made is said."""
+
+    def say(self, sentence: str, level: Level = "info") -> None:
+        """Tell the author something."""
 
 
 class RuleView(Vertical):
@@ -71,12 +75,6 @@ class RuleView(Vertical):
     RuleView #rule-parts { height: 1fr; min-height: 3; }
     RuleView.-form #rule-parts, RuleView.-form #state-heading { display: none; }
     """
-
-    @dataclass
-    class Refused(Message):
-        """Why something cannot be done, for the line of notices."""
-
-        sentence: str
 
     @dataclass
     class SpotMoved(Message):
@@ -136,6 +134,7 @@ class RuleView(Vertical):
 
     def redraw(self) -> None:
         """Show the rule as it is now."""
+        self.panel.is_waiting = False
         rule, width = self.rule, self.graph.row_width
         if width <= 0:
             return
