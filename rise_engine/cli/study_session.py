@@ -18,6 +18,7 @@ from rise_engine.cli.study_planning import resolve_study_folder
 from rise_engine.kernel.inputs import CheckReport, SessionStarted
 from rise_engine.kernel.records import Purpose
 from rise_engine.protocol.session_options import SessionOptions
+from rise_engine.scenario import load
 from rise_engine.study.begin import BeginRequest, CannotBegin, SessionPlan, plan_session, to_give_up
 from rise_engine.study.recorded import decide_recording, recording_lines
 from rise_engine.study.sessions import given_up_fields
@@ -105,7 +106,11 @@ def rehearsed_session(
     assert plan is not None
     robot = options.robot or state.study.robot or None
     scenario, chosen = plan.run.scenario, plan.seed if seed is None else seed
-    return replace(options, folder=scenario, mode="debug", robot=robot, seed=chosen), plan.first_input(state.study)
+    language = options.language
+    if plan.language:
+        language = plan.spoken_in(language, load(scenario, robot=robot, mode="debug"))
+    options = replace(options, folder=scenario, mode="debug", robot=robot, seed=chosen, language=language)
+    return options, plan.first_input(state.study)
 
 
 def _read_or_exit(folder: Path) -> StudyState:

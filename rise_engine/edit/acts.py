@@ -17,7 +17,7 @@ from rise_engine.edit.edits import (
     SetParameter,
     SetWaits,
 )
-from rise_engine.edit.finding import act_of, action_of, check_changeable, document_of, node_of, robot_of
+from rise_engine.edit.finding import act_of, action_of, check_changeable, document_of, node_of
 from rise_engine.edit.layout import collapse, gap_before, gap_behind, gap_in, is_one_line, removal
 from rise_engine.edit.outline import WrittenAct, WrittenAction
 from rise_engine.edit.plan import EditRefused, Plan, Splice
@@ -34,7 +34,7 @@ _ID = re.compile(r"[^,;\s]+")
 
 def spec_of(study: StudyState, type: str) -> ActionSpec:
     """An action that the study's robot has. :raises EditRefused: it has none of this name."""
-    robot = robot_of(study)
+    robot = study.checked.robot
     spec = robot.actions.get(type)
     if spec is None:
         usable = [each.name for each in robot.actions.values() if each.supported]

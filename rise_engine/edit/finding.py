@@ -9,7 +9,6 @@ from rise_engine.edit.outline import Span, WrittenAct, WrittenAction, WrittenRul
 from rise_engine.edit.plan import EditRefused
 from rise_engine.edit.study_state import StudyState
 from rise_engine.nearest_name import did_you_mean
-from rise_engine.scenario.model import RobotProfile
 
 
 def document_of(study: StudyState, file: str) -> XmlDocument:
@@ -83,10 +82,3 @@ def check_name(kind: str, name: str) -> str:
     if not name.isprintable():
         raise EditRefused(f"the name of the {kind} holds a character that cannot be shown; leave it out")
     return name
-
-
-def robot_of(study: StudyState) -> RobotProfile:
-    """The study's robot. :raises EditRefused: its profile cannot be read."""
-    if study.checked.scenario is None:
-        raise EditRefused("the study's robot cannot be read now")
-    return study.checked.scenario.robot

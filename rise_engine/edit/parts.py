@@ -78,7 +78,7 @@ def _new_name(kind: _Kind, name: str, study: StudyState) -> str:
     there = study.outline.act(name) if kind is _ACTS else study.outline.rule(name)
     if there is not None:
         raise EditRefused(
-            f"there is a {kind.word} `{name}` already ({there.file}, line {there.line}); choose another name"
+            f"the {kind.word} `{name}` is there already ({there.file}, line {there.line}); choose another name"
         )
     return name
 
@@ -135,7 +135,7 @@ def _check_new_file(kind: _Kind, file: str, study: StudyState) -> None:
     right = file == place or (posixpath.dirname(file) == place and file.lower().endswith(".xml"))
     if not right or posixpath.basename(file).startswith("."):
         example = place if place.lower().endswith(".xml") else f"{place}/NAME.xml"
-        raise EditRefused(f"a {kind.word} in `{file}` would not be read; it stands in {example}")
+        raise EditRefused(f"{kind.word}s in `{file}` would not be read; they stand in {example}")
 
 
 def _splices(kind: _Kind, element: NewElement, sibling: Node | None, file: str, study: StudyState) -> list[Splice]:

@@ -26,7 +26,7 @@ def set_attributes(file: str, node: Node, values: Mapping[str, str | None], orde
     replaced: dict[str, str] = {}
     for name in list(new):  # one thing instead of another takes its place
         kept = [order.index(each) for each in written if each in order and each not in gone]
-        if (old := _nearest(name, gone - replaced.keys(), kept, order)) is not None:
+        if (old := _place_of_gone(name, gone - replaced.keys(), kept, order)) is not None:
             replaced[old] = name
             new.remove(name)
     for name in sorted(gone, key=list(written).index):
@@ -43,14 +43,14 @@ def set_attributes(file: str, node: Node, values: Mapping[str, str | None], orde
     return splices
 
 
-def _nearest(name: str, gone: Set[str], kept: list[int], order: Sequence[str]) -> str | None:
-    """The attribute that goes whose place a new one takes: the nearest, if nothing that stays belongs between them."""
+def _place_of_gone(name: str, gone: Set[str], kept: list[int], order: Sequence[str]) -> str | None:
+    """The attribute that goes whose place a new one takes: the first, if nothing that stays belongs between them."""
     rank = order.index(name)
-    near = min(gone, key=lambda each: (abs(order.index(each) - rank), order.index(each)), default=None)
-    if near is None:
-        return None
-    between = range(*sorted((rank, order.index(near))))
-    return None if any(each in between for each in kept) else near
+    for each in sorted(gone, key=order.index):
+        between = range(*sorted((rank, order.index(each))))
+        if not any(other in between for other in kept):
+            return each
+    return None
 
 
 def _additions(file: str, node: Node, values: Mapping[str, str], order: Sequence[str]) -> list[Splice]:

@@ -334,5 +334,6 @@ class Kernel:
             attempt=begun.attempt,
             purpose=begun.purpose,
             factors=begun.factors,
+            language=scenario.language,
             downtime=downtime,
         )

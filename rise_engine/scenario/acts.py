@@ -56,7 +56,7 @@ class _ActReader(ElementReader):
         """The `<waitForActions>` of the act that is being read, by actionID."""
 
     def read_acts(self) -> None:
-        self.read_parts("Dialog", WRAPPERS, "act", self.draft.acts, self.read_act)
+        self.read_parts("Dialog", WRAPPERS, self.draft.act_definitions, self.read_act)
 
     def read_act(self, element: Element) -> Act | None:
         self.waits.clear()

@@ -22,6 +22,7 @@ ACT_END_SUFFIXES = ("_succeeded", "_failed", "_stopped", "_end")
 def check_cross_references(draft: ScenarioDraft, diagnostics: Diagnostics) -> None:
     """Compare what the files of a scenario say about each other."""
     unread = draft.unreadable_parts
+    _check_foreign_ends(draft, diagnostics)
     if "acts" not in unread:
         _check_names(draft.act_mentions, draft.acts, "act", draft.rules, "rule", diagnostics)
     if "rules" not in unread:
@@ -78,6 +79,18 @@ def _check_names(
         else:
             remedy = suggest(mention.name)
         diagnostics.error(f"unknown-{kind}", mention.locate(), f"there is no {kind} `{mention.name}`{remedy}")
+
+
+def _check_foreign_ends(draft: ScenarioDraft, diagnostics: Diagnostics) -> None:
+    """Transitions that are never taken, because their own rule does not start the act whose end they wait for."""
+    for end in draft.foreign_ends:
+        # An act that there is not has its error; only of acts that could not be read nothing is known.
+        if end.act in draft.acts or "acts" in draft.unreadable_parts:
+            message = (
+                f"never taken: this rule does not start `{end.act}` itself; an act that somebody else has "
+                f'started is waited for with eventTopic="/{end.act}_end"'
+            )
+            diagnostics.warning("unreachable-transition", end.location, message)
 
 
 def _check_states(draft: ScenarioDraft, diagnostics: Diagnostics) -> None:

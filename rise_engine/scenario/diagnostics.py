@@ -29,18 +29,21 @@ WARNING_CODES = frozenset(
         "memory-type",
         "no-effect",
         "no-filler",
+        "no-language",
         "no-ssml",
         "own-session",
         "reads-differently",
         "same-name",
         "short-loop",
         "ssml",
+        "stale-translation",
         "unheard-event",
         "unnoticed-failure",
         "unraised-event",
         "unreachable-state",
         "unreachable-transition",
         "unset-key",
+        "untranslated",
         "unused-parameter",
         "unused-table",
         "unused-template",
@@ -83,6 +86,11 @@ class Diagnostics:
 
     def warning(self, code: str, location: SourceLocation, message: str) -> None:
         self._found.append(Diagnostic("warning", code, message + _template_note(location), location))
+
+    def add(self, others: Diagnostics) -> None:
+        """Take over what others have collected."""
+        self._found += others._found
+        self.errors += others.errors
 
     def sorted(self) -> list[Diagnostic]:
         """All findings in reading order: by file, line and column, each once."""

@@ -190,7 +190,7 @@ def _element_at(text: str, start: int) -> tuple[int, int] | None:
 
 def _read_toml_comments(source: SourceFile, diagnostics: Diagnostics) -> Iterator[Suppression]:
     pending: list[tuple[SourceLocation, str, str]] = []
-    for number, line in enumerate(source.text.split("\n"), 1):
+    for number, line in enumerate(source.lines, 1):
         comment = _TOML_LINE.match(line)
         if comment is not None:
             location = SourceLocation(source.name, number, line.find("#") + 1)

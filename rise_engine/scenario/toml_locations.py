@@ -5,13 +5,14 @@ from __future__ import annotations
 import re
 import tomllib
 from datetime import date, time
+from functools import partial
 from math import isfinite
 from typing import Any
 
 from rise_engine.json_codec import is_64_bit
 from rise_engine.scenario.diagnostics import Diagnostics
 from rise_engine.scenario.model import SourceLocation
-from rise_engine.scenario.source_files import SourceFile
+from rise_engine.scenario.source_files import FileReader, SourceFile
 from rise_engine.text import match_end
 from rise_engine.typography import find_typographic_closing, typography_problem
 
@@ -79,10 +80,15 @@ def read_toml(source: SourceFile, diagnostics: Diagnostics) -> TomlFile | None:
                 return None
             text = repaired
         else:
-            file = TomlFile(source if text is source.text else SourceFile(source.name, source.data, text), values)
+            file = TomlFile(source.with_text(text), values)
             _check_values(file, diagnostics)
             return file
     return None
+
+
+def toml_of(source: SourceFile, files: FileReader) -> TomlFile | None:
+    """As `read_toml`, unless it was read before; findings go where those of `files` go."""
+    return files.memo.read(("toml", source), files.diagnostics, partial(read_toml, source))
 
 
 def _check_values(file: TomlFile, diagnostics: Diagnostics) -> None:
@@ -113,14 +119,15 @@ def _report_syntax_error(message: str, source: SourceFile, text: str, diagnostic
     if position is None or position.group(1) is None:
         offset = 0 if position is None else end
     else:
-        offset = source.offset(int(position.group(1)), int(position.group(2)))
+        offset = _offset(source.text, int(position.group(1)), int(position.group(2)))
+    line = source.text.count("\n", 0, offset) + 1
     sentence = _AT.sub("", message).strip().rstrip(".")
     if _TWICE.search(sentence) is not None:
-        line = source.location(offset).line
-        at_line = source.line_text(line)
+        start = _offset(source.text, line, 1)
         name, before = _duplicate_key(source, line)
-        location = source.location(source.offset(line, len(at_line) - len(at_line.lstrip()) + 1))
-        known = f"; it stands in line {before} already" if before else f" ({sentence})"
+        location = source.location(start + len(source.text[start:]) - len(source.text[start:].lstrip()))
+        first_line = source.location(_offset(source.text, before, 1)).line if before else 0
+        known = f"; it stands in line {first_line} already" if before else f" ({sentence})"
         diagnostics.error("duplicate-key", location, f"`{name}` is given twice{known}")
         return line
     if first:
@@ -130,7 +137,15 @@ def _report_syntax_error(message: str, source: SourceFile, text: str, diagnostic
         offset = closing if closing >= 0 else offset
         known = typography_problem(source.text, offset)
         diagnostics.error("toml-syntax", source.location(offset), known or f"this is not TOML: {sentence}")
-    return source.location(offset).line
+    return line
+
+
+def _offset(text: str, line: int, column: int) -> int:
+    """Where tomllib stands: for it, a carriage return ends no line."""
+    start = 0
+    for _ in range(line - 1):
+        start = text.find("\n", start) + 1 or len(text)
+    return min(start + column - 1, len(text))
 
 
 def _unclosed_quote(text: str, offset: int) -> int:

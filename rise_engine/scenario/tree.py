@@ -46,7 +46,7 @@ class FileTree:
                 self._held_folders.setdefault(path, {})[name] = None
 
     def exists(self, path: Path) -> bool:
-        """Whether anything is there; a link that leads nowhere is. Raises OSError or ValueError for no possible name."""
+        """Whether anything is there; a link that leads nowhere is. Raises OSError, ValueError for no possible name."""
         if (known := os.path.normpath(path)) in self._held:
             return self._held[known] is not None
         return known in self._held_folders or os.path.lexists(path)

@@ -9,6 +9,7 @@ from lxml import etree
 from rise_engine.scenario.diagnostics import Diagnostics
 from rise_engine.scenario.xml_repair import RepairedText
 
+_LINE_END = re.compile(r"\r\n?|\n")
 _POSITION = re.compile(r", line \d+, column \d+.*\Z", re.DOTALL)
 _MISMATCH = re.compile(r"tag mismatch: (\S+) line (\d+) and (\S+)")
 _UNFINISHED = re.compile(r"in tag (\S+) line (\d+)")
@@ -41,9 +42,11 @@ def describe_syntax_error(error: etree.XMLSyntaxError, text: str) -> tuple[str, 
     elif (found := _MISMATCH.search(message)) is not None:
         opened, opened_at, closed = found.groups()
         offset = max(text.rfind("</", 0, offset + 1), 0)
-        sentence = f"`</{closed}>` does not close `<{opened}>` of line {opened_at}; tags close in reverse order"
+        line = _line_of(opened, int(opened_at), text)
+        sentence = f"`</{closed}>` does not close `<{opened}>` of line {line}; tags close in reverse order"
     elif (found := _UNFINISHED.search(message)) is not None:
-        sentence = f"`<{found.group(1)}>` of line {found.group(2)} is never closed; add `</{found.group(1)}>`"
+        line = _line_of(found.group(1), int(found.group(2)), text)
+        sentence = f"`<{found.group(1)}>` of line {line} is never closed; add `</{found.group(1)}>`"
     elif (found := _REDEFINED.search(message)) is not None:
         name = found.group(1)
         before = [match.start() for match in re.finditer(rf"{re.escape(name)}\s*=", text[:offset])]
@@ -58,6 +61,14 @@ def describe_syntax_error(error: etree.XMLSyntaxError, text: str) -> tuple[str, 
         unknown = f"this is not well-formed XML: {' '.join(message.split())}"
         sentence = next((ours for theirs, ours in _SENTENCES.items() if theirs in message), unknown)
     return code, offset, sentence
+
+
+def _line_of(tag: str, line: int, text: str) -> int:
+    """The line of a start tag of which libxml2 says the line: it counts no carriage returns that stand alone."""
+    start = _offset(text, line, 1)
+    end = text.find("\n", start)
+    within = text.rfind(f"<{tag}", start, end if end >= 0 else len(text))
+    return len(_LINE_END.findall(text, 0, within if within >= 0 else start)) + 1
 
 
 def _offset(text: str, line: int, column: int) -> int:

@@ -16,6 +16,7 @@ from msgspec.structs import replace
 from rise_engine.errors import RiseError
 from rise_engine.kernel.inputs import CheckReport, SessionStarted
 from rise_engine.nearest_name import did_you_mean
+from rise_engine.scenario.loader import LoadResult
 from rise_engine.scenario.model import Mode
 from rise_engine.study.checked import check_text, skip_problem, still_good
 from rise_engine.study.model import (
@@ -32,6 +33,8 @@ from rise_engine.study.sessions import StudySession
 from rise_engine.study.standing import BEGINNABLE, missing_consent, when_text
 from rise_engine.study.state import StudyState
 
+LANGUAGE = "language"
+"""A factor, a stratum or a column of this name says in which language the robot speaks."""
 WITH_PERSON: frozenset[Purpose] = frozenset({"counted", "pilot"})
 """Sessions in which a person takes part, who must have consented."""
 
@@ -79,6 +82,22 @@ class SessionPlan(Struct, frozen=True):
     """Whether the row is taken only now."""
     drawn: dict[str, str] = {}
     """The between levels, where they are drawn when the row is taken."""
+    language: str = ""
+    """The language that the study says for the session; it counts where the scenario has translations."""
+
+    def spoken_in(self, asked: str, scenario: LoadResult) -> str:
+        """In which language the session is; empty: as the acts of its scenario have it.
+
+        :param asked: the language that somebody names for it, or empty.
+        :param scenario: its scenario, loaded in no language.
+        :raises CannotBegin: it counts, and the study says another language.
+        """
+        given = self.language if scenario.translations else ""
+        if asked and given and asked != given and self.purpose == "counted":
+            raise CannotBegin(
+                f"{asked!r} is not the language of {self.participant}: the study says {given!r}, so leave it away"
+            )
+        return asked or given
 
     def first_input(self, study: Study) -> SessionStarted:
         """The session's first input, without versions."""
@@ -107,9 +126,15 @@ def plan_session(state: StudyState, request: BeginRequest) -> SessionPlan:
     mode = request.mode or study.mode
     purpose = "debug" if mode == "debug" else request.purpose
     request = replace(request, mode=mode, purpose=purpose)
-    if purpose == "counted":
-        return _plan_counted(state, request)
-    return _plan_rehearsal(state, request)
+    plan = _plan_counted(state, request) if purpose == "counted" else _plan_rehearsal(state, request)
+    participant = next((each for each in state.participants if each.participant == request.participant), None)
+    return replace(plan, language=_language(plan.run, participant))
+
+
+def _language(run: PlannedRun, participant: Participant | None) -> str:
+    """What the study calls `language`, for a session: a factor, a stratum or a further column of participants.csv."""
+    of_person = {} if participant is None else {**participant.columns, **participant.strata}
+    return str({**of_person, **run.factors}.get(LANGUAGE, "")).strip()
 
 
 def unfinished_sessions_of(state: StudyState, request: BeginRequest) -> list[StudySession]:

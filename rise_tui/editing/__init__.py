@@ -1,1 +1,1 @@
-"""Changing a study in the terminal: its own screens, on the one engine of edits (`rise_engine.edit`)."""
+"""The editor of a study's files in the terminal: a frame (`screen`), and a page for each thing that is changed."""

@@ -43,7 +43,7 @@ def palette_commands(
     """The focused pane's actions, what the rules wait for, all other actions, acts, rules."""
     titles = dict(KEY_SCOPES)
     own = [action for action in ACTIONS if action.scope == scope]
-    rest = [action for action in ACTIONS if action.scope not in (scope, "study") and action.id != "palette"]
+    rest = [action for action in ACTIONS if action.scope not in (scope, "study", "edit") and action.id != "palette"]
 
     def of_action(action: ConsoleAction, kind: str) -> PaletteCommand:
         why, key = why_unavailable(action, store), first_key_label(action)
@@ -60,6 +60,13 @@ def study_commands(run: Callable[[str], None]) -> Iterator[PaletteCommand]:
     """What can be done on the screen of a study, where no session runs."""
     shared = (BY_ID[id] for id in ON_STUDY_SCREEN if id not in ("palette", "theme"))
     for action in (*actions_in("study"), *shared):
+        yield PaletteCommand(action.title, "", first_key_label(action), action.help, "", partial(run, action.id))
+
+
+def edit_commands(run: Callable[[str], None]) -> Iterator[PaletteCommand]:
+    """What can be done in the editor of a study's files."""
+    shared = (BY_ID[id] for id in ON_STUDY_SCREEN if id not in ("palette", "theme"))
+    for action in (*actions_in("edit"), *shared):
         yield PaletteCommand(action.title, "", first_key_label(action), action.help, "", partial(run, action.id))
 
 

@@ -9,6 +9,7 @@ from pathlib import Path
 import pytest
 
 from rise_engine.scenario import LoadResult, load
+from rise_engine.scenario.source_files import SourceFile
 from rise_engine.scenario.tree import FileTree, UnreadableError
 from tests.scenario.folders import SPEECH, act, folder, found
 
@@ -105,3 +106,46 @@ def test_a_tree_in_memory(tmp_path: Path) -> None:
             tree.read(tmp_path / path, 100)
     with pytest.raises(FileNotFoundError):
         tree.names(tmp_path / "nowhere")
+
+
+# --- places ----------------------------------------------------------------------------------------------------------
+
+
+def test_a_carriage_return_alone_ends_a_line() -> None:
+    """As in editors, in language servers and in XML itself."""
+    text = (
+        "\ufeff<InteractionRules>\r<!-- ä -->\r\n<InteractionRule name='R' initial='S'>\n\r"
+        '<State id="S"><transition after="1s" target="X"/></State></InteractionRule>\r</InteractionRules>'
+    )
+    result = load("/nowhere", held={"rules/r.xml": text.encode()})
+    assert found(result) == ["rules/r.xml:5:46 unknown-state"]
+    broken = load("/nowhere", held={"rules/r.xml": text.replace("</State>", "</Stat>").encode()})
+    assert [str(each) for each in broken.diagnostics] == [
+        "rules/r.xml:5:50: error not-well-formed: `</Stat>` does not close `<State>` of line 5; "
+        "tags close in reverse order"
+    ]
+
+
+def test_every_place_in_a_file_has_its_bytes() -> None:
+    text = "ä\r\n\r😀x\n\n<é/>"
+    for data in (text.encode(), text.encode("utf-8-sig")):
+        source = SourceFile("a.xml", data, text)
+        mark = len(data) - len(text.encode())
+        for offset in range(len(text) + 1):
+            place = source.location(offset)
+            assert source.offset(place.line, place.column) == offset
+            assert source.byte_offset(place.line, place.column) == mark + len(text[:offset].encode())
+        assert list(source.lines) == ["ä", "", "😀x", "", "<é/>"]
+    latin = SourceFile("tables/a.csv", "ä;x".encode("cp1252"), "ä;x", "cp1252")
+    assert latin.byte_offset(1, 3) == 2
+
+
+def test_what_is_wrong_in_toml_with_carriage_returns() -> None:
+    held = {"scenario.toml": b'title = "a"\r\ntitle = "b"\r\n\r\nnonsense\r\nmodes = 1\r\n'}
+    assert found(load("/nowhere", held=held)) == ["scenario.toml:2:1 duplicate-key", "scenario.toml:5:1 unknown-key"]
+    held = {"scenario.toml": b'title = "a" # x\ry\nmodes = 1\nmodes = 1\n'}
+    assert found(load("/nowhere", held=held)) == [
+        "scenario.toml:1:16 toml-syntax",
+        "scenario.toml:3:1 unknown-key",
+        "scenario.toml:4:1 duplicate-key",
+    ]
