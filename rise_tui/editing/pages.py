@@ -6,7 +6,8 @@ from collections.abc import Callable
 
 from rise_tui.editing.act_page import ActPage
 from rise_tui.editing.page import EditFrame, EditPage
+from rise_tui.editing.rule_page import RulePage
 from rise_tui.editing.study_page import StudyPage
 
-PAGES: dict[str, Callable[[EditFrame, str], EditPage]] = {page.KIND: page for page in (StudyPage, ActPage)}
+PAGES: dict[str, Callable[[EditFrame, str], EditPage]] = {page.KIND: page for page in (StudyPage, ActPage, RulePage)}
 """The first is what the editor opens with."""

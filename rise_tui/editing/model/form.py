@@ -32,6 +32,8 @@ class RuleField(NamedTuple):
     """Lines kept below it while it has the focus."""
     has_list: bool = False
     """Whether names can be chosen for it (F2)."""
+    new: str = ""
+    """What a name is called that is none of them and may be made; empty: it may not."""
 
 
 class RuleForm:

@@ -65,7 +65,9 @@ class TransitionRuleForm(RuleForm):
         condition = "this is true" if draft.trigger == "condition" else "but only if"
         every = {
             "trigger": RuleField("trigger", "as soon as", draft.trigger, "choice", triggers),
-            "event": RuleField("event", "event", draft.event, placeholder="its name; F2 lists them", has_list=True),
+            "event": RuleField(
+                "event", "event", draft.event, placeholder="its name; F2 lists them", has_list=True, new="a new event"
+            ),
             "act": RuleField("act", "act", draft.act, placeholder="one that this rule has started", has_list=True),
             "outcomes": RuleField(
                 "outcomes",
@@ -82,7 +84,9 @@ class TransitionRuleForm(RuleForm):
             "condition": RuleField(
                 "condition", condition, draft.condition, behind=guard, placeholder=empty, notes=3, has_list=True
             ),
-            "target": RuleField("target", "go to", draft.target, placeholder="stays in this state", has_list=True),
+            "target": RuleField(
+                "target", "go to", draft.target, placeholder="stays in this state", has_list=True, new="a new state"
+            ),
         }
         return tuple(every[field] for field in draft.fields)
 
@@ -161,9 +165,9 @@ class CallRuleForm(RuleForm):
                 "choice",
                 (("yes", "is done"), ("no", "is left out")),
             ),
-            "event": RuleField("event", "event", draft.event, has_list=True),
+            "event": RuleField("event", "event", draft.event, has_list=True, new="a new event"),
             "keep": RuleField("keep", "kept for", draft.keep, placeholder="not at all; or 500ms, 2s, 3min"),
-            "key": RuleField("key", "key", draft.key, has_list=True),
+            "key": RuleField("key", "key", draft.key, has_list=True, new="a new memory key"),
             "value": RuleField(
                 "value", "becomes", draft.value, placeholder="2, true, 'a text', step + 1", notes=2, has_list=True
             ),

@@ -12,9 +12,10 @@ from textual.containers import Vertical, VerticalScroll
 from textual.message import Message
 from textual.widgets import Input
 
+from rise_tui.editing.chooser import Chooser
+from rise_tui.editing.model.fields import FieldChoice
 from rise_tui.editing.model.form import RuleForm
 from rise_tui.editing.rules.form_fields import FieldControl, FieldRow, WrittenField
-from rise_tui.editing.rules.name_chooser import NameChooser
 from rise_tui.rendering.text import crop
 from rise_tui.widgets.static_lines import StaticLines
 
@@ -161,7 +162,7 @@ class FormPanel(Vertical):
         assert isinstance(control, WrittenField)
 
         def take(name: str | None) -> None:
-            if name is None:
+            if not name:
                 return
             if event.field in KEEPS_TEXT:
                 text = control.value
@@ -169,7 +170,9 @@ class FormPanel(Vertical):
             else:
                 control.put(name)
 
-        self.app.push_screen(NameChooser(row.field.label, choices, control.value), take)
+        shown = [FieldChoice(choice.name, choice.name, choice.note) for choice in choices]
+        chooser = Chooser(row.field.label, shown, now=control.value.strip(), new=row.field.new)
+        self.app.push_screen(chooser, take)
 
     @on(Input.Submitted)
     def _submitted(self, event: Input.Submitted) -> None:

@@ -195,6 +195,15 @@ class RuleView(Vertical):
         title = f"── {state.id} ──{first}{template}"
         return crop(((title, "accent"), *problem), max(1, width))
 
+    def find(self, text: str) -> None:
+        """Put the cursor on the next state whose name has this text, from the first one on."""
+        rule = self.rule
+        wanted = text.strip().casefold()
+        found = next((state.id for state in rule.states if wanted in state.id.casefold()), "") if rule else ""
+        if wanted and found:
+            self._go_to(GraphSpot(found))
+            self._select_part()
+
     # --- the cursor ---
 
     @on(RowView.CursorMoved)

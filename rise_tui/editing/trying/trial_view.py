@@ -56,7 +56,6 @@ class TrialView(Vertical):
         Binding("enter", "carry_on", show=False),
         Binding("space", "cue", show=False),
         Binding("ctrl+k", "keep", show=False),
-        Binding("tab,shift+tab", "other_list", show=False),
     ]
 
     @dataclass
@@ -271,6 +270,3 @@ class TrialView(Vertical):
     def action_keep(self) -> None:
         if self.trial is not None and self.trial.steps:
             self.post_message(self.KeepAsked(self.trial))
-
-    def action_other_list(self) -> None:
-        (self.lines if self.rows.has_focus else self.rows).focus()
