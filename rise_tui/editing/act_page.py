@@ -132,7 +132,7 @@ class ActPage(FormPage):
             self.form.show([])
             return
         name = "wordings, one by chance" if action.is_variants else action_type(action)
-        self.parting.show(((f" {action.id}  {name}", "accent"),))
+        self.parting.show(crop(((f" {action.id}  {name}", "accent"), (f"  {action.reason}" if action.reason else "", "wait")), width))
         self.form.show(action_fields(act, action, self.draft.checked))
         self._draw_file(act, width)
 

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 
 from rise_tui.actions import BY_ID
 from rise_tui.editing.model.draft import StudyDraft
 from rise_tui.editing.model.top_line import finding_line, top_line
 from rise_tui.key_labels import first_key_label
-from rise_tui.rendering.text import StyledSpan, crop, line_width
+from rise_tui.rendering.text import StyledSpan, TextRole, crop
 from rise_tui.widgets.bars import KeyHints
 from rise_tui.widgets.static_lines import StaticLines
 
@@ -56,19 +56,26 @@ class BannerLine(StaticLines):
 class EditHints(KeyHints):
     """The keys of the page, then those of the frame."""
 
-    def draw(self, own: Mapping[str, str], *, stops: bool) -> None:  # type: ignore[override]
+    def draw(  # type: ignore[override]
+        self, own: Mapping[str, str], bound: Sequence[tuple[str, str]], *, stops: bool
+    ) -> None:
+        """`own`: actions of the page with their words; `bound`: keys that it binds itself."""
         shown = {**({"stop": "STOP"} if stops else {}), **own}
-        shown.update({id: word for id, word in COMMON_HINTS.items() if id not in shown})
-        pieces: list[tuple[list[StyledSpan], str]] = []
-        room = self.size.width
-        for id, word in shown.items():
-            piece: list[StyledSpan] = [(f" {first_key_label(BY_ID[id])}", "key"), (f" {word} ", "plain")]
-            if (room := room - line_width(piece)) < 0:
-                break
-            pieces.append((piece, id))
-        self.show_pieces(pieces)
+        common = {id: word for id, word in COMMON_HINTS.items() if id not in shown}
+        keys: list[tuple[list[StyledSpan], str]] = [([(f" {key}", "key"), (f" {word} ", "plain")], "") for key, word in bound]
+        self.show_pieces([*_pieces(shown), *keys, *_pieces(common)])
 
     def draw_typing(self) -> None:  # type: ignore[override]
         """While a field is open."""
         words = {"enter": "done", "tab": "next field", "esc": "as it was"}
-        self.show_pieces([([(f" {key}", "key"), (f" {word} ", "plain")], "") for key, word in words.items()])
+        pieces: list[tuple[list[StyledSpan], str]] = []
+        pieces += [([(f" {key}", "key"), (f" {word} ", "plain")], "") for key, word in words.items()]
+        self.show_pieces(pieces)
+
+
+def _pieces(words: Mapping[str, str]) -> list[tuple[list[StyledSpan], str]]:
+    pieces: list[tuple[list[StyledSpan], str]] = []
+    for id, word in words.items():
+        role: TextRole = "fault" if id == "stop" else "key"
+        pieces.append(([(f" {first_key_label(BY_ID[id])}", role), (f" {word} ", "plain")], id))
+    return pieces

@@ -79,6 +79,11 @@ class EditPage(Vertical):
         """Actions of scope `edit` that mean something here now, each with the word for the hint line."""
         return {}
 
+    @property
+    def own_hints(self) -> Sequence[tuple[str, str]]:
+        """Keys that the page binds itself, each as it is printed with a word for the hint line."""
+        return ()
+
     def draw(self) -> None:
         """Show the draft as it is now. Called after each change, and when the size has changed."""
         raise NotImplementedError

@@ -207,7 +207,8 @@ class EditScreen(Screen[None]):
         if self.page.is_typing:
             self.hints.draw_typing()
         else:
-            self.hints.draw(self.page.hints, stops=self.running is not None or not self._has_stop)
+            stops = self.running is not None or not self._has_stop
+            self.hints.draw(self.page.hints, self.page.own_hints, stops=stops)
 
     # --- work beside the loop ---------------------------------------------------------------------------------------
 

@@ -79,7 +79,9 @@ def action_fields(act: WrittenAct, action: WrittenAction, checked: LoadResult) -
                   shown="the others go on" if action.continues else "the act ends", reason=reason,
                   edits=lambda text: (SetActionFailure(act.name, action.id, text == GOES_ON),))
     )  # fmt: skip
-    return fields
+    if not reason:
+        return fields
+    return [field._replace(kind="fixed", note="", reason="") if field.reason == reason else field for field in fields]
 
 
 def _call_fields(
