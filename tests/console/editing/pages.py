@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 
 from textual.app import ComposeResult
 from textual.widget import Widget
@@ -11,7 +11,10 @@ from rise_engine.edit.edits import AnyEdit
 from rise_engine.edit.outline import Outline
 from rise_engine.edit.read_outline import read_outline
 from rise_engine.scenario import Diagnostic
+from rise_tui.actions import bindings_in
 from rise_tui.editing.model.study_names import StudyNames
+from rise_tui.editing.rules.rule_editor import RuleEditor
+from rise_tui.model.notice import Level
 from rise_tui.rendering import themes
 from rise_tui.rendering.terminal_app import TerminalApp
 from tests.console.editing.small_study import FILES, small_study
@@ -24,6 +27,7 @@ class StudyInMemory:
         self.files, self.findings = dict(files), list(findings)
         self.edits: list[tuple[AnyEdit, ...]] = []
         self.refusal = ""
+        self.said: list[str] = []
 
     @property
     def outline(self) -> Outline:
@@ -33,16 +37,23 @@ class StudyInMemory:
     def names(self) -> StudyNames:
         return small_study(self.files)
 
-    def change(self, *edits: AnyEdit) -> str:
-        if not self.refusal:
-            self.edits.append(edits)
-        return self.refusal
+    def make(self, *edits: AnyEdit, then: Callable[[], None] | None = None) -> None:
+        if self.refusal:
+            self.say(self.refusal)
+            return
+        self.edits.append(edits)
+        if then is not None:
+            then()
+
+    def say(self, sentence: str, level: Level = "info") -> None:
+        self.said.append(sentence)
 
 
 class PageApp(TerminalApp):
-    """Shows one page, and nothing around it."""
+    """Shows one page, and nothing around it but the keys of the editor."""
 
     CSS = themes.CSS
+    BINDINGS = bindings_in("edit")
 
     def __init__(self, page: Widget) -> None:
         super().__init__()
@@ -53,6 +64,11 @@ class PageApp(TerminalApp):
 
     def compose(self) -> ComposeResult:
         yield self._page
+
+    def action_do(self, action: str) -> None:
+        """What the frame does with an action of the editor."""
+        if isinstance(self._page, RuleEditor) and not self._page.is_typing:
+            self._page.carry_out(action)
 
     def on_mount(self) -> None:
         for known in themes.THEMES:
