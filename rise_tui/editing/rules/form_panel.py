@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import ClassVar
 
-from textual import on
+from textual import events, on
 from textual.app import ComposeResult
 from textual.binding import Binding, BindingType
 from textual.containers import Vertical, VerticalScroll
@@ -23,7 +23,7 @@ KEEPS_TEXT = ("condition", "held", "value")
 """Fields into which a chosen name is put at the end of what is typed."""
 
 
-class FormPanel(Vertical):
+class FormPanel(Vertical, can_focus=True):
     """Enter does what the form says, esc leaves everything as it was."""
 
     DEFAULT_CSS = """
@@ -56,6 +56,8 @@ class FormPanel(Vertical):
     def __init__(self) -> None:
         super().__init__(id="form")
         self.form: RuleForm | None = None
+        self.rows: list[FieldRow] = []
+        self._typed_ahead = ""
         self.is_waiting = False
         """Whether what the form says is just being made: a second enter must not make it again."""
         self.heading, self.answer = StaticLines(id="form-heading"), StaticLines(id="form-answer")
@@ -66,26 +68,39 @@ class FormPanel(Vertical):
     def is_open(self) -> bool:
         return self.has_class("-open")
 
-    @property
-    def rows(self) -> list[FieldRow]:
-        return [row for row in self.body.children if isinstance(row, FieldRow)]
-
     def compose(self) -> ComposeResult:
         yield self.heading
         yield self.body
         yield self.answer
 
-    async def open(self, form: RuleForm, focus: str = "") -> None:
-        """Show a form, and put the cursor into a field (else its first that is written)."""
-        self.form, self.is_waiting = form, False
+    def open(self, form: RuleForm, focus: str = "") -> None:
+        """Show a form, and put the cursor into a field (else its first that is written).
+
+        The keys go to the panel at once: what is typed before the fields are there must not be taken for commands.
+        """
+        self.form, self.is_waiting, self._typed_ahead = form, False, ""
         self.add_class("-open")
-        await self._make_rows(0)
+        self.screen.set_focus(self)
         self.say("")
+        self.run_worker(self._fill(focus), group="form", exclusive=True)
+
+    async def _fill(self, focus: str) -> None:
+        """Make the fields, and go into one."""
+        await self._make_rows(0)
+        self._show_heading()
         rows = self.rows
         chosen = next((row for row in rows if row.field.name == focus), None)
         chosen = chosen or next((row for row in rows if row.field.kind == "text"), rows[0])
-        chosen.control.focus()
-        self._show_heading()
+        self.screen.set_focus(chosen.control)
+        if self._typed_ahead and isinstance(chosen.control, WrittenField):
+            chosen.control.put(chosen.control.value + self._typed_ahead)
+
+    def on_key(self, event: events.Key) -> None:
+        """What is typed while the fields are being made."""
+        if self.has_focus and event.character and event.is_printable:
+            event.stop()
+            event.prevent_default()
+            self._typed_ahead += event.character
 
     def close(self) -> None:
         self.form = None
@@ -99,10 +114,11 @@ class FormPanel(Vertical):
         """The rows of the form, of which the first `kept` are there already."""
         form = self.form
         assert form is not None
+        old, new = self.rows[kept:], [FieldRow(field, self._ending_of(field.name)) for field in form.fields[kept:]]
+        self.rows = [*self.rows[:kept], *new]
         with self.app.batch_update():
-            for row in self.rows[kept:]:
+            for row in old:
                 await row.remove()
-            new = [FieldRow(field, self._ending_of(field.name)) for field in form.fields[kept:]]
             await self.body.mount(*new)
             self._update_rows()
 

@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Coroutine, Mapping
-from typing import Any
+from collections.abc import Callable, Mapping
 
 from textual import on
 
@@ -72,7 +71,7 @@ class RuleEditor(RuleView):
 
     def carry_out(self, action: str) -> bool:
         """Do what an action of the editor means here; False: nothing."""
-        forms: dict[str, Callable[[], Coroutine[Any, Any, None]]] = {
+        calls: dict[str, Callable[[], None]] = {
             "edit.open": self._open_here,
             "edit.add": lambda: self._add(behind=False),
             "edit.behind": lambda: self._add(behind=True),
@@ -80,8 +79,6 @@ class RuleEditor(RuleView):
             "edit.rename": self._rename,
             "edit.only-if": self._only_if,
             "edit.otherwise": self._otherwise,
-        }
-        calls: dict[str, Callable[[], None]] = {
             "edit.chance": self._by_chance,
             "edit.first": self._make_first,
             "edit.remove": self._remove,
@@ -90,56 +87,53 @@ class RuleEditor(RuleView):
             "edit.try": self._try_rule,
             "edit.other": self.action_other_list,
         }
-        if (form := forms.get(action)) is not None:
-            self.run_worker(form(), group="rule-form", exclusive=True)
-        elif (call := calls.get(action)) is not None:
-            call()
-        else:
+        if (call := calls.get(action)) is None:
             return False
+        call()
         return True
 
     # --- forms ---
 
-    async def _open_here(self) -> None:
+    def _open_here(self) -> None:
         rule, state, spot = self.rule, self.state, self.spot
         if rule is None or state is None or spot is None:
             return
         if self.graph.has_focus:
             if spot.way >= 0:
-                await self._open_way(rule, state, spot.way)
+                self._open_way(rule, state, spot.way)
             else:
                 self.parts.focus()
             return
         part = self.parts.part
         if part is not None:
-            await self._open_part(rule, state, part)
+            self._open_part(rule, state, part)
 
-    async def _open_part(self, rule: WrittenRule, state: WrittenState, part: PartRow) -> None:
+    def _open_part(self, rule: WrittenRule, state: WrittenState, part: PartRow) -> None:
         names = self._study.names
         if part.kind == "heading" and part.at is None and not part.reason:
-            await self._add_way()
+            self._add_way()
         elif part.reason:
             self._refuse(f"{part.reason}; e opens the file there")
         elif part.kind == "way":
-            await self._open_way(rule, state, part.way)
+            self._open_way(rule, state, part.way)
         elif part.kind == "call" and part.at is not None and (call := call_at(state, part)) is not None:
-            await self._open(CallRuleForm(names, CallDraft.of(call), part.at, call))
+            self._open(CallRuleForm(names, CallDraft.of(call), part.at, call))
         elif part.kind in ("if", "branch") and part.at is not None and part.guard:
             at = _arm(part)
-            await self._open(ConditionRuleForm(names, at, "change", part.guard, part.guard))
+            self._open(ConditionRuleForm(names, at, "change", part.guard, part.guard))
         elif part.kind == "parameter" and (use := use_of(self._study.outline, rule, state)) is not None:
             name = part.target or ""
             given = use.values.get(name)
-            await self._open(TemplateValueForm(use, name, given.text if given is not None else ""))
+            self._open(TemplateValueForm(use, name, given.text if given is not None else ""))
         else:
-            await self._add(behind=False)
+            self._add(behind=False)
 
-    async def _open_way(self, rule: WrittenRule, state: WrittenState, number: int) -> None:
+    def _open_way(self, rule: WrittenRule, state: WrittenState, number: int) -> None:
         way = state.transitions[number]
         if reason := way.reason or why_not_editable(way.form):
             self._refuse(f"{reason}; e opens the file there")
             return
-        await self._open(
+        self._open(
             TransitionRuleForm(
                 self._study.names,
                 rule,
@@ -152,11 +146,11 @@ class RuleEditor(RuleView):
             )
         )
 
-    async def _open(self, form: RuleForm, focus: str = "") -> None:
+    def _open(self, form: RuleForm, focus: str = "") -> None:
         if not self.panel.is_open:
             self._opened_from = self.parts if self.parts.has_focus else self.graph
         self.add_class("-form")
-        await self.panel.open(form, focus)
+        self.panel.open(form, focus)
 
     def close_form(self) -> None:
         """Back to the list, or the graph, where the form was opened."""
@@ -164,36 +158,36 @@ class RuleEditor(RuleView):
         self.remove_class("-form")
         self._opened_from.focus()
 
-    async def _add(self, *, behind: bool) -> None:
+    def _add(self, *, behind: bool) -> None:
         """A function at the cursor of the list; in the graph, a way out of the state."""
         part = self.parts.part
         if self.graph.has_focus or part is None or (part.kind == "heading" and part.at is None):
-            await self._add_way()
+            self._add_way()
             return
         edit = add_statement(part, CallForm("startCommunicationRobotAct", ""), behind=behind)
         if edit is None:
             self._refuse(part.reason or "nothing can stand here")
             return
-        await self._open(CallRuleForm(self._study.names, CallDraft(), edit.at))
+        self._open(CallRuleForm(self._study.names, CallDraft(), edit.at))
 
-    async def _add_way(self) -> None:
+    def _add_way(self) -> None:
         rule, state = self.rule, self.state
         if rule is not None and state is not None:
             form = TransitionRuleForm(self._study.names, rule, state.id, TransitionDraft(), ways=len(state.transitions))
-            await self._open(form, "trigger")
+            self._open(form, "trigger")
 
-    async def _new_state(self) -> None:
+    def _new_state(self) -> None:
         rule = self.rule
         if rule is not None:
             behind = self.spot.state if self.spot is not None else ""
-            await self._open(NameForm(self._study.names, rule, "new state", "", behind))
+            self._open(NameForm(self._study.names, rule, "new state", "", behind))
 
-    async def _rename(self) -> None:
+    def _rename(self) -> None:
         rule, state = self.rule, self.state
         if rule is not None and state is not None:
-            await self._open(NameForm(self._study.names, rule, "rename state", state.id, state.id))
+            self._open(NameForm(self._study.names, rule, "rename state", state.id, state.id))
 
-    async def _only_if(self) -> None:
+    def _only_if(self) -> None:
         """The function at the cursor is to be done only if something is true."""
         state, part = self.state, self.parts.part
         call = call_at(state, part) if state is not None and part is not None else None
@@ -202,9 +196,9 @@ class RuleEditor(RuleView):
         elif part.reason:
             self._refuse(f"{part.reason}; e opens the file there")
         else:
-            await self._open(ConditionRuleForm(self._study.names, part.at, "wrap", call=call))
+            self._open(ConditionRuleForm(self._study.names, part.at, "wrap", call=call))
 
-    async def _otherwise(self) -> None:
+    def _otherwise(self) -> None:
         part, parts = self.parts.part, self._parts_now()
         if not self.parts.has_focus or part is None:
             self._refuse("l says what happens otherwise: go to a condition in the list below the graph (tab)")
@@ -215,7 +209,7 @@ class RuleEditor(RuleView):
             self._refuse("there is no condition here; o puts a function into one")
             return
         form = ConditionRuleForm(self._study.names, edit.at, "otherwise", can_be_else=without is not None)
-        await self._open(form)
+        self._open(form)
 
     def _by_chance(self) -> None:
         """The function at the cursor becomes one of several, of which one is picked."""
@@ -312,8 +306,7 @@ class RuleEditor(RuleView):
             return
 
         def go_on() -> None:
-            key = EventKeyForm(self._study.names, form.event_without_key)
-            self.run_worker(self._open(key), group="rule-form", exclusive=True)
+            self._open(EventKeyForm(self._study.names, form.event_without_key))
 
         if edits := form.edits():
             self._study.make(*edits, then=go_on)

@@ -293,3 +293,11 @@ async def test_every_size_shows_graph_and_list() -> None:
             await settle(pilot)
             assert page.panel.is_open and page.graph.size.height >= 4
             assert all(row.region.bottom <= size[1] for row in page.panel.rows)
+
+
+async def test_what_is_typed_at_once_goes_into_the_form() -> None:
+    study = StudyInMemory()
+    async with opened(study) as (pilot, _):
+        await pilot.press("n", *"inbe", "enter")  # `i`, `n` and `b` are commands where no form is open
+        await settle(pilot)
+    assert study.edits == [(AddState("Course", "inbe", after="Start"),)]
