@@ -20,6 +20,7 @@ from rise_engine.trial.keeping import path_of_test, text_of_test
 from rise_engine.trial.trial import Trial
 from rise_tui.editing.model.draft import FilePlace, StudyDraft
 from rise_tui.editing.model.study_names import StudyNames, study_names
+from rise_tui.editing.model.trial_rows import standing_of
 from rise_tui.editing.page import EditFrame, EditPage
 from rise_tui.editing.rules.rule_editor import RuleEditor
 from rise_tui.editing.study_page import StudyPage
@@ -29,11 +30,11 @@ from rise_tui.widgets.row_list import RowList
 
 BESIDE = 100
 """Columns from which the trial stands beside the rule; below it takes its place."""
-TRIAL_HINTS = {"edit.open": "goes on, does this", "edit.leave": "back to the rule"}
+TRIAL_HINTS = {"edit.leave": "back to the rule"}
 
 
 class DraftStudy:
-    """The study of a frame, as the editor of a rule knows it (`rise_tui.editing.rules.rule_view.RuleStudy`)."""
+    """The study of a frame, as the editor of a rule knows it (`rise_tui.editing.rules.rule_display.RuleStudy`)."""
 
     def __init__(self, frame: EditFrame) -> None:
         self._frame = frame
@@ -109,6 +110,10 @@ class RulePage(EditPage):
         return TRIAL_HINTS if self._in_trial else self.editor.hints
 
     @property
+    def own_hints(self) -> Sequence[tuple[str, str]]:
+        return self.trial.hints() if self._in_trial else ()
+
+    @property
     def place(self) -> FilePlace | None:
         rule, state, spot = self.editor.rule, self.editor.state, self.editor.spot
         if rule is None:
@@ -124,7 +129,7 @@ class RulePage(EditPage):
         return FilePlace(file, line, line + self.draft.files.get(file, b"").count(b"\n", span.start, span.end))
 
     def draw(self) -> None:
-        self.set_class(self.is_trying and self._is_beside, "-beside")
+        self._place_trial()
         self.editor.redraw()
         scenario = self.draft.checked.scenario
         if self.is_trying and scenario is not None:
@@ -183,7 +188,7 @@ class RulePage(EditPage):
     def _open_trial(self, scenario: Scenario, event: RuleEditor.TryRule) -> None:
         self.add_class("-trying")
         self._show_list(not self._is_beside)
-        self.set_class(self._is_beside, "-beside")
+        self._place_trial()
         self.trial.play(scenario, event.rule, event.state)
         self.trial.rows.focus()
         self.frame.draw_bars()
@@ -192,6 +197,12 @@ class RulePage(EditPage):
         self.remove_class("-trying", "-beside")
         self._show_list(True)
         self.editor.graph.focus()
+
+    def _place_trial(self) -> None:
+        """Beside the rule the trial needs no drawing of its own: the cursor in the rule's shows where it stands."""
+        beside = self.is_trying and self._is_beside
+        self.set_class(beside, "-beside")
+        self.trial.set_class(beside, "-beside")
 
     def _show_list(self, shown: bool) -> None:
         """The list of the study makes room for a trial beside the rule."""
@@ -208,6 +219,9 @@ class RulePage(EditPage):
     @on(TrialView.Played)
     def _played(self, event: TrialView.Played) -> None:
         event.stop()
+        standing = standing_of(self.trial.trial, self.shown_name) if self.trial.trial is not None else None
+        if self._is_beside and standing is not None and standing.name == self.shown_name:
+            self.editor.go_to_state(standing.state)
         self.frame.say(event.problem, "wait" if event.problem else "info")
         self.frame.draw_bars()
 

@@ -44,7 +44,7 @@ class FormPanel(Vertical, can_focus=True):
 
         form: RuleForm
 
-    class Left(Message):
+    class FormLeft(Message):
         """Esc: nothing is changed."""
 
     @dataclass
@@ -205,7 +205,7 @@ class FormPanel(Vertical, can_focus=True):
             self.post_message(self.Finished(self.form))
 
     def action_leave(self) -> None:
-        self.post_message(self.Left())
+        self.post_message(self.FormLeft())
 
     def action_extra(self) -> None:
         if self.form is not None:

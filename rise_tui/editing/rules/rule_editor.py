@@ -35,7 +35,7 @@ from rise_tui.editing.model.state_parts import (
 )
 from rise_tui.editing.model.transition_draft import TransitionDraft, why_not_editable
 from rise_tui.editing.rules.form_panel import FormPanel
-from rise_tui.editing.rules.rule_view import RuleView
+from rise_tui.editing.rules.rule_display import RuleDisplay
 
 STATE_HINTS = {
     "edit.open": "what it does", "edit.add": "way out", "edit.new-state": "new state", "edit.rename": "rename",
@@ -52,7 +52,7 @@ PART_HINTS = {
 """What the hint line says: in the graph on a state and on a way, and in the list."""
 
 
-class RuleEditor(RuleView):
+class RuleEditor(RuleDisplay):
     """One rule, and its keys: enter opens the form of what is under the cursor."""
 
     def _try_rule(self) -> None:
@@ -272,8 +272,8 @@ class RuleEditor(RuleView):
 
     # --- changes ---
 
-    @on(FormPanel.Left)
-    def _form_left(self, event: FormPanel.Left) -> None:
+    @on(FormPanel.FormLeft)
+    def _form_left(self, event: FormPanel.FormLeft) -> None:
         event.stop()
         self.close_form()
 

@@ -66,14 +66,14 @@ class RuleStudy(Protocol):
         """Tell the author something."""
 
 
-class RuleView(Vertical):
+class RuleDisplay(Vertical):
     """A rule as it is shown, and the cursor in it. Graph and list are two stops of the tab key."""
 
     DEFAULT_CSS = """
-    RuleView { height: 1fr; }
-    RuleView #rule-graph-list { height: 1fr; min-height: 4; }
-    RuleView #rule-parts { height: 1fr; min-height: 3; }
-    RuleView.-form #rule-parts, RuleView.-form #state-heading { display: none; }
+    RuleDisplay { height: 1fr; }
+    RuleDisplay #rule-graph-list { height: 1fr; min-height: 4; }
+    RuleDisplay #rule-parts { height: 1fr; min-height: 3; }
+    RuleDisplay.-form #rule-parts, RuleDisplay.-form #state-heading { display: none; }
     """
 
     @dataclass
@@ -201,8 +201,12 @@ class RuleView(Vertical):
         wanted = text.strip().casefold()
         found = next((state.id for state in rule.states if wanted in state.id.casefold()), "") if rule else ""
         if wanted and found:
-            self._go_to(GraphSpot(found))
-            self._select_part()
+            self.go_to_state(found)
+
+    def go_to_state(self, state: str) -> None:
+        """Put the cursor on a state."""
+        self._go_to(GraphSpot(state))
+        self._select_part()
 
     # --- the cursor ---
 
