@@ -139,7 +139,9 @@ def _editable(store: Store) -> Obstacle:
     """Whoever has the address of a page, or looks at what is over, changes no files."""
     if store.in_browser:
         return "this console is in a browser, which writes no files"
-    return IN_SHADOW if store.attach_reply.shadow else None if store.scenario.folder else "the scenario has no folder"
+    if store.attach_reply.shadow:
+        return IN_SHADOW
+    return None if store.scenario.folder else "the scenario has no folder"
 
 
 def _sayable(store: Store) -> Obstacle:
@@ -230,7 +232,7 @@ ACTIONS: tuple[ConsoleAction, ...] = (
     ConsoleAction("theme", "Choose a theme", (), "console",
            "Shows each theme while you move over it; esc keeps the one you had."),
     ConsoleAction("edit-study", "Edit this study", (), "console",
-           "Opens the editor of acts, memory and keys over the console. The session goes on as it is: what is saved "
+           "Opens the editor of acts, rules, memory and keys. A session that runs goes on as it is: what is saved "
            "counts for the next one.", "", _editable),
     ConsoleAction("tour", "Tour of the console", (), "console",
            "The console in five steps. The session goes on meanwhile, and the stop key works.", "", _own_console),
@@ -371,8 +373,10 @@ ACTIONS: tuple[ConsoleAction, ...] = (
 )  # fmt: skip
 
 BY_ID = {action.id: action for action in ACTIONS}
-ON_STUDY_SCREEN = ("palette", "help", "filter", "theme", "redraw")
-"""Actions of the console that the screen of a study, and the editor, have too."""
+IN_EDITOR = ("palette", "help", "filter", "theme", "redraw")
+"""Actions of the console that the editor has too."""
+ON_STUDY_SCREEN = (*IN_EDITOR, "edit-study")
+"""Actions of the console that the screen of a study has too."""
 
 
 def actions_in(scope: KeyScope) -> Iterator[ConsoleAction]:

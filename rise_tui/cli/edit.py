@@ -13,13 +13,23 @@ from rise_engine.edit.plan import EditRefused
 from rise_engine.edit.workspace import Workspace
 from rise_engine.errors import RiseError
 from rise_engine.exit_status import REFUSED, USAGE
-from rise_engine.session.folder import participant_text, running_sessions
+from rise_engine.protocol.registry import RegistryError, ask_summary
+from rise_engine.session.folder import running_sessions
 from rise_tui.cli.terminal import PlainTerminal
 from rise_tui.config.display import DisplayOptions, prepare_textual, with_detected_colors
 from rise_tui.config.paths import expand_home, key_file_path
 from rise_tui.editing.sessions import RunningHere
 
 STOP_SECONDS = 5.0
+
+
+def _participant(socket: str) -> str:
+    """Who takes part; empty while the session does not say it."""
+    try:
+        summary = ask_summary(socket)
+    except RegistryError:
+        return ""
+    return (summary.participant or "") if summary is not None else ""
 
 
 class SessionsHere:
@@ -31,9 +41,9 @@ class SessionsHere:
             found = running_sessions(str(folder))
         except OSError:
             return None
-        for session, holder in found.items():
+        for holder in found.values():
             if holder is not None and holder.is_this_computer:
-                return RunningHere(holder.socket, participant_text(session))
+                return RunningHere(holder.socket, _participant(holder.socket))
         return None
 
     def stop(self, session: RunningHere) -> str:

@@ -21,9 +21,7 @@ from rise_tui.editing.sessions import SessionWatch
 from rise_tui.editing.study import EditedStudy
 
 
-def run_editor(
-    workspace: Workspace, sessions: SessionWatch, key_file: Path | None, display: DisplayOptions
-) -> int:
+def run_editor(workspace: Workspace, sessions: SessionWatch, key_file: Path | None, display: DisplayOptions) -> int:
     """Until it is left; returns the exit status."""
     keys = read_keys(key_file) if key_file is not None else None
     if keys is not None and keys.problems:

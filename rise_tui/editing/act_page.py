@@ -86,7 +86,8 @@ class ActPage(FormPage):
     def hints(self) -> Mapping[str, str]:
         if self.form.rows.has_focus:
             return {"edit.open": "change", "edit.remove": "clear", "edit.other": "actions"}
-        return {"edit.open": "change", "edit.add": "add", "edit.remove": "del", "edit.waits": "waits", "edit.wording": "wording"}  # fmt: skip
+        words = {"edit.open": "change", "edit.add": "add", "edit.remove": "remove"}
+        return {**words, "edit.waits": "waits", "edit.wording": "wording"}
 
     # --- what is shown ----------------------------------------------------------------------------------------------
 
@@ -132,7 +133,9 @@ class ActPage(FormPage):
             self.form.show([])
             return
         name = "wordings, one by chance" if action.is_variants else action_type(action)
-        self.parting.show(crop(((f" {action.id}  {name}", "accent"), (f"  {action.reason}" if action.reason else "", "wait")), width))
+        self.parting.show(
+            crop(((f" {action.id}  {name}", "accent"), (f"  {action.reason}" if action.reason else "", "wait")), width)
+        )
         self.form.show(action_fields(act, action, self.draft.checked))
         self._draw_file(act, width)
 
@@ -191,9 +194,7 @@ class ActPage(FormPage):
             values = new_action_parameters(spec) if spec is not None else {}
             wait_for = (current.id,) if current is not None and current.id else ()
             before = {each.id for each in self.act.actions} if self.act is not None else set()
-            edit = AddAction(
-                self.shown_name, type, values, wait_for, after=current.id if current is not None else ""
-            )
+            edit = AddAction(self.shown_name, type, values, wait_for, after=current.id if current is not None else "")
             self.frame.make(edit, then=lambda: self._go_to_new(before))
 
         where = f"It begins after {current.id}; w changes that." if current is not None else ""
@@ -242,5 +243,3 @@ class ActPage(FormPage):
             return False
         self.frame.make(RemoveVariant(self.shown_name, action.id, int(field.id.partition("/")[0])))
         return True
-
-

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from textual import events, on
+from textual import events
 from textual.widgets import Input
 
 from rise_tui.actions import bindings_in
@@ -51,7 +51,7 @@ class EditApp(TerminalApp):
         return themes.DARK.variables
 
     async def on_mount(self) -> None:
-        await self.push_screen(self.edit_screen)
+        await self.push_screen(self.edit_screen, lambda _: self.exit())
 
     def observe_key(self, event: events.Key, together: bool) -> None:
         self._keys_together = together
@@ -73,7 +73,3 @@ class EditApp(TerminalApp):
             self.edit_screen.ask_to_leave()
         else:
             self.exit()
-
-    @on(EditScreen.Closed)
-    def _closed(self) -> None:
-        self.exit()

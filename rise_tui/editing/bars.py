@@ -62,7 +62,9 @@ class EditHints(KeyHints):
         """`own`: actions of the page with their words; `bound`: keys that it binds itself."""
         shown = {**({"stop": "STOP"} if stops else {}), **own}
         common = {id: word for id, word in COMMON_HINTS.items() if id not in shown}
-        keys: list[tuple[list[StyledSpan], str]] = [([(f" {key}", "key"), (f" {word} ", "plain")], "") for key, word in bound]
+        keys: list[tuple[list[StyledSpan], str]] = [
+            ([(f" {key}", "key"), (f" {word} ", "plain")], "") for key, word in bound
+        ]
         self.show_pieces([*_pieces(shown), *keys, *_pieces(common)])
 
     def draw_typing(self) -> None:  # type: ignore[override]

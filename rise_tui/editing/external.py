@@ -7,7 +7,6 @@ import os
 import shlex
 import subprocess
 import tempfile
-from contextlib import suppress
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -33,8 +32,10 @@ def editor_command() -> list[str]:
 def arguments_at(command: list[str], path: str, line: int) -> list[str]:
     """The command line that opens a file at a line, as this editor wants it.
 
-    >>> arguments_at(["vim"], "a.xml", 3), arguments_at(["hx"], "a.xml", 3), arguments_at(["code", "--wait"], "a.xml", 3)
-    (['vim', '+3', 'a.xml'], ['hx', 'a.xml:3'], ['code', '--wait', '--goto', 'a.xml:3'])
+    >>> arguments_at(["vim"], "a.xml", 3), arguments_at(["hx"], "a.xml", 3)
+    (['vim', '+3', 'a.xml'], ['hx', 'a.xml:3'])
+    >>> arguments_at(["code"], "a.xml", 3)
+    ['code', '--wait', '--goto', 'a.xml:3']
     """
     name = Path(command[0]).name
     if name in ("code", "codium", "code-insiders"):
@@ -61,11 +62,7 @@ async def edit_file(screen: EditScreen, place: FilePlace) -> None:
         screen.draw()
         screen.look_outside()
         return
-    with tempfile.TemporaryDirectory(prefix="rise-draft-") as folder:
-        copy = Path(folder, Path(place.file).name)
-        copy.write_bytes(content)
-        await _run(screen, str(copy), place.line)
-        written = copy.read_bytes()
+    written = await _edit_copy(screen, place, content)
     if written != content:
         try:
             text = written.decode("utf-8")
@@ -73,6 +70,15 @@ async def edit_file(screen: EditScreen, place: FilePlace) -> None:
             screen.say(f"{place.file} is not taken: what was written is no UTF-8", "fault")
             return
         screen.make(ReplaceFile(place.file, text))
+
+
+async def _edit_copy(screen: EditScreen, place: FilePlace, content: bytes) -> bytes:
+    """What came of a copy of the draft."""
+    with tempfile.TemporaryDirectory(prefix="rise-draft-") as folder:
+        copy = Path(folder, Path(place.file).name)
+        await asyncio.to_thread(copy.write_bytes, content)
+        await _run(screen, str(copy), place.line)
+        return await asyncio.to_thread(copy.read_bytes)
 
 
 async def _run(screen: EditScreen, path: str, line: int) -> None:
@@ -83,6 +89,5 @@ async def _run(screen: EditScreen, path: str, line: int) -> None:
             await asyncio.to_thread(subprocess.run, arguments, check=False)
     except OSError as error:
         screen.say(f"{arguments[0]} cannot be started ({error.strerror}): name your editor in $EDITOR", "fault")
-    with suppress(AttributeError):
-        if isinstance(app, TerminalApp):
-            app.repaint_everything()
+    if isinstance(app, TerminalApp):
+        app.repaint_everything()

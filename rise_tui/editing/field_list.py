@@ -14,7 +14,7 @@ from textual.message import Message
 from textual.widgets import Input
 
 from rise_tui.editing.model.fields import EditField, field_rows, label_width
-from rise_tui.rendering.text import StyledLine, crop, wrap
+from rise_tui.rendering.text import StyledLine, TextRole, crop, wrap
 from rise_tui.widgets.memory_editor import TextField
 from rise_tui.widgets.row_list import RowList, RowView
 from rise_tui.widgets.static_lines import StaticLines
@@ -131,7 +131,7 @@ class FieldList(Vertical):
         field = self._typing or self.current
         lines: list[StyledLine] = []
         if finding:
-            role = "fault" if is_error else "wait"
+            role: TextRole = "fault" if is_error else "wait"
             pieces = wrap(finding, width - 6)
             lines = [crop(((f"   {'✗' if is_error else '▲'} {piece}" if not at else f"     {piece}", role),), width)
                      for at, piece in enumerate(pieces[:2])]  # fmt: skip

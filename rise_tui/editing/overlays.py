@@ -8,12 +8,13 @@ from typing import TYPE_CHECKING
 
 from textual.app import App
 
+from rise_engine.edit.drafts import Draft
 from rise_engine.edit.workspace import OutsideChange
 from rise_engine.text import clean
 from rise_tui.editing.model.fields import FieldChoice
 from rise_tui.editing.model.study_rows import find_at
 from rise_tui.editing.study import EditedStudy
-from rise_tui.screens.dialog import Dialog
+from rise_tui.screens.dialog import Dialog, DialogChoice
 from rise_tui.screens.help import HelpScreen, edit_help_entries
 from rise_tui.screens.palette import Palette
 from rise_tui.screens.palette_commands import PaletteCommand, edit_commands, theme_commands
@@ -77,3 +78,12 @@ def lost_changes_dialog(outside: OutsideChange) -> Dialog:
     lines = [f"Somebody has changed {', '.join(outside.files)}.", "These changes of yours fit no more:"]
     lines += [f"· {clean(sentence)}" for change in outside.lost for sentence in change.says]
     return Dialog("Changed outside", lines, no="I have read it")
+
+
+def draft_dialog(draft: Draft) -> Dialog:
+    """What an earlier editor has not saved: it is taken up or forgotten; esc leaves the editor, so that it is kept."""
+    says = [clean(sentence) for change in draft.changes for sentence in change.says]
+    lines = [f"An editor has ended without saving ({clean(draft.kept)}):", *(f"· {each}" for each in says[:8])]
+    lines += [f"· and {len(says) - 8} more"] if len(says) > 8 else []
+    return Dialog("A draft is there", lines, DialogChoice("d", "Forget it"), DialogChoice("t", "Take it up"),
+                  no="Leave the editor", default="t")  # fmt: skip

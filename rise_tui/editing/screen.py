@@ -13,14 +13,14 @@ from textual import events, on
 from textual.app import ComposeResult
 from textual.binding import BindingType
 from textual.containers import Horizontal
-from textual.message import Message
 from textual.screen import Screen
 
+from rise_engine.edit.drafts import Draft
 from rise_engine.edit.edits import AnyEdit
 from rise_engine.edit.plan import EditRefused
 from rise_engine.edit.workspace import Change
 from rise_engine.text import clean
-from rise_tui.actions import ON_STUDY_SCREEN, bindings_in, bindings_of
+from rise_tui.actions import IN_EDITOR, bindings_in, bindings_of
 from rise_tui.editing import external, overlays
 from rise_tui.editing.bars import BannerLine, EditHints, EditTopLine, FindingLine
 from rise_tui.editing.chooser import AskText, Chooser, ManyChooser
@@ -56,10 +56,7 @@ class EditScreen(Screen[None]):
     EditScreen #body.-page.-wide StudyPage { width: 44; }
     EditScreen #body.-page.-narrow StudyPage { display: none; }
     """
-    BINDINGS: ClassVar[list[BindingType]] = [*bindings_in("edit"), *bindings_of(*ON_STUDY_SCREEN)]
-
-    class Closed(Message):
-        """The editor was left."""
+    BINDINGS: ClassVar[list[BindingType]] = [*bindings_in("edit"), *bindings_of(*IN_EDITOR)]
 
     def __init__(
         self, study: EditedStudy, *, sessions: SessionWatch | None = None, notice: str = "", may_suspend: bool = True
@@ -97,7 +94,30 @@ class EditScreen(Screen[None]):
         self.set_focus(self.home.first_focus)
         if self._first_notice:
             self.say(self._first_notice, "wait")
-        self._watch()
+        self._work(self._offer_draft())
+
+    async def _offer_draft(self) -> None:
+        """What an earlier editor has not saved is offered before anything is changed."""
+        draft = await self.study.read_draft()
+        if draft is None or not (draft.changes or draft.files):
+            return
+
+        def answer(key: str | None) -> None:
+            if key == "t":
+                self._work(self._take_up(draft))
+            elif key == "d":
+                self._work(self.study.discard_draft())
+            else:
+                self.close()
+
+        self.app.push_screen(overlays.draft_dialog(draft), answer)
+
+    async def _take_up(self, draft: Draft) -> None:
+        outside = await self.study.take_up(draft)
+        self.say("the draft is here again: ctrl+o saves it")
+        self.draw()
+        if outside.lost:
+            self.app.push_screen(overlays.lost_changes_dialog(outside))
 
     async def on_unmount(self) -> None:
         await self.study.close()
@@ -354,7 +374,7 @@ class EditScreen(Screen[None]):
         self.say(f"saved: {', '.join(report.files)}{after}")
         self.draw()
 
-    # --- an editor of one's own -----------------------------------------------------------------------------------------
+    # --- an editor of one's own ---------------------------------------------------------------------------------------
 
     async def _open_file(self) -> None:
         place = self.page.place
@@ -366,7 +386,7 @@ class EditScreen(Screen[None]):
         else:
             await external.edit_file(self, place)
 
-    # --- leaving --------------------------------------------------------------------------------------------------------
+    # --- leaving ------------------------------------------------------------------------------------------------------
 
     def stop_pressed(self) -> None:
         """The stop key, where the console below has none of its own."""
@@ -413,4 +433,4 @@ class EditScreen(Screen[None]):
         """Leave the editor; a draft stays."""
         if not self._is_closing:
             self._is_closing = True
-            self.post_message(self.Closed())
+            self.dismiss()

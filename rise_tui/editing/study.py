@@ -6,6 +6,7 @@ import asyncio
 from collections.abc import Callable
 from typing import TypeVar
 
+from rise_engine.edit.drafts import Draft
 from rise_engine.edit.edits import AnyEdit
 from rise_engine.edit.plan import EditRefused
 from rise_engine.edit.workspace import Change, OutsideChange, SaveReport, Workspace
@@ -54,6 +55,23 @@ class EditedStudy:
     async def save(self) -> SaveReport:
         """Write all changed files or none. :raises EditRefused: it cannot be."""
         return await self._do("saving", self._workspace.save)
+
+    @property
+    def read_only(self) -> str:
+        """Why nothing can be saved here; empty: it can."""
+        return self._workspace.read_only
+
+    async def read_draft(self) -> Draft | None:
+        """What an earlier editor has not saved."""
+        return await self._do("", lambda: self._workspace.draft)
+
+    async def take_up(self, draft: Draft) -> OutsideChange:
+        """Make the changes of a draft again."""
+        return await self._do("reading the draft", lambda: self._workspace.take_up_draft(draft))
+
+    async def discard_draft(self) -> None:
+        """Forget what an earlier editor has not saved."""
+        await self._do("", self._workspace.discard_draft)
 
     async def close(self) -> None:
         """Give the study up; what is not saved stays as a draft."""

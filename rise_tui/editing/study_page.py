@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from typing import ClassVar
 
 from textual import on
@@ -105,7 +105,7 @@ class StudyPage(EditPage):
 
     def carry_out(self, action: str) -> bool:
         kind, name = self.current
-        calls = {
+        calls: dict[str, Callable[[], None]] = {
             "edit.open": lambda: self._open(kind, name),
             "edit.add": self._ask_for_act,
             "edit.rename": lambda: self._ask_to_rename(kind, name),

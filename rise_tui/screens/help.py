@@ -6,7 +6,7 @@ from collections.abc import Iterator, Sequence
 from itertools import groupby
 from typing import NamedTuple
 
-from rise_tui.actions import BY_ID, KEY_SCOPES, ON_STUDY_SCREEN, ConsoleAction, KeyScope, actions_in
+from rise_tui.actions import BY_ID, IN_EDITOR, KEY_SCOPES, ON_STUDY_SCREEN, ConsoleAction, KeyScope, actions_in
 from rise_tui.key_labels import key_label, key_name, key_text, keys_of, why_task_blocked, why_unavailable
 from rise_tui.model.filtering import Filter, InvalidFilter
 from rise_tui.model.store import Store
@@ -64,7 +64,7 @@ def edit_help_entries() -> Iterator[HelpEntry]:
     """Those of the editor, where no key starts anything."""
     titles = dict(KEY_SCOPES)
     yield from (_action_entry(action, titles["edit"], None) for action in actions_in("edit"))
-    yield from (_action_entry(BY_ID[id], titles["edit"], None) for id in ON_STUDY_SCREEN)
+    yield from (_action_entry(BY_ID[id], titles["edit"], None) for id in IN_EDITOR)
     yield from (_action_entry(BY_ID[id], titles["everywhere"], None) for id in ("stop", "quit"))
     yield from (HelpEntry(IDEAS, word, "", text) for word, text in EDIT_CONCEPTS)
 

@@ -13,7 +13,7 @@ from rise_engine.drawing.rule_text import ENDINGS
 from rise_engine.drawing.study_keys import ACT, EVENT, RULE, SET, key_title
 from rise_engine.kernel.behaviors import describe_behavior
 from rise_engine.scenario.model import KeyBinding, normal_topic
-from rise_tui.actions import ACTIONS, BY_ID, KEY_SCOPES, ON_STUDY_SCREEN, ConsoleAction, KeyScope, actions_in
+from rise_tui.actions import ACTIONS, BY_ID, IN_EDITOR, KEY_SCOPES, ON_STUDY_SCREEN, ConsoleAction, KeyScope, actions_in
 from rise_tui.key_labels import first_key_label, why_blocked, why_task_blocked, why_unavailable
 from rise_tui.model.filtering import Filter, InvalidFilter
 from rise_tui.model.key_action import KeyAction, action_of_key, start_action
@@ -65,7 +65,7 @@ def study_commands(run: Callable[[str], None]) -> Iterator[PaletteCommand]:
 
 def edit_commands(run: Callable[[str], None]) -> Iterator[PaletteCommand]:
     """What can be done in the editor of a study's files."""
-    shared = (BY_ID[id] for id in ON_STUDY_SCREEN if id not in ("palette", "theme"))
+    shared = (BY_ID[id] for id in IN_EDITOR if id not in ("palette", "theme"))
     for action in (*actions_in("edit"), *shared):
         yield PaletteCommand(action.title, "", first_key_label(action), action.help, "", partial(run, action.id))
 

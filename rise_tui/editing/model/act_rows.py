@@ -32,10 +32,7 @@ def what_text(action: WrittenAction) -> str:
         return ""
     values = action.calls[0].parameters
     message = values.get("message")
-    if message is not None:
-        text = message.text
-    else:
-        text = " ".join(value.text for value in values.values())
+    text = message.text if message is not None else " ".join(value.text for value in values.values())
     more = f"  (+{len(action.calls) - 1})" if len(action.calls) > 1 else ""
     return clean(text) + more
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from difflib import SequenceMatcher
 
 from rise_tui.editing.model.draft import FilePlace, StudyDraft
-from rise_tui.rendering.text import StyledLine, clean, crop
+from rise_tui.rendering.text import StyledLine, TextRole, clean, crop
 
 MOST_COMPARED = 4_000
 """Lines; longer files show no differences, which would take too long to find for each key."""
@@ -30,7 +30,7 @@ def file_lines(draft: StudyDraft, place: FilePlace, width: int, most: int) -> li
     begin = max(0, min(changed - most // 2, len(marked) - most))
     lines: list[StyledLine] = []
     for number, sign, text in marked[begin : begin + most]:
-        role = "strong" if sign == "+" else "muted" if sign == "-" else "plain"
+        role: TextRole = "strong" if sign == "+" else "muted" if sign == "-" else "plain"
         lines.append(crop(((f" {number:>4}{sign}", "muted"), ("| ", "muted"), (clean(text), role)), width))
     return lines
 

@@ -49,7 +49,8 @@ def study_rows(draft: StudyDraft, width: int, wanted: str = "") -> list[ListRow]
         line: StyledLine = ((f" {title}", "accent"), (f"{number:>{max(1, width - len(title) - 3)}}", "muted"))
         return ListRow("", line, selectable=False)
 
-    rows = [heading("ACTS", len(draft.outline.acts))]
+    rows = [ListRow("", ((f" find {wanted}: esc shows all", "wait"),), selectable=False)] if wanted else []
+    rows.append(heading("ACTS", len(draft.outline.acts)))
     for act in draft.outline.acts:
         said = " ".join(what_text(action) for action in act.actions)
         if fits(act.name, said):

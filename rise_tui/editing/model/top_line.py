@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from rise_tui.editing.model.draft import StudyDraft, count
-from rise_tui.rendering.text import StyledLine, StyledSpan, align_at_both_ends, clean, shorten
+from rise_tui.rendering.text import StyledLine, StyledSpan, TextRole, align_at_both_ends, clean, shorten
 
 NARROW = 100
 
@@ -22,7 +22,7 @@ def top_line(draft: StudyDraft, width: int, *, busy: str = "") -> StyledLine:
     unsaved: StyledSpan = ("saved ", "muted")
     if draft.changed_files:
         unsaved = (f"● {count(number, 'change')} unsaved ", "wait") if number else ("● not saved ", "wait")
-    right: StyledLine = (((f"{busy} … ", "muted"), unsaved) if busy else (unsaved,))
+    right: StyledLine = ((f"{busy} … ", "muted"), unsaved) if busy else (unsaved,)
     return align_at_both_ends(tuple(left), right, width)
 
 
@@ -34,6 +34,6 @@ def finding_line(draft: StudyDraft, about: str) -> StyledLine:
     errors = [each for each in found if each.severity == "error"]
     near = [each for each in errors or found if each.location.file == about]
     first = (near or found)[0]
-    role = "fault" if first.severity == "error" else "wait"
+    role: TextRole = "fault" if first.severity == "error" else "wait"
     glyph = "✗" if first.severity == "error" else "▲"
     return ((f" {glyph} {first.location.file}:{first.location.line} ", role), (clean(first.message), role))
