@@ -33,6 +33,7 @@ _COMMANDS = {
     "report": "rise_engine.cli.report",
     **dict.fromkeys(("replay", "run", "serve", "sessions", "stop"), _SESSION),
     "study": _STUDY,
+    "take-over": "rise_engine.cli.take_over",
     "test": "rise_engine.cli.study_tests",
 }
 """Each command's name, and the module where it is the value of `COMMANDS`."""

@@ -54,6 +54,7 @@ from rise_engine.protocol.messages import (
     ScenarioMessage,
     SendMessage,
     SessionSummary,
+    TakeOverMessage,
     TasksMessage,
     decode_client_message,
     encode_line,
@@ -255,7 +256,7 @@ class SessionServer:
                 _refuse(connection, "attach first")
 
     def _take_request(
-        self, attachment: Attachment, message: SendMessage | ControlMessage | EndMessage, size: int
+        self, attachment: Attachment, message: SendMessage | ControlMessage | EndMessage | TakeOverMessage, size: int
     ) -> None:
         client = attachment.client
         attachment.unanswered += 1
@@ -271,6 +272,8 @@ class SessionServer:
                 self.hub.change_control(client, verb, answer)
             case EndMessage(reason=reason):
                 self.hub.end_session(client, reason, answer)
+            case TakeOverMessage():
+                self.hub.take_over_scenario(client, answer)
 
     def _attach(self, connection: ClientConnection, message: AttachMessage) -> None:
         """Raises NotAdmitted."""
@@ -395,6 +398,17 @@ class SessionServer:
             tasks=len(hub.view.tasks),
             origin=getattr(engine.clock, "origin", None),
         )
+
+    def scenario_changed(self) -> None:
+        """The session goes on with another scenario: whoever is attached attaches anew, and gets it then."""
+        self.__dict__.pop("_scenario_line", None)
+        self._loop.call_soon(self._let_attach_anew)
+
+    def _let_attach_anew(self) -> None:
+        """After what is on its way, an answer to who has asked for it among that."""
+        self._flush()
+        for attachment in list(self._attached):
+            _refuse(attachment.connection, "the files of the scenario have changed: attach again")
 
     @cached_property
     def _scenario_line(self) -> bytes:
