@@ -53,6 +53,16 @@ class ScenarioTakeover:
         finally:
             self._under_way = None
 
+    def _then_tell(self, answer: ReplyCallback) -> ReplyCallback:
+        """Answer, and only then, when it is recorded, let others know."""
+
+        def answer_and_tell(reply: Reply) -> None:
+            answer(reply)
+            if reply.accepted:
+                self._taken_over()
+
+        return answer_and_tell
+
     async def _read_and_take_over(self, source: str, answer: ReplyCallback) -> None:
         engine, before = self._engine, self._engine.scenario
         loaded = await asyncio.to_thread(
@@ -71,9 +81,7 @@ class ScenarioTakeover:
             except SessionError as error:
                 answer(Reply(False, str(error)))
                 return
-            if engine.take_over(scenario, copy.name, source, answer):
-                self._taken_over()
-            else:
+            if not engine.take_over(scenario, copy.name, source, self._then_tell(answer)):
                 await asyncio.to_thread(remove_copy, copy)
 
 
