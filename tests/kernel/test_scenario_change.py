@@ -146,7 +146,7 @@ def test_a_changed_text_is_spoken_and_the_picks_stay(tmp_path: Path) -> None:
                 assert change(kernel, other, 10.0 + number)
             records, commands = kernel.handle(task("startCommunicationRobotAct", "Say", 10.0 + number))
             goal = next(command.action for command in commands if isinstance(command, StartAction))
-            texts += [record.parameters["message"] for record in records if as_json(record)["kind"] == "action"]
+            texts += [each["parameters"]["message"] for each in map(as_json, records) if each["kind"] == "action"]
             kernel.handle(ActionReport(t=10.5 + number, action=goal, status="succeeded"))
         return texts
 

@@ -95,9 +95,9 @@ def key(scenario: Scenario, label: str) -> KeyBinding:
 def test_time_goes_on_until_the_robot_has_done_what_it_does(lablinking: Scenario) -> None:
     trial = Trial(lablinking)
     trial.press(key(lablinking, "t"))
-    assert trial.is_busy and trial.now == 0
+    was_busy, began = trial.is_busy, trial.now
     step = trial.go_on()
-    assert step is not None and not trial.is_busy and 15 < step.at < 25
+    assert was_busy and began == 0 and step is not None and not trial.is_busy and 15 < step.at < 25
     assert [rule.state for rule in standing_rules(trial)] == ["After the welcome"]
     assert trial.go_on() is None
     assert trial.problem == "nothing happens by itself any more: it waits for you" and len(trial.steps) == 2
@@ -167,14 +167,24 @@ def test_the_records_are_those_of_a_run_in_virtual_time(
     assert ran[: len(own)] == own and len(own) > 100
 
 
-def test_a_trial_that_never_rests_stops_somewhere_and_says_so(tmp_path: Path) -> None:
+def test_where_the_robot_never_rests_time_goes_on_until_it_begins_something_again(tmp_path: Path) -> None:
     rules = RULES.replace('eventTopic="/R_Hello_end" target="Waiting"', 'eventTopic="/R_Hello_end" target="Talking"')
     scenario = loaded_scenario(make_guide(tmp_path, rules))
     trial = Trial(scenario)
     trial.start_rule("Guide", "Talking")
     trial.go_on()
-    assert trial.problem == "after 10 minutes something still goes on by itself"
-    assert LONGEST - 10 < trial.now <= LONGEST
+    assert not trial.problem and trial.is_busy and trial.memory["tries"] == 2
+    trial.go_on()
+    assert trial.memory["tries"] == 3
+
+
+def test_what_takes_for_ever_is_not_waited_for(tmp_path: Path) -> None:
+    scenario = loaded_scenario(make_guide(tmp_path, RULES.replace("8s", "20min")))
+    trial = Trial(scenario)
+    trial.press(key(scenario, "t"))
+    trial.go_on()
+    assert trial.problem == "after 10 minutes something still goes on by itself" and trial.now <= LONGEST
+    assert trial.back() and trial.problem == ""
 
 
 def test_what_happened_and_why(guide: Scenario) -> None:
