@@ -35,6 +35,7 @@ _COMMANDS = {
     "texts": "rise_engine.cli.texts",
     **dict.fromkeys(("replay", "run", "serve", "sessions", "stop"), _SESSION),
     "study": _STUDY,
+    "take-over": "rise_engine.cli.take_over",
     "test": "rise_engine.cli.study_tests",
 }
 """Each command's name, and the module where it is the value of `COMMANDS`."""

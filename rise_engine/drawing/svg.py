@@ -7,6 +7,7 @@ from xml.sax.saxutils import escape
 
 from rise_engine.drawing.cells import cell_length
 from rise_engine.drawing.pictures import Picture, PictureRow
+from rise_engine.text import clean
 
 CELL, ROW, FONT = 8, 18, 13
 """Width of a character, height of a row, size of letters, in px."""
@@ -55,7 +56,7 @@ def svg_text(title: str, pictures: Sequence[Picture]) -> str:
     about = "; ".join(f"{picture.kind} {picture.name}: {picture.summary}" for picture in pictures)
     return (
         f'<svg xmlns="http://www.w3.org/2000/svg" role="img" viewBox="0 0 {width} {height}" width="{width}" '
-        f'height="{height}">\n<title>{escape(title)}</title>\n<desc>{escape(about)}</desc>\n'
+        f'height="{height}">\n<title>{escape(clean(title))}</title>\n<desc>{escape(clean(about))}</desc>\n'
         f"<style>{_STYLE}</style>\n"
         f'<rect width="{width}" height="{height}" fill="#fff"/>\n' + "\n".join(groups) + "\n</svg>\n"
     )
@@ -68,7 +69,7 @@ def _used_width(picture: Picture) -> int:
 
 def _picture(picture: Picture) -> Iterator[str]:
     yield (
-        f'<text class="h" y="15">{escape(picture.name)}'
+        f'<text class="h" y="15">{escape(clean(picture.name))}'
         f'<tspan class="note" font-size="{FONT}" font-weight="normal" dx="16">{escape(picture.summary)}</tspan></text>'
     )
     yield f'<path class="l" d="{"".join(_line_path(picture.rows))}"/>'

@@ -109,6 +109,8 @@ class _TestReader:
         self.lines: list[StudyTestLine] = []
         self.problems: list[str] = []
         self.number = 0
+        self.did_something = False
+        """Whether a line has come that does something, or is meant to."""
 
     def report(self, messages: Iterable[str], column: int | None = None) -> None:
         where = f"{self.file}:{self.number}" + ("" if column is None else f":{column}")
@@ -138,6 +140,7 @@ class _TestReader:
 
     def take(self, value: dict[str, Any]) -> None:
         what = [name for name in _ACTIONS if name in value]
+        self.did_something |= what not in (["expect"], ["test"])
         if len(what) != 1:
             names = (*_ACTIONS, *TASK_KEYS, *_HEAD)
             near = next((near for key in value if (near := did_you_mean(key, names))), "")
@@ -225,7 +228,7 @@ class _TestReader:
             elif name == "starts":
                 missing = (text for text in texts if text not in self.scenario.acts)
                 problems += [f"there is no act `{text}`{did_you_mean(text, self.scenario.acts)}" for text in missing]
-        if not any(step.expect is None for step in self.lines):
+        if not self.did_something:
             problems.append("an `expect` stands behind a line that does something")
         self.report(problems)
         if not problems:

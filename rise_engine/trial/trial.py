@@ -17,7 +17,7 @@ from rise_engine.engine.clock import VirtualClock
 from rise_engine.engine.drivers import make_robot
 from rise_engine.engine.engine import Engine
 from rise_engine.kernel.inputs import Note, Submit
-from rise_engine.kernel.records import AnyRecord
+from rise_engine.kernel.records import AnyRecord, TaskRecord
 from rise_engine.kernel.view import SessionView
 from rise_engine.protocol.session_options import SessionOptions
 from rise_engine.protocol.session_start import first_input, start_remarks
@@ -32,6 +32,8 @@ LIVELOCK = 20_000
 """Inputs in one moment beyond which time is not let go on: something goes round in circles."""
 PRESS_AFTER = 0.1
 """Seconds by which what somebody does comes after what has happened: nobody presses a key in the same moment."""
+
+_ACT_FUNCTIONS = ("startCommunicationRobotAct", "say")
 
 StepKind: TypeAlias = Literal["task", "go_on", "wait"]
 
@@ -183,7 +185,7 @@ class Trial:
     def go_on(self) -> TrialStep | None:
         """Let time go on until the robot has done what it does, or, when it does nothing, until something happens.
 
-        At most LONGEST seconds. None: nothing happens by itself any more, everything waits for somebody.
+        Where it never rests, until all that it does has begun for the second time; at most LONGEST seconds. None: nothing happens by itself any more, everything waits for somebody.
         """
         self.problem = ""
         if self.next_at is None:
@@ -233,6 +235,13 @@ class Trial:
         self.steps.append(step)
         return step
 
+    def _does_only(self, acts: set[str]) -> bool:
+        """Whether the robot does nothing, or nothing but these."""
+        view = self.view
+        return view.stop.status != "requested" and all(
+            view.tasks[id].behavior in acts for id in (*view.running, *view.waiting)
+        )
+
     def _advance_to(self, until: float) -> None:
         """Everything up to this moment happens, what is due in it as well."""
         guard = _CircleGuard(self._engine)
@@ -245,11 +254,17 @@ class Trial:
         self.clock.pass_until(until)
 
     def _advance_until_quiet(self, seq: int) -> None:
-        """Until nothing runs, and something has been recorded since `seq`."""
+        """Until nothing runs, or only acts that have begun again, and something has been recorded since `seq`."""
         deadline = self.now + LONGEST
         guard = _CircleGuard(self._engine)
+        begun = {self.view.tasks[id].behavior for id in self.view.running}
+        seen, again = seq, set[str]()
         while (due := self.clock.next_at) is not None:
-            if due > self.now and self.view.seq > seq and not self.is_busy:
+            for record in self.records[seen:]:
+                if isinstance(record, TaskRecord) and record.function in _ACT_FUNCTIONS and record.status == "ACTIVE":
+                    (again if record.behavior in begun else begun).add(record.behavior)
+            seen = len(self.records)
+            if due > self.now and self.view.seq > seq and self._does_only(again):
                 return
             if due > deadline:
                 self.problem = f"after {LONGEST / 60:.0f} minutes something still goes on by itself"

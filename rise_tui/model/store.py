@@ -168,6 +168,7 @@ class Store:
     study_keys: StudyKeys = field(init=False)
     wording: RobotWording = field(init=False)
     sentences: SentenceTracker = field(init=False)
+    _scenario_hash: str = field(init=False)
     _unhandled_events: UnhandledEvents = field(init=False)
     _estimates: dict[str, float] = field(default_factory=dict)
     """Seconds that acts take with the present memory, of those that have not run yet."""
@@ -176,6 +177,7 @@ class Store:
 
     def __post_init__(self) -> None:
         self._unhandled_events = UnhandledEvents(self.unhandled_tasks)
+        self._scenario_hash = self.scenario.hash
         self.wording = RobotWording(self.scenario)
         self.study_keys, self.sentences = StudyKeys(self.scenario), SentenceTracker(self.scenario)
         self._rebuild(self.attach_reply)
@@ -194,6 +196,10 @@ class Store:
             self.control_lost = control.ControlLost(self.view.control, None)
 
     def _rebuild(self, attach_reply: AttachReply) -> None:
+        if attach_reply.scenario.hash != self._scenario_hash:  # the session has taken over changed files
+            self._scenario_hash = attach_reply.scenario.hash
+            self.wording = RobotWording(attach_reply.scenario)
+            self.study_keys, self.sentences = StudyKeys(attach_reply.scenario), SentenceTracker(attach_reply.scenario)
         self.attach_reply, self.view, self.journal_status = attach_reply, attach_reply.view, attach_reply.journaling
         self.log.rebuild(self.view)
         self.unhandled_tasks.clear()
