@@ -30,7 +30,6 @@ from rise_tui.widgets.row_list import RowList
 
 BESIDE = 100
 """Columns from which the trial stands beside the rule; below it takes its place."""
-TRIAL_HINTS = {"edit.leave": "back to the rule"}
 
 
 class DraftStudy:
@@ -107,7 +106,7 @@ class RulePage(EditPage):
 
     @property
     def hints(self) -> Mapping[str, str]:
-        return TRIAL_HINTS if self._in_trial else self.editor.hints
+        return {} if self._in_trial else self.editor.hints
 
     @property
     def own_hints(self) -> Sequence[tuple[str, str]]:

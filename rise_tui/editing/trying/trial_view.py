@@ -178,8 +178,8 @@ class TrialView(Vertical):
         if self.value_bar.is_open:
             return (("enter", "sets it"), ("esc", "as it was"))
         return (
-            ("enter", "goes on, does this"), ("←", "a step back"), ("home", "from the start"),
-            ("space", "the cue"), ("^K", "keep as a test"),
+            ("enter", "goes on, does this"), ("←", "a step back"), ("^K", "keep as a test"),
+            ("home", "from the start"), ("space", "the cue"),
         )  # fmt: skip
 
     # --- keys ---
