@@ -51,13 +51,17 @@ class DataPage(FormPage):
     def first_focus(self) -> Widget | None:
         return self.form.rows
 
+    def count_text(self, fields: Sequence[EditField]) -> str:
+        """How many there are."""
+        return count(len(fields), "value")
+
     @abstractmethod
     def make_fields(self) -> Sequence[EditField]:
         """All fields, from the draft."""
 
     def draw(self) -> None:
         fields = self.make_fields()
-        note = self.EMPTY if not fields else count(len(fields), "value") if not self._wanted else f"find {self._wanted}"
+        note = self.EMPTY if not fields else self.count_text(fields) if not self._wanted else f"find {self._wanted}"
         head: StyledLine = ((f" {self.TITLE}", "strong"), (f"  {note}", "muted"))
         self.head.show(crop(head, max(20, self.size.width)))
         wanted = self._wanted.casefold()
@@ -102,6 +106,9 @@ class MemoryPage(DataPage):
 
     KIND: ClassVar[str] = "memory"
     TITLE, EMPTY = "MEMORY", "no start values yet: a adds a key"
+
+    def count_text(self, fields: Sequence[EditField]) -> str:
+        return f"{count(len(fields), 'key')} with a start value"
 
     @property
     def hints(self) -> Mapping[str, str]:
@@ -150,6 +157,9 @@ class KeysPage(DataPage):
 
     KIND: ClassVar[str] = "keys"
     TITLE, EMPTY = "KEYS", "no keys yet: a adds one"
+
+    def count_text(self, fields: Sequence[EditField]) -> str:
+        return count(len(fields), "key")
 
     @property
     def hints(self) -> Mapping[str, str]:
@@ -224,6 +234,9 @@ class TablesPage(DataPage):
 
     KIND: ClassVar[str] = "tables"
     TITLE, EMPTY = "TABLES", "this study has no tables (tables/NAME.csv)"
+
+    def count_text(self, fields: Sequence[EditField]) -> str:
+        return count(sum(field.kind == "fixed" for field in fields), "row")
 
     @property
     def hints(self) -> Mapping[str, str]:

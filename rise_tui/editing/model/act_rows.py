@@ -37,6 +37,12 @@ def what_text(action: WrittenAction) -> str:
     return clean(text) + more
 
 
+def said_text(act: WrittenAct) -> str:
+    """What is said in an act; of one in which nothing is, what is done."""
+    said = [what_text(each) for each in act.actions if each.calls and "message" in each.calls[0].parameters]
+    return " ".join(said or [action_type(each) for each in act.actions])
+
+
 def action_type(action: WrittenAction) -> str:
     """The name of its action; of wordings, of the first."""
     return action.calls[0].type if action.calls else "?"

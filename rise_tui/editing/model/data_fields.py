@@ -11,7 +11,7 @@ from typing import Any
 from rise_engine.edit.edits import AnyEdit, SetCell, SetSetting, SetStartValue
 from rise_engine.edit.plan import EditRefused
 from rise_engine.scenario.model import Json
-from rise_tui.editing.model.act_rows import what_text
+from rise_tui.editing.model.act_rows import said_text
 from rise_tui.editing.model.draft import StudyDraft, count
 from rise_tui.editing.model.fields import EditField, FieldChoice
 from rise_tui.rendering.text import format_value, json_type_name, parse_typed_value
@@ -32,7 +32,7 @@ USUAL_SETTINGS: tuple[tuple[str, str, tuple[str, ...]], ...] = (
 def memory_fields(draft: StudyDraft) -> list[EditField]:
     """Each key with its start value, its type, and how often it is named."""
     return [
-        EditField(key, key, "text", format_value(value), edits=partial(_start_value, key),
+        EditField(key, key, "text", "" if value == "" else format_value(value), edits=partial(_start_value, key),
                   note=f"{json_type_name(value)}; {_used(draft, key)}")
         for key, value in draft.checked.draft.memory.items()
     ]  # fmt: skip
@@ -64,10 +64,7 @@ def toml_values(draft: StudyDraft, file: str) -> dict[str, Any]:
 def key_choices(draft: StudyDraft) -> list[FieldChoice]:
     """All that a key can start or raise, each as `KIND NAME`."""
     outline = draft.outline
-    found = [
-        FieldChoice(f"act {act.name}", f"act {act.name}", " ".join(what_text(each) for each in act.actions))
-        for act in outline.acts
-    ]
+    found = [FieldChoice(f"act {act.name}", f"act {act.name}", said_text(act)) for act in outline.acts]
     found += [FieldChoice(f"rule {rule.name}", f"rule {rule.name}", count(len(rule.states), "state"))
               for rule in outline.rules]  # fmt: skip
     waits = {way.form.event.lstrip("/") for rule in outline.rules for state in rule.states

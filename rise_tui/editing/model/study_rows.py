@@ -62,7 +62,7 @@ def study_rows(draft: StudyDraft, width: int, wanted: str = "") -> list[ListRow]
     for rule in draft.outline.rules:
         if fits(rule.name, *(state.id for state in rule.states)):
             ways = sum(len(state.transitions) for state in rule.states)
-            note = f"{count(len(rule.states), 'state'):>9} {count(ways, 'way')}"
+            note = f"{count(len(rule.states), 'state'):>9}" + (f" {count(ways, 'way')}" if width >= 50 else "")
             key = keys[("rule", rule.name)].label if ("rule", rule.name) in keys else ""
             rows.append(ListRow(row_id("rule", rule.name), _line(key, rule.name, note, width, bad=False)))
     if not wanted:
@@ -75,7 +75,7 @@ def study_rows(draft: StudyDraft, width: int, wanted: str = "") -> list[ListRow]
 
 
 def _line(key: str, name: str, note: str, width: int, *, bad: bool) -> StyledLine:
-    room = max(10, min(26, width - 18))
+    room = max(10, min(26, width - 20))
     mark: StyledSpan = ("✗", "fault") if bad else (" ", "plain")
     return crop(((f" {key[:1] or ' '} ", "key"), fixed_span(name, room), mark, (note, "muted")), width)
 
@@ -131,12 +131,9 @@ def act_preview(draft: StudyDraft, act: WrittenAct, width: int) -> list[StyledLi
         ((f" {act.name}", "strong"),),
         ((f" {act.file}:{act.line}  ~{format_seconds(act_seconds(act, draft.checked))} s", "muted"),),
     ]
-    for action in act.actions:
-        head = f" {when_text(action):9}"
-        lines.append(
-            crop(((head, "muted"), (f"{action.id:>2} ", "accent"), (f"{action_type(action)[:9]:9} ", "plain"),
-                  (what_text(action), "plain")), width)
-        )  # fmt: skip
+    for action in act.actions:  # one role: changing colours is most of what a moved cursor costs on the wire
+        head = f" {when_text(action):9}{action.id:>2} {action_type(action)[:9]:9} "
+        lines.append(crop(((head + what_text(action), "plain"),), width))
     return [*lines, (), *used_lines(draft, "act", act.name, width)]
 
 
