@@ -10,7 +10,7 @@ from textual.app import ComposeResult
 from textual.containers import Horizontal
 from textual.widget import Widget
 
-from rise_engine.edit.edits import AddAct, AnyEdit, CopyAct, CopyRule, RemoveAct, RemoveRule, Rename
+from rise_engine.edit.edits import AddAct, AddRule, AnyEdit, CopyAct, CopyRule, RemoveAct, RemoveRule, Rename
 from rise_tui.editing.model.draft import FilePlace
 from rise_tui.editing.model.fields import FieldChoice
 from rise_tui.editing.model.study_rows import (
@@ -107,7 +107,7 @@ class StudyPage(EditPage):
         kind, name = self.current
         calls: dict[str, Callable[[], None]] = {
             "edit.open": lambda: self._open(kind, name),
-            "edit.add": self._ask_for_act,
+            "edit.add": self._ask_for_new,
             "edit.rename": lambda: self._ask_to_rename(kind, name),
             "edit.copy": lambda: self._ask_to_copy(kind, name),
             "edit.remove": lambda: self._remove(kind, name),
@@ -124,8 +124,12 @@ class StudyPage(EditPage):
         elif kind:
             self.frame.open_page(kind, name)
 
-    def _ask_for_act(self) -> None:
+    def _ask_for_new(self) -> None:
+        """A rule where the cursor is on a rule, else an act."""
         kind, name = self.current
+        if kind == "rule":
+            self._ask_for_rule(name)
+            return
         after = name if kind == "act" else ""
 
         def take(typed: str) -> None:
@@ -133,6 +137,12 @@ class StudyPage(EditPage):
 
         where = f"It stands behind {after}." if after else "It stands at the end of the last file of acts."
         self.frame.ask_text("A new act", "", take, hint=f"Its name, as rules and keys call it. {where}")
+
+    def _ask_for_rule(self, after: str) -> None:
+        def take(typed: str) -> None:
+            self.frame.make(AddRule(typed, "Start", after=after), then=lambda: self.frame.open_page("rule", typed))
+
+        self.frame.ask_text("A new rule", "", take, hint="Its name. It begins in the state Start.")
 
     def _ask_to_rename(self, kind: str, name: str) -> None:
         if kind not in ("act", "rule"):

@@ -9,15 +9,15 @@ from collections.abc import Callable, Iterable, Iterator, Sequence
 from functools import partial
 from typing import NamedTuple
 
+from rise_engine.drawing.rule_text import ENDINGS
+from rise_engine.drawing.study_keys import ACT, EVENT, RULE, SET, key_title
 from rise_engine.kernel.behaviors import describe_behavior
 from rise_engine.scenario.model import KeyBinding, normal_topic
 from rise_tui.actions import ACTIONS, BY_ID, IN_EDITOR, KEY_SCOPES, ON_STUDY_SCREEN, ConsoleAction, KeyScope, actions_in
 from rise_tui.key_labels import first_key_label, why_blocked, why_task_blocked, why_unavailable
 from rise_tui.model.filtering import Filter, InvalidFilter
 from rise_tui.model.key_action import KeyAction, action_of_key, start_action
-from rise_tui.model.rule_text import ENDINGS
 from rise_tui.model.store import Store
-from rise_tui.model.study_keys import ACT, EVENT, RULE, SET, key_title
 from rise_tui.rendering import themes
 
 THEME = "theme"
