@@ -28,6 +28,7 @@ _COMMANDS = {
     "agree": "rise_engine.cli.agree",
     "export": "rise_engine.cli.export",
     "import": "rise_engine.cli.imports",
+    "graph": "rise_engine.cli.graph",
     **dict.fromkeys(("fmt", "rename", "uses"), "rise_engine.cli.edit_commands"),
     "edit": "rise_engine.cli.edit_file",
     "guide": "rise_engine.cli.guide",
@@ -39,6 +40,8 @@ _COMMANDS = {
     "texts": "rise_engine.cli.texts",
     **dict.fromkeys(("replay", "run", "serve", "sessions", "stop"), _SESSION),
     "study": _STUDY,
+    "take-over": "rise_engine.cli.take_over",
+    "test": "rise_engine.cli.study_tests",
 }
 """Each command's name, and the module where it is the value of `COMMANDS`."""
 
