@@ -7,10 +7,11 @@ import re
 import shutil
 from pathlib import Path
 
+import msgspec
 import pytest
 from click.testing import CliRunner, Result
 
-from rise_engine.cli.edit_file import kinds_of_edits
+from rise_engine.cli.edit_file import kinds_of_edits, read_edits
 from rise_engine.cli.guide import EXAMPLES, guide_text
 from rise_engine.cli.program import main
 from rise_engine.edit.workspace import Workspace
@@ -20,16 +21,12 @@ from tests.edit.samples import SCENARIOS
 
 SPEECH = "acts/greeting.xml"
 SAY = {"edit": "set_parameter", "act": "R_Introduction", "action": "1", "parameter": "message", "value": "I am Floka."}
+_CALL = {"statement": "call", "function": "assignValue", "argument": "a = 1"}
 BRANCH = {
     "edit": "add_statement",
     "at": {"rule": "Greeting", "state": "Nobody", "place": "onEntry"},
-    "statement": {
-        "statement": "if",
-        "branches": [
-            {"condition": "person_near", "statements": [{"statement": "call", "function": "assignValue", "argument": "a = 1"}]}
-        ],
-    },
-}  # fmt: skip
+    "statement": {"statement": "if", "branches": [{"condition": "person_near", "statements": [_CALL]}]},
+}
 
 
 @pytest.fixture(autouse=True)
@@ -193,3 +190,23 @@ def test_new_refuses_what_makes_no_sense(tmp_path: Path) -> None:
     assert unknown.exit_code == 2
     assert "pepper" in unknown.stderr
     assert not (tmp_path / "a").exists()
+
+
+def test_the_page_of_edits_has_every_edit_and_its_fields() -> None:
+    page = (SCENARIOS.parent / "docs" / "reference" / "edits.md").read_text("utf-8")
+    for name, kind in kinds_of_edits().items():
+        row = next(line for line in page.splitlines() if line.startswith(f"| `{name}` |"))
+        fields = re.findall(r"(\w+)(\??)(?: \([^)]*\))?(?:, |$)", row.split(" | ")[1])
+        assert fields == [(each.encode_name, "" if each.required else "?") for each in msgspec.structs.fields(kind)], (
+            name
+        )
+
+
+def test_the_examples_on_the_page_of_edits(folder: Path) -> None:
+    page = (SCENARIOS.parent / "docs" / "reference" / "edits.md").read_text("utf-8")
+    first, statements = re.findall(r"```json\n(.*?)```", page, re.DOTALL)
+    ran = _edit(folder, json.loads(first), "--dry-run")
+    assert ran.exit_code == 0, ran.output
+    at = {"rule": "Greeting", "state": "Nobody", "place": "onEntry"}
+    for line in statements.splitlines():
+        read_edits(json.dumps({"edit": "add_statement", "at": at, "statement": json.loads(line)}), "example")

@@ -98,6 +98,7 @@ def test_a_copy_is_the_same_study_and_ones_own(elsewhere: Path) -> None:
     assert "rise-tui --config 'my study/first'" in result.output
     new = elsewhere / "my study" / "first"
     copied = {str(path.relative_to(new)): path.read_bytes() for path in new.rglob("*") if path.is_file()}
+    assert copied.pop("AGENTS.md").startswith(b"# For language models")
     source = STUDIES / "lablinking"
     assert copied == {str(p.relative_to(source)): p.read_bytes() for p in source.rglob("*") if p.is_file()}
     scenario = load(new).scenario
