@@ -17,8 +17,8 @@ This folder is a scenario of rise-tui: what a robot says and does with a partici
 
 - `rise-engine guide .` prints the whole format on one page: files, elements, the actions of this robot, conditions, and
   the changes that `rise-engine edit` makes. Read it first.
-- `rise-engine check . --json` says everything that is wrong: file, line, what was expected and the nearest right name. A
-  study with errors does not run. Check after every change.
+- `rise-engine check . --json` says everything that is wrong: file, line, what was expected and the nearest right name.
+  A study with errors does not run. Check after every change.
 - `rise-engine run . --rule NAME --speed max` plays a rule at once, without a robot; a file of tasks can be its wizard.
 
 ## How to change it
