@@ -40,6 +40,7 @@
       NotWoz4uError               The file is no configuration of WoZ4U
       NotXmlError                 A file that is no XML
       NothingStarted              Nothing is started and nothing attached to
+      NothingToDrawError          There is no rule or act of that name
       NothingToKeep               Nothing may be kept of somebody
       OutletError                 It cannot pass on anything
       OutputError                 Standard output cannot be written
@@ -70,6 +71,7 @@
       StudyCopyError              A study could not be copied
       StudyLogError               The study's log cannot be read or written
       StudyRefused                Something cannot be done with a study
+      StudyTestError              A test that cannot be read
       StudyUnusable               The study cannot be used
       TaskFileError               A task file with mistakes
       TemplateError               A template that cannot be read

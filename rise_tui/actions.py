@@ -17,10 +17,10 @@ from rise_tui.model.blocked import BlockedReason, Deed
 from rise_tui.model.store import Store
 
 KeyScope: TypeAlias = Literal[
-    "everywhere", "console", "acts", "rules", "memory", "act", "rule", "scheduler", "log", "study"
+    "everywhere", "console", "acts", "rules", "memory", "act", "rule", "scheduler", "log", "study", "edit"
 ]
-"""Where an action's keys work: on every screen, on the console, while that pane has the focus, or on the screen of a
-study, where no session runs."""
+"""Where an action's keys work: on every screen, on the console, while that pane has the focus, on the screen of a
+study, where no session runs, or in the editor, where no key starts anything."""
 
 KEY_SCOPES: tuple[tuple[KeyScope, str], ...] = (
     ("everywhere", "Always"),
@@ -33,6 +33,7 @@ KEY_SCOPES: tuple[tuple[KeyScope, str], ...] = (
     ("scheduler", "Scheduler"),
     ("log", "Task log"),
     ("study", "Screen of a study"),
+    ("edit", "Editor"),
 )
 
 IN_SHADOW = "this is the shadow of a session that is over"
@@ -129,6 +130,20 @@ def _between_sessions(store: Store) -> Obstacle:
     return "this is for the screen of a study, between two sessions"
 
 
+def _in_editor(store: Store) -> Obstacle:
+    """What changes a study's files has no meaning where a session is run."""
+    return "this is for the editor (command `Edit this study`)"
+
+
+def _editable(store: Store) -> Obstacle:
+    """Whoever has the address of a page, or looks at what is over, changes no files."""
+    if store.in_browser:
+        return "this console is in a browser, which writes no files"
+    if store.attach_reply.shadow:
+        return IN_SHADOW
+    return _own_console(store) or (None if store.scenario.folder else "the scenario has no folder")
+
+
 def _sayable(store: Store) -> Obstacle:
     return _change(store) or why_not_speak(store.scenario)
 
@@ -216,6 +231,9 @@ ACTIONS: tuple[ConsoleAction, ...] = (
            "release", _releasable),
     ConsoleAction("theme", "Choose a theme", (), "console",
            "Shows each theme while you move over it; esc keeps the one you had."),
+    ConsoleAction("edit-study", "Edit this study", (), "console",
+           "Opens the editor of acts, rules, memory and keys. A session that runs goes on as it is: what is saved "
+           "counts for the next one.", "", _editable),
     ConsoleAction("tour", "Tour of the console", (), "console",
            "The console in five steps. The session goes on meanwhile, and the stop key works.", "", _own_console),
     ConsoleAction("redraw", "Paint the screen anew", (), "console",
@@ -292,10 +310,72 @@ ACTIONS: tuple[ConsoleAction, ...] = (
     ConsoleAction("study.reload", "Read the study again", ("ctrl+r",), "study",
            "Reads the study's files now. They are read anyway when one of them changes.", "read again",
            _between_sessions),
+    ConsoleAction("edit.open", "Open, or change", ("enter",), "edit",
+           "Opens what is under the cursor; in a form, changes the value: a text in its place, a name by choosing.",
+           "open", _in_editor),
+    ConsoleAction("edit.add", "Add", ("a", "insert"), "edit",
+           "A new act, action, key or row, behind the one under the cursor.", "add", _in_editor),
+    ConsoleAction("edit.remove", "Remove", ("delete", "backspace"), "edit",
+           "Takes away what is under the cursor; undo brings it back.", "remove", _in_editor),
+    ConsoleAction("edit.rename", "Rename", ("r",), "edit",
+           "Gives another name to what is under the cursor, wherever it is named: acts, rules, keys, settings, tests.",
+           "rename", _in_editor),
+    ConsoleAction("edit.copy", "Copy", ("c",), "edit",
+           "A copy of the act or rule under the cursor, under a name of its own.", "copy", _in_editor),
+    ConsoleAction("edit.waits", "Waits for", ("w",), "edit",
+           "Chooses which actions have to end before the action under the cursor begins.", "waits for", _in_editor),
+    ConsoleAction("edit.wording", "Another wording", ("v",), "edit",
+           "Adds a wording to what is said under the cursor; one of them is picked by chance each time.", "wording",
+           _in_editor),
+    ConsoleAction("edit.uses", "Used by", ("u",), "edit",
+           "Lists where what is under the cursor is named.", "used by", _in_editor),
+    ConsoleAction("edit.new-state", "A new state", ("n",), "edit",
+           "Of a rule: makes a state behind the one under the cursor.", "new state", _in_editor),
+    ConsoleAction("edit.first", "The rule begins here", ("i",), "edit",
+           "Of a rule: it begins in the state under the cursor.", "begins here", _in_editor),
+    ConsoleAction("edit.only-if", "Do it only if", ("o",), "edit",
+           "Of a rule: the function under the cursor is done only if something is true at that moment.", "only if",
+           _in_editor),
+    ConsoleAction("edit.otherwise", "Otherwise", ("l",), "edit",
+           "Of a rule: what is done when the condition in which the cursor stands is not true.", "otherwise",
+           _in_editor),
+    ConsoleAction("edit.chance", "One of several, by chance", ("b",), "edit",
+           "Of a rule: the function under the cursor becomes one of several, of which one is picked each time.",
+           "by chance", _in_editor),
+    ConsoleAction("edit.behind", "Add behind the block", ("A",), "edit",
+           "Of a rule: a function behind the condition or the choice in which the cursor stands.", "", _in_editor),
+    ConsoleAction("edit.earlier", "Earlier", ("left_square_bracket",), "edit",
+           "Moves the way out, or the function, under the cursor before the one before it. Ways are tried in order.",
+           "earlier", _in_editor),
+    ConsoleAction("edit.later", "Later", ("right_square_bracket",), "edit",
+           "Moves the way out, or the function, under the cursor behind the next one.", "later", _in_editor),
+    ConsoleAction("edit.try", "Try it", ("t",), "edit",
+           "Plays the rule from the state under the cursor on a virtual clock: no robot, no record; esc leads back.",
+           "try", _in_editor),
+    ConsoleAction("edit.file", "Open in your editor", ("e",), "edit",
+           "Opens the file at this line in the editor that $VISUAL or $EDITOR names, and reads it again afterwards.",
+           "editor", _in_editor),
+    ConsoleAction("edit.findings", "What is wrong", ("f",), "edit",
+           "All errors and warnings; enter goes to one.", "findings", _in_editor),
+    ConsoleAction("edit.undo", "Undo a change of the files", ("ctrl+u",), "edit",
+           "Takes back the last change, then the one before it, also when it has been saved.", "undo", _in_editor),
+    ConsoleAction("edit.redo", "Make the change again", ("ctrl+r",), "edit",
+           "Makes a change again that was taken back.", "redo", _in_editor),
+    ConsoleAction("edit.save", "Save the study", ("ctrl+o",), "edit",
+           "Shows in words and line by line what changes in the files, and writes them, all or none. Refused while "
+           "there is an error.", "save", _in_editor),
+    ConsoleAction("edit.other", "The other part of the page", ("tab", "f3"), "edit",
+           "Goes from a list to the form below it, and back.", "", _in_editor),
+    ConsoleAction("edit.pages", "To the list of the study", ("f2", "ctrl+l"), "edit",
+           "Goes back to the list of acts, rules, memory, keys and settings.", "list", _in_editor),
+    ConsoleAction("edit.leave", "Back", ("escape",), "edit",
+           "Leaves the form, then the page, then the editor. What is not saved stays as a draft.", "back", _in_editor),
 )  # fmt: skip
 
 BY_ID = {action.id: action for action in ACTIONS}
-ON_STUDY_SCREEN = ("palette", "help", "filter", "theme", "redraw")
+IN_EDITOR = ("palette", "help", "filter", "theme", "redraw")
+"""Actions of the console that the editor has too."""
+ON_STUDY_SCREEN = (*IN_EDITOR, "edit-study")
 """Actions of the console that the screen of a study has too."""
 
 

@@ -27,9 +27,10 @@ from rise_engine.export.formats import load_format
 from rise_engine.export.writing import export_context, new_path, note_export
 from rise_engine.session.disk import make_private_folder
 from rise_engine.session.errors import SessionError
-from rise_engine.session.folder import INFO, JOURNAL, SCENARIO_COPY
+from rise_engine.session.folder import INFO, JOURNAL
 from rise_engine.session.levels import ExportLevel
 from rise_engine.session.media import MEDIA_FILE
+from rise_engine.session.scenario_copies import copy_folders
 from rise_engine.session.sharing import CannotShare, share_session
 from rise_engine.study.plan_file import PLAN_FILE
 from rise_engine.study.state import StudyStatus
@@ -270,7 +271,8 @@ class _Bundle:
 
 
 def _copy_session(source: Path, target: Path) -> None:
-    for path in [source / INFO, source / JOURNAL, source / MEDIA_FILE, *sorted((source / SCENARIO_COPY).rglob("*"))]:
+    copies = (path for copy in copy_folders(source) for path in sorted(copy.rglob("*")))
+    for path in [source / INFO, source / JOURNAL, source / MEDIA_FILE, *copies]:
         if path.is_file() and not path.is_symlink():
             copy = target / path.relative_to(source)
             make_private_folder(copy.parent)

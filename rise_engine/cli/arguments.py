@@ -13,13 +13,13 @@ from typing import Any, NoReturn
 import click
 
 from rise_engine.cli.check import strict_json
-from rise_engine.cli.task_file import TaskFileError, TimedTask, read_task_file, unknown_name_sentence
 from rise_engine.engine.drivers import PARAMETERS, DriverError, load_ros_plugin
 from rise_engine.errors import RiseError
 from rise_engine.exit_status import USAGE
 from rise_engine.expression import Assignment, ExpressionError
 from rise_engine.kernel.inputs import Submit
 from rise_engine.ports.bridge import BridgeError, ParameterReader
+from rise_engine.protocol.task_file import TaskFileError, TimedTask, read_task_file, unknown_name_sentence
 from rise_engine.scenario.model import Scenario
 from rise_engine.scenario.shipped_studies import resolve_study, shipped_hint
 from rise_engine.text import clean

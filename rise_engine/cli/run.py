@@ -18,7 +18,6 @@ from msgspec import Struct
 
 from rise_engine import exit_status
 from rise_engine.cli.output import Output, ThreadedOutput
-from rise_engine.cli.task_file import TaskFileError, TaskFileReader, TimedTask, warning_for_task
 from rise_engine.engine.clock import RealClock, SessionClock, VirtualClock
 from rise_engine.engine.drivers import make_robot, open_bridge, simulated_robot_warning
 from rise_engine.engine.engine import Engine
@@ -27,6 +26,7 @@ from rise_engine.kernel.records import AnyRecord, TaskRecord
 from rise_engine.ports.bridge import Bridge
 from rise_engine.protocol.session_options import SessionOptions
 from rise_engine.protocol.session_start import first_input, start_remarks
+from rise_engine.protocol.task_file import TaskFileError, TaskFileReader, TimedTask, warning_for_task
 from rise_engine.scenario.model import Scenario
 from rise_engine.server.hub import END_SECONDS, SessionHub
 

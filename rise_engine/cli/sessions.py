@@ -79,7 +79,7 @@ def print_recorded(where: str | None, *, as_json: bool) -> int:
 def stop_session(which: str | None) -> int:
     """End a session and wait until it has ended; the exit status."""
     try:
-        name = _find_session(which)
+        name = find_session_name(which)
         lock = lock_path(socket_path(name))
         summary = ask_summary(name)
     except RegistryError as error:
@@ -114,7 +114,7 @@ def _to_judge_lines(folder: Path) -> list[str]:
     return ["nobody has said how it counts. To say it:", f"  {command} complete | aborted | excluded"]
 
 
-def _find_session(which: str | None) -> str:
+def find_session_name(which: str | None) -> str:
     """The name of the session that is meant. Raises RegistryError."""
     if which is not None and Path(which).is_dir():
         if (name := session_name(which)) in running_names():

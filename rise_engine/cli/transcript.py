@@ -32,6 +32,7 @@ from rise_engine.kernel.records import (
     RecordingRecord,
     RobotRecord,
     RuleRecord,
+    ScenarioRecord,
     SessionRecord,
     StopRecord,
     SyncRecord,
@@ -130,6 +131,8 @@ class Transcript:
                 return "kept", record.topic, _kept_text(record)
             case FailureRecord():
                 return "failed act", record.act, _failure_text(record)
+            case ScenarioRecord():
+                return "files", "the session goes on with changed ones", ", ".join(record.changes)
             case TimingRecord():
                 return None  # its times are those of other records
             case NoteRecord():

@@ -43,6 +43,7 @@ from rise_engine.protocol.messages import (
     ScenarioMessage,
     SendMessage,
     ServerMessage,
+    TakeOverMessage,
     TasksMessage,
     decode_server_message,
     encode_line,
@@ -147,6 +148,14 @@ class SocketClient:
         ended_at = self._connection.ended_at if self._connection is not None else None
         return t + ((time.monotonic() if ended_at is None else ended_at) - at) * speed
 
+    async def take_over(self) -> Reply:
+        """Let the session go on with the files of its scenario as they are now; the answer says why it does not.
+
+        :raises EngineGone: the engine has gone, or the connection.
+        """
+        connection = self._require_connection()
+        return await connection.request(TakeOverMessage(connection.next_id()))
+
     async def close(self, *, end_session: bool = False, reason: str = "") -> None:
         """As the protocol says; with `end_session`, returns when the session has ended."""
         connection = self._connection
@@ -185,18 +194,17 @@ class SocketClient:
                 self._scenario = decode_scenario(encoded)
         if self._scenario is None or self._scenario.hash != hello.scenario_hash:
             folder = Path(hello.folder)
-            self._scenario = await asyncio.to_thread(_load_copy, folder)
-            if self._scenario.hash != hello.scenario_hash:
-                raise EngineGone(f"{folder} does not hold the scenario that the session runs: it has another hash")
+            self._scenario = await asyncio.to_thread(_load_copy, folder, hello.scenario_hash)
         return self._scenario
 
 
-def _load_copy(folder: Path) -> Scenario:
-    """Raises EngineGone."""
-    from rise_engine.session.folder import SessionError, load_scenario_copy, read_info  # which reads XML: rarely needed
+def _load_copy(folder: Path, hash: str) -> Scenario:
+    """The scenario with this hash. Raises EngineGone."""
+    from rise_engine.session.folder import SessionError, read_info  # which reads XML: rarely needed
+    from rise_engine.session.scenario_copies import load_copy_with_hash
 
     try:
-        return load_scenario_copy(folder, read_info(folder))
+        return load_copy_with_hash(folder, read_info(folder), hash)
     except SessionError as error:
         raise EngineGone(f"the session runs, but what it runs cannot be read: {error}") from None
 
@@ -252,7 +260,7 @@ class _ServerConnection:
     def write(self, message: ClientMessage) -> None:
         self._writer.write(encode_line(message))
 
-    async def request(self, message: SendMessage | ControlMessage | EndMessage) -> Reply:
+    async def request(self, message: SendMessage | ControlMessage | EndMessage | TakeOverMessage) -> Reply:
         """Raises EngineGone."""
         if self.ended.is_set():
             raise self._reason

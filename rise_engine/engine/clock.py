@@ -96,6 +96,12 @@ class VirtualClock:
         callback()
         return True
 
+    def pass_until(self, when: float) -> None:
+        """Let time pass until `when`: what is due before is run, what is due then waits for `advance`."""
+        while (due := self.next_at) is not None and due < when:
+            self.advance()
+        self._now = max(self._now, when)
+
 
 class RealClock:
     """Real time on an asyncio loop. With `speed` 10, ten session seconds pass in one second."""

@@ -38,6 +38,10 @@ class CommandRunner:
         self._post = post
         self._timers: dict[int, Timer] = {}
 
+    def change_wording(self, scenario: Scenario) -> None:
+        """From now on the robot is given the words as this scenario has them said."""
+        self._wording = RobotWording(scenario)
+
     @property
     def has_timers(self) -> bool:
         """Whether any timer is set."""

@@ -31,6 +31,7 @@ from rise_engine.kernel.inputs import (
     AnyInput,
     Note,
     RobotChanged,
+    ScenarioChanged,
     SessionEnded,
     SessionRecovered,
     SessionStarted,
@@ -276,6 +277,32 @@ class Engine:
         else:
             self._step(self._with_time(input), answer)
             self._process_queue()
+
+    def why_not_take_over(self, scenario: Scenario) -> list[str]:
+        """Why the session cannot go on with another scenario now: sentences, none if it can."""
+        if self._last_record_made or self._end_reason is not None:
+            return ["the session is ending"]
+        return self._kernel.why_not_take_over(scenario)
+
+    def take_over(self, scenario: Scenario, copy: str, source: str, answer: ReplyCallback = _ignore_reply) -> bool:
+        """Go on with another scenario; whether it does. Never within a step.
+
+        :param scenario: checked, read for the session's robot and mode.
+        :param copy: the folder of its files, in the session's, where they lie durably.
+        :param source: who asked for it.
+        :param answer: as for `accept`.
+        """
+        if problems := self.why_not_take_over(scenario):
+            answer(Reply(False, "; ".join(problems)))
+            return False
+        self._kernel.offered = scenario
+        self.accept(ScenarioChanged(hash=scenario.hash, was=self.scenario.hash, copy=copy, source=source), answer)
+        if self._kernel.scenario is not scenario:  # nothing can be recorded now, and the answer has said so
+            self._kernel.offered = None
+            return False
+        self.scenario = scenario
+        self._commands.change_wording(scenario)
+        return True
 
     def post(self, input: AnyInput) -> None:
         """Take one input after the step that is being made, if any, so that steps never nest. Nobody is answered.

@@ -35,9 +35,10 @@ from rise_engine.export.bids_people import Labels, label_of, participants_table
 from rise_engine.export.bids_rows import Row, act_rows, event_rows, session_row, table_text
 from rise_engine.export.format import ExportContext, ExportError, ExportFormat
 from rise_engine.session.disk import make_private_folder
-from rise_engine.session.folder import INFO, JOURNAL, SCENARIO_COPY
+from rise_engine.session.folder import INFO, JOURNAL
 from rise_engine.session.journal_format import encode_record
 from rise_engine.session.media import MEDIA_FILE
+from rise_engine.session.scenario_copies import copy_folders
 from rise_engine.study.model import Participant
 from rise_engine.study.participants import load_participants
 
@@ -261,7 +262,7 @@ class _Dataset:
         for each in (INFO, JOURNAL, MEDIA_FILE):
             if (data.folder / each).is_file():
                 self._copy(data.folder / each, target / each)
-        for path in sorted((data.folder / SCENARIO_COPY).rglob("*")):
+        for path in (path for copy in copy_folders(data.folder) for path in sorted(copy.rglob("*"))):
             if path.is_file() and not path.is_symlink():
                 self._copy(path, target / path.relative_to(data.folder))
 

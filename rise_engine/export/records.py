@@ -50,6 +50,7 @@ COLUMNS = (
     *("filler", "voice_at"),  # timing; source too
     "downtime",  # session
     *("at", "within"),  # sync
+    *("hash", "was", "changes"),  # scenario; source too
 )
 """Of the table: always all of them, in this order. New ones may only come at the end."""
 

@@ -179,6 +179,18 @@ class SyncMark(Input, frozen=True, tag="sync", kw_only=True, gc=False):
     within: float | None = None
 
 
+class ScenarioChanged(Input, frozen=True, tag="scenario_changed", kw_only=True, gc=False):
+    """The session goes on with changed files, which are kept in its folder (semantics.md 12.5)."""
+
+    hash: str
+    """Of the scenario from here on, as `Scenario.hash`."""
+    was: str
+    """Of the one until here."""
+    copy: str
+    """The folder of its files, in the session's: `scenario.2`."""
+    source: str = "engine"
+
+
 class SessionEnded(Input, frozen=True, tag="session_ended", kw_only=True, gc=False):
     """The last input of a session."""
 
@@ -200,4 +212,5 @@ AnyInput: TypeAlias = (
     | OutcomeReport
     | RecordingReport
     | SyncMark
+    | ScenarioChanged
 )

@@ -23,6 +23,7 @@ from rise_engine.kernel.inputs import (
     OutcomeReport,
     RecordingReport,
     RobotChanged,
+    ScenarioChanged,
     SessionEnded,
     SessionRecovered,
     SessionStarted,
@@ -35,10 +36,12 @@ from rise_engine.kernel.records import (
     AnyRecord,
     ControlRecord,
     RobotRecord,
+    ScenarioRecord,
     SessionRecord,
     TaskRecord,
 )
 from rise_engine.kernel.reports import record_report
+from rise_engine.kernel.scenario_change import carry_over, changes_in_words, why_not_take_over
 from rise_engine.kernel.scheduler import Scheduler
 from rise_engine.kernel.snapshot import Snapshot, SnapshotError
 from rise_engine.kernel.stop import StopLatch
@@ -78,8 +81,13 @@ class Kernel:
         self.seed = seed
         self.seq = 0
         """The number of the last record."""
+        self.offered: Scenario | None = None
+        """The changed scenario that a `ScenarioChanged` with its hash takes over."""
         self.begun = SessionStarted()
         """The first input, once it has come: who takes part, and in what."""
+        self._make_parts(scenario, seed)
+
+    def _make_parts(self, scenario: Scenario, seed: int) -> None:
         self.core = Core(scenario, seed)
         self.stop = StopLatch(self.core)
         self.wizard_marks = WizardMarks(self.core)
@@ -230,6 +238,30 @@ class Kernel:
         self.failures.state = snapshot.failures
         self.begun = snapshot.begun
 
+    # --- a changed scenario ---
+
+    def why_not_take_over(self, scenario: Scenario) -> list[str]:
+        """Why the session cannot go on with this scenario now: sentences, none if it can. Only between inputs."""
+        return why_not_take_over(self.scenario, scenario, self.snapshot(), is_busy=self.is_busy)
+
+    def _take_over(self, input: ScenarioChanged) -> None:
+        """Go on with the scenario that was offered: memory, chance, numbers and rules stay as they are."""
+        after, before, core = self.offered, self.scenario, self.core
+        if after is None or after.hash != input.hash or before.hash != input.was:
+            raise SnapshotError(f"the scenario {input.hash[:12]} is not the one that was offered")
+        if problems := self.why_not_take_over(after):
+            raise SnapshotError("; ".join(problems))
+        snapshot = carry_over(before, after, self.snapshot()).copy()
+        records, commands, numbers = core.records, core.commands, core.numbers
+        self.scenario, self.offered = after, None
+        self._make_parts(after, self.seed)
+        self._restore(snapshot)
+        self.core.records, self.core.commands, self.core.numbers = records, commands, numbers
+        if after.reads_session and not before.reads_session:
+            begun = self.begun
+            self._handlers.session_keys.begin(begun.participant, begun.condition, begun.factors)
+        self.core.emit(ScenarioRecord, input.hash, input.was, changes_in_words(before, after), input.source)
+
     # --- inputs other than tasks ---
 
     def _handle_other_input(self, input: AnyInput) -> None:
@@ -253,6 +285,8 @@ class Kernel:
                 core.emit(ControlRecord, input.status, input.by, input.holder)
             case SessionStarted():
                 self._begin_session(input)
+            case ScenarioChanged():
+                self._take_over(input)
             case SessionRecovered():
                 self._resume_session(input)
             case SessionEnded():

@@ -321,6 +321,18 @@ class SyncRecord(Record, tag="sync"):
     """Seconds by which `at` is wrong at most; null: not known."""
 
 
+class ScenarioRecord(Record, tag="scenario"):
+    """The session goes on with changed files of its scenario."""
+
+    hash: str
+    """SHA-256 of the scenario from here on, as `scenario_hash` of the session's record is of that at its beginning."""
+    was: str
+    """Of the one until here."""
+    changes: tuple[str, ...]
+    """What is otherwise, in words: `act R_Yes changed`."""
+    source: str
+
+
 AnyRecord: TypeAlias = (
     SessionRecord
     | TaskRecord
@@ -343,4 +355,5 @@ AnyRecord: TypeAlias = (
     | OutcomeRecord
     | RecordingRecord
     | SyncRecord
+    | ScenarioRecord
 )

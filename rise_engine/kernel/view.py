@@ -36,6 +36,7 @@ from rise_engine.kernel.records import (
     RecordingRecord,
     RobotRecord,
     RuleRecord,
+    ScenarioRecord,
     SessionRecord,
     StopRecord,
     SyncRecord,
@@ -330,6 +331,9 @@ class SessionView(Struct):
                     self.wizard = record.holder.removeprefix("wizard:").partition("#")[0]
             case CheckRecord() | OutcomeRecord() | RecordingRecord() | SyncRecord():
                 self._apply_report(record)
+            case ScenarioRecord():
+                text = f"the session goes on with changed files: {', '.join(record.changes)}"
+                self._add_remark(RemarkView("note", record.t, record.source, text))
             case SessionRecord():
                 if record.status == "ended":
                     self.ended, self.end_reason = True, record.reason

@@ -85,7 +85,15 @@ class EndMessage(Struct, tag_field="type", tag="end", frozen=True):
     reason: str = ""
 
 
-ClientMessage: TypeAlias = AttachMessage | AskSummaryMessage | SendMessage | ControlMessage | EndMessage
+class TakeOverMessage(Struct, tag_field="type", tag="take_over", frozen=True):
+    """Go on with the scenario's files as they are now (semantics.md 12.5). Who is attached then attaches anew."""
+
+    id: Number
+
+
+ClientMessage: TypeAlias = (
+    AttachMessage | AskSummaryMessage | SendMessage | ControlMessage | EndMessage | TakeOverMessage
+)
 
 
 # --- to a client ----------------------------------------------------------------------------------------------------

@@ -76,6 +76,8 @@ class SessionHub:
         self._names_seen: dict[str, None] = {}
         """Of all who have attached so far."""
         self._end_session = end or self._end_engine
+        self.take_over: Callable[[str, ReplyCallback], object] | None = None
+        """Begins to take over changed files of the scenario, for this source; None: this session cannot."""
         self.view = SessionView() if view is None else view
         """The present state, for looking only."""
         self._all_tasks: list[TaskView] | None = None
@@ -222,6 +224,19 @@ class SessionHub:
         else:
             answer(Reply(True))
             self._end_session(reason or f"ended by {client.source}")
+
+    def take_over_scenario(self, client: AttachedClient, answer: ReplyCallback) -> None:
+        """Go on with the scenario's files as they are now; `answer` is called once, when it is done or refused."""
+        problem = "" if self._has_begun else "the session has not begun yet"
+        problem = problem or self._why_not_judge(client, "take over changed files")
+        if self.ending or self.engine.ended:
+            problem = "the session is ending"
+        elif self.take_over is None:
+            problem = "this session is not kept in a folder, so it takes nothing over"
+        if problem or self.take_over is None:
+            answer(Reply(False, problem))
+        else:
+            self.take_over(client.source, answer)
 
     def _why_not_submit(self, client: AttachedClient, message: ClientInput) -> str:
         if not self._has_begun:

@@ -30,6 +30,7 @@ from rise_engine.server.hub import END_SECONDS, SessionHub
 from rise_engine.server.preparation import ServeRefused, SessionPreparation
 from rise_engine.server.server import SessionServer
 from rise_engine.server.spawn import EngineStarted, ReportStartup, StartOutcome, StartupProgress
+from rise_engine.server.take_over import ScenarioTakeover
 from rise_engine.session.journal import Journal
 from rise_engine.session.journal_format import encode_header
 
@@ -88,6 +89,7 @@ class _SessionProcess:
         recording = prepared.decide_recording()
         self.companions = Companions(prepared.companions(recording.settings), engine.post, self._recording_status)
         server = SessionServer(hub, prepared.name_lock.socket)
+        hub.take_over = ScenarioTakeover(engine, prepared.folder, prepared.options.paths, server.scenario_changed).begin
         if bridge is not None:
             bridge.join(hub)
         ended = asyncio.Event()

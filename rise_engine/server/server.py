@@ -17,7 +17,7 @@ import socket
 from collections import deque
 from collections.abc import Iterator
 from contextlib import suppress
-from functools import cached_property, partial
+from functools import partial
 from pathlib import Path
 
 import msgspec
@@ -54,11 +54,13 @@ from rise_engine.protocol.messages import (
     ScenarioMessage,
     SendMessage,
     SessionSummary,
+    TakeOverMessage,
     TasksMessage,
     decode_client_message,
     encode_line,
     without_tasks,
 )
+from rise_engine.scenario.model import Scenario
 from rise_engine.scenario.serialization import encode_scenario
 from rise_engine.server.attachment import Attachment
 from rise_engine.server.connection import LINGER_SECONDS, ClientConnection, split_into_pieces
@@ -96,6 +98,8 @@ class SessionServer:
         """Every connection, the oldest first; None for one that has not attached."""
         self.lag: LagMeter
         self._server: asyncio.AbstractServer | None = None
+        self._encoded_scenario: tuple[Scenario | None, bytes] = (None, b"")
+        """What a client is sent that asks for it, made once."""
         self._attached: set[Attachment] = set()
         self._waiting_connections: deque[ClientConnection] = deque()
         """Those that have sent something that was not taken yet."""
@@ -255,7 +259,7 @@ class SessionServer:
                 _refuse(connection, "attach first")
 
     def _take_request(
-        self, attachment: Attachment, message: SendMessage | ControlMessage | EndMessage, size: int
+        self, attachment: Attachment, message: SendMessage | ControlMessage | EndMessage | TakeOverMessage, size: int
     ) -> None:
         client = attachment.client
         attachment.unanswered += 1
@@ -271,6 +275,8 @@ class SessionServer:
                 self.hub.change_control(client, verb, answer)
             case EndMessage(reason=reason):
                 self.hub.end_session(client, reason, answer)
+            case TakeOverMessage():
+                self.hub.take_over_scenario(client, answer)
 
     def _attach(self, connection: ClientConnection, message: AttachMessage) -> None:
         """Raises NotAdmitted."""
@@ -396,13 +402,27 @@ class SessionServer:
             origin=getattr(engine.clock, "origin", None),
         )
 
-    @cached_property
+    def scenario_changed(self) -> None:
+        """The session goes on with another scenario: whoever is attached attaches anew, and gets it then."""
+        self._loop.call_soon(self._let_attach_anew)
+
+    def _let_attach_anew(self) -> None:
+        """After what is on its way, an answer to who has asked for it among that."""
+        self._flush()
+        for attachment in list(self._attached):
+            _refuse(attachment.connection, "the files of the scenario have changed: attach again")
+
+    @property
     def _scenario_line(self) -> bytes:
         """Empty when it cannot be sent; then a client reads the copy in the session's folder."""
-        try:
-            return encode_line(ScenarioMessage(msgspec.Raw(encode_scenario(self.hub.engine.scenario))))
-        except ValueError:
-            return b""
+        scenario = self.hub.engine.scenario
+        if scenario is not self._encoded_scenario[0]:
+            try:
+                line = encode_line(ScenarioMessage(msgspec.Raw(encode_scenario(scenario))))
+            except ValueError:
+                line = b""
+            self._encoded_scenario = scenario, line
+        return self._encoded_scenario[1]
 
 
 def _refuse(connection: ClientConnection, reason: str) -> None:

@@ -116,7 +116,7 @@ def _recover(folder: Path, disk: Disk, lock: JournalLock, on_progress: ProgressC
         what = "record of the last input was" if count == 1 else "records of the last input were"
         report.append(f"{count} {what} not in the journal and {'is' if count == 1 else 'are'} added to it now.")
     return RecoveredSession(
-        scenario=scenario,
+        scenario=kernel.scenario,
         info=info,
         kernel=kernel,
         view=view,

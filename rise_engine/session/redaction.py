@@ -31,6 +31,7 @@ from rise_engine.session.journal_format import InputLine, JournalHeader, encode_
 from rise_engine.session.journal_reader import JournalContents, read_journal
 from rise_engine.session.lock import HOLDER_FILE, JournalLock
 from rise_engine.session.replay import Replay, compare_replay, load_session_scenario, require_inputs
+from rise_engine.session.scenario_copies import offer_changed
 from rise_engine.session.shadow import SHADOW_FOLDER, is_being_written, replace_words, shadow_files
 from rise_engine.words import WordError, Words
 
@@ -216,6 +217,7 @@ class _Redaction:
                 cause = found.n
                 input = self._new_input(line, found.input)
                 try:
+                    offer_changed(kernel, self._folder, input)
                     records, _ = kernel.handle(input)
                 except Exception as error:  # what the kernel never met before must not leave a trace of the words
                     raise self._difference(number, f"input {cause} cannot be carried out ({error})") from error
@@ -423,7 +425,7 @@ def is_searched(path: Path) -> bool:
 
 
 def _whose(name: Path) -> str:
-    if name.parts[0] == SCENARIO_COPY:
+    if name.parts[0].partition(".")[0] == SCENARIO_COPY:
         return ": the scenario's own words, which are not changed"
     if name.parts[0] == SHADOW_FOLDER:
         return ": the scenario's own words, or a line that cannot be read"

@@ -23,6 +23,7 @@ from rise_engine.scenario.model import Scenario
 from rise_engine.session.folder import JOURNAL, SessionError, SessionInfo, load_scenario_copy, read_info, spoken_as
 from rise_engine.session.journal_format import InputLine, JournalHeader, encode_record, fields_left_out
 from rise_engine.session.journal_reader import JournalContents, ProgressCallback, ReadingProgress, read_journal
+from rise_engine.session.scenario_copies import offer_changed
 
 NO_RECORD = "(no record)"
 """Stands for a field when a whole record is there on one side only."""
@@ -229,6 +230,7 @@ class Replay:
         timers = self.timers
         if isinstance(input.input, TimerElapsed):
             timers.pop(input.input.timer, None)
+        offer_changed(self._kernel, self._contents.path.parent, input.input)
         try:
             records, commands = self._kernel.handle(input.input)
         except Exception as error:  # whatever it is: whoever has this journal needs to know what to do with it

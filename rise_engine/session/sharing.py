@@ -46,6 +46,7 @@ from rise_engine.session.journal_reader import JournalContents, read_journal
 from rise_engine.session.levels import ExportLevel, LevelFilter
 from rise_engine.session.private_values import PrivateValues
 from rise_engine.session.replay import compare_replay
+from rise_engine.session.scenario_copies import copy_folders, offer_changed
 from rise_engine.session.stand_ins import StandIns
 
 _OWN_SENTENCES = frozenset({"reason", "error"})
@@ -214,6 +215,7 @@ class _Sharing:
         kernel = Kernel(self._scenario, self._info.seed)
         for _, input in inputs:
             try:
+                offer_changed(kernel, self._folder, input)
                 records, _ = kernel.handle(input)
             except Exception as error:  # what the kernel never met
                 raise CannotShare(f"without what is private, it cannot be carried out ({error})") from error
@@ -270,10 +272,9 @@ class _Sharing:
             parts += [with_checksum(encode_record(record)) for record in records]
         write_private_file(target / JOURNAL, b"".join(parts))
         write_info(target / INFO, self._shared_info())
-        copy = self._folder / SCENARIO_COPY
-        for path in sorted(copy.rglob("*")):
+        for path in (path for copy in copy_folders(self._folder) for path in sorted(copy.rglob("*"))):
             if path.is_file() and not path.is_symlink():
-                destination = target / SCENARIO_COPY / path.relative_to(copy)
+                destination = target / path.relative_to(self._folder)
                 make_private_folder(destination.parent)
                 write_private_file(destination, path.read_bytes())
         (target / SCENARIO_COPY).mkdir(0o700, exist_ok=True)

@@ -214,6 +214,20 @@ def keys(folder: str | None, html: str | None, keys: str | None) -> None:
 
 
 @main.command()
+@click.argument("folder", metavar="DIR")
+@click.option("--robot", metavar="NAME", help="Check and offer choices for another robot than the scenario names.")
+@click.option("--theme", type=click.Choice(THEMES), help="Without it, the one that was used last; at first, dark.")
+@click.option("--mouse", type=click.Choice(["on", "off"]), default="on", show_default=True)
+@_KEYS
+def edit(folder: str, robot: str | None, theme: str | None, mouse: str, keys: str | None) -> None:
+    """Change the study in DIR: acts, memory, keys, settings, tables. Nothing is started on a robot."""
+    from rise_tui.cli import edit as editor
+
+    display = DisplayOptions(theme or "", "auto", mouse == "on", USUAL_FRAMES)
+    sys.exit(editor.edit(folder, robot=robot, keys=keys, display=display))
+
+
+@main.command()
 @_KEYS
 def info(keys: str | None) -> None:
     """What to send along with a report of a fault: versions, terminal, paths, sessions. Nothing secret is in it."""

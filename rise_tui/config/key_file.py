@@ -136,7 +136,7 @@ def _flatten(keys: Mapping[str, Any], parts: tuple[str, ...] = ()) -> Iterator[t
 
 def _overlaps(one: ConsoleAction, other: ConsoleAction) -> bool:
     """Whether the keys of both work at one time."""
-    if "study" in (one.scope, other.scope):  # on its screen no session runs, and few of the console's actions work
+    if {"study", "edit"} & {one.scope, other.scope}:  # on these screens few of the console's actions work
         return one.scope == other.scope or any(
             each.scope == "everywhere" or each.id in ON_STUDY_SCREEN for each in (one, other)
         )

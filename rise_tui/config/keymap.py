@@ -37,7 +37,7 @@ class KeyFile(Struct, frozen=True):
                 location,
             )
             for (action, key), location in self.locations.items()
-            if key in keys and BY_ID[action].scope != "study"
+            if key in keys and BY_ID[action].scope not in ("study", "edit")
         ]
 
 

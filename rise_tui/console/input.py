@@ -10,6 +10,7 @@ from collections.abc import Callable
 from time import monotonic
 from typing import Protocol
 
+from rise_engine.drawing.study_keys import EVENT
 from rise_engine.kernel.behaviors import describe_behavior, is_object
 from rise_engine.scenario.model import normal_topic
 from rise_tui.actions import BY_ID
@@ -27,7 +28,6 @@ from rise_tui.model.key_action import HELD_KEY_SECONDS, KeyAction, action_of_key
 from rise_tui.model.mistakes import newest_markable
 from rise_tui.model.notice import Level
 from rise_tui.model.store import Store
-from rise_tui.model.study_keys import EVENT
 from rise_tui.model.task_messages import task_label
 
 TOGETHER_SECONDS = 0.012

@@ -18,6 +18,7 @@ from rise_tui.actions import BY_ID, KeyScope, bindings_in
 from rise_tui.console import overlays
 from rise_tui.console.bars import ConsoleBars
 from rise_tui.console.confirmations import Confirmations
+from rise_tui.console.edit_study import open_editor
 from rise_tui.console.input import InputController, line_opener
 from rise_tui.console.layout import Layout
 from rise_tui.console.refresh import RefreshScheduler
@@ -288,6 +289,9 @@ class ConsoleScreen(Screen[None]):
             "filter": self._open_filter,
             "settings": lambda: self.post_message(self.OpenSettings()),
             "theme": lambda: overlays.open_theme_palette(self),
+            "edit-study": lambda: self.app.run_worker(
+                open_editor(self.app, self.store.scenario.folder, self.show_notice, runs=not self.store.gone_reason)
+            ),
             "release": self.confirmations.ask_to_release_stop,
             "control": self.confirmations.ask_about_control,
             "pause": lambda: self._run_beside(self.session.toggle_pause()),

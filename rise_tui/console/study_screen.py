@@ -9,6 +9,7 @@ import asyncio
 from collections.abc import Callable, Coroutine
 from dataclasses import dataclass
 from functools import partial
+from pathlib import Path
 from typing import Any, ClassVar
 
 from textual import on
@@ -30,6 +31,7 @@ from rise_tui.config.study_source import (
     StudySource,
 )
 from rise_tui.console import overlays, study_dialogs
+from rise_tui.console.edit_study import open_editor
 from rise_tui.console.study_lists import StudyLists
 from rise_tui.messages import RunAction
 from rise_tui.model.notice import Level
@@ -209,11 +211,16 @@ class StudyScreen(Screen[None]):
             "palette": lambda: overlays.open_study_palette(self.app, self.action_do),
             "theme": lambda: overlays.open_study_palette(self.app, None),
             "redraw": self._redraw,
+            "edit-study": self._edit,
         }
         if self.busy and action.startswith("study."):
             self.say(f"not now: {self.busy}", "wait")
         else:
             calls[action]()
+
+    def _edit(self) -> None:
+        folder = str(Path(self._source.folder, self.loaded.study.scenario if self.loaded.study is not None else ""))
+        self.run_worker(open_editor(self.app, folder, self.say, runs=self._running_entry() is not None))
 
     def _reload(self) -> None:
         self.say("reading the study …")

@@ -6,13 +6,14 @@ from typing import Any, NamedTuple
 
 from rich.cells import cell_len
 
+from rise_engine.drawing.act_graph import ActRow, act_rows
+from rise_engine.drawing.act_seconds import estimate_call_seconds
 from rise_engine.kernel.view import ActionView, TaskView
 from rise_engine.scenario.model import Act, Action, ActionCall
 from rise_engine.scenario.spoken import MESSAGE
 from rise_engine.scenario.ssml import plain_words
 from rise_engine.scenario.template import MissingValueError, Template, spoken_text
-from rise_tui.model.act_graph import ActRow, act_rows
-from rise_tui.model.act_levels import estimate_action_seconds, estimate_call_seconds
+from rise_tui.model.act_seconds import estimate_action_seconds
 from rise_tui.model.states import READY, act_progress, action_state, newest_task, task_state
 from rise_tui.model.store import Store
 from rise_tui.model.task_text import field_lines

@@ -5,11 +5,11 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from typing import Any, NamedTuple
 
+from rise_engine.drawing.act_levels import actions_in_order
 from rise_engine.kernel.view import ActionView, TaskView
 from rise_engine.scenario.model import Action, Scenario
 from rise_engine.scenario.ssml import BEGINNING, begins_as_ssml, plain_words
 from rise_engine.scenario.template import MemorySlot, MissingValueError, Template
-from rise_tui.model.act_levels import actions_in_order
 from rise_tui.model.act_text import act_of_speech
 from rise_tui.model.blocked import KeyNames, blocked_text
 from rise_tui.model.control import short_name

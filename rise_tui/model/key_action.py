@@ -5,8 +5,8 @@ from __future__ import annotations
 from msgspec import Struct
 from msgspec.structs import replace
 
+from rise_engine.drawing.study_keys import ACT
 from rise_engine.scenario.model import KeyBinding, Scenario
-from rise_tui.model.study_keys import ACT
 
 HELD_KEY_SECONDS = 0.15
 """Same keys nearer than this come from a key held down: a second press is none."""

@@ -9,10 +9,10 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import NamedTuple
 
+from rise_engine.drawing.study_keys import ACT, RULE, StudyKeys, key_title
 from rise_engine.scenario.model import KeyBinding, Scenario
 from rise_tui.model.states import EXPECTED, RUNNING, SENT
 from rise_tui.model.store import Store
-from rise_tui.model.study_keys import ACT, RULE, StudyKeys, key_title
 from rise_tui.rendering.text import StyledLine, StyledSpan, cell_width, shorten
 
 TITLE, TITLE_NARROW = 24, 16

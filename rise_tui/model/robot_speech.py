@@ -14,7 +14,7 @@ from rise_engine.kernel.view import ActionView, SessionView, TaskView
 from rise_engine.scenario.model import Action, Scenario
 from rise_engine.scenario.ssml import plain_words
 from rise_engine.scenario.template import MissingValueError, Template
-from rise_tui.model.act_levels import estimate_action_seconds
+from rise_tui.model.act_seconds import estimate_action_seconds
 from rise_tui.model.speech_actions import message_of, words_of
 
 LOOK_BACK = 2_000

@@ -12,6 +12,8 @@ from typing import Any, Literal, TypeAlias, get_args
 
 from msgspec import Struct
 
+from rise_engine.drawing.act_seconds import estimate_act_seconds
+from rise_engine.drawing.study_keys import StudyKeys
 from rise_engine.kernel.behaviors import started_rule
 from rise_engine.kernel.records import (
     ActionRecord,
@@ -46,7 +48,6 @@ from rise_engine.protocol.client import (
 from rise_engine.scenario.model import KeyBinding, Scenario
 from rise_engine.scenario.robot_wording import RobotWording
 from rise_tui.model import control
-from rise_tui.model.act_levels import estimate_act_seconds
 from rise_tui.model.blocked import BlockedReason, Deed
 from rise_tui.model.expected_inputs import ExpectedInputs, find_expected_inputs
 from rise_tui.model.flash import LATE_SECONDS
@@ -54,7 +55,6 @@ from rise_tui.model.input_lock import CUE_EVENTS, STARTING_FUNCTIONS, InputMode
 from rise_tui.model.log_rows import LogRows
 from rise_tui.model.notice import Notice
 from rise_tui.model.robot_speech import CurrentSentence, SentenceTracker
-from rise_tui.model.study_keys import StudyKeys
 from rise_tui.model.task_messages import completion_message, record_notice
 from rise_tui.model.undo import UndoStack
 from rise_tui.model.unhandled_events import UnhandledEvents
@@ -168,6 +168,7 @@ class Store:
     study_keys: StudyKeys = field(init=False)
     wording: RobotWording = field(init=False)
     sentences: SentenceTracker = field(init=False)
+    _scenario_hash: str = field(init=False)
     _unhandled_events: UnhandledEvents = field(init=False)
     _estimates: dict[str, float] = field(default_factory=dict)
     """Seconds that acts take with the present memory, of those that have not run yet."""
@@ -176,6 +177,7 @@ class Store:
 
     def __post_init__(self) -> None:
         self._unhandled_events = UnhandledEvents(self.unhandled_tasks)
+        self._scenario_hash = self.scenario.hash
         self.wording = RobotWording(self.scenario)
         self.study_keys, self.sentences = StudyKeys(self.scenario), SentenceTracker(self.scenario)
         self._rebuild(self.attach_reply)
@@ -194,6 +196,10 @@ class Store:
             self.control_lost = control.ControlLost(self.view.control, None)
 
     def _rebuild(self, attach_reply: AttachReply) -> None:
+        if attach_reply.scenario.hash != self._scenario_hash:  # the session has taken over changed files
+            self._scenario_hash = attach_reply.scenario.hash
+            self.wording = RobotWording(attach_reply.scenario)
+            self.study_keys, self.sentences = StudyKeys(attach_reply.scenario), SentenceTracker(attach_reply.scenario)
         self.attach_reply, self.view, self.journal_status = attach_reply, attach_reply.view, attach_reply.journaling
         self.log.rebuild(self.view)
         self.unhandled_tasks.clear()

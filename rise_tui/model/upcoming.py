@@ -9,13 +9,13 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator
 from typing import NamedTuple
 
+from rise_engine.drawing.conditions import is_met
+from rise_engine.drawing.rule_text import functions_in, wait_text
+from rise_engine.drawing.study_keys import ACT, transitions_of
 from rise_engine.kernel.view import TaskView
 from rise_engine.scenario.fillers import next_filler
 from rise_engine.scenario.model import KeyBinding, Transition
-from rise_tui.model.conditions import is_met
-from rise_tui.model.rule_text import functions_in, wait_text
 from rise_tui.model.store import Store
-from rise_tui.model.study_keys import ACT, transitions_of
 from rise_tui.model.task_messages import act_label
 from rise_tui.model.wait_explanations import due_at
 

@@ -9,14 +9,14 @@ from typing import Any
 
 from rich.cells import cell_len
 
+from rise_engine.drawing.conditions import is_met, split_condition
+from rise_engine.drawing.rule_text import Truth, find_awaited_act, truth_of, wait_text
+from rise_engine.drawing.study_keys import ACT, RULE, transitions_of
 from rise_engine.expression import Expression
 from rise_engine.kernel.view import RuleView
 from rise_engine.scenario.model import Rule, State, Transition, normal_topic
-from rise_tui.model.conditions import is_met, split_condition
-from rise_tui.model.rule_text import Truth, find_awaited_act, truth_of, wait_text
 from rise_tui.model.states import act_state, newest_task, rule_state
 from rise_tui.model.store import Store
-from rise_tui.model.study_keys import ACT, RULE, transitions_of
 from rise_tui.rendering.text import (
     ListRow,
     StyledLine,

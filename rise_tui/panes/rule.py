@@ -6,17 +6,17 @@ from collections.abc import Sequence
 
 from textual.widget import Widget
 
+from rise_engine.drawing.rule_text import engine_raises_text
+from rise_engine.drawing.state_graph import GraphLayout, lay_out_graph
+from rise_engine.drawing.study_keys import RULE
 from rise_engine.kernel.view import RuleView
 from rise_engine.scenario.model import Rule
 from rise_tui.actions import bindings_in
 from rise_tui.messages import AskToStart, AskToStepBack, RequestStart, ShowNotice
 from rise_tui.model.key_action import KeyAction
-from rise_tui.model.rule_text import engine_raises_text
 from rise_tui.model.state_drawing import HERE, GraphPosition, draw_state_graph
-from rise_tui.model.state_graph import GraphLayout, lay_out_graph
 from rise_tui.model.states import rule_state
 from rise_tui.model.store import Store
-from rise_tui.model.study_keys import RULE
 from rise_tui.model.wait_explanations import WaitExplanations, key_owner
 from rise_tui.panes.pane import ListPane
 from rise_tui.rendering.text import ListRow, StyledLine, crop, format_clock, heading_line

@@ -2,15 +2,17 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Iterable
 from functools import lru_cache
-from typing import Any, Literal, NamedTuple, TypeAlias
+from typing import Literal, NamedTuple, TypeAlias
 
 from rich.cells import cell_len, set_cell_size
 
-from rise_engine.text import UNSEEN, escape_unseen_json
 from rise_engine.text import clean as clean
+from rise_engine.typed_values import JSON_TYPES as JSON_TYPES
+from rise_engine.typed_values import format_value as format_value
+from rise_engine.typed_values import json_type_name as json_type_name
+from rise_engine.typed_values import parse_typed_value as parse_typed_value
 
 TextRole: TypeAlias = Literal["plain", "strong", "muted", "accent", "wait", "fault", "key", "alarm", "call", "match"]
 """What a piece of text means; a theme decides how it looks. `fault` and `alarm` are the only red ones.
@@ -19,13 +21,6 @@ TextRole: TypeAlias = Literal["plain", "strong", "muted", "accent", "wait", "fau
 
 StyledSpan: TypeAlias = tuple[str, TextRole]
 StyledLine: TypeAlias = tuple[StyledSpan, ...]
-
-
-JSON_TYPES = (
-    *((type(None), "null"), (bool, "boolean"), (int, "integer"), (float, "number")),
-    *((str, "string"), (list, "array"), (tuple, "array")),
-)
-"""From the narrowest: a boolean is an integer, too."""
 
 
 class ListRow(NamedTuple):
@@ -189,61 +184,3 @@ def format_clock(value: float, *, tenths: bool = False) -> str:
     whole = int(value)
     text = f"{whole // 3600:02}:{whole // 60 % 60:02}:{whole % 60:02}"
     return f"{text}.{int(value * 10) % 10}" if tenths else text
-
-
-def format_value(value: Any) -> str:
-    """A memory value as it can be typed: JSON, but strings bare where that is unambiguous.
-
-    Whatever could move the cursor or hide itself is escaped, which makes a string JSON.
-    """
-    bare = isinstance(value, str) and value == value.strip() and value and not UNSEEN.search(value)
-    if bare and parse_typed_value(value)[1] == "string":
-        return str(value)
-    return escape_unseen_json(json.dumps(value, ensure_ascii=False))
-
-
-def json_type_name(value: Any) -> str:
-    """The JSON type of a value, in the words that the console uses."""
-    return next((name for kind, name in JSON_TYPES if isinstance(value, kind)), "object")
-
-
-def parse_typed_value(text: str) -> tuple[Any, str, str]:
-    """What a typed text means: value, type, and a remark when it looks like JSON but is none.
-
-    A JSON literal has its own type; anything else is a string as typed.
-    """
-    bare = text.strip()
-    try:
-        value = json.loads(
-            bare, parse_constant=_refuse_constant, parse_float=_finite_number, object_pairs_hook=_unique_members
-        )
-    except RecursionError:
-        return text, "string", "nested too deeply for JSON"
-    except ValueError as error:
-        looks_json = bare[:1] in ("{", "[", '"')
-        return text, "string", f"not JSON: {_reason_text(error)}" if looks_json else ""
-    return value, json_type_name(value), ""
-
-
-def _reason_text(error: ValueError) -> str:
-    if isinstance(error, json.JSONDecodeError):
-        return f"{error.msg.lower()} at {error.pos + 1}"
-    return str(error)
-
-
-def _refuse_constant(name: str) -> None:
-    raise ValueError(f"{name} is no JSON")
-
-
-def _finite_number(text: str) -> float:
-    value = float(text)
-    if value in (float("inf"), float("-inf")):
-        raise ValueError("the number is too large")
-    return value
-
-
-def _unique_members(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
-    found = dict(pairs)
-    if len(found) < len(pairs):
-        raise ValueError("a key is given twice")
-    return found

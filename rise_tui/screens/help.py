@@ -6,7 +6,7 @@ from collections.abc import Iterator, Sequence
 from itertools import groupby
 from typing import NamedTuple
 
-from rise_tui.actions import BY_ID, KEY_SCOPES, ON_STUDY_SCREEN, ConsoleAction, KeyScope, actions_in
+from rise_tui.actions import BY_ID, IN_EDITOR, KEY_SCOPES, ON_STUDY_SCREEN, ConsoleAction, KeyScope, actions_in
 from rise_tui.key_labels import key_label, key_name, key_text, keys_of, why_task_blocked, why_unavailable
 from rise_tui.model.filtering import Filter, InvalidFilter
 from rise_tui.model.store import Store
@@ -47,7 +47,7 @@ def help_entries(store: Store, scope: KeyScope | None = None) -> Iterator[HelpEn
         text = f"{f'{what}. ' if key.title else ''}{hold}{f'Not now: {why}.' if why else ''}"
         yield HelpEntry(SCENARIO, key.label, key.title or what, text, bool(why))
     for other, title in KEY_SCOPES:
-        if other != scope and other not in (*COMMON, "study"):  # on that screen no session runs; it has its own help
+        if other != scope and other not in (*COMMON, "study", "edit"):  # screens that have their own help
             yield from (_action_entry(action, title, store) for action in actions_in(other))
 
 
@@ -58,6 +58,15 @@ def study_help_entries() -> Iterator[HelpEntry]:
     yield from (_action_entry(BY_ID[id], titles["study"], None) for id in ON_STUDY_SCREEN)
     yield from (_action_entry(BY_ID[id], titles["everywhere"], None) for id in ("stop", "quit"))
     yield from (HelpEntry(IDEAS, word, "", text) for word, text in STUDY_CONCEPTS)
+
+
+def edit_help_entries() -> Iterator[HelpEntry]:
+    """Those of the editor, where no key starts anything."""
+    titles = dict(KEY_SCOPES)
+    yield from (_action_entry(action, titles["edit"], None) for action in actions_in("edit"))
+    yield from (_action_entry(BY_ID[id], titles["edit"], None) for id in IN_EDITOR)
+    yield from (_action_entry(BY_ID[id], titles["everywhere"], None) for id in ("stop", "quit"))
+    yield from (HelpEntry(IDEAS, word, "", text) for word, text in EDIT_CONCEPTS)
 
 
 def _action_entry(action: ConsoleAction, group: str, store: Store | None) -> HelpEntry:
@@ -103,6 +112,16 @@ STUDY_CONCEPTS = (
     ("hidden", "The study says that nobody is to know a condition before its session begins."),
 )
 """Words that stand on the screen of a study."""
+
+EDIT_CONCEPTS = (
+    ("EDIT", "You change files. No key starts anything on a robot; the stop key stops a session of this study."),
+    ("unsaved", "Changes stand in the draft until you save. A lost terminal loses none: they are offered again."),
+    ("✓ ✗ ▲", "No errors; errors, which keep the study from being saved; warnings, which do not."),
+    ("at once", "The action begins with the act. after 3 4: when the actions 3 and 4 have ended."),
+    ("wording", "One of several ways to say the same; each time one is picked by chance."),
+    ("–", "Nothing is given there: what holds then stands beside it."),
+)
+"""Words that stand in the editor."""
 
 
 class HelpScreen(SearchDialog[None]):

@@ -9,15 +9,15 @@ from collections.abc import Callable, Iterable, Iterator, Sequence
 from functools import partial
 from typing import NamedTuple
 
+from rise_engine.drawing.rule_text import ENDINGS
+from rise_engine.drawing.study_keys import ACT, EVENT, RULE, SET, key_title
 from rise_engine.kernel.behaviors import describe_behavior
 from rise_engine.scenario.model import KeyBinding, normal_topic
-from rise_tui.actions import ACTIONS, BY_ID, KEY_SCOPES, ON_STUDY_SCREEN, ConsoleAction, KeyScope, actions_in
+from rise_tui.actions import ACTIONS, BY_ID, IN_EDITOR, KEY_SCOPES, ON_STUDY_SCREEN, ConsoleAction, KeyScope, actions_in
 from rise_tui.key_labels import first_key_label, why_blocked, why_task_blocked, why_unavailable
 from rise_tui.model.filtering import Filter, InvalidFilter
 from rise_tui.model.key_action import KeyAction, action_of_key, start_action
-from rise_tui.model.rule_text import ENDINGS
 from rise_tui.model.store import Store
-from rise_tui.model.study_keys import ACT, EVENT, RULE, SET, key_title
 from rise_tui.rendering import themes
 
 THEME = "theme"
@@ -43,7 +43,7 @@ def palette_commands(
     """The focused pane's actions, what the rules wait for, all other actions, acts, rules."""
     titles = dict(KEY_SCOPES)
     own = [action for action in ACTIONS if action.scope == scope]
-    rest = [action for action in ACTIONS if action.scope not in (scope, "study") and action.id != "palette"]
+    rest = [action for action in ACTIONS if action.scope not in (scope, "study", "edit") and action.id != "palette"]
 
     def of_action(action: ConsoleAction, kind: str) -> PaletteCommand:
         why, key = why_unavailable(action, store), first_key_label(action)
@@ -60,6 +60,13 @@ def study_commands(run: Callable[[str], None]) -> Iterator[PaletteCommand]:
     """What can be done on the screen of a study, where no session runs."""
     shared = (BY_ID[id] for id in ON_STUDY_SCREEN if id not in ("palette", "theme"))
     for action in (*actions_in("study"), *shared):
+        yield PaletteCommand(action.title, "", first_key_label(action), action.help, "", partial(run, action.id))
+
+
+def edit_commands(run: Callable[[str], None]) -> Iterator[PaletteCommand]:
+    """What can be done in the editor of a study's files."""
+    shared = (BY_ID[id] for id in IN_EDITOR if id not in ("palette", "theme"))
+    for action in (*actions_in("edit"), *shared):
         yield PaletteCommand(action.title, "", first_key_label(action), action.help, "", partial(run, action.id))
 
 

@@ -6,12 +6,12 @@ from pathlib import Path
 
 import pytest
 
+from rise_engine.drawing.study_keys import StudyKeys, key_title
 from rise_engine.kernel.records import MemoryRecord
 from rise_engine.scenario import load
 from rise_engine.scenario.model import KeyBinding, Scenario
 from rise_tui.model.key_strip import key_strip_height, key_strip_lines
 from rise_tui.model.store import Store
-from rise_tui.model.study_keys import StudyKeys, key_title
 from rise_tui.rendering.text import line_width, plain_text
 from rise_tui.screens.help import HelpScreen
 from tests.console.conftest import console

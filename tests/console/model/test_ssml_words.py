@@ -8,9 +8,9 @@ import pytest
 from msgspec.structs import replace
 
 from rise_engine.cli.transcript import parameters_text
+from rise_engine.drawing.act_seconds import estimate_call_seconds
 from rise_engine.scenario.model import Function, LexiconTable, Scenario, State, Transition
 from rise_tui.key_labels import key_name
-from rise_tui.model.act_levels import estimate_call_seconds
 from rise_tui.model.act_text import ActText, shown_act
 from rise_tui.model.entry_text import entry_lines
 from rise_tui.model.failures import unsaid_texts

@@ -8,10 +8,10 @@ import pytest
 from msgspec.structs import replace
 from rich.cells import cell_len
 
+from rise_engine.drawing.conditions import split_condition
 from rise_engine.expression import Expression
 from rise_engine.kernel.records import CountdownRecord, KeptRecord, MemoryRecord
 from rise_engine.scenario.model import Delay, KeyBinding, Rule, Scenario, State, Table, Transition
-from rise_tui.model.conditions import split_condition
 from rise_tui.model.store import Store
 from rise_tui.model.wait_explanations import READABLE, WaitExplanations
 from rise_tui.rendering.text import plain_text

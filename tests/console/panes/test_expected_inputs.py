@@ -8,11 +8,11 @@ from typing import Any
 import pytest
 from msgspec.structs import replace
 
+from rise_engine.drawing.study_keys import StudyKeys
 from rise_engine.kernel.records import MemoryRecord
 from rise_engine.scenario import load
 from rise_engine.scenario.model import KeyBinding, Rule, Scenario, State, Transition
 from rise_tui.model.expected_inputs import ExpectedInputs, find_expected_inputs
-from rise_tui.model.study_keys import StudyKeys
 from tests.console.conftest import console
 from tests.console.fake import demo
 

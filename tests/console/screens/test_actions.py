@@ -40,7 +40,7 @@ def test_no_key_means_two_things_at_one_time() -> None:
             assert len(keys) == len(set(keys))
             shared = [key for action in ACTIONS if action.id in ON_STUDY_SCREEN for key in action.keys]
             always = [key for action in actions_in("everywhere") for key in action.keys]
-            assert not set(keys) & set([*always, *shared] if place == "study" else common)
+            assert not set(keys) & set([*always, *shared] if place in ("study", "edit") else common)
 
 
 SWALLOWED = frozenset(
@@ -66,7 +66,7 @@ def test_every_function_key_has_a_twin() -> None:
 
 def test_the_console_keys_are_those_that_a_scenario_cannot_bind() -> None:
     taken = set(CONSOLE_KEYS) | {"shift+up", "shift+down"}  # a scenario cannot bind shift with an arrow either
-    assert {key for action in ACTIONS if action.scope != "study" for key in action.keys} <= taken  # no session there
+    assert {key for action in ACTIONS if action.scope not in ("study", "edit") for key in action.keys} <= taken
 
 
 def test_the_stop_keys_work_before_anything_else() -> None:
@@ -76,9 +76,16 @@ def test_the_stop_keys_work_before_anything_else() -> None:
 
 def test_every_action_explains_itself() -> None:
     palette_only = {action.id for action in ACTIONS if not action.keys}
-    assert palette_only == {"theme", "settings", "tour", "redraw", "stop-rule", "pause", "memory.save"} | {
-        *("log.time", "log.copy", "log.copy-all", "log.save")
-    }
+    assert palette_only == {
+        "theme",
+        "settings",
+        "edit-study",
+        "tour",
+        "redraw",
+        "stop-rule",
+        "pause",
+        "memory.save",
+    } | {*("log.time", "log.copy", "log.copy-all", "log.save")}
     for action in ACTIONS:
         assert action.title and action.help[0].isupper() and action.help.endswith((".", "too.")), action.id
         assert action.title[0].isupper() and len(action.title) <= 28, action.id
@@ -94,7 +101,9 @@ async def test_every_action_of_the_console_is_carried_out_by_something() -> None
 def test_every_action_of_a_pane_is_known_to_it() -> None:
     panes = Path(__file__).parents[3] / "rise_tui" / "panes"
     study_screen = panes.parent / "console" / "study_screen.py"
-    source = "".join(path.read_text(encoding="utf-8") for path in (*panes.glob("*.py"), study_screen))
+    editor = panes.parent / "editing"
+    sources = (*panes.glob("*.py"), study_screen, *editor.glob("*.py"))
+    source = "".join(path.read_text(encoding="utf-8") for path in sources)
     for place, _ in KEY_SCOPES:
         if place not in ("everywhere", "console"):
             unnamed = [action.id for action in actions_in(place) if f'"{action.id}"' not in source]

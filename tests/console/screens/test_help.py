@@ -13,6 +13,7 @@ from rise_tui.screens.help import (
     HelpEntry,
     HelpScreen,
     concepts,
+    edit_help_entries,
     help_entries,
     help_rows,
     searched_text,
@@ -34,8 +35,9 @@ def found(entries_: list[HelpEntry], typed: str) -> list[HelpEntry]:
 def test_every_action_is_there_once_with_all_its_keys() -> None:
     in_session = [entry for entry in help_entries(a_store(), "memory") if entry.title]
     between_sessions = [entry for entry in study_help_entries() if entry.title]
+    in_editor = [entry for entry in edit_help_entries() if entry.title]
     for action in ACTIONS:
-        all_of_them = between_sessions if action.scope == "study" else in_session
+        all_of_them = {"study": between_sessions, "edit": in_editor}.get(action.scope, in_session)
         title = dict(KEY_SCOPES)[action.scope]
         own = [each for each in all_of_them if each.title == action.title and each.group in (title, f"Here: {title}")]
         assert len(own) == 1, action.id

@@ -8,9 +8,9 @@ import pytest
 from msgspec.structs import replace
 from textual.widgets import Input
 
+from rise_engine.drawing.rule_text import engine_raises_text
 from rise_engine.kernel.records import EventRecord, MemoryRecord
 from rise_engine.scenario.model import Rule, Scenario, State, Transition
-from rise_tui.model.rule_text import engine_raises_text
 from rise_tui.panes.memory import MemoryPane
 from rise_tui.rendering.text import fit_end, format_value, heading_line, plain_text
 from rise_tui.widgets.row_list import RowList

@@ -242,6 +242,6 @@ def test_what_changes_a_session_needs_control() -> None:
     free = {action.id for action in ACTIONS if not why_unavailable(action, store)}
     assert free == {
         *("stop", "quit", "palette", "help", "lists", "next-pane", "zoom", "filter", "theme"),
-        *("control", "note", "log.follow", "safe", "lock", "previous-pane", "jump", "tour", "redraw"),
+        *("control", "note", "log.follow", "safe", "lock", "previous-pane", "jump", "tour", "redraw", "edit-study"),
         *("memory.fold", "memory.unfold", "scheduler.details", "log.fold", "log.unfold"),
     }

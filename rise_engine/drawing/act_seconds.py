@@ -1,35 +1,14 @@
-"""An act as a graph: its levels, and how long it will probably take before it has ever run."""
+"""How long an act will probably take before it has ever run."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
-from graphlib import TopologicalSorter
 from typing import Any
 
-from rise_engine.kernel.view import ActionView
+from rise_engine.drawing.act_levels import actions_in_order
 from rise_engine.scenario import expected_seconds, fill_parameters
 from rise_engine.scenario.model import Act, Action, ActionCall, Scenario
 from rise_engine.scenario.template import MissingValueError
-
-
-def action_levels(act: Act) -> list[list[int]]:
-    """An act's graph by levels: indexes of actions, each level one after all that it waits for."""
-    index_of = {action.id: index for index, action in enumerate(act.actions)}
-    sorter = TopologicalSorter(
-        {index: [index_of[id] for id in action.wait_for if id in index_of] for index, action in enumerate(act.actions)}
-    )
-    sorter.prepare()
-    levels = []
-    while sorter.is_active():
-        ready = sorter.get_ready()
-        levels.append(sorted(ready))
-        sorter.done(*ready)
-    return levels
-
-
-def actions_in_order(act: Act) -> list[Action]:
-    """An act's actions, each after those that it waits for."""
-    return [act.actions[index] for level in action_levels(act) for index in level]
 
 
 def estimate_act_seconds(scenario: Scenario, act: Act, memory: Mapping[str, Any]) -> float:
@@ -57,9 +36,3 @@ def estimate_call_seconds(scenario: Scenario, call: ActionCall, memory: Mapping[
     except (MissingValueError, ValueError):
         parameters = {}
     return expected_seconds(spec, parameters)
-
-
-def estimate_action_seconds(scenario: Scenario, action: ActionView) -> float | None:
-    """The same for an action with the parameters that it was sent with."""
-    spec = scenario.robot.actions.get(action.type)
-    return expected_seconds(spec, action.parameters) if spec is not None else None

@@ -10,8 +10,8 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
+from rise_engine.drawing.act_levels import action_levels
 from rise_engine.scenario.model import Act
-from rise_tui.model.act_levels import action_levels
 
 _ENTERS = {(True, True): "╰", (True, False): "├", (False, True): "┴", (False, False): "┼"}
 """Where a line meets the row of what waits for it, by: nothing is left of it, it ends here."""

@@ -23,6 +23,8 @@ from rise_engine.scenario.model import Scenario
 
 FUNCTIONS: tuple[str, ...] = get_args(TaskFunction)
 KEYS = ("function_type", "domain_task_behavior", "calling_type", "at", "source")
+OF_TESTS = ("test", "key", "go_on", "wait", "expect")
+"""What the lines of tests have instead (`rise_engine.trial.study_test`)."""
 LATEST_SECONDS = 366 * 86_400.0
 """Seconds; nothing is planned more than a year ahead."""
 _WITHOUT_BEHAVIOR = ("stopAll", "releaseStop", "markCue", "undoCue", "nextFiller")
@@ -68,18 +70,11 @@ class TaskFileReader:
             raise self._make_error([f"this is not JSON: {error}"], before + error.offset + 1) from None
         if not isinstance(value, dict):
             raise self._make_error([f'a line is a JSON object such as {{"function_type": "{FUNCTIONS[0]}", ...}}'])
-        problems += _find_problems(value)
+        problems += find_task_problems(value)
         if problems:
             raise self._make_error(problems)
         self._at = float(value.get("at", self._at))
-        behavior = value.get("domain_task_behavior", "")
-        task = Submit(
-            function=value["function_type"],
-            behavior=behavior if isinstance(behavior, str) else json.dumps(behavior, ensure_ascii=False),
-            calling_type=value.get("calling_type", ""),
-            source=value.get("source", "file"),
-        )
-        return TimedTask(self._at, task, self.file, self._line)
+        return TimedTask(self._at, task_of(value), self.file, self._line)
 
     def _make_error(self, messages: list[str], column: int | None = None) -> TaskFileError:
         where = f"{self.file}:{self._line}" if column is None else f"{self.file}:{self._line}:{column}"
@@ -140,7 +135,21 @@ def unknown_name_sentence(what: str, name: str, known: Sequence[str]) -> str:
     return f"there is no {what} `{name}`{did_you_mean(name, known)}"
 
 
-def _find_problems(value: dict[str, Any]) -> list[str]:
+def task_of(value: dict[str, Any], source: str = "file") -> Submit:
+    """The task of a line without problems; `source` is who asks when the line does not say it."""
+    behavior = value.get("domain_task_behavior", "")
+    return Submit(
+        function=value["function_type"],
+        behavior=behavior if isinstance(behavior, str) else json.dumps(behavior, ensure_ascii=False),
+        calling_type=value.get("calling_type", ""),
+        source=value.get("source", source),
+    )
+
+
+def find_task_problems(value: dict[str, Any]) -> list[str]:
+    """What is wrong with a line of a task file, in sentences."""
+    if test_lines := [key for key in OF_TESTS if key in value]:
+        return [f"`{test_lines[0]}` belongs to a test of a study, which `rise-engine test DIR` runs"]
     problems = [f"unknown entry `{key}`{did_you_mean(key, KEYS)}" for key in value if key not in KEYS]
     function = value.get("function_type")
     if "function_type" not in value:

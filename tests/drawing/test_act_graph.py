@@ -5,9 +5,9 @@ from __future__ import annotations
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from rise_engine.drawing.act_graph import ActRow, act_rows
 from rise_engine.scenario import load
 from rise_engine.scenario.model import Act, Action, ActionCall
-from rise_tui.model.act_graph import ActRow, act_rows
 from tests.console.fake import DEMO
 
 

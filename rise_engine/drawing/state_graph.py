@@ -13,11 +13,10 @@ from collections.abc import Iterator
 from itertools import zip_longest
 from typing import Literal, NamedTuple, TypeAlias
 
-from rich.cells import cell_len
-
+from rise_engine.drawing.cells import cell_length
+from rise_engine.drawing.labels import transition_label
+from rise_engine.drawing.state_order import StateOrder, find_state_order
 from rise_engine.scenario.model import Rule
-from rise_tui.model.rule_text import transition_label
-from rise_tui.model.state_order import StateOrder, find_state_order
 
 Way: TypeAlias = Literal["down", "rail", "word", "again", "stays"]
 """How a transition is drawn: straight down, by a rail, by its target's name; `again` enters its own state anew."""
@@ -98,7 +97,7 @@ def lay_out_graph(rule: Rule, width: int) -> GraphLayout:
             lane = lane_of.get(edge.row, -1)
             edges[key] = edge._replace(lane=lane, way="rail" if lane >= 0 else "word")
     lanes = max((rail.lane + 1 for rail in rails), default=0)
-    names = max(map(cell_len, rule.states)) + MARKS if compact else 0
+    names = max(map(cell_length, rule.states)) + MARKS if compact else 0
     return GraphLayout(
         tuple(_draw_rows(rule, order, plan, edges, [_gutter_text(row, rails, lanes) for row in range(len(plan))])),
         edges,

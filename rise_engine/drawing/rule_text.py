@@ -5,11 +5,11 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from typing import Any, NamedTuple
 
+from rise_engine.drawing.labels import delay_text
 from rise_engine.expression import Environment, EvaluationError, Expression, lookup
 from rise_engine.scenario.model import (
     CUE_TOPICS,
     Block,
-    Delay,
     Function,
     If,
     OneOf,
@@ -20,7 +20,7 @@ from rise_engine.scenario.model import (
     normal_topic,
     result_topics,
 )
-from rise_tui.rendering.text import format_value
+from rise_engine.typed_values import format_value
 
 ENDINGS = {"_end": "to end", "_succeeded": "to succeed", "_failed": "to fail", "_stopped": "to be stopped"}
 """What the engine raises about acts; about rules only the first."""
@@ -83,11 +83,6 @@ def wait_text(scenario: Scenario, transition: Transition) -> str:
     return f"event {transition.event}"
 
 
-def delay_text(delay: Delay) -> str:
-    """A time as it is shown: `8 s`, or the expression that gives it."""
-    return delay.text if delay.seconds is None else f"{delay.seconds:g} s"
-
-
 def engine_raises_text(scenario: Scenario, topic: str) -> str:
     """For an event that the engine raises about an act or a rule: that it does. Empty for other events."""
     found = parse_engine_event(scenario, topic)
@@ -136,18 +131,6 @@ def find_awaited_act(scenario: Scenario, transition: Transition) -> str | None:
         return None
     found = parse_engine_event(scenario, transition.event) or parse_rule_result(scenario, transition.event)
     return found[0] if found is not None else None
-
-
-def transition_label(transition: Transition) -> str:
-    """A transition's short name: its event, its time, or its condition."""
-    if transition.ended is not None:
-        return f"{transition.ended} {' or '.join(transition.outcomes) or 'ended'}"
-    if transition.event is not None:
-        return transition.event
-    if transition.after is not None:
-        time = f"after {delay_text(transition.after)}"
-        return time if transition.held is None else f"{time} of {transition.held.text}"
-    return transition.condition.text if transition.condition is not None else "at once"
 
 
 def events_raised_by(rule: Rule) -> frozenset[str]:

@@ -1,0 +1,189 @@
+"""Taking over a changed scenario in a session that runs (semantics.md 12.5): when it can be, and what is carried over.
+
+Rules stay in their states, and what they count goes on: by what a way out of a state *is*, not by its number, because
+others may stand before it now. What a snapshot holds by number is brought to the numbers of the new scenario here.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Mapping
+from typing import Any
+
+import msgspec
+from msgspec.structs import replace
+
+from rise_engine.kernel.core import TimerTarget
+from rise_engine.kernel.snapshot import RuleSnapshot, Snapshot
+from rise_engine.scenario.model import Act, Rule, Scenario, SourceLocation, State, Transition
+from rise_engine.text import pluralize
+
+_Identity = tuple[bytes, int]
+"""What a transition is, and the how-manieth of those that are the same in its state."""
+
+
+def why_not_take_over(before: Scenario, after: Scenario, snapshot: Snapshot, *, is_busy: bool) -> list[str]:
+    """Why a session cannot go on with `after` now: sentences, none if it can.
+
+    :param before: what the session runs.
+    :param after: checked, read for the same robot and mode.
+    :param snapshot: how the session stands.
+    :param is_busy: an act runs or waits, or a stop is not confirmed yet.
+    """
+    problems = []
+    if before.mode != after.mode or before.robot != after.robot:
+        problems.append("the robot or its profile is another one; a session keeps the robot that it was begun with")
+    if snapshot.acts or snapshot.waiting:
+        problems.append("an act runs or waits; wait until the robot has done what it does")
+    if snapshot.stop != "released":
+        problems.append("everything is stopped; release the stop first")
+    elif is_busy and not problems:
+        problems.append("something runs; wait until it has ended")
+    if snapshot.failures.asked:
+        problems.append("an act has failed, and somebody is asked what is to become of it; answer first")
+    for key in sorted(after.tables.keys() & snapshot.memory.keys()):
+        problems.append(f"`{key}` is a table now, and the memory has a value of that name")
+    for rule in snapshot.rules.running:
+        problems += _rule_problems(before.rules[rule.name], after.rules.get(rule.name), rule)
+    return problems
+
+
+def _rule_problems(before: Rule, after: Rule | None, standing: RuleSnapshot) -> Iterator[str]:
+    if after is None:
+        yield f"the rule `{before.name}` runs, and it is not there any more; stop it first"
+        return
+    state = after.states.get(standing.state)
+    if state is None:
+        yield f"the rule `{before.name}` is in the state `{standing.state}`, which is not there any more"
+        return
+    if not state.transitions and before.states[standing.state].transitions:
+        yield f"the rule `{before.name}` is in the state `{standing.state}`, which would end it now"
+    numbers = _new_numbers(before.states[standing.state], state)
+    for index in standing.timers.values():
+        if numbers.get(index) is None:
+            transition = before.states[standing.state].transitions[index]
+            time = transition.after.text if transition.after is not None else ""
+            yield (
+                f"the rule `{before.name}` counts `after {time}` in the state `{standing.state}`, "
+                "and this way out is another one now"
+            )
+
+
+def carry_over(before: Scenario, after: Scenario, snapshot: Snapshot) -> Snapshot:
+    """The snapshot of a session as it goes on with `after`; only if `why_not_take_over` has nothing against it."""
+    numbers = {
+        rule.name: _new_numbers(before.rules[rule.name].states[rule.state], after.rules[rule.name].states[rule.state])
+        for rule in snapshot.rules.running
+    }
+    running = [
+        replace(
+            rule,
+            timers={timer: numbers[rule.name][index] for timer, index in rule.timers.items()},
+            latched=sorted(numbers[rule.name][index] for index in rule.latched if index in numbers[rule.name]),
+            history=_known_steps(rule.history, after.rules[rule.name]),
+        )
+        for rule in snapshot.rules.running
+    ]
+    return replace(
+        snapshot,
+        scenario=after.hash,
+        timers={timer: _new_target(target, numbers) for timer, target in snapshot.timers.items()},
+        rules=replace(snapshot.rules, running=running),
+        last_pick={name: pick for name, pick in snapshot.last_pick.items() if _same_variants(name, before, after)},
+    )
+
+
+def _new_target(target: TimerTarget, numbers: Mapping[str, Mapping[int, int]]) -> TimerTarget:
+    if target.purpose != "after":
+        return target
+    return replace(target, item=str(numbers[target.owner][int(target.item)]))
+
+
+def _known_steps(history: list[tuple[str, int]], rule: Rule) -> list[tuple[str, int]]:
+    """The states that a rule came through, as far back as all of them are there still: so far it can go back."""
+    known: list[tuple[str, int]] = []
+    for step in reversed(history):
+        if step[0] not in rule.states:
+            break
+        known.insert(0, step)
+    return known
+
+
+def _same_variants(name: str, before: Scenario, after: Scenario) -> bool:
+    """Whether an action (`ACT/ID`) has as many variants as before, so that the last pick means the same."""
+    return _variants(before, name) == _variants(after, name) != 0
+
+
+def _variants(scenario: Scenario, name: str) -> int:
+    act, _, id = name.rpartition("/")
+    actions = scenario.acts[act].actions if act in scenario.acts else ()
+    return next((len(action.calls) for action in actions if action.id == id), 0)
+
+
+def _new_numbers(before: State, after: State) -> dict[int, int]:
+    """For each way out of a state that is there still, unchanged, its number now."""
+    there = {identity: number for number, identity in enumerate(_identities(after.transitions))}
+    numbers = enumerate(_identities(before.transitions))
+    return {number: there[identity] for number, identity in numbers if identity in there}
+
+
+def _identities(transitions: Iterable[Transition]) -> Iterator[_Identity]:
+    seen: dict[bytes, int] = {}
+    for transition in transitions:
+        content = _content(transition)
+        seen[content] = seen.get(content, -1) + 1
+        yield content, seen[content]
+
+
+def _content(value: Any) -> bytes:
+    """What a part of a scenario says, wherever it stands."""
+    return msgspec.json.encode(_without_locations(value))
+
+
+def _without_locations(value: Any) -> Any:
+    if isinstance(value, SourceLocation):
+        return None
+    if isinstance(value, msgspec.Struct):
+        names = value.__struct_fields__
+        return [type(value).__name__, *(_without_locations(getattr(value, name)) for name in names)]
+    if isinstance(value, dict):
+        return {str(key): _without_locations(each) for key, each in value.items()}
+    if isinstance(value, frozenset):
+        return sorted(map(str, value))
+    if isinstance(value, tuple | list):
+        return [_without_locations(each) for each in value]
+    if value is None or isinstance(value, str | int | float | bool):
+        return value
+    return [type(value).__name__, getattr(value, "text", repr(value))]
+
+
+# --- in words -----------------------------------------------------------------------------------------------------
+
+
+def changes_in_words(before: Scenario, after: Scenario) -> tuple[str, ...]:
+    """What is otherwise, for the record: a sentence for each act and rule, and for each of the other parts."""
+    changes = [*_named_changes("act", before.acts, after.acts), *_named_changes("rule", before.rules, after.rules)]
+    for what, one, other in (
+        ("key", before.keys, after.keys),
+        ("start value", before.memory, after.memory),
+        ("table", before.tables, after.tables),
+    ):
+        number = sum(_content(one.get(name)) != _content(other.get(name)) for name in {**one, **other})
+        if number:
+            changes.append(f"{pluralize(number, what)} changed")
+    rest = ("title", "act_settings", "fillers", "study", "conditions", "private", "language", "lexicon", "on_failure")
+    changes += [
+        f"{name.replace('_', ' ')} changed"
+        for name in rest
+        if _content(getattr(before, name)) != _content(getattr(after, name))
+    ]
+    return tuple(changes) or ("nothing that has an effect",)
+
+
+def _named_changes(what: str, before: Mapping[str, Act | Rule], after: Mapping[str, Act | Rule]) -> Iterator[str]:
+    for name in {**before, **after}:
+        if name not in after:
+            yield f"{what} {name} removed"
+        elif name not in before:
+            yield f"{what} {name} added"
+        elif _content(before[name]) != _content(after[name]):
+            yield f"{what} {name} changed"

@@ -1,0 +1,40 @@
+"""Opens the editor of a study's files over the console, or over the screen of a study."""
+
+from __future__ import annotations
+
+import asyncio
+from collections.abc import Callable
+from pathlib import Path
+
+from textual.app import App
+
+from rise_engine.edit.plan import EditRefused
+from rise_engine.edit.workspace import Workspace
+from rise_tui.editing.model.draft import StudyDraft, draft_of
+from rise_tui.editing.screen import EditScreen
+from rise_tui.editing.study import EditedStudy
+
+RUNS = "the session that runs here goes on with its own copy of the files; what you save counts for the next one"
+
+
+async def open_editor(app: App[object], folder: str, refuse: Callable[[str], None], *, runs: bool) -> None:
+    """`refuse` is told why it does not open. `runs`: whether a session runs here, so that the stop key must work."""
+
+    def read() -> tuple[Workspace, StudyDraft]:
+        workspace = Workspace(Path(folder))
+        return workspace, draft_of(workspace)
+
+    try:
+        workspace, draft = await asyncio.to_thread(read)
+    except EditRefused as refused:
+        refuse(f"the editor does not open: {refused}")
+        return
+    notice = workspace.read_only or (RUNS if runs else "")
+    await app.push_screen(EditScreen(EditedStudy(workspace, draft), notice=notice, may_suspend=not runs))
+
+
+def tell_editor(app: App[object]) -> None:
+    """The stop key was pressed: the editor that lies over the console says so, for it hides what came of it."""
+    for screen in app.screen_stack:
+        if isinstance(screen, EditScreen):
+            screen.say("STOP was sent: the console below says what the robot has confirmed", "fault")

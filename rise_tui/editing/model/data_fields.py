@@ -1,0 +1,203 @@
+"""Memory, keys, settings and tables as fields of a form."""
+
+from __future__ import annotations
+
+import json
+import tomllib
+from collections.abc import Iterator, Mapping, Sequence
+from functools import partial
+from typing import Any
+
+from rise_engine.edit.edits import AnyEdit, SetCell, SetSetting, SetStartValue
+from rise_engine.edit.plan import EditRefused
+from rise_engine.scenario.model import Json
+from rise_tui.editing.model.act_rows import said_text
+from rise_tui.editing.model.draft import StudyDraft, count
+from rise_tui.editing.model.fields import EditField, FieldChoice
+from rise_tui.rendering.text import format_value, json_type_name, parse_typed_value
+
+SCENARIO_FILE, STUDY_FILE = "scenario.toml", "study.toml"
+KEY_KINDS = ("act", "rule", "event", "set")
+"""What a key of the keyboard can do, as [keys] calls it."""
+USUAL_SETTINGS: tuple[tuple[str, str, tuple[str, ...]], ...] = (
+    ("title", "what the study is called", ()),
+    ("robot", "the name of a profile", ()),
+    ("mode", "debug: a simulated robot", ("debug", "real")),
+    ("language", "of what is said: en, de, …", ()),
+    ("on_failure", "when an act fails", ("go_on", "ask")),
+)
+"""Settings that are offered although they are not given: name, what it is, what can be chosen."""
+
+
+def memory_fields(draft: StudyDraft) -> list[EditField]:
+    """Each key with its start value, its type, and how often it is named."""
+    return [
+        EditField(key, key, "text", "" if value == "" else format_value(value), edits=partial(_start_value, key),
+                  note=f"{json_type_name(value)}; {_used(draft, key)}")
+        for key, value in draft.checked.draft.memory.items()
+    ]  # fmt: skip
+
+
+def _used(draft: StudyDraft, key: str) -> str:
+    number = sum(not use.defines for use in draft.uses.of("key", key))
+    return f"named in {count(number, 'place')}" if number else "nobody names it"
+
+
+def _start_value(key: str, text: str | None) -> tuple[AnyEdit, ...]:
+    value, _, remark = parse_typed_value(text or "")
+    if remark:
+        raise EditRefused(remark)
+    return (SetStartValue(key, value),)
+
+
+# --- keys -------------------------------------------------------------------------------------------------------------
+
+
+def toml_values(draft: StudyDraft, file: str) -> dict[str, Any]:
+    """What a TOML file says; nothing while it cannot be read."""
+    try:
+        return tomllib.loads(draft.files.get(file, b"").decode("utf-8-sig"))
+    except (tomllib.TOMLDecodeError, UnicodeDecodeError):
+        return {}
+
+
+def key_choices(draft: StudyDraft) -> list[FieldChoice]:
+    """All that a key can start or raise, each as `KIND NAME`."""
+    outline = draft.outline
+    found = [FieldChoice(f"act {act.name}", f"act {act.name}", said_text(act)) for act in outline.acts]
+    found += [FieldChoice(f"rule {rule.name}", f"rule {rule.name}", count(len(rule.states), "state"))
+              for rule in outline.rules]  # fmt: skip
+    waits = {way.form.event.lstrip("/") for rule in outline.rules for state in rule.states
+             for way in state.transitions if way.form.event}  # fmt: skip
+    ends = {f"{name}_end" for name in (*(act.name for act in outline.acts), *(rule.name for rule in outline.rules))}
+    found += [
+        FieldChoice(f"event /{event}", f"event /{event}", "a rule waits for it") for event in sorted(waits - ends)
+    ]
+    return found
+
+
+def key_fields(draft: StudyDraft) -> list[EditField]:
+    """Each key of the keyboard with what it does and its label."""
+    keys, choices = toml_values(draft, SCENARIO_FILE).get("keys", {}), key_choices(draft)
+    fields = []
+    for key, binding in keys.items() if isinstance(keys, dict) else ():
+        entry: Mapping[str, Any] = binding if isinstance(binding, dict) else {}
+        kind = next((each for each in KEY_KINDS if each in entry), "")
+        text = f"{kind} {entry[kind]}" if kind else ""
+        more = {name: value for name, value in entry.items() if name not in (kind, "label")}
+        label = entry.get("label", "")
+        note = f"“{label}”" if label else ""
+        note += "".join(f"  {name} = {json.dumps(value, ensure_ascii=False)}" for name, value in more.items())
+        fields.append(
+            EditField(key, key, "choice", text, choices=choices, required=False, is_free=True, note=note,
+                      reason="" if kind else "it is written in a way that has no form: e",
+                      edits=partial(_key_edits, key, entry))
+        )  # fmt: skip
+    return fields
+
+
+def _key_edits(key: str, entry: Mapping[str, Any], text: str | None) -> tuple[AnyEdit, ...]:
+    """The key does something else; a label was for what it did before."""
+    if text is None:
+        return (SetSetting(("keys", key), None),)
+    kind, _, name = text.partition(" ")
+    if kind not in KEY_KINDS or not name.strip():
+        raise EditRefused(f"a key is for an act, a rule, an event, or set: “act NAME”, “set score = 1”; not “{text}”")
+    before = next((each for each in KEY_KINDS if each in entry), "")
+    if kind == before:
+        return (SetSetting(("keys", key, kind), name.strip()),)
+    return (SetSetting(("keys", key), {kind: name.strip()}),)
+
+
+# --- settings ---------------------------------------------------------------------------------------------------------
+
+
+def setting_fields(draft: StudyDraft) -> list[EditField]:
+    """What scenario.toml, and study.toml where there is one, say besides the keys."""
+    values = toml_values(draft, SCENARIO_FILE)
+    fields = []
+    for name, help, options in USUAL_SETTINGS:
+        value = values.get(name)
+        choices = tuple(FieldChoice(each, each) for each in options)
+        fields.append(
+            EditField(name, name, "choice" if choices else "text", None if value is None else _shown(value),
+                      note=help, choices=choices, is_free=name == "on_failure",
+                      edits=partial(_setting, SCENARIO_FILE, (name,), str))
+        )  # fmt: skip
+    usual = {name for name, _, _ in USUAL_SETTINGS}
+    rest = {name: value for name, value in values.items() if name not in usual and name != "keys"}
+    fields += _leaves(SCENARIO_FILE, rest)
+    if STUDY_FILE in draft.files:
+        fields += _leaves(STUDY_FILE, toml_values(draft, STUDY_FILE))
+    return fields
+
+
+def _leaves(file: str, values: Mapping[str, Any], path: tuple[str, ...] = ()) -> Iterator[EditField]:
+    for name, value in values.items():
+        at = (*path, name)
+        if isinstance(value, dict) and value:
+            yield from _leaves(file, value, at)
+        elif _is_plain(value):
+            yield EditField(
+                f"{file}\0" + "\0".join(at), ".".join(at), "text", _shown(value),
+                note=f"{json_type_name(value)}; {file}",
+                edits=partial(_setting, file, at, str if isinstance(value, str) else type(value)),
+            )  # fmt: skip
+        else:
+            yield EditField("\0".join((file, *at)), ".".join(at), "fixed", shown="…", note="e opens the file")
+
+
+def _is_plain(value: Any) -> bool:
+    if isinstance(value, list):
+        return all(isinstance(each, str | int | float | bool) for each in value)
+    return isinstance(value, str | int | float | bool)
+
+
+def _shown(value: Any) -> str:
+    return value if isinstance(value, str) else format_value(value)
+
+
+def _setting(file: str, path: tuple[str, ...], kind: type, text: str | None) -> tuple[AnyEdit, ...]:
+    """A text stays a text, whatever it looks like; anything else stays what it is."""
+    if text is None or kind is str:
+        return (SetSetting(path, text, file=file),)
+    value, name, _ = parse_typed_value(text)
+    both = isinstance(value, int | float) and not isinstance(value, bool) and kind in (int, float)
+    if not both and not isinstance(value, kind):
+        wanted = json_type_name(kind())
+        article = "an" if wanted[0] in "aeiou" else "a"
+        raise EditRefused(f"{'.'.join(path)} is {article} {wanted}; “{text}” is {name}")
+    return (SetSetting(path, value, file=file),)
+
+
+# --- tables -----------------------------------------------------------------------------------------------------------
+
+
+def table_fields(draft: StudyDraft) -> list[EditField]:
+    """Each cell of each table, row by row."""
+    fields: list[EditField] = []
+    for name, table in draft.checked.draft.tables.items():
+        for number, row in enumerate(table.rows):
+            fields.append(EditField(f"{name}\0{number}\0", f"{name} {number + 1}", shown=" ", note=""))
+            fields += [
+                EditField(f"{name}\0{number}\0{column}", f"  {column}", "text", _cell(value),
+                          edits=partial(_cell_edits, name, number, column))
+                for column, value in zip(table.columns, row, strict=False)
+            ]  # fmt: skip
+    return fields
+
+
+def _cell(value: Json) -> str:
+    return "" if value is None else value if isinstance(value, str) else format_value(value)
+
+
+def _cell_edits(table: str, row: int, column: str, text: str | None) -> tuple[AnyEdit, ...]:
+    return (SetCell(table, row, column, text or ""),)
+
+
+def new_row(columns: Sequence[str], rows: Sequence[Sequence[Json]], after: int) -> dict[str, str]:
+    """What a new row begins with: what the one before it says."""
+    if not rows:
+        return dict.fromkeys(columns, "…")
+    before = rows[min(after, len(rows) - 1)]
+    return {column: _cell(value) for column, value in zip(columns, before, strict=False)}

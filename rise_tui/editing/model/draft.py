@@ -1,0 +1,74 @@
+"""A study as the editor shows it at one moment."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+from msgspec import Struct
+
+from rise_engine.edit.outline import Outline
+from rise_engine.edit.plan import Files
+from rise_engine.edit.workspace import Change, Workspace
+from rise_engine.scenario import LoadResult
+from rise_engine.scenario.diagnostics import Diagnostic
+from rise_engine.scenario.uses import Uses
+
+
+class StudyDraft(Struct, frozen=True):
+    """The files with all changes, what they say, and what is wrong with them; all of the same moment."""
+
+    folder: str
+    files: Files
+    saved: Files
+    outline: Outline
+    checked: LoadResult
+    uses: Uses
+    changes: Sequence[Change]
+
+    @property
+    def title(self) -> str:
+        """What the study is called."""
+        scenario = self.checked.scenario
+        return scenario.title if scenario is not None and scenario.title else self.folder.rstrip("/").rpartition("/")[2]
+
+    @property
+    def findings(self) -> list[Diagnostic]:
+        """All of them, errors first."""
+        return sorted(self.checked.diagnostics, key=lambda each: each.severity != "error")
+
+    @property
+    def changed_files(self) -> list[str]:
+        """Names of files that differ from what is saved."""
+        names = {*self.files, *self.saved}
+        return sorted(name for name in names if self.files.get(name) != self.saved.get(name))
+
+
+class FilePlace(NamedTuple):
+    """A stretch of lines of a file, from 1."""
+
+    file: str
+    line: int
+    end: int
+
+
+def draft_of(workspace: Workspace) -> StudyDraft:
+    """What a workspace holds now. Blocks as it does."""
+    return StudyDraft(
+        str(workspace.folder),
+        workspace.files,
+        workspace.saved,
+        workspace.outline,
+        workspace.checked,
+        workspace.uses,
+        tuple(workspace.changes),
+    )
+
+
+def count(number: int, thing: str, things: str = "") -> str:
+    """A number and what is counted.
+
+    >>> count(1, "change"), count(2, "change"), count(3, "way", "ways out")
+    ('1 change', '2 changes', '3 ways out')
+    """
+    return f"{number} {thing if number == 1 else things or thing + 's'}"

@@ -1,0 +1,147 @@
+"""The list of a study: its acts and rules with their keys, and what else there is to change."""
+
+from __future__ import annotations
+
+from rise_engine.edit.outline import WrittenAct
+from rise_engine.scenario.model import KeyBinding
+from rise_tui.editing.model.act_rows import action_type, what_text, when_text
+from rise_tui.editing.model.act_times import act_seconds
+from rise_tui.editing.model.draft import StudyDraft, count
+from rise_tui.rendering.text import ListRow, StyledLine, StyledSpan, clean, crop, fixed_span, format_seconds, wrap
+
+ALSO = (
+    ("memory", "Memory", "start values"),
+    ("keys", "Keys", "what each key does"),
+    ("settings", "Settings", "title, robot, fillers, conditions"),
+    ("tables", "Tables", "lists of items"),
+)
+"""Pages besides acts and rules, by their kinds."""
+
+
+def row_id(kind: str, name: str = "") -> str:
+    """Of a row that opens the page of this kind."""
+    return f"{kind}\0{name}"
+
+
+def split_row_id(id: str) -> tuple[str, str]:
+    """Kind and name. Both empty for no row."""
+    kind, _, name = id.partition("\0")
+    return kind, name
+
+
+def keys_by_name(draft: StudyDraft) -> dict[tuple[str, str], KeyBinding]:
+    """The study's keys by what they start: `("act", "R_Yes")`. Empty while there is an error."""
+    scenario = draft.checked.scenario
+    kinds = {"startCommunicationRobotAct": "act", "startInteractionRule": "rule"}
+    if scenario is None:
+        return {}
+    return {(kinds[key.function], key.behavior): key for key in scenario.keys.values() if key.function in kinds}
+
+
+def study_rows(draft: StudyDraft, width: int, wanted: str = "") -> list[ListRow]:
+    """Acts, rules and the rest; only those with `wanted` in them."""
+    keys, wrong = keys_by_name(draft), wrong_files(draft)
+
+    def fits(*texts: str) -> bool:
+        return not wanted or any(wanted.casefold() in text.casefold() for text in texts)
+
+    def heading(title: str, number: int) -> ListRow:
+        line: StyledLine = ((f" {title}", "accent"), (f"{number:>{max(1, width - len(title) - 3)}}", "muted"))
+        return ListRow("", line, selectable=False)
+
+    rows = [ListRow("", ((f" find {wanted}: esc shows all", "wait"),), selectable=False)] if wanted else []
+    rows.append(heading("ACTS", len(draft.outline.acts)))
+    for act in draft.outline.acts:
+        said = " ".join(what_text(action) for action in act.actions)
+        if fits(act.name, said):
+            bad = any(act.line <= line <= _last_line(draft, act) for line in wrong.get(act.file, ()))
+            note = f"{format_seconds(act_seconds(act, draft.checked)):>5} s  {_act_note(draft, act)}"
+            key = keys[("act", act.name)].label if ("act", act.name) in keys else ""
+            rows.append(ListRow(row_id("act", act.name), _line(key, act.name, note, width, bad=bad)))
+    rows.append(heading("RULES", len(draft.outline.rules)))
+    for rule in draft.outline.rules:
+        if fits(rule.name, *(state.id for state in rule.states)):
+            ways = sum(len(state.transitions) for state in rule.states)
+            note = f"{count(len(rule.states), 'state'):>9}" + (f" {count(ways, 'way')}" if width >= 50 else "")
+            key = keys[("rule", rule.name)].label if ("rule", rule.name) in keys else ""
+            rows.append(ListRow(row_id("rule", rule.name), _line(key, rule.name, note, width, bad=False)))
+    if not wanted:
+        rows.append(ListRow("", ((" ALSO", "accent"),), selectable=False))
+        rows += [ListRow(row_id(kind), _line("", title, help, width, bad=False)) for kind, title, help in ALSO]
+    for file, why in draft.outline.unreadable.items():
+        text = f" ✗ {file}: {clean(why)}"
+        rows.append(ListRow(row_id("file", file), crop(((text, "fault"),), width)))
+    return rows
+
+
+def _line(key: str, name: str, note: str, width: int, *, bad: bool) -> StyledLine:
+    room = max(10, min(26, width - 20))
+    mark: StyledSpan = ("✗", "fault") if bad else (" ", "plain")
+    return crop(((f" {key[:1] or ' '} ", "key"), fixed_span(name, room), mark, (note, "muted")), width)
+
+
+def _act_note(draft: StudyDraft, act: WrittenAct) -> str:
+    most = max((len(action.calls) for action in act.actions), default=0)
+    scenario = draft.checked.scenario
+    notes = [f"{most} var."] if most > 1 else []
+    if scenario is not None and act.name in scenario.acts:
+        settings = scenario.settings_of(act.name)
+        notes += ["hold"] if settings.hold else []
+        notes += ["filler"] if settings.filler else []
+    return " ".join(notes)
+
+
+def wrong_files(draft: StudyDraft) -> dict[str, list[int]]:
+    """Lines with an error, by file."""
+    found: dict[str, list[int]] = {}
+    for each in draft.checked.errors:
+        found.setdefault(each.location.file, []).append(each.location.line)
+    return found
+
+
+def _last_line(draft: StudyDraft, act: WrittenAct) -> int:
+    return act.line + draft.files.get(act.file, b"").count(b"\n", act.span.start, act.span.end)
+
+
+def find_at(draft: StudyDraft, file: str, line: int) -> tuple[str, str] | None:
+    """Which page shows what stands in this line: its kind and name."""
+    for act in draft.outline.acts:
+        if act.file == file and act.line <= line <= _last_line(draft, act):
+            return "act", act.name
+    for rule in draft.outline.rules:
+        last = rule.line + draft.files.get(rule.file, b"").count(b"\n", rule.span.start, rule.span.end)
+        if rule.file == file and rule.line <= line <= last:
+            return "rule", rule.name
+    by_file = {"memory.json": "memory", "scenario.toml": "settings"}
+    return (by_file[file], "") if file in by_file else None
+
+
+def used_by(draft: StudyDraft, kind: str, name: str) -> list[str]:
+    """Where an act, a rule or a key is named, a line each."""
+    known = {"act": "act", "rule": "rule", "memory": "key", "event": "event"}.get(kind)
+    if known is None:
+        return []
+    found = (use for use in draft.uses.of(known, name) if not use.defines)  # type: ignore[arg-type]
+    return list(dict.fromkeys(f"{use.where}  {use.location.file}:{use.location.line}" for use in found))
+
+
+def act_preview(draft: StudyDraft, act: WrittenAct, width: int) -> list[StyledLine]:
+    """What the page of an act would show, and who uses it."""
+    lines: list[StyledLine] = [
+        ((f" {act.name}", "strong"),),
+        ((f" {act.file}:{act.line}  ~{format_seconds(act_seconds(act, draft.checked))} s", "muted"),),
+    ]
+    for action in act.actions:  # one role: changing colours is most of what a moved cursor costs on the wire
+        head = f" {when_text(action):9}{action.id:>2} {action_type(action)[:9]:9} "
+        lines.append(crop(((head + what_text(action), "plain"),), width))
+    return [*lines, (), *used_lines(draft, "act", act.name, width)]
+
+
+def used_lines(draft: StudyDraft, kind: str, name: str, width: int) -> list[StyledLine]:
+    """USED BY, and a row for each."""
+    found = used_by(draft, kind, name)
+    lines: list[StyledLine] = [((" USED BY", "accent"),)]
+    for text in found or ["nobody: no rule, no key starts it"]:
+        lines += [((f" {'  ' if number else ''}{piece}", "plain" if found else "muted"),)
+                  for number, piece in enumerate(wrap(text, max(20, width - 4)))]  # fmt: skip
+    return lines

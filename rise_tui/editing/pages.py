@@ -1,0 +1,16 @@
+"""All pages of the editor, by their kind. A new page is one line here (`rise_tui.editing.page` says how)."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+from rise_tui.editing.act_page import ActPage
+from rise_tui.editing.data_pages import KeysPage, MemoryPage, SettingsPage, TablesPage
+from rise_tui.editing.page import EditFrame, EditPage
+from rise_tui.editing.rule_page import RulePage
+from rise_tui.editing.study_page import StudyPage
+
+PAGES: dict[str, Callable[[EditFrame, str], EditPage]] = {
+    page.KIND: page for page in (StudyPage, ActPage, RulePage, MemoryPage, KeysPage, SettingsPage, TablesPage)
+}
+"""The first is what the editor opens with."""

@@ -1,0 +1,1 @@
+"""Rules in the editor: the graph with a cursor, what a state does, and the forms of both."""

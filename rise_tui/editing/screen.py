@@ -1,0 +1,438 @@
+"""The frame of the editor: top line, the page, what is wrong, what is to be known, key hints; save, undo, find, back.
+
+It lies over a console, over the screen of a study, or alone in `rise-tui edit`. No key starts anything on a robot.
+"""
+
+from __future__ import annotations
+
+import asyncio
+from collections.abc import Callable, Coroutine, Sequence
+from typing import Any, ClassVar
+
+from textual import events, on
+from textual.app import ComposeResult
+from textual.binding import BindingType
+from textual.containers import Horizontal
+from textual.screen import Screen
+
+from rise_engine.edit.drafts import Draft
+from rise_engine.edit.edits import AnyEdit
+from rise_engine.edit.plan import EditRefused
+from rise_engine.edit.workspace import Change
+from rise_engine.text import clean
+from rise_tui.actions import IN_EDITOR, bindings_in, bindings_of
+from rise_tui.editing import external, overlays
+from rise_tui.editing.bars import BannerLine, EditHints, EditTopLine, FindingLine
+from rise_tui.editing.chooser import AskText, Chooser, ManyChooser
+from rise_tui.editing.model.draft import count
+from rise_tui.editing.model.fields import FieldChoice
+from rise_tui.editing.page import EditPage
+from rise_tui.editing.pages import PAGES
+from rise_tui.editing.save_dialog import SaveDialog
+from rise_tui.editing.sessions import NoSessions, RunningHere, SessionWatch
+from rise_tui.editing.study import EditedStudy
+from rise_tui.messages import RunAction
+from rise_tui.model.notice import Level
+from rise_tui.rendering.terminal_app import TerminalApp
+from rise_tui.screens.dialog import Dialog, DialogChoice
+from rise_tui.screens.too_small import TooSmallScreen, is_too_small
+from rise_tui.widgets.prompt_bar import PromptBar
+from rise_tui.widgets.row_list import RowView
+from rise_tui.widgets.static_lines import StaticLines
+from rise_tui.widgets.study_bars import StudyNotice
+
+WATCH_SECONDS = 2.0
+"""How soon it is seen that a file has changed outside, or that a session has begun."""
+WIDE = 110
+"""Columns from which the list of the study stays beside an open page."""
+
+
+class EditScreen(Screen[None]):
+    """Implements `rise_tui.editing.page.EditFrame`."""
+
+    DEFAULT_CSS = """
+    EditScreen { layout: vertical; background: $background; }
+    EditScreen #body { height: 1fr; }
+    EditScreen #body.-page.-wide StudyPage { width: 44; }
+    EditScreen #body.-page.-narrow StudyPage { display: none; }
+    """
+    BINDINGS: ClassVar[list[BindingType]] = [*bindings_in("edit"), *bindings_of(*IN_EDITOR)]
+
+    def __init__(
+        self, study: EditedStudy, *, sessions: SessionWatch | None = None, notice: str = "", may_suspend: bool = True
+    ) -> None:
+        """`sessions`: finds a session that runs meanwhile; None: the console below has the stop key.
+
+        `may_suspend`: whether another program may have the terminal for a while: not where a session runs here.
+        """
+        super().__init__()
+        self.study, self._sessions = study, sessions or NoSessions()
+        self._may_suspend, self._first_notice = may_suspend, notice
+        self.running: RunningHere | None = None
+        self._has_stop = sessions is not None
+        self.home = next(iter(PAGES.values()))(self, "")
+        self.opened: EditPage | None = None
+        """The page over, or beside, the list of the study."""
+        self.top, self.findings, self.banner = EditTopLine(), FindingLine(), BannerLine()
+        self.notice, self.hints = StudyNotice(), EditHints()
+        self.find_bar = PromptBar("find ", "a name, a text; esc clears")
+        self._is_closing = False
+
+    def compose(self) -> ComposeResult:
+        yield self.top
+        with Horizontal(id="body"):
+            yield self.home
+        yield self.find_bar
+        yield self.notice
+        yield self.findings
+        yield self.banner
+        yield self.hints
+
+    def on_mount(self) -> None:
+        self.set_interval(WATCH_SECONDS, self._watch)
+        self._lay_out()
+        self.set_focus(self.home.first_focus)
+        if self._first_notice:
+            self.say(self._first_notice, "wait")
+        self._work(self._offer_draft())
+
+    async def _offer_draft(self) -> None:
+        """What an earlier editor has not saved is offered before anything is changed."""
+        draft = await self.study.read_draft()
+        if draft is None or not (draft.changes or draft.files):
+            return
+
+        def answer(key: str | None) -> None:
+            if key == "t":
+                self._work(self._take_up(draft))
+            elif key == "d":
+                self._work(self.study.discard_draft())
+            else:
+                self.close()
+
+        self.app.push_screen(overlays.draft_dialog(draft), answer)
+
+    async def _take_up(self, draft: Draft) -> None:
+        outside = await self.study.take_up(draft)
+        self.say("the draft is here again: ctrl+o saves it")
+        self.draw()
+        if outside.lost:
+            self.app.push_screen(overlays.lost_changes_dialog(outside))
+
+    async def on_unmount(self) -> None:
+        await self.study.close()
+
+    # --- the frame, as pages know it --------------------------------------------------------------------------------
+
+    @property
+    def page(self) -> EditPage:
+        """The page that gets the keys."""
+        return self.opened or self.home
+
+    def say(self, sentence: str, level: Level = "info") -> None:
+        self.notice.draw(clean(sentence), level)
+
+    def make(self, *edits: AnyEdit, then: Callable[[], None] | None = None) -> None:
+        if edits:
+            self._work(self._make(edits, then))
+
+    async def _make(self, edits: Sequence[AnyEdit], then: Callable[[], None] | None) -> None:
+        change = await self.study.apply(*edits)
+        self._said(change)
+        self.draw()
+        if then is not None:
+            then()
+
+    def open_page(self, kind: str, name: str = "") -> None:
+        make = PAGES.get(kind)
+        if make is None:
+            self.say(f"a {kind} is changed in its file: e opens it in your editor", "wait")
+            return
+        self._work(self._show_page(make(self, name)))
+
+    async def _show_page(self, page: EditPage) -> None:
+        before, self.opened = self.opened, page
+        self._lay_out()
+        await self.query_one("#body").mount(page)
+        if before is not None:
+            await before.remove()
+        self.set_focus(page.first_focus)
+        page.draw()
+        self.draw_bars()
+
+    def close_page(self) -> None:
+        self._work(self._close_page())
+
+    async def _close_page(self) -> None:
+        page, self.opened = self.opened, None
+        self._lay_out()
+        self.set_focus(self.home.first_focus)
+        if page is not None:
+            await page.remove()
+        self.draw()
+
+    def ask_text(self, title: str, text: str, take: Callable[[str], None], *, hint: str = "") -> None:
+        self.app.push_screen(AskText(title, text, hint), lambda typed: take(typed) if typed else None)
+
+    def choose(
+        self, title: str, choices: Sequence[FieldChoice], take: Callable[[str], None], *, now: str = "", new: str = ""
+    ) -> None:
+        def taken(chosen: str | None) -> None:
+            if chosen is not None:
+                take(chosen)
+
+        self.app.push_screen(Chooser(title, choices, now=now, new=new), taken)
+
+    def choose_many(
+        self, title: str, choices: Sequence[FieldChoice], now: Sequence[str], take: Callable[[tuple[str, ...]], None]
+    ) -> None:
+        def taken(chosen: tuple[str, ...] | None) -> None:
+            if chosen is not None:
+                take(chosen)
+
+        self.app.push_screen(ManyChooser(title, choices, now), taken)
+
+    # --- drawing ----------------------------------------------------------------------------------------------------
+
+    def _lay_out(self) -> None:
+        body = self.query_one("#body")
+        body.set_class(self.opened is not None, "-page")
+        body.set_class(self.app.size.width >= WIDE, "-wide")
+        body.set_class(self.app.size.width < WIDE, "-narrow")
+
+    def on_resize(self) -> None:
+        self._lay_out()
+        if is_too_small(*self.app.size) and not any(isinstance(each, TooSmallScreen) for each in self.app.screen_stack):
+            self.app.push_screen(TooSmallScreen(None))
+
+    @on(StaticLines.DrawAgain)
+    @on(RowView.Resized)
+    def draw(self) -> None:
+        """Everything, from the draft as it is now."""
+        if self.opened is not None and not self.opened.still_there:
+            self.close_page()
+            return
+        self.home.draw()
+        if self.opened is not None:
+            self.opened.draw()
+        self.draw_bars()
+
+    @on(RowView.CursorMoved)
+    @on(events.DescendantFocus)
+    def draw_bars(self) -> None:
+        place = self.page.place
+        self.top.draw(self.study.draft, self.study.busy)
+        self.findings.draw(self.study.draft, place.file if place is not None else "")
+        self.banner.draw(self.running.sentence if self.running is not None else "")
+        if self.page.is_typing:
+            self.hints.draw_typing()
+        else:
+            stops = self.running is not None or not self._has_stop
+            self.hints.draw(self.page.hints, self.page.own_hints, stops=stops)
+
+    # --- work beside the loop ---------------------------------------------------------------------------------------
+
+    def _work(self, work: Coroutine[Any, Any, None]) -> None:
+        self.run_worker(self._carry_out(work), group="edit")
+
+    async def _carry_out(self, work: Coroutine[Any, Any, None]) -> None:
+        try:
+            await work
+        except EditRefused as refused:
+            self.say(str(refused), "wait")
+            self.draw()
+
+    def _said(self, change: Change, verb: str = "") -> None:
+        sentence = "; ".join((*change.says, *change.noticed))
+        self.say(f"{verb}{sentence}", "wait" if change.noticed else "info")
+
+    def _watch(self) -> None:
+        """Look whether files have changed outside or a session has begun, while nothing is being typed."""
+        if self.app.screen is self and not self.study.busy and not self.page.is_typing:
+            self.run_worker(self._look(), group="watch", exclusive=True)
+
+    async def _look(self) -> None:
+        found = await asyncio.to_thread(self._sessions.find, overlays.folder_of(self.study))
+        if found != self.running:
+            self.running = found
+            self.draw_bars()
+        await self._look_outside()
+
+    def look_outside(self) -> None:
+        """Look now whether files have changed."""
+        self.run_worker(self._look(), group="watch", exclusive=True)
+
+    async def _look_outside(self) -> bool:
+        """Take in what somebody else has written. True: something of ours has no place any more."""
+        try:
+            outside = await self.study.notice_outside()
+        except EditRefused as refused:
+            self.say(str(refused), "fault")
+            return True
+        if outside is None:
+            return False
+        files = ", ".join(outside.files)
+        self.draw()
+        if outside.lost:
+            self.app.push_screen(overlays.lost_changes_dialog(outside))
+        else:
+            self.say(f"{files} changed outside: taken in", "wait")
+        return bool(outside.lost)
+
+    # --- actions of the registry ------------------------------------------------------------------------------------
+
+    @on(RunAction)
+    def _run_action(self, event: RunAction) -> None:
+        self.action_do(event.action)
+
+    def action_do(self, action: str) -> None:
+        """Carry out an action of the registry that works here; first what it means for the page."""
+        if self.page.is_typing and action not in ("stop", "quit"):
+            return
+        calls: dict[str, Callable[[], object]] = {
+            "edit.undo": lambda: self._work(self._undo()),
+            "edit.redo": lambda: self._work(self._redo()),
+            "edit.save": lambda: self._work(self._ask_to_save()),
+            "edit.findings": lambda: overlays.choose_finding(self),
+            "edit.file": lambda: self._work(self._open_file()),
+            "edit.pages": self._go_home,
+            "edit.leave": self._leave,
+            "filter": lambda: self.find_bar.open(""),
+            "help": lambda: overlays.open_help(self.app),
+            "palette": lambda: overlays.open_palette(self.app, self.action_do),
+            "theme": lambda: overlays.open_palette(self.app, None),
+            "redraw": self._redraw,
+            "stop": self.stop_pressed,
+            "quit": lambda: self.app.run_worker(self.app.run_action("quit")),
+        }
+        if action.startswith("edit.") and self.page.carry_out(action):
+            return
+        if (call := calls.get(action)) is not None:
+            call()
+
+    def _redraw(self) -> None:
+        if isinstance(self.app, TerminalApp):
+            self.app.repaint_everything()
+
+    def _go_home(self) -> None:
+        if self.opened is not None:
+            self.close_page()
+
+    async def _undo(self) -> None:
+        change = await self.study.undo()
+        if change is None:
+            self.say("there is nothing to undo", "wait")
+        else:
+            self._said(change, "taken back: ")
+        self.draw()
+
+    async def _redo(self) -> None:
+        change = await self.study.redo()
+        if change is None:
+            self.say("nothing was taken back", "wait")
+        else:
+            self._said(change, "made again: ")
+        self.draw()
+
+    # --- find ---------------------------------------------------------------------------------------------------------
+
+    @on(PromptBar.Edited)
+    def _find(self, event: PromptBar.Edited) -> None:
+        self.page.filter(event.bar.text)
+
+    @on(PromptBar.Accepted)
+    def _found(self) -> None:
+        self._close_find()
+
+    @on(PromptBar.Cancelled)
+    def _given_up(self) -> None:
+        self.page.filter("")
+        self._close_find()
+
+    def _close_find(self) -> None:
+        self.find_bar.close()
+        self.set_focus(self.page.first_focus)
+
+    # --- saving -------------------------------------------------------------------------------------------------------
+
+    async def _ask_to_save(self) -> None:
+        if await self._look_outside():
+            return
+        if not self.study.draft.changed_files:
+            self.say("nothing to save: the files are as you see them")
+            return
+        diff = await self.study.diff()
+        self.app.push_screen(SaveDialog(self.study.draft, diff), self._save_if)
+
+    def _save_if(self, yes: bool | None) -> None:
+        if yes:
+            self._work(self._save())
+
+    async def _save(self) -> None:
+        report = await self.study.save()
+        after = "; the session that runs goes on with its own copy" if self.running is not None else ""
+        self.say(f"saved: {', '.join(report.files)}{after}")
+        self.draw()
+
+    # --- an editor of one's own ---------------------------------------------------------------------------------------
+
+    async def _open_file(self) -> None:
+        place = self.page.place
+        if place is None:
+            self.say("nothing here stands in a file", "wait")
+        elif not self._may_suspend or self.running is not None:
+            path = overlays.folder_of(self.study) / place.file
+            self.say(f"a session runs, and the stop key must work: open {path}, line {place.line}, elsewhere", "wait")
+        else:
+            await external.edit_file(self.app, self, place)
+            self.draw()
+            self.look_outside()
+
+    # --- leaving ------------------------------------------------------------------------------------------------------
+
+    def stop_pressed(self) -> None:
+        """The stop key, where the console below has none of its own."""
+        if self.running is None:
+            self.say("nothing runs: no session of this study is going on here")
+        else:
+            self.say("STOP is being sent …", "fault")
+            self.run_worker(self._stop(self.running), group="stop")
+
+    async def _stop(self, session: RunningHere) -> None:
+        self.say(await asyncio.to_thread(self._sessions.stop, session), "fault")
+
+    def _leave(self) -> None:
+        if self.page.leave():
+            self.draw_bars()
+        elif self.opened is not None:
+            self.close_page()
+        else:
+            self.ask_to_leave()
+
+    def ask_to_leave(self) -> None:
+        """Close the editor; with unsaved changes it asks."""
+        if not self.study.draft.changed_files:
+            self.close()
+            return
+        number = count(len(self.study.draft.changes), "change")
+        question = Dialog(
+            "Leave the editor?",
+            [f"{number} not saved. They stay as a draft and are offered again the next time."],
+            DialogChoice("s", "Save first"),
+            DialogChoice("l", "Leave"),
+            no="Go on editing",
+        )
+
+        def answer(key: str | None) -> None:
+            if key == "s":
+                self._work(self._ask_to_save())
+            elif key == "l":
+                self.close()
+
+        self.app.push_screen(question, answer)
+
+    def close(self) -> None:
+        """Leave the editor; a draft stays."""
+        if not self._is_closing:
+            self._is_closing = True
+            self.dismiss()

@@ -1,0 +1,98 @@
+from __future__ import annotations
+
+import shutil
+from collections.abc import AsyncIterator, Callable
+from contextlib import asynccontextmanager
+from pathlib import Path
+
+import pytest
+from textual.pilot import Pilot
+
+from rise_engine.edit.workspace import Workspace
+from rise_tui.editing.app import EditApp
+from rise_tui.editing.model.draft import draft_of
+from rise_tui.editing.screen import EditScreen
+from rise_tui.editing.sessions import RunningHere
+from rise_tui.editing.study import EditedStudy
+from tests.virtual_time import real_monotonic
+
+PATIENCE = 60.0
+STUDIES = Path(__file__).parents[3] / "scenarios"
+
+
+class OneSession:
+    """A watch on sessions that finds what a test says, and remembers that it was stopped."""
+
+    def __init__(self, running: RunningHere | None = None) -> None:
+        self.running, self.stopped = running, 0
+
+    def find(self, folder: Path) -> RunningHere | None:
+        return self.running
+
+    def stop(self, session: RunningHere) -> str:
+        self.stopped += 1
+        return "STOPPED: it was told"
+
+
+class Editor:
+    """An editor under test."""
+
+    def __init__(self, pilot: Pilot[None], screen: EditScreen, folder: Path) -> None:
+        self.pilot, self.screen, self.folder = pilot, screen, folder
+
+    @property
+    def draft_text(self) -> str:
+        """All files of the draft."""
+        return "\n".join(data.decode("utf-8", "replace") for data in self.screen.study.draft.files.values())
+
+    @property
+    def notice(self) -> str:
+        return self.screen.notice.text
+
+    async def press(self, *keys: str) -> None:
+        for key in keys:
+            await self.pilot.press(key)
+            await self.pilot.pause(0.01)
+
+    async def type(self, text: str) -> None:
+        names = {
+            " ": "space",
+            ".": "full_stop",
+            "{": "left_curly_bracket",
+            "}": "right_curly_bracket",
+            "_": "underscore",
+        }
+        for character in text:
+            await self.pilot.press(names.get(character, character))
+
+    async def until(self, holds: Callable[[], object], what: str = "") -> None:
+        end = real_monotonic() + PATIENCE
+        while not holds():
+            assert real_monotonic() < end, what or f"did not happen in time; it says: {self.notice}"
+            await self.pilot.pause(0.01)
+
+    async def open(self, kind: str, name: str = "") -> None:
+        self.screen.open_page(kind, name)
+        await self.until(lambda: self.screen.opened is not None and kind == self.screen.opened.KIND)
+        await self.pilot.pause()
+
+
+@pytest.fixture
+def study(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """A copy of the greeting, with a place of its own for drafts."""
+    monkeypatch.setenv("XDG_STATE_HOME", str(tmp_path / "state"))
+    shutil.copytree(STUDIES / "greeting", tmp_path / "study")
+    return tmp_path / "study"
+
+
+@asynccontextmanager
+async def editor(
+    folder: Path, size: tuple[int, int] = (80, 24), sessions: OneSession | None = None
+) -> AsyncIterator[Editor]:
+    workspace = Workspace(folder)
+    app = EditApp(EditedStudy(workspace, draft_of(workspace)), sessions=sessions or OneSession())
+    async with app.run_test(size=size) as pilot:
+        found = Editor(pilot, app.edit_screen, folder)
+        await found.until(lambda: found.screen.home.rows.count)
+        await found.until(lambda: found.screen.home.rows.cursor >= 0)
+        yield found

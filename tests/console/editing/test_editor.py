@@ -1,0 +1,258 @@
+"""The editor by its keys, on a study's real files."""
+
+from __future__ import annotations
+
+import difflib
+from pathlib import Path
+
+import pytest
+
+from rise_tui.editing.act_page import ActPage
+from rise_tui.editing.chooser import Chooser, ManyChooser
+from rise_tui.editing.data_pages import DataPage
+from rise_tui.editing.save_dialog import SaveDialog
+from rise_tui.editing.sessions import RunningHere
+from rise_tui.screens.dialog import Dialog
+from tests.console.editing.conftest import Editor, OneSession, editor
+
+
+def changed_lines(before: str, after: str) -> list[str]:
+    lines = difflib.unified_diff(before.splitlines(), after.splitlines(), lineterm="", n=0)
+    return [line for line in lines if line[:1] in "+-" and line[:3] not in ("+++", "---")]
+
+
+def act_page(it: Editor) -> ActPage:
+    page = it.screen.opened
+    assert isinstance(page, ActPage)
+    return page
+
+
+async def open_speech(it: Editor, act: str) -> None:
+    """The page of an act, with the keys on the form of its first speech, on what is said."""
+    await it.open("act", act)
+    written = act_page(it).act
+    assert written is not None
+    speech = next(each for each in written.actions if each.calls[0].type == "Speech")
+    act_page(it).actions.select(speech.id)
+    act_page(it).draw()
+    await it.press("tab")
+    act_page(it).form.rows.select("0/message")
+
+
+def contents(folder: Path) -> dict[Path, bytes]:
+    return {each: each.read_bytes() for each in folder.rglob("*.*")}
+
+
+async def test_a_sentence_is_changed_by_keys_and_one_line_of_one_file_is_written(study: Path) -> None:
+    file = study / "acts" / "greeting.xml"
+    before = file.read_text()
+    others = contents(study)
+    async with editor(study) as it:
+        await open_speech(it, "R_Greeting")
+        await it.press("enter", "end")
+        await it.type(" Welcome.")
+        await it.press("enter")
+        await it.until(lambda: "Welcome." in it.draft_text)
+        assert file.read_text() == before, "nothing is written before it is saved"
+        assert "1 change unsaved" in it.screen.top.text
+        await it.press("ctrl+o")
+        await it.until(lambda: isinstance(it.pilot.app.screen, SaveDialog))
+        await it.press("enter")
+        await it.until(lambda: file.read_text() != before)
+        await it.until(lambda: "saved: acts/greeting.xml" in it.notice)
+    assert len(changed_lines(before, file.read_text())) == 2
+    assert {**contents(study), file: others[file]} == others
+
+
+async def test_undo_and_redo_also_over_a_save(study: Path) -> None:
+    async with editor(study) as it:
+        before = it.draft_text
+        await it.open("memory")
+        await it.press("a")
+        await it.type("score")
+        await it.press("enter")
+        await it.until(lambda: it.screen.page.is_typing)
+        await it.type("7")
+        await it.press("enter")
+        await it.until(lambda: it.screen.study.draft.checked.draft.memory.get("score") == 7)
+        await it.press("ctrl+o")
+        await it.until(lambda: isinstance(it.pilot.app.screen, SaveDialog))
+        await it.press("enter")
+        await it.until(lambda: not it.screen.study.draft.changed_files)
+        await it.press("ctrl+u")
+        await it.until(lambda: it.screen.study.draft.checked.draft.memory["score"] == "")
+        await it.press("ctrl+u")
+        await it.until(lambda: it.draft_text == before)
+        assert "unsaved" in it.screen.top.text or "not saved" in it.screen.top.text
+        await it.press("ctrl+r", "ctrl+r")
+        await it.until(lambda: it.screen.study.draft.checked.draft.memory.get("score") == 7)
+
+
+async def test_what_is_wrong_is_said_while_it_is_typed_and_is_never_saved(study: Path) -> None:
+    before = contents(study)
+    async with editor(study) as it:
+        await open_speech(it, "R_Greeting")
+        await it.press("enter", "end")
+        await it.type(" {name")
+        await it.until(lambda: "a `{` without its `}`" in act_page(it).form.text)
+        assert "✓ no errors" in it.screen.top.text, "typing changes nothing"
+        await it.press("enter")
+        await it.until(lambda: "✗ 1 error" in it.screen.top.text)
+        assert "acts/greeting.xml" in it.screen.findings.text
+        await it.press("ctrl+o")
+        await it.until(lambda: isinstance(it.pilot.app.screen, SaveDialog))
+        await it.press("enter")
+        await it.until(lambda: it.pilot.app.screen is it.screen)
+    assert contents(study) == before
+
+
+async def test_escape_leaves_a_field_as_it_was(study: Path) -> None:
+    async with editor(study) as it:
+        before = it.draft_text
+        await open_speech(it, "R_Greeting")
+        await it.press("enter")
+        await it.type("zzz")
+        await it.press("escape")
+        assert not it.screen.page.is_typing
+        await it.press("escape", "escape")
+        await it.until(lambda: it.screen.opened is None)
+        assert it.draft_text == before
+
+
+async def test_an_action_is_chosen_waits_for_the_one_before_and_is_taken_back(study: Path) -> None:
+    async with editor(study) as it:
+        before = it.draft_text
+        await it.open("act", "R_Greeting")
+        page = act_page(it)
+        assert page.act is not None
+        ids, last = {each.id for each in page.act.actions}, page.act.actions[-1].id
+        page.actions.select(last)
+        page.draw()
+        await it.press("a")
+        await it.until(lambda: isinstance(it.pilot.app.screen, Chooser))
+        await it.type("Wait")
+        await it.press("enter")
+        await it.until(lambda: page.act is not None and len(page.act.actions) == len(ids) + 1)
+        new = next(each for each in page.act.actions if each.id not in ids)
+        assert (new.calls[0].type, new.wait_for) == ("Wait", (last,))
+        await it.until(lambda: page.is_typing, "its first value is asked for")
+        await it.press("escape", "escape", "w")
+        await it.until(lambda: isinstance(it.pilot.app.screen, ManyChooser))
+        await it.press("enter", "ctrl+u")
+        await it.until(lambda: it.draft_text == before)
+
+
+async def test_letters_are_no_commands_while_something_is_typed(study: Path) -> None:
+    async with editor(study) as it:
+        await it.open("memory")
+        await it.press("a")
+        await it.type("read")
+        await it.press("enter")
+        await it.until(lambda: "read" in it.screen.study.draft.checked.draft.memory)
+
+
+@pytest.mark.parametrize("size", [(80, 24), (120, 40), (200, 50)])
+async def test_every_page_is_reached_by_keys_alone_and_left_again(study: Path, size: tuple[int, int]) -> None:
+    async with editor(study, size) as it:
+        rows = it.screen.home.rows
+        for kind in ("memory", "keys", "settings", "tables", "act"):
+            row = next(at for at in range(rows.count) if rows.row_at(at).id.startswith(f"{kind}\0"))
+            while rows.cursor != row:
+                await it.press("down" if rows.cursor < row else "up")
+            await it.press("enter")
+            await it.until(lambda kind=kind: it.screen.opened is not None and kind == it.screen.opened.KIND)  # type: ignore[misc]
+            assert it.screen.home.display is (size[0] >= 110)
+            await it.press("escape")
+            await it.until(lambda: it.screen.opened is None)
+            assert rows.has_focus
+
+
+async def test_what_somebody_else_writes_is_taken_in_and_own_changes_stay(study: Path) -> None:
+    file = study / "memory.json"
+    async with editor(study) as it:
+        await open_speech(it, "R_Greeting")
+        await it.press("enter", "end")
+        await it.type(" Welcome.")
+        await it.press("enter")
+        await it.until(lambda: "Welcome." in it.draft_text)
+        file.write_text('{"from_outside": 1}')
+        it.screen.look_outside()
+        await it.until(lambda: "changed outside: taken in" in it.notice)
+        assert "from_outside" in it.draft_text
+        assert "Welcome." in it.draft_text
+    assert file.read_text() == '{"from_outside": 1}'
+
+
+async def test_a_draft_that_was_not_saved_is_offered_again(study: Path) -> None:
+    async with editor(study) as it:
+        await open_speech(it, "R_Greeting")
+        await it.press("enter", "end")
+        await it.type(" Welcome.")
+        await it.press("enter")
+        await it.until(lambda: "Welcome." in it.draft_text)
+    async with editor(study) as again:
+        await again.until(lambda: isinstance(again.pilot.app.screen, Dialog))
+        assert "Welcome." not in again.draft_text
+        await again.press("t")
+        await again.until(lambda: "Welcome." in again.draft_text)
+
+
+async def test_f9_stops_a_session_of_this_study_and_the_banner_says_that_one_runs(study: Path) -> None:
+    sessions = OneSession(RunningHere("/tmp/a.sock", "P07"))
+    async with editor(study, sessions=sessions) as it:
+        it.screen.look_outside()
+        await it.until(lambda: "a session with P07 runs on its own copy" in it.screen.banner.text)
+        assert "STOP" in it.screen.hints.text
+        await it.open("act", "R_Greeting")
+        await it.press("enter", "enter", "f9")
+        await it.until(lambda: sessions.stopped == 1)
+        await it.until(lambda: "STOPPED" in it.notice)
+        await it.press("escape", "escape", "e")
+        await it.until(lambda: "the stop key must work" in it.notice)
+
+
+async def test_the_list_is_filtered_by_what_is_said(study: Path) -> None:
+    async with editor(study) as it:
+        before = it.screen.home.rows.count
+        await it.press("slash")
+        await it.type("R_Greeting")
+        await it.until(lambda: it.screen.home.rows.count < before)
+        assert "R_Greeting" in it.screen.home.rows.text
+        await it.press("enter", "escape")
+        await it.until(lambda: it.screen.home.rows.count == before)
+
+
+async def test_a_key_of_the_keyboard_is_made_changed_and_renamed(study: Path) -> None:
+    async with editor(study) as it:
+        await it.open("keys")
+        page = it.screen.opened
+        assert isinstance(page, DataPage)
+        await it.press("a")
+        await it.type("z")
+        await it.press("enter")
+        await it.until(lambda: isinstance(it.pilot.app.screen, Chooser))
+        await it.type("R_Greeting")
+        await it.press("enter")
+        await it.until(lambda: 'act = "R_Greeting"' in it.draft_text)
+        await it.press("v")
+        await it.type("hello")
+        await it.press("enter")
+        await it.until(lambda: 'label = "hello"' in it.draft_text)
+        await it.press("r")
+        await it.press("backspace")
+        await it.type("k")
+        await it.press("enter")
+        await it.until(lambda: any(each.id == "k" for each in page.make_fields()))
+        assert all(each.id != "z" for each in page.make_fields())
+
+
+async def test_a_rename_follows_every_use(study: Path) -> None:
+    async with editor(study) as it:
+        it.screen.home.rows.select("act\0R_Greeting")
+        await it.press("r", "end")
+        await it.type("2")
+        await it.press("enter")
+        await it.until(lambda: it.screen.study.draft.outline.act("R_Greeting2"))
+        assert not it.screen.study.draft.checked.errors
+        assert it.screen.home.current == ("act", "R_Greeting2")
+        assert "rules" in " ".join(it.screen.study.draft.changed_files)

@@ -1,0 +1,61 @@
+"""The editor at a terminal: what a letter costs on the wire, and that a lost terminal loses no change."""
+
+from __future__ import annotations
+
+import shutil
+from pathlib import Path
+
+import pytest
+
+from tests.console.terminals import Terminal, terminal
+
+pytestmark = pytest.mark.pty
+
+LETTER, CURSOR = 300, 2_500
+"""Bytes: the echo of a letter, and a cursor that goes to another act, beside which all that it does is shown anew."""
+STUDY = Path(__file__).parents[3] / "scenarios" / "greeting"
+DOWN, ESCAPE, ENTER, TAB = b"\x1b[B", b"\x1b", b"\r", b"\t"
+
+
+def press(it: Terminal, *keys: bytes) -> None:
+    """Like a person: what came of a key is seen before the next one."""
+    for key in keys:
+        it.press(key)
+        it.still()
+
+
+@pytest.mark.parametrize("size", [(80, 24), (120, 40)], ids=["80x24", "120x40"])
+def test_a_letter_and_a_cursor_cost_little_and_a_hang_up_loses_nothing(tmp_path: Path, size: tuple[int, int]) -> None:
+    folder = tmp_path / "study"
+    shutil.copytree(STUDY, folder)
+    before = {each: each.read_bytes() for each in folder.rglob("*.*")}
+    with terminal("edit", str(folder), size=size) as it:
+        it.until_screen("ACTS")
+        it.still()
+        for _ in range(3):
+            assert 0 < it.cost(DOWN) <= CURSOR
+        press(it, b"/", b"R_Greeting", ENTER, b"\x1b[H", ENTER)
+        it.until_screen("waits for")
+        press(it, DOWN, TAB)
+        for _ in range(8):
+            if "What is said" in it.text:
+                break
+            press(it, DOWN)
+        press(it, ENTER)
+        it.until_screen("as it was")
+        press(it, b"x")  # what was said about the value before gives way
+        for letter in (b"y", b"z", b"a"):
+            assert 0 < it.cost(letter) <= LETTER
+        press(it, ENTER)
+        it.until_screen("1 change unsaved")
+        it.process.kill()
+        it.process.wait()
+        assert {each: each.read_bytes() for each in before} == before
+        with terminal("edit", str(folder), home=it.home, size=size) as again:
+            again.until_screen("A draft is there")
+            again.press(b"t")
+            again.until_screen("1 change unsaved")
+            again.press(b"\x03")
+            again.until_screen("Leave the editor?")
+            again.press(b"l")
+            assert again.ended() == 0
