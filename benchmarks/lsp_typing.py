@@ -1,5 +1,5 @@
-"""From a key in an editor to its findings: `rise-engine lsp` as a process, a file of rules of LabLinking, a change of one
-character at a time. Seconds on the clock, of both processes and the pipe between them."""
+"""From a key in an editor to its findings: `rise-engine lsp` as a process, a file of rules of LabLinking, one character
+at a time. Seconds on the clock, of both processes and the pipe between them."""
 
 from __future__ import annotations
 
