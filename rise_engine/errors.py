@@ -1,6 +1,7 @@
 """The errors that rise-tui raises on purpose: one tree under `RiseError` (a test compares this drawing with the code).
 
     RiseError
+      BadEditsError               A file of edits that cannot be read
       BehaviorError               A behaviour that cannot be read
       BridgeError                 The connection cannot be had
       BundleError                 A bundle cannot be made or read
