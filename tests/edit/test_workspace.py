@@ -386,3 +386,35 @@ def test_a_study_with_an_unreadable_file_stays_editable(folder: Path) -> None:
     study.apply(ReplaceFile("rules/broken.xml", None))
     assert set(study.save().files) == {SPEECH, "rules/broken.xml"}
     assert load(folder).scenario is not None
+
+
+# --- two processes ------------------------------------------------------------------------------------------------
+
+
+def test_a_program_and_a_person_change_one_study(folder: Path) -> None:
+    """Somebody has the study open; `rise-engine edit` may not, `sed` does; nothing of anybody is lost."""
+    study = Workspace(folder)
+    study.apply(SAY)
+    engine = [sys.executable, "-m", "rise_engine", "edit", str(folder), "-"]
+    edits = '{"edit": "set_start_value", "key": "person_y", "value": 0.5}'
+    refused = subprocess.run(engine, input=edits, capture_output=True, text=True, check=False)
+    assert refused.returncode == 1
+    assert f"process {os.getpid()} on " in refused.stderr
+    subprocess.run(["sed", "-i", "s/<duration>600</<duration>650</", str(folder / FACE)], check=True)
+
+    outside = study.notice_outside()
+    assert outside is not None
+    assert (outside.files, outside.lost) == ((FACE,), ())
+    assert study.save().files == (SPEECH,)
+    study.close()
+    made = subprocess.run(engine, input=edits, capture_output=True, text=True, check=False)
+    assert (made.returncode, made.stderr) == (0, "")
+
+    disk = _disk(folder)
+    assert b"I am Floka." in disk[SPEECH]
+    assert b"<duration>650<" in disk[FACE]
+    assert b"0.5" in disk["memory.json"]
+    check = subprocess.run(
+        [sys.executable, "-m", "rise_engine", "check", str(folder)], capture_output=True, check=False
+    )
+    assert check.returncode == 0

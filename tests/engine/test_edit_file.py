@@ -3,8 +3,12 @@
 from __future__ import annotations
 
 import json
+import os
+import pty
 import re
 import shutil
+import subprocess
+import sys
 from pathlib import Path
 
 import msgspec
@@ -210,3 +214,17 @@ def test_the_examples_on_the_page_of_edits(folder: Path) -> None:
     at = {"rule": "Greeting", "state": "Nobody", "place": "onEntry"}
     for line in statements.splitlines():
         read_edits(json.dumps({"edit": "add_statement", "at": at, "statement": json.loads(line)}), "example")
+
+
+def test_new_asks_in_a_terminal(tmp_path: Path) -> None:
+    ours, theirs = pty.openpty()
+    os.write(ours, b"mine\nblank\nMy study\npepper\n")
+    ran = subprocess.run(
+        [sys.executable, "-m", "rise_engine", "new"], stdin=theirs, capture_output=True, cwd=tmp_path, check=False
+    )
+    os.close(ours)
+    os.close(theirs)
+    assert ran.returncode == 0, ran.stderr
+    scenario = load(tmp_path / "mine").scenario
+    assert scenario is not None
+    assert (scenario.title, scenario.robot.name) == ("My study", "pepper")

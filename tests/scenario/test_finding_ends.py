@@ -31,7 +31,7 @@ def check(files: dict[str, str | bytes]) -> list[tuple[str, str]]:
     [
         ({"acts/a.xml": act("<Wat/>")}, ("unknown-action", "<Wat")),
         ({"acts/a.xml": act('<Speech  x="1"><actionID>1</actionID></Speech>')}, ("unknown-attribute", "x")),
-        ({"acts/a.xml": act(SPEECH.replace("</Sp", "<waitForActions>7 ; 8</waitForActions></Sp"))}, ("unknown-id", "8")),
+        ({"acts/a.xml": act(SPEECH.replace("</S", "<waitForActions>7 ; 8</waitForActions></S"))}, ("unknown-id", "8")),
         ({"acts/a.xml": act(SPEECH, "A &amp; B") + " "}, None),
         ({"rules/r.xml": in_state('<function startInteractionRule="A &lt; ß"/>')}, ("unknown-rule", "A &lt; ß")),
         ({"rules/r.xml": in_state("<if cond='session.speeking'/>")}, ("unknown-path", "session.speeking")),

@@ -1,0 +1,63 @@
+"""From a key in an editor to its findings: `rise-engine lsp` as a process, a file of rules of LabLinking, one character
+at a time. Seconds on the clock, of both processes and the pipe between them."""
+
+from __future__ import annotations
+
+import asyncio
+import statistics
+import sys
+import time
+from pathlib import Path
+
+from lsprotocol import types as lsp
+from measure import Report
+from pygls.lsp.client import LanguageClient
+
+FILE = Path(__file__).parents[1] / "scenarios" / "lablinking" / "rules" / "table_setting.xml"
+KEYS = 200
+
+
+async def typed() -> list[float]:
+    """Seconds from each key to the findings that follow it."""
+    client = LanguageClient("benchmark", "1")
+    said = asyncio.Event()
+
+    def take(params: lsp.PublishDiagnosticsParams) -> None:
+        said.set()
+
+    client.feature(lsp.TEXT_DOCUMENT_PUBLISH_DIAGNOSTICS)(take)
+    await client.start_io(sys.executable, "-m", "rise_engine", "lsp")
+    await client.initialize_async(lsp.InitializeParams(lsp.ClientCapabilities()))
+    client.initialized(lsp.InitializedParams())
+    uri, text = FILE.as_uri(), FILE.read_text("utf-8")
+    client.text_document_did_open(lsp.DidOpenTextDocumentParams(lsp.TextDocumentItem(uri, "xml", 1, text)))
+    await said.wait()
+    at = text.index("<State id=")
+    line = text.count("\n", 0, at)
+    start = lsp.Position(line, at - text.rfind("\n", 0, at) - 1 + len('<State id="'))
+    seconds = []
+    for key in range(KEYS):
+        said.clear()
+        begin = time.perf_counter()
+        document = lsp.VersionedTextDocumentIdentifier(key + 2, uri)
+        change = lsp.TextDocumentContentChangePartial(lsp.Range(start, start), "x")
+        client.text_document_did_change(lsp.DidChangeTextDocumentParams(document, [change]))
+        await said.wait()
+        seconds.append(time.perf_counter() - begin)
+    await client.shutdown_async(None)
+    client.exit(None)
+    await client.stop()  # type: ignore[no-untyped-call]
+    return sorted(seconds)
+
+
+def main() -> bool:
+    seconds = asyncio.run(typed())
+    report = Report("Findings while typing, through the language server", "on the clock")
+    report.row("median", f"{statistics.median(seconds) * 1000:.1f} ms")
+    report.row("longest", f"{seconds[-1] * 1000:.1f} ms")
+    report.target("95 of 100 keys, ms", seconds[int(0.95 * KEYS)] * 1000, 100, at_least=False)
+    return report.met
+
+
+if __name__ == "__main__":
+    sys.exit(not main())
