@@ -27,7 +27,7 @@ TEST_SESSION = "check"
 """What the session of a trial is called in the names of files."""
 
 
-class Trial(Struct, frozen=True):
+class RecorderTrial(Struct, frozen=True):
     """What came of one recorder's three seconds."""
 
     name: str
@@ -60,13 +60,13 @@ async def look_at_recorders(request: ChildRequest) -> Finding:
     return Finding(not problems, "; ".join(found), "; ".join(problems))
 
 
-async def _try(settings: RecorderSettings, plan: RecordingPlan) -> Trial:
+async def _try(settings: RecorderSettings, plan: RecordingPlan) -> RecorderTrial:
     """One recorder, whatever it does."""
     name = settings.name
     try:
         recorder = open_recorder(settings.driver, name, settings.options)
     except RecorderError as error:
-        return Trial(name, problem=" ".join(str(error).split()))
+        return RecorderTrial(name, problem=" ".join(str(error).split()))
     found = problem = path = ""
     grown = 0.0
     try:
@@ -88,7 +88,7 @@ async def _try(settings: RecorderSettings, plan: RecordingPlan) -> Trial:
             await call_within(CALL_SECONDS, recorder.close(), "to let go")
     if not problem and grown <= 0:
         problem = f"it said that it records, and in {TEST_SECONDS:g} s its file did not grow"
-    return Trial(name, found, problem, await asyncio.to_thread(_erase, path))
+    return RecorderTrial(name, found, problem, await asyncio.to_thread(_erase, path))
 
 
 async def _watch(recorder: Recorder) -> tuple[RecorderStatus, RecorderStatus]:

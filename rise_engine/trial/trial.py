@@ -185,7 +185,8 @@ class Trial:
     def go_on(self) -> TrialStep | None:
         """Let time go on until the robot has done what it does, or, when it does nothing, until something happens.
 
-        Where it never rests, until all that it does has begun for the second time; at most LONGEST seconds. None: nothing happens by itself any more, everything waits for somebody.
+        Where it never rests, until all that it does has begun for the second time; at most LONGEST seconds.
+        None: nothing happens by itself any more, everything waits for somebody.
         """
         self.problem = ""
         if self.next_at is None:
