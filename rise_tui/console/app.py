@@ -23,6 +23,7 @@ from rise_tui.config.launch import Launcher, settings_of_session
 from rise_tui.config.preferences import Preferences
 from rise_tui.config.study_source import StudyRefused, StudySource
 from rise_tui.console import exit_dialogs
+from rise_tui.console.edit_study import tell_editor
 from rise_tui.console.screen import ConsoleScreen
 from rise_tui.console.session import ConsoleSession
 from rise_tui.console.study_day import StudyDay
@@ -330,6 +331,7 @@ class ConsoleApp(TerminalApp):
         console, study = self.console_screen, self.study_screen
         if action == "stop" and console is not None:
             console.stop_all()
+            tell_editor(self)
         elif action == "stop" and study is not None:
             study.stop_pressed()
         elif action == "lock" and console is not None:

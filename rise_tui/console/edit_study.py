@@ -31,3 +31,10 @@ async def open_editor(app: App[object], folder: str, refuse: Callable[[str], Non
         return
     notice = workspace.read_only or (RUNS if runs else "")
     await app.push_screen(EditScreen(EditedStudy(workspace, draft), notice=notice, may_suspend=not runs))
+
+
+def tell_editor(app: App[object]) -> None:
+    """The stop key was pressed: the editor that lies over the console says so, for it hides what came of it."""
+    for screen in app.screen_stack:
+        if isinstance(screen, EditScreen):
+            screen.say("STOP was sent: the console below says what the robot has confirmed", "fault")

@@ -10,7 +10,7 @@ from textual.widgets import Input
 
 from rise_tui.editing.model.fields import FieldChoice
 from rise_tui.rendering.modal import SingleDismissModal
-from rise_tui.rendering.text import ListRow, StyledSpan, crop, fixed_span
+from rise_tui.rendering.text import ListRow, StyledSpan, cell_width, crop, fixed_span
 from rise_tui.screens.search_dialog import SearchDialog
 from rise_tui.widgets.memory_editor import TextField
 from rise_tui.widgets.static_lines import StaticLines
@@ -47,7 +47,11 @@ class Chooser(SearchDialog[str]):
 
     def _line(self, choice: FieldChoice, width: int) -> tuple[StyledSpan, ...]:
         mark: StyledSpan = (" • " if choice.value == self._now else "   ", "accent")
-        return crop((mark, fixed_span(choice.title, max(18, min(36, width // 2))), (f" {choice.help}", "muted")), width)
+        return crop((mark, fixed_span(choice.title, self._title_width(width)), (f" {choice.help}", "muted")), width)
+
+    def _title_width(self, width: int) -> int:
+        longest = max((cell_width(each.title) for each in self._choices), default=0)
+        return max(10, min(longest + 1, 36, width // 2))
 
     def carry_out_key(self, key: str) -> bool:
         if key == "enter":
