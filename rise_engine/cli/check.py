@@ -25,6 +25,7 @@ from rise_engine.ports.bridge import Examiner, RosConnection
 from rise_engine.scenario import LoadResult, act_schema_text, load, rule_schema_text
 from rise_engine.scenario.diagnostics import Diagnostic, Diagnostics
 from rise_engine.scenario.model import ActionSpec, RobotProfile, Scenario, SourceLocation
+from rise_engine.scenario.new_study import write_agents_file
 from rise_engine.scenario.robot_profiles import DEFAULT_ROBOT, find_profile, read_robot, robot_names
 from rise_engine.scenario.shipped_studies import StudyCopyError, copy_study, shipped_studies, study_lines
 from rise_engine.scenario.source_files import FileReader
@@ -393,6 +394,7 @@ def new_report(folder: str, study: str) -> int:
     """Copy a shipped study and say how to go on; the exit status is 1 when it could not be copied."""
     try:
         number = copy_study(study, Path(folder))
+        write_agents_file(Path(folder))
     except StudyCopyError as why:
         print(f"error: {why}", file=sys.stderr)
         if study not in shipped_studies():

@@ -19,6 +19,8 @@ from rise_engine.edit.guard import check_guard
 from rise_engine.edit.plan import EditRefused, Files, Plan, apply_plan
 from rise_engine.edit.planning import plan
 from rise_engine.edit.read_outline import read_outline
+from rise_engine.edit.rename_data import data_splices
+from rise_engine.edit.renaming import Renaming
 from rise_engine.edit.saving import refuse_shipped, write_files
 from rise_engine.edit.study_folder import read_study_files
 from rise_engine.edit.study_state import StudyState
@@ -95,6 +97,8 @@ def rename(folder: str, kind: NameKind, old: str, new: str, as_diff: bool, as_js
         files = read_study_files(path)
         state = StudyState(files, read_outline(files, loaded.scenario.paths), loaded, path)
         edit = Rename(kind, old, new)
+        if kind == "key":
+            _check_study_above(path, old)
         planned = plan(edit, state)
         after = apply_plan(files, planned)
         _check_after(edit, state, after)
@@ -149,6 +153,21 @@ def _study_folder(folder: str) -> Path:
     if not path.is_dir():
         exit_with_usage(f"there is no folder {folder}")
     return path
+
+
+def _check_study_above(path: Path, key: str) -> None:
+    """:raises EditRefused: the study.toml of the folder in which the scenario lies sets this memory key, too."""
+    file = path.resolve().parent / "study.toml"
+    try:
+        data = file.read_bytes()
+    except OSError:
+        return
+    renaming = Renaming("key", "", key, f"{key}_", {})
+    if any(data_splices({file.name: data}, renaming)):
+        raise EditRefused(
+            f"{file} sets `{key}`, too; change it there by hand first (a plan that was made from it has to fit), and "
+            "then rename it here"
+        )
 
 
 def _check_after(edit: Rename, before: StudyState, after: Files) -> None:

@@ -22,7 +22,7 @@ _SCENARIO = "rise_engine.cli.scenario_commands"
 _SESSION = "rise_engine.cli.session_commands"
 _STUDY = "rise_engine.cli.study_commands"
 _COMMANDS = {
-    **dict.fromkeys(("check", "doctor", "eval", "expand", "new", "robots", "schema"), _SCENARIO),
+    **dict.fromkeys(("check", "doctor", "eval", "expand", "robots", "schema"), _SCENARIO),
     "lsl": "rise_engine.cli.lsl",
     "lsp": "rise_engine.cli.lsp",
     "agree": "rise_engine.cli.agree",
@@ -30,7 +30,10 @@ _COMMANDS = {
     "import": "rise_engine.cli.imports",
     "graph": "rise_engine.cli.graph",
     **dict.fromkeys(("fmt", "rename", "uses"), "rise_engine.cli.edit_commands"),
+    "edit": "rise_engine.cli.edit_file",
+    "guide": "rise_engine.cli.guide",
     "media": "rise_engine.cli.media",
+    "new": "rise_engine.cli.new_scenario",
     "redact": "rise_engine.cli.redact",
     "reproduce": "rise_engine.cli.reproduce",
     "report": "rise_engine.cli.report",

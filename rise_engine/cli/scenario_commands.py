@@ -1,4 +1,4 @@
-"""The commands about scenarios and robots: check, eval, expand, new, schema, robots, doctor."""
+"""The commands about scenarios and robots: check, eval, expand, schema, robots, doctor."""
 
 from __future__ import annotations
 
@@ -16,11 +16,9 @@ from rise_engine.cli.check import (
     eval_report,
     explain_act_report,
     functions_report,
-    new_report,
     read_memory,
     robots_report,
     schema_text,
-    studies_report,
 )
 from rise_engine.cli.expand import ExpandError, expand_report
 from rise_engine.cli.options import FOLDER, FOLDER_OR_NONE, JSON, LANGUAGE, MODE, ROBOT, ROS
@@ -112,22 +110,6 @@ def evaluate(expression: str | None, functions: bool, memory: str, as_json: bool
 
 @click.command()
 @FOLDER_OR_NONE
-@click.option("--from", "study", metavar="NAME", help="The shipped study that is copied.")
-@click.option("--list", "listing", is_flag=True, help="List the studies that come with the program.")
-def new(folder: str | None, study: str | None, listing: bool) -> None:
-    """Make a study of your own in DIR, a new or empty folder, from one that comes with the program.
-
-    Exit status: 0; 1 when it could not be made; 2 wrong usage.
-    """
-    if listing:
-        sys.exit(studies_report())
-    if folder is None or study is None:
-        exit_with_usage("say where and from what, as in: rise-engine new my-study --from lablinking (--list shows all)")
-    sys.exit(new_report(folder, study))
-
-
-@click.command()
-@FOLDER_OR_NONE
 @click.option("--kind", type=click.Choice(["cra", "rules"]), required=True, help="Acts, or interaction rules.")
 @ROBOT
 def schema(folder: str | None, kind: str, robot: str | None) -> None:
@@ -195,7 +177,6 @@ COMMANDS = {
     "doctor": doctor,
     "eval": evaluate,
     "expand": expand,
-    "new": new,
     "robots": robots,
     "schema": schema,
 }

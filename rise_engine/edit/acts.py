@@ -32,6 +32,7 @@ from rise_engine.nearest_name import did_you_mean
 from rise_engine.scenario.acts import COMMON
 from rise_engine.scenario.model import ActionSpec
 from rise_engine.scenario.spoken_texts import SpokenText, text_key
+from rise_engine.text import pluralize
 
 _ID = re.compile(r"[^,;\s]+")
 
@@ -55,7 +56,7 @@ def _check_parameter(spec: ActionSpec, name: str) -> None:
 
 def _changeable(study: StudyState, act: str, action: str) -> tuple[WrittenAct, WrittenAction, Node]:
     found, written = action_of(study, act, action)
-    check_changeable(f"the action {action} of {act}", written.reason)
+    check_changeable(f"the action {action} of {act}", written.reason, found.file, written.line)
     return found, written, node_of(study, found.file, written.span)
 
 
@@ -65,7 +66,7 @@ def _changeable(study: StudyState, act: str, action: str) -> tuple[WrittenAct, W
 def plan_add_action(edit: AddAction, study: StudyState) -> Plan:
     """A new action behind another, or at the end of the act."""
     act, spec = act_of(study, edit.act), spec_of(study, edit.type)
-    check_changeable(f"the act {edit.act}", act.reason)
+    check_changeable(f"the act {edit.act}", act.reason, act.file, act.line)
     name = edit.id.strip() or _next_id(act)
     if not _ID.fullmatch(name):
         raise EditRefused(f"an actionID is one word or number, not `{name}`")
@@ -110,7 +111,7 @@ def _check_ids(act: WrittenAct, ids: Iterable[str]) -> None:
 def plan_remove_action(edit: RemoveAction, study: StudyState) -> Plan:
     """An action goes; what waited for it waits for what it has waited for."""
     act, action = action_of(study, edit.act, edit.action)
-    check_changeable(f"the act {edit.act}", act.reason)
+    check_changeable(f"the act {edit.act}", act.reason, act.file, act.line)
     alone = sum(each.span == action.span for each in act.actions) == 1
     if not alone:
         check_changeable(f"the action {edit.action} of {edit.act}", f"{action.reason}, together with others")
@@ -185,14 +186,14 @@ def plan_set_parameter(edit: SetParameter, study: StudyState) -> Plan:
     act, action = action_of(study, edit.act, edit.action)
     where = f"{edit.act} {edit.action}" + (f"/{edit.variant + 1}" if len(action.calls) > 1 else "")
     if not 0 <= edit.variant < len(action.calls):
-        raise EditRefused(f"{where} has {len(action.calls)} wordings; there is no number {edit.variant + 1}")
+        raise EditRefused(f"{where} has {pluralize(len(action.calls), 'wording')}, and no number {edit.variant + 1}")
     call = action.calls[edit.variant]
     written = call.parameters.get(edit.parameter)
     value = None if edit.value is None else one_line(edit.value)
     says = _parameter_words(where, edit.parameter, value, None if written is None else written.text)
     if written is not None and written.parameter and value is not None:
         return plan_use_parameter(act.file, node_of(study, act.file, call.span), written.parameter, value, says)
-    check_changeable(where, action.reason)
+    check_changeable(where, action.reason, act.file, action.line)
     node = node_of(study, act.file, call.span)
     if written is None:
         if value is None:
@@ -200,7 +201,7 @@ def plan_set_parameter(edit: SetParameter, study: StudyState) -> Plan:
         spec = spec_of(study, call.type)
         _check_parameter(spec, edit.parameter)
         return Plan((_new_parameter(act.file, node, spec, edit.parameter, value),), says=(says,))
-    check_changeable(f"{edit.parameter} of {where}", written.reason)
+    check_changeable(f"{edit.parameter} of {where}", written.reason, act.file, action.line)
     element = next(child for child in node.children if child.tag == edit.parameter)
     if value is None:
         gone = text_key(edit.action, edit.variant if len(action.calls) > 1 else None, edit.parameter)
@@ -317,7 +318,9 @@ def _remove_variant(edit: RemoveVariant, study: StudyState) -> Plan:
     if not action.is_variants or len(action.calls) < 2:
         raise EditRefused(f"{edit.act} {edit.action} has only one wording; remove the action")
     if not 0 <= edit.variant < len(action.calls):
-        raise EditRefused(f"{edit.act} {edit.action} has {len(action.calls)} wordings")
+        raise EditRefused(
+            f"{edit.act} {edit.action} has {len(action.calls)} wordings, and no number {edit.variant + 1}"
+        )
     gone = action.calls[edit.variant]
     said = gone.parameters.get("message")
     says = f"{edit.act} {edit.action} loses the wording {edit.variant + 1}" + (f" “{said.text}”" if said else "")

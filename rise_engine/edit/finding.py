@@ -72,10 +72,11 @@ def action_of(study: StudyState, act: str, name: str) -> tuple[WrittenAct, Writt
     return found, action
 
 
-def check_changeable(what: str, reason: str) -> None:
-    """:raises EditRefused: a form cannot change it."""
+def check_changeable(what: str, reason: str, file: str = "", line: int = 0) -> None:
+    """:raises EditRefused: a form cannot change it, and why; in which line it stands, if that is given."""
     if reason:
-        raise EditRefused(f"{what} cannot be changed here: {reason}")
+        where = f" ({file}, line {line})" if file else ""
+        raise EditRefused(f"{what} cannot be changed: {reason}{where}")
 
 
 def check_name(kind: str, name: str) -> str:

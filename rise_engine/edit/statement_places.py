@@ -113,9 +113,9 @@ def _block(address: StatementAddress, study: StudyState, rule: WrittenRule, stat
             raise EditRefused(f"{where}: there is no way out number {address.transition}")
         way = state.transitions[address.transition]
         where += f", way {address.transition + 1}"
-        check_changeable(where, way.reason)
+        check_changeable(where, way.reason, rule.file, way.line)
         return StatementList(rule, where, way.statements, node_of(study, rule.file, way.span))
-    check_changeable(where, state.reason)
+    check_changeable(where, state.reason, rule.file, state.line)
     node = node_of(study, rule.file, state.span)
     statements = state.on_entry if address.place == "onEntry" else state.on_exit
     holders = [child for child in node.children if child.tag == address.place]

@@ -20,7 +20,7 @@ _ORDER = ("name", "initial", "priority")
 
 def _changeable_rule(study: StudyState, name: str) -> tuple[WrittenRule, Node]:
     rule = rule_of(study, name)
-    check_changeable(f"the rule {name}", rule.reason)
+    check_changeable(f"the rule {name}", rule.reason, rule.file, rule.line)
     return rule, node_of(study, rule.file, rule.span)
 
 

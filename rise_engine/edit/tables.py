@@ -66,8 +66,8 @@ def plan_set_cell(edit: SetCell, study: StudyState) -> Plan:
     start, end = start + row.start, end + row.start
     text = table.file.text
     written = table.write(value, quoted=text.startswith('"', start, end))
-    while written.startswith('"') and text.startswith(" ", end):  # behind a quotation mark no blank may stand
-        end += 1
+    while written.startswith('"') and text[end : end + 1].strip("\r\n" + table.separator).isspace():
+        end += 1  # behind a quotation mark no blank may stand
     change = TextEdit(start, end, written)
     values = [list(each.values) for each in table.rows]
     values[edit.row][at] = value

@@ -86,7 +86,7 @@ def _found(edit: SetTransition | RemoveTransition | MoveTransition, study: Study
     rule, state = state_of(study, edit.rule, edit.state)
     index = find_transition(state, edit.index, edit.was)
     way = state.transitions[index]
-    check_changeable(f"the way out of {state.id}", way.reason)
+    check_changeable(f"the way out of {state.id}", way.reason, rule.file, way.line)
     return _Way(rule, state, index, way, node_of(study, rule.file, way.span))
 
 
@@ -108,7 +108,7 @@ class _Way:
 def plan_add(edit: AddTransition, study: StudyState) -> Plan:
     """A new way out of a state, before those that it shares with others."""
     rule, state = state_of(study, edit.rule, edit.state)
-    check_changeable(f"the state {edit.state}", state.reason)
+    check_changeable(f"the state {edit.state}", state.reason, rule.file, state.line)
     values = transition_attributes(edit.transition)
     element = NewElement("transition", {name: value for name, value in values.items() if value is not None})
     node = node_of(study, rule.file, state.span)

@@ -69,6 +69,14 @@ class OutsideChange(Struct, frozen=True):
     """Whether steps from before can no longer be taken back."""
 
 
+class Refusal(Struct, frozen=True):
+    """An edit that cannot be made."""
+
+    edit: int
+    """Which one, from 0."""
+    why: str
+
+
 class SaveReport(Struct, frozen=True):
     files: tuple[str, ...]
     """What was written, made or deleted; empty: nothing was to be saved."""
@@ -173,6 +181,28 @@ class Workspace:
     def preview(self, *edits: AnyEdit) -> LoadResult:
         """The check of what the files would be, changing nothing. :raises EditRefused: one cannot be made."""
         return self._plan(edits)[0].checked
+
+    def foresee(self, *edits: AnyEdit) -> tuple[StudyState, Change, tuple[Refusal, ...]]:
+        """What edits would come to, changing nothing; those that cannot be made are left out, and say why."""
+        now = self.files, self._state
+        says: list[str] = []
+        noticed: list[str] = []
+        refused: list[Refusal] = []
+        state = self.state
+        try:
+            for number, edit in enumerate(edits):
+                try:
+                    state, change, _ = self._plan((edit,))
+                except EditRefused as why:
+                    refused.append(Refusal(number, str(why)))
+                    continue
+                self.files, self._state = state.files, state
+                says += change.says
+                noticed += change.noticed
+        finally:
+            self.files, self._state = now
+        made = tuple(edit for number, edit in enumerate(edits) if number not in {each.edit for each in refused})
+        return state, Change(made, tuple(says), tuple(noticed)), tuple(refused)
 
     def apply(self, *edits: AnyEdit) -> Change:
         """Make edits as one step. :raises EditRefused: one cannot be made; then none is."""

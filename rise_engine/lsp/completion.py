@@ -99,10 +99,12 @@ class _XmlPlace:
         self.elements = list(_open_elements(self.before))
 
     def find(self) -> tuple[int, list[Proposal]]:
-        opened = self.before.rfind("<")
-        if opened > self.before.rfind(">") and not self.before.startswith("<!--", opened):
-            return self.in_tag(self.before[opened + 1 :])
-        return self.in_text(self.before[self.before.rfind(">") + 1 :])
+        end = max((found.end() for found in _TAG.finditer(self.before)), default=0)
+        rest = self.before[end:]
+        if "<!--" in rest or "<![CDATA[" in rest:
+            return len(self.before), []
+        opened = rest.rfind("<")
+        return self.in_tag(rest[opened + 1 :]) if opened >= 0 else self.in_text(rest)
 
     def in_tag(self, tag: str) -> tuple[int, list[Proposal]]:
         end = len(self.before)

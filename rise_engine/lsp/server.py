@@ -40,7 +40,11 @@ _KINDS = {
     "element": lsp.CompletionItemKind.Struct,
     "attribute": lsp.CompletionItemKind.Property,
 }
-_ENCODINGS: dict[str, PositionEncoding] = {"utf-8": "utf-8", "utf-16": "utf-16", "utf-32": "utf-32"}
+_ENCODINGS: dict[str, PositionEncoding] = {
+    lsp.PositionEncodingKind.Utf8: "utf-8",
+    lsp.PositionEncodingKind.Utf16: "utf-16",
+    lsp.PositionEncodingKind.Utf32: "utf-32",
+}
 
 
 class StudyServer(LanguageServer):
@@ -67,7 +71,7 @@ class StudyServer(LanguageServer):
         return study, study.name_of(path)
 
     def positions(self, source: SourceFile) -> TextPositions:
-        return TextPositions(source.text, _ENCODINGS[str(self.workspace.position_encoding or "utf-16")])
+        return TextPositions(source.text, _ENCODINGS[self.workspace.position_encoding or lsp.PositionEncodingKind.Utf16])
 
     def range_of(self, source: SourceFile, start: int, end: int) -> lsp.Range:
         """A stretch of a file's text."""

@@ -229,6 +229,7 @@ class ScenarioLoader:
             private=settings.private,
             language=language or settings.language,
             languages=tuple(translations.found),
+            says_language=bool(language),
             lexicon=lexicon,
             may_release=settings.may_release,
             on_failure=settings.on_failure,

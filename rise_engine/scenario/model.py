@@ -446,11 +446,8 @@ class Scenario(Struct, frozen=True):
     one hash are the same study."""
     languages: tuple[str, ...] = ()
     """Those that it has translations into."""
-
-    @property
-    def is_translated(self) -> bool:
-        """Whether its texts are in another language than the acts are written in."""
-        return self.language in self.languages
+    says_language: bool = False
+    """Whether somebody has asked for `language`: then each action that speaks is given it."""
 
     @property
     def table_memory(self) -> dict[str, Json]:

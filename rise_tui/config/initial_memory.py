@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 import os
-import stat
-import tempfile
 from collections.abc import Mapping
-from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
 from rise_engine.edit.json_edits import MemoryFileNotEditable, edit_memory_text, memory_file_text
+from rise_engine.edit.plan import EditRefused
+from rise_engine.edit.saving import write_files
 from rise_engine.errors import RiseError
 from rise_engine.json_codec import json_equal
 from rise_engine.scenario.file_names import DEFAULT_PATHS
@@ -59,22 +58,14 @@ def save_memory(path: Path, before: Mapping[str, Any], now: Mapping[str, Any]) -
 
     As a whole or not at all. A link stays a link: the file that it leads to is written. Raises MemoryNotWritable.
     """
-    fresh = ""
     try:
-        path = Path(os.path.realpath(path))
-        text = _changed_text(path, before, now)
-        handle, fresh = tempfile.mkstemp(prefix=f".{path.name}.", dir=path.parent)
-        with os.fdopen(handle, "w", encoding="utf-8", newline="") as file:
-            file.write(text)
-            file.flush()
-            os.fsync(file.fileno())
-        _keep_owner_and_mode(path, fresh)
-        Path(fresh).replace(path)
+        there = {path.name: path.read_bytes()} if path.exists() else {}
+        write_files(path.parent, there, {path.name: _changed_text(path, before, now).encode()})
     except MemoryFileNotEditable as error:
         raise MemoryNotWritable(f"{path}: {error}") from error
+    except EditRefused as error:
+        raise MemoryNotWritable(str(error)) from error
     except (OSError, UnicodeError) as error:
-        if fresh:
-            Path(fresh).unlink(missing_ok=True)
         raise MemoryNotWritable(f"{path}: {getattr(error, 'strerror', None) or error}") from error
 
 
@@ -85,15 +76,3 @@ def _changed_text(path: Path, before: Mapping[str, Any], now: Mapping[str, Any])
     text = path.read_bytes().decode("utf-8")
     mark = text[:1] if text.startswith("\ufeff") else ""
     return mark + edit_memory_text(text.removeprefix(mark), before, now)
-
-
-def _keep_owner_and_mode(path: Path, fresh: str) -> None:
-    """The same owner and permissions."""
-    if not path.exists():
-        Path(fresh).chmod(0o644)
-        return
-    found = path.stat()
-    with suppress(OSError):  # only root may give a file away
-        os.chown(fresh, found.st_uid, found.st_gid)
-    with suppress(OSError):
-        Path(fresh).chmod(stat.S_IMODE(found.st_mode))

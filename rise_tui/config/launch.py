@@ -92,7 +92,7 @@ def settings_of_session(attach_reply: AttachReply) -> SessionOptions:
         paths=dict(attach_reply.scenario.paths),
         participant=session.participant if session is not None else "",
         condition=session.condition if session is not None else "",
-        language=attach_reply.scenario.language if attach_reply.scenario.is_translated else "",
+        language=attach_reply.scenario.language if attach_reply.scenario.says_language else "",
     )
 
 

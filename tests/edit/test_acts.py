@@ -94,11 +94,13 @@ def test_an_empty_element_is_opened() -> None:
 def test_what_cannot_be_changed_is_refused_with_the_reason() -> None:
     text = "<Dialog name='A'><Speech><actionID>1</actionID><message>a <!-- b --> c</message></Speech></Dialog>"
     study = with_acts(text)
-    assert refusal(study, SetParameter("A", "1", "message", "x")).endswith("a comment stands in it")
+    assert refusal(study, SetParameter("A", "1", "message", "x")) == (
+        "message of A 1 cannot be changed: a comment stands in it (acts/signals.xml, line 1)"
+    )
     assert "did you mean `message`?" in refusal(study, SetParameter("A", "1", "mesage", "x"))
     assert "did you mean `R_Greeting`?" in refusal(study, SetParameter("R_Greting", "1", "message", "x"))
     assert "there is no action `7`" in refusal(study, SetParameter("A", "7", "message", "x"))
-    assert "1 wordings" in refusal(study, SetParameter("A", "1", "message", "x", variant=1))
+    assert "A 1 has 1 wording, and no number 2" in refusal(study, SetParameter("A", "1", "message", "x", variant=1))
     plain = with_acts(text.replace("<!-- b -->", ""))
     assert "U+0001" in refusal(plain, SetParameter("A", "1", "message", "\x01"))
     broken = with_acts("<Dialogs>")
@@ -110,8 +112,10 @@ def test_the_text_of_a_template_is_changed_at_its_use() -> None:
     there = after(study, SetParameter("R_Task1_Step1", "2", "message", "Take the small plate."))
     assert changed_lines(study.files, there.files) == (1, 1)
     assert b'     first="Take the small plate."\n' in there.files["acts/task_1.xml"]
-    message = "it comes from the template `Instruction`, used here"
-    assert refusal(study, SetParameter("R_Task1_Step1", "6", "pointz", "1")).endswith(message)
+    assert refusal(study, SetParameter("R_Task1_Step1", "6", "pointz", "1")) == (
+        "R_Task1_Step1 6 cannot be changed: it comes from the template `Instruction`, used here "
+        "(acts/task_1.xml, line 8)"
+    )
     with pytest.raises(EditRefused, match="would also change act R_Task1_Step1, actions, 7"):
         after(study, SetParameter("R_Task1_Step1", "6", "pointx", "1"))
 

@@ -110,12 +110,12 @@ def test_layout_and_comments_mean_nothing() -> None:
 
 def test_a_name_may_change_everywhere_and_nothing_else() -> None:
     rename = Rename("act", "R_Smile", "R_Grin")
-    everywhere = [(file, "R_Smile", "R_Grin") for file in (SIGNALS, "rules/greeting.xml", *["scenario.toml"] * 2)]
+    everywhere = [(file, "R_Smile", "R_Grin") for file in (SIGNALS, GREETING, "scenario.toml", "scenario.toml")]
     check(rename, *everywhere)
     with pytest.raises(EditRefused, match="what acts do would change"):
         check(rename, *everywhere, (SIGNALS, "600", "60"))
     with pytest.raises(EditRefused, match="settings would change"):
-        check(rename, *everywhere[:2])
+        check(rename, *everywhere[:3])
 
 
 def test_it_looks_also_when_something_is_wrong() -> None:

@@ -334,7 +334,7 @@ def test_what_a_template_brings_is_left_alone() -> None:
     study = study_state("greeting")
     way = study.outline.rule("Greeting")
     assert way is not None
-    reason = "it comes from the template `SayThen`, used here"
+    reason = "it comes from the template `SayThen`, used here (rules/greeting.xml, line 47)"
     address = StatementAddress("Greeting", "Greet", "onEntry", 0, (0,))
     assert refusal(study, SetCall(address, ASSIGN)).endswith(reason)
     assert refusal(study, AddTransition("Greeting", "Greet", EVENT)).endswith(reason)

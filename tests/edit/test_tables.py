@@ -80,6 +80,12 @@ def test_what_cannot_be_is_refused(text: str, edit: Edit, why: str) -> None:
         changed(text.encode(), edit)
 
 
+def test_blanks_behind_a_value_that_gets_quotation_marks_go() -> None:
+    assert changed(b"a;b\nx \t ;1\n", SetCell("items", 0, "a", ";")) == b'a;b\n";";1\n'
+    assert changed(b"a\tb\nx \t1\n", SetCell("items", 0, "a", '"')) == b'a\tb\n""""\t1\n'
+    assert changed(b"a;b\n1;x \t\r\n", SetCell("items", 0, "b", ";")) == b'a;b\n1;";"\r\n'
+
+
 cells = st.text('ab;,"\n é\t', max_size=4)
 
 

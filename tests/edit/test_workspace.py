@@ -152,7 +152,7 @@ def test_two_people_change_two_acts(folder: Path) -> None:
         study.save()
     outside = study.notice_outside()
     assert outside is not None
-    assert (outside.files, outside.lost) == ((FACE, SPEECH), ())
+    assert (outside.files, outside.lost) == ((SPEECH, FACE), ())
     assert study.save().files == (SPEECH,)
 
     assert b"I am Floka." in _disk(folder)[SPEECH]
@@ -172,7 +172,7 @@ def test_steps_are_kept_when_other_files_change(folder: Path) -> None:
 
     outside = study.notice_outside()
     assert outside is not None
-    assert (outside.files, outside.forgotten) == ((FACE, "acts/new.xml", "session.jsonl"), False)
+    assert (outside.files, outside.forgotten) == (("acts/new.xml", FACE, "session.jsonl"), False)
     study.undo()
     assert study.files[SPEECH] == first[SPEECH]
     assert study.save().files == (SPEECH,)
@@ -236,14 +236,18 @@ def test_an_act_that_is_gone_outside(folder: Path) -> None:
 def _without_smile(study: Workspace) -> list[RemoveAct | ReplaceFile]:
     rules = study.files["rules/greeting.xml"].decode().replace("R_Smile", "R_Nod")
     keys = study.files["scenario.toml"].decode()
-    keys = keys.replace('m   = { act = "R_Smile", label = "smile" }\n', "").replace("[act.R_Smile]\nfiller = true\n", "")
+    keys = keys.replace('m   = { act = "R_Smile", label = "smile" }\n', "").replace(
+        "[act.R_Smile]\nfiller = true\n", ""
+    )
     return [ReplaceFile("rules/greeting.xml", rules), ReplaceFile("scenario.toml", keys), RemoveAct("R_Smile")]
 
 
 def test_a_rename_reaches_what_somebody_else_adds_meanwhile(folder: Path) -> None:
     study = Workspace(folder)
     study.apply(Rename("act", "R_Nod", "R_Yes"))
-    extra = '<InteractionRule name="More" initial="A"><State id="A"><onEntry><function startCommunicationRobotAct="R_Nod"/>'
+    extra = (
+        '<InteractionRule name="More" initial="A"><State id="A"><onEntry><function startCommunicationRobotAct="R_Nod"/>'
+    )
     (folder / "rules" / "more.xml").write_text(f"{extra}</onEntry></State></InteractionRule>", "utf-8")
     assert study.notice_outside() is not None
     assert b'"R_Yes"' in study.files["rules/more.xml"]
@@ -368,7 +372,7 @@ def test_a_folder_that_cannot_be_opened_is_not_locked(folder: Path, monkeypatch:
 @pytest.mark.parametrize("place", ["nowhere", "greeting"])
 def test_what_cannot_be_opened(tmp_path: Path, place: str) -> None:
     folder = tmp_path / "nowhere" if place == "nowhere" else SCENARIOS / place
-    with pytest.raises(EditRefused, match="no such folder|comes with the program"):
+    with pytest.raises(EditRefused, match=r"no such folder|comes with the program"):
         Workspace(folder)
 
 

@@ -86,6 +86,17 @@ def test_a_rename_that_cannot_be_writes_nothing(
     assert status == 1 and why in json.loads(out)["refused"]
 
 
+def test_a_key_that_the_study_above_sets_is_changed_there_first(
+    study: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    above, before = study.parent / "study.toml", contents(study)
+    above.write_text("[factors.f]\nlevels.yes.memory = { person_near = true }\n", "utf-8")
+    status, _, err = call(capsys, "rename", study, "key", "person_near", "near")
+    assert status == 1 and f"{above.resolve()} sets `person_near`, too" in err and contents(study) == before
+    above.write_text("[factors.f]\nlevels.yes.memory = { near = true }\n", "utf-8")
+    assert call(capsys, "rename", study, "key", "person_near", "near")[0] == 0
+
+
 def test_a_study_with_errors_is_not_renamed(study: Path, capsys: pytest.CaptureFixture[str]) -> None:
     (study / "memory.json").write_text("{", "utf-8")
     status, _, err = call(capsys, "rename", study, "act", "R_Introduction", "R_Intro")

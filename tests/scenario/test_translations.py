@@ -63,7 +63,7 @@ def test_a_session_speaks_the_language_that_was_asked_for() -> None:
         "4": ("Voilà!", "fr"),
         "5": ("Richtig.", "de"),
     }
-    assert result.scenario.language == "de" and result.scenario.is_translated
+    assert result.scenario.language == "de" and result.scenario.says_language
     assert result.scenario.languages == ("de",)
 
 
@@ -71,7 +71,7 @@ def test_without_a_language_nothing_is_different_from_a_study_without_translatio
     plain, translated = read(study(None)).scenario, read(study()).scenario
     assert plain is not None and translated is not None
     assert plain.acts == translated.acts and plain.language == translated.language == "en"
-    assert not translated.is_translated and said(plain)["1"] == ("Hello, {name|you}!", "")
+    assert not translated.says_language and said(plain)["1"] == ("Hello, {name|you}!", "")
 
 
 def test_the_language_of_the_acts_can_be_asked_for() -> None:

@@ -116,6 +116,19 @@ def test_what_is_not_translated_refuses_the_session_with_a_list(
     assert said["message"].text.endswith("Goodbye!") and said["language"].text == "en"
 
 
+@pytest.mark.parametrize(("more", "language"), [((), None), (("--language", "en"), "en"), (("--language", "de"), "de")])
+def test_what_the_wizard_types_is_said_in_the_language_of_the_session(
+    more: tuple[str, ...], language: str | None, tmp_path: Path
+) -> None:
+    (tmp_path / "tasks.jsonl").write_text(
+        '{"at": 0, "function_type": "say", "domain_task_behavior": "Tschüs!"}\n', "utf-8"
+    )
+    found = next(
+        each for each in run(LABLINKING, "--tasks", str(tmp_path / "tasks.jsonl"), *more) if each.get("act") == "say"
+    )
+    assert found["parameters"] == {"message": "Tschüs!"} | ({"language": language} if language else {})
+
+
 @pytest.mark.parametrize("command", ["run", "serve"])
 def test_what_cannot_be_asked_for_is_refused(command: str) -> None:
     found = CliRunner().invoke(main, [command, str(LABLINKING), "--allow-untranslated"])

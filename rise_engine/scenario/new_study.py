@@ -1,0 +1,120 @@
+"""A new study: its first files, and a page for language models and whoever writes files by hand."""
+
+from __future__ import annotations
+
+import json
+import os
+from pathlib import Path
+from tempfile import mkdtemp
+
+from rise_engine.scenario.shipped_studies import StudyCopyError
+
+AGENTS_FILE = "AGENTS.md"
+_AGENTS = """\
+# For language models, and for everybody who changes these files by hand
+
+This folder is a scenario of rise-tui: what a robot says and does with a participant while a wizard watches and helps.
+
+- `rise-engine guide .` prints the whole format on one page: files, elements, the actions of this robot, conditions, and
+  the changes that `rise-engine edit` makes. Read it first.
+- `rise-engine check . --json` says everything that is wrong: file, line, what was expected and the nearest right name. A
+  study with errors does not run. Check after every change.
+- `rise-engine run . --rule NAME --speed max` plays a rule at once, without a robot; a file of tasks can be its wizard.
+
+## How to change it
+
+- Write changes as edits, and look at them before they are made: `rise-engine edit . EDITS.json --dry-run`, and then
+  without `--dry-run`. All of them are made or none, names are checked, and nothing else in the files is touched.
+- Rename with `rise-engine rename . act OLD NEW` (also rule, state, event, key, action), never by search and replace.
+- Change one thing at a time; keep comments, order and indentation. `git diff` should show one line for one sentence.
+- What the robot says is read aloud to people. Texts that a language model has written are drafts until a person has
+  read them: mark them with a comment `draft`, and say which they are.
+- Change nothing that participants have already been through without being asked.
+- No names of participants and nothing about them in these files.
+"""
+
+_ACTS = """\
+<!-- What the robot says and does. -->
+<Dialogs>
+
+<Dialog name="R_Hello">
+  <Speech>
+    <actionID>1</actionID>
+    <message>Hello!</message>
+  </Speech>
+</Dialog>
+
+</Dialogs>
+"""
+_RULE = """\
+<!-- What happens when: the robot says hello, and has done then. -->
+<InteractionRule name="Main" initial="Hello">
+
+  <State id="Hello">
+    <onEntry>
+      <function startCommunicationRobotAct="R_Hello"/>
+    </onEntry>
+    <transition ended="R_Hello" target="Done"/>
+  </State>
+
+  <State id="Done"/>
+
+</InteractionRule>
+"""
+
+
+def blank_study(title: str, robot: str) -> dict[str, str]:
+    """The files of a study with one act and one rule, by name.
+
+    :param title: what it calls itself. :param robot: the name of a profile.
+    """
+    settings = f"title = {_toml(title)}\nrobot = {_toml(robot)}\n"
+    keys = '\n[keys]\nb = { rule = "Main", label = "begin" }\nh = { act = "R_Hello", label = "hello" }\n'
+    return {
+        "scenario.toml": settings + keys,
+        "acts/acts.xml": _ACTS,
+        "rules/main.xml": _RULE,
+        "memory.json": "{}\n",
+        AGENTS_FILE: _AGENTS,
+    }
+
+
+def _toml(text: str) -> str:
+    """A text between quotation marks: TOML has the escapes of JSON, and DEL besides."""
+    return json.dumps(text, ensure_ascii=False).replace("\x7f", "\\u007f")
+
+
+def write_blank_study(folder: Path, title: str, robot: str) -> tuple[str, ...]:
+    """Make a study with one act and one rule in a new or empty folder: whole, or not at all. The names of its files.
+
+    :raises StudyCopyError: something is there already, or it cannot be written.
+    """
+    files = blank_study(title, robot)
+    made = ""
+    try:
+        if os.path.lexists(folder) and not folder.is_dir():
+            raise StudyCopyError(f"{folder} is no folder")
+        if folder.is_dir() and any(folder.iterdir()):
+            raise StudyCopyError(f"{folder} is not empty; name a new folder")
+        folder.absolute().parent.mkdir(parents=True, exist_ok=True)
+        made = mkdtemp(prefix=f".{folder.name}.", dir=folder.absolute().parent)
+        for name, text in files.items():
+            path = Path(made) / name
+            path.parent.mkdir(exist_ok=True)
+            path.write_bytes(text.encode())
+        Path(made).chmod(0o755)
+        os.replace(made, folder)  # noqa: PTH105  # an empty folder may be there
+    except (OSError, UnicodeError) as error:
+        raise StudyCopyError(f"{folder}: {getattr(error, 'strerror', None) or error}") from error
+    return tuple(files)
+
+
+def write_agents_file(folder: Path) -> None:
+    """Put the page for language models into a study that has none. Raises StudyCopyError."""
+    try:
+        with (folder / AGENTS_FILE).open("x", encoding="utf-8") as file:
+            file.write(_AGENTS)
+    except FileExistsError:
+        return
+    except OSError as error:
+        raise StudyCopyError(f"{error.filename or folder}: {error.strerror or error}") from error
