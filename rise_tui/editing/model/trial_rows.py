@@ -160,12 +160,13 @@ def _way_rows(way: WayOut, width: int) -> Iterator[ListRow]:
     id = f"way:{way.index}:{way.rule}"
     yield ListRow(id, align_at_both_ends(left, ((f"{doing} ", "key" if way.keys else "muted"),), width))
     for reading in way.readings:
-        yield ListRow("", crop((("      ", "plain"), *_reading_spans(reading)), width), selectable=False)
+        yield ListRow("", crop((("      ", "plain"), *_reading_spans(way, reading)), width), selectable=False)
 
 
-def _reading_spans(reading: ConditionReading) -> list[StyledSpan]:
+def _reading_spans(way: WayOut, reading: ConditionReading) -> list[StyledSpan]:
     """A condition by its parts: `if step < 4 (step is 0) true and not understood (…) true → true`."""
-    spans: list[StyledSpan] = [("while " if reading.word == "while" else "but only if ", "muted")]
+    word = "while " if reading.word == "while" else "now " if way.trigger == "condition" else "but only if "
+    spans: list[StyledSpan] = [(word, "muted")]
     for number, part in enumerate(reading.parts):
         if number:
             spans.append((f" {reading.joint} ", "muted"))

@@ -20,7 +20,7 @@ from rise_tui.rendering.text import StyledLine, StyledSpan, TextRole, crop, line
 from rise_tui.widgets.memory_editor import TextField
 from rise_tui.widgets.static_lines import StaticLines
 
-LABEL_WIDTH = 15
+LABEL_WIDTH = 16
 """Cells of a field's name, with the blanks around it."""
 NOTE_MARKS: dict[NoteLevel, StyledSpan] = {"error": ("✗ ", "fault"), "warning": ("▲ ", "wait"), "info": ("", "muted")}
 NOTE_ROLES: dict[NoteLevel, TextRole] = {"error": "fault", "warning": "wait", "info": "muted"}
@@ -215,10 +215,10 @@ class FieldRow(Vertical):
     DEFAULT_CSS = """
     FieldRow { height: auto; }
     FieldRow .line { height: auto; }
-    FieldRow .label { width: 15; }
+    FieldRow .label { width: 16; }
     FieldRow .mark { width: 2; }
     FieldRow .behind { width: auto; }
-    FieldRow .notes { height: 0; margin: 0 0 0 17; }
+    FieldRow .notes { height: 0; margin: 0 0 0 18; }
     """
 
     def __init__(self, field: RuleField, ending: Callable[[str], str]) -> None:
