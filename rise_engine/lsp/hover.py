@@ -6,7 +6,7 @@ import re
 
 from rise_engine.expression import Expression, ExpressionError
 from rise_engine.json_codec import encode
-from rise_engine.lsp.edited_study import EditedStudy
+from rise_engine.lsp.served_study import ServedStudy
 from rise_engine.scenario.model import Parameter
 from rise_engine.scenario.parameters import listed_names
 from rise_engine.scenario.uses import Use
@@ -18,7 +18,7 @@ _ENTITIES = {"&lt;": "<", "&gt;": ">", "&quot;": '"', "&apos;": "'", "&amp;": "&
 _MOST_TEXTS, _LONGEST = 4, 200
 
 
-def hover_text(study: EditedStudy, name: str, offset: int) -> str:
+def hover_text(study: ServedStudy, name: str, offset: int) -> str:
     """In Markdown; empty: nothing."""
     source = study.source(name)
     if source is None:
@@ -37,7 +37,7 @@ def hover_text(study: EditedStudy, name: str, offset: int) -> str:
     return "\n\n".join(part for part in parts if part)
 
 
-def _of_use(study: EditedStudy, use: Use) -> str:
+def _of_use(study: ServedStudy, use: Use) -> str:
     draft = study.checked.draft
     count = sum(not each.defines for each in study.uses_like(use))
     lines = [f"**{use.name}** ({use.kind}), named in {pluralize(count, 'place')}"]
@@ -62,7 +62,7 @@ def _of_condition(written: str) -> str:
         return ""
 
 
-def _of_element(study: EditedStudy, tag: str) -> str:
+def _of_element(study: ServedStudy, tag: str) -> str:
     """What an action or a parameter is for."""
     actions = study.checked.robot.actions
     if (spec := actions.get(tag)) is not None:

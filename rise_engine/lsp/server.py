@@ -1,4 +1,4 @@
-"""The server: the protocol's requests answered from `EditedStudy`. It speaks over standard input and output.
+"""The server: the protocol's requests answered from `ServedStudy`. It speaks over standard input and output.
 
 https://microsoft.github.io/language-server-protocol/specifications/lsp/3.17/specification/
 """
@@ -19,9 +19,9 @@ from pygls.lsp.server import LanguageServer
 from rise_engine import __version__
 from rise_engine.edit.plan import EditRefused
 from rise_engine.lsp.completion import proposals
-from rise_engine.lsp.edited_study import EditedStudy, splice_offsets, study_folder
 from rise_engine.lsp.hover import hover_text
 from rise_engine.lsp.positions import PositionEncoding, TextPositions
+from rise_engine.lsp.served_study import ServedStudy, splice_offsets, study_folder
 from rise_engine.scenario.diagnostics import Diagnostic
 from rise_engine.scenario.model import SourceLocation
 from rise_engine.scenario.source_files import SourceFile
@@ -52,13 +52,13 @@ class StudyServer(LanguageServer):
 
     def __init__(self) -> None:
         super().__init__("rise-engine", __version__)
-        self.studies: dict[Path, EditedStudy] = {}
+        self.studies: dict[Path, ServedStudy] = {}
         self.told: dict[Path, set[str]] = {}
         """By study, the files of which the editor has findings."""
 
     # --- studies and places -------------------------------------------------------------------------------------------
 
-    def study_of(self, uri: str) -> tuple[EditedStudy, str] | None:
+    def study_of(self, uri: str) -> tuple[ServedStudy, str] | None:
         """The study that a file belongs to, and the file's name in it; None: it is none of a study's files."""
         written = uris.to_fs_path(uri)
         if written is None:
@@ -67,7 +67,7 @@ class StudyServer(LanguageServer):
         folder = study_folder(path)
         if folder is None:
             return None
-        study = self.studies.setdefault(folder, EditedStudy(folder))
+        study = self.studies.setdefault(folder, ServedStudy(folder))
         return study, study.name_of(path)
 
     def positions(self, source: SourceFile) -> TextPositions:
@@ -80,17 +80,17 @@ class StudyServer(LanguageServer):
         positions = self.positions(source)
         return lsp.Range(lsp.Position(*positions.place(start)), lsp.Position(*positions.place(end)))
 
-    def place_of_use(self, study: EditedStudy, use: Use) -> lsp.Location | None:
+    def place_of_use(self, study: ServedStudy, use: Use) -> lsp.Location | None:
         source = study.source(use.place.file)
         if source is None:
             return None
         start = source.offset(use.place.line, use.place.column)
         return lsp.Location(self.uri(study, use.place.file), self.range_of(source, start, start + use.length))
 
-    def uri(self, study: EditedStudy, name: str) -> str:
+    def uri(self, study: ServedStudy, name: str) -> str:
         return uris.from_fs_path(str(study.folder / name)) or ""
 
-    def at(self, params: Any) -> tuple[EditedStudy, str, SourceFile, int] | None:
+    def at(self, params: Any) -> tuple[ServedStudy, str, SourceFile, int] | None:
         """Study, file, and the offset that a request is about."""
         found = self.study_of(params.text_document.uri)
         source = found[0].source(found[1]) if found is not None else None
@@ -99,14 +99,14 @@ class StudyServer(LanguageServer):
         offset = self.positions(source).offset(params.position.line, params.position.character)
         return found[0], found[1], source, offset
 
-    def use_at(self, params: Any) -> tuple[EditedStudy, Use] | None:
+    def use_at(self, params: Any) -> tuple[ServedStudy, Use] | None:
         place = self.at(params)
         use = place[0].use_at(place[1], place[3]) if place is not None else None
         return (place[0], use) if place is not None and use is not None else None
 
     # --- findings -----------------------------------------------------------------------------------------------------
 
-    def tell(self, study: EditedStudy) -> None:
+    def tell(self, study: ServedStudy) -> None:
         """Send the findings of a study; files that have none any more are told so."""
         by_file: dict[str, list[Diagnostic]] = {name: [] for name in study.held}
         for found in study.checked.diagnostics:

@@ -37,7 +37,7 @@ def study_folder(file: Path) -> Path | None:
     return folder if file.parent.name in _FOLDERS and file.suffix.lower() == ".xml" else None
 
 
-class EditedStudy:
+class ServedStudy:
     """One study."""
 
     def __init__(self, folder: Path) -> None:
@@ -134,4 +134,4 @@ def splice_offsets(source: SourceFile, splice: Splice) -> tuple[int, int]:
     return start, end
 
 
-__all__ = ["EditedStudy", "PositionEncoding", "place_of", "splice_offsets", "study_folder"]
+__all__ = ["PositionEncoding", "ServedStudy", "place_of", "splice_offsets", "study_folder"]
