@@ -102,7 +102,7 @@ def test_every_action_of_a_pane_is_known_to_it() -> None:
     panes = Path(__file__).parents[3] / "rise_tui" / "panes"
     study_screen = panes.parent / "console" / "study_screen.py"
     editor = panes.parent / "editing"
-    sources = (*panes.glob("*.py"), study_screen, *editor.glob("*.py"))
+    sources = (*panes.glob("*.py"), study_screen, *editor.rglob("*.py"))
     source = "".join(path.read_text(encoding="utf-8") for path in sources)
     for place, _ in KEY_SCOPES:
         if place not in ("everywhere", "console"):
