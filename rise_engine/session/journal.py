@@ -66,6 +66,8 @@ class Journal:
         """When the file was last seen in its place."""
         self._give_up = threading.Event()
         self._descriptor = self._disk.open(path, create=size == 0)
+        self._file = os.fstat(self._descriptor)
+        """Which file it is, also when it can no longer be asked."""
         self.lock = lock or JournalLock(path)
         if size == 0:
             self._disk.sync_folder(path.parent)
@@ -167,17 +169,20 @@ class Journal:
             raise
         copy.unlink(missing_ok=True)
         self._disk.close(self._descriptor)
-        self._descriptor = fresh
+        self._descriptor, self._file = fresh, os.fstat(fresh)
         self._disk.sync_folder(self.path.parent)
 
     def _reopen(self) -> None:
+        """Take the file in hand anew after an error, as network file systems want it; never another file."""
         try:
             fresh = self._disk.open(self.path, create=False)
         except OSError:  # the next write says what is wrong
             return
+        stale = fresh
+        if os.path.samestat(os.fstat(fresh), self._file):
+            stale, self._descriptor = self._descriptor, fresh
         with suppress(OSError):
-            self._disk.close(self._descriptor)
-        self._descriptor = fresh
+            self._disk.close(stale)
 
     def _set_error(self, message: str) -> None:
         if message != self.error:

@@ -120,20 +120,42 @@ def test_a_file_that_was_removed_is_written_anew(tmp_path: Path) -> None:
     assert it.path.read_bytes() == b"one\ntwo\n"
 
 
+class CountingDisk(Disk):
+    """Says how often a file was opened again."""
+
+    def __init__(self) -> None:
+        self.reopened = 0
+        self.opened_again = threading.Condition()
+
+    def open(self, path: Path, *, create: bool) -> int:
+        descriptor = super().open(path, create=create)
+        if not create:
+            with self.opened_again:
+                self.reopened += 1
+                self.opened_again.notify_all()
+        return descriptor
+
+
 def test_another_file_in_its_place_is_not_touched(tmp_path: Path) -> None:
-    it, watch = journal(tmp_path / "journal.jsonl")
+    disk = CountingDisk()
+    it, watch = journal(tmp_path / "journal.jsonl", disk)
     it.append(b"one\n")
     watch.until(lambda: it.durable == 1)
     other = tmp_path / "other"
     other.write_bytes(b"mine")
     other.replace(it.path)  # at once: a journal that is only missing is made anew
-    it.append(b"two\n")
-    watch.until(lambda: it.error)
+    lines = [b"one\n"]
+    while not it.error:  # what comes before it is looked for again is still in the removed file
+        lines.append(b"%d\n" % len(lines))
+        it.append(lines[-1])
+        watch.until(lambda: it.error or it.durable == len(lines))
+    with disk.opened_again:  # also when it has been tried again and again
+        assert disk.opened_again.wait_for(lambda: disk.reopened >= 3, 20)
     assert it.path.read_bytes() == b"mine"
     it.path.unlink()
-    watch.until(lambda: it.durable == 2)
+    watch.until(lambda: it.durable == len(lines))
     assert it.close()
-    assert it.path.read_bytes() == b"one\ntwo\n"
+    assert it.path.read_bytes() == b"".join(lines)
 
 
 def test_the_time_is_noted_for_whoever_finds_the_session_unfinished(tmp_path: Path) -> None:
