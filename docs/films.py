@@ -19,7 +19,6 @@ from pyte.screens import Char
 
 sys.path.insert(0, str(Path(__file__).parents[1]))
 
-from tests.console.terminals import Terminal
 from tests.tutorials.player import Step, play
 from tests.tutorials.shell import shell
 
@@ -91,7 +90,7 @@ def row_svg(row: Sequence[Char], y: float) -> str:
 
 
 def svg(frames: Sequence[Frame], title: str) -> str:
-    """A film as one SVG, which shows a frame after the other, again and again. Rows that come again stand in it once."""
+    """A film as one SVG, which shows a frame after the other, without end. Rows that come again stand in it once."""
     total = sum(frame.seconds for frame in frames)
     columns, rows = SIZE
     width, height = columns * WIDTH + 16, rows * HEIGHT + 16
