@@ -9,7 +9,9 @@ from functools import cache
 from pathlib import Path
 
 import pytest
+import yaml
 
+from rise_engine import __version__
 from tests.sources import classes, modules, parsed, resolves
 
 ROOT = Path(__file__).parents[1]
@@ -208,3 +210,9 @@ def test_every_name_of_the_glossary_is_in_the_code() -> None:
                 exists = member in owners.get(owner, ()) if member else name in known or resolves(name)
                 dead += [] if exists else [name]
     assert looked_at > 60 and dead == []
+
+
+def test_the_citation_names_this_version() -> None:
+    citation = yaml.safe_load((ROOT / "CITATION.cff").read_text(encoding="utf-8"))
+    assert (citation["cff-version"], citation["title"], citation["version"]) == ("1.2.0", "rise-tui", __version__)
+    assert {"message", "type", "authors", "license"} <= citation.keys()

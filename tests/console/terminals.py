@@ -14,7 +14,7 @@ import sys
 import tempfile
 import termios
 from codecs import getincrementaldecoder
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from pathlib import Path
 from shutil import rmtree
@@ -39,18 +39,26 @@ class Terminal:
     Its sessions live in a folder of their own, `home`; those that still run at the end are ended.
     """
 
-    def __init__(self, *arguments: str, home: str | None = None, size: tuple[int, int] = (120, 40)) -> None:
+    def __init__(
+        self,
+        *arguments: str,
+        home: str | None = None,
+        size: tuple[int, int] = (120, 40),
+        program: Sequence[str] = (sys.executable, "-m", "rise_tui"),
+        folder: Path = ROOT,
+        environment: Mapping[str, str] | None = None,
+    ) -> None:
         # Not pytest's folder: the path of a socket has to be short.
         self.home = home or tempfile.mkdtemp(prefix="rise-", dir="/tmp")
-        self.environment = environment_of(self.home)
+        self.environment = {**environment_of(self.home), **(environment or {})}
         self.master, slave = pty.openpty()
         self._resize(slave, *size)
         self.process = subprocess.Popen(
-            [sys.executable, "-m", "rise_tui", *arguments],
+            [*program, *arguments],
             stdin=slave,
             stdout=slave,
             stderr=slave,
-            cwd=ROOT,
+            cwd=folder,
             env=self.environment,
             start_new_session=True,
             preexec_fn=lambda: fcntl.ioctl(0, termios.TIOCSCTTY, 0),
@@ -89,9 +97,16 @@ class Terminal:
         On a busy machine a console may paint late: then it does not wait, it works, or would if it got its turn.
         """
         before, end = self.count, monotonic() + PATIENCE
-        while (select.select([self.master], [], [], seconds)[0] and self.read(0)) or works(self.process.pid):
+        while (select.select([self.master], [], [], seconds)[0] and self.read(0)) or works(self.in_front):
             assert monotonic() < end, "it goes on painting"
         return self.count - before
+
+    @property
+    def in_front(self) -> int:
+        """The program that has the keyboard: the one that was started, or what a shell has started."""
+        with suppress(OSError):
+            return os.tcgetpgrp(self.master)
+        return self.process.pid
 
     def cost(self, keys: bytes) -> int:
         """Bytes that it paints after these keys, until it is still."""
@@ -114,6 +129,18 @@ class Terminal:
     @property
     def text(self) -> str:
         return "\n".join(self.lines)
+
+    @property
+    def cells(self) -> list[list[pyte.screens.Char]]:
+        """What a terminal shows now, with colours."""
+        _ = self.lines
+        columns = range(self._screen.columns)
+        return [[self._screen.buffer[row][column] for column in columns] for row in range(self._screen.lines)]
+
+    @property
+    def cursor(self) -> tuple[int, int] | None:
+        """Row and column, from 0; None: hidden."""
+        return None if self._screen.cursor.hidden else (self._screen.cursor.y, self._screen.cursor.x)
 
     def until_screen(self, text: str, *, gone: bool = False) -> None:
         """Wait until a terminal shows this, or (`gone`) shows it no more."""

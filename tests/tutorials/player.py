@@ -1,0 +1,107 @@
+"""Plays a page on a terminal: every key, every typed text and everything that is to be seen is read from the page.
+
+What a page says, in a numbered step or in a line that begins with "Press" or "Type":
+
+- ``**a**``, ``**enter**``, ``**ctrl+o**`` is a key that is pressed;
+- ``type `Hello!` `` is a text that is typed, letter by letter;
+- ``you see `Hello!` `` is what must be on the screen then, and ``you see no `x` `` what must not;
+- a line of an indented block is a command that is typed into the shell.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from typing import Literal
+
+from tests.console.terminals import Terminal
+
+STEP = re.compile(r"^(?:\d+\. |(?:Press|Type|You see) )")
+MARK = re.compile(
+    r"\*\*(?P<key>[^*`]+)\*\*|[Tt]ype\s+`(?P<typed>[^`]+)`|[Yy]ou\s+see\s+no\s+`(?P<gone>[^`]+)`|"
+    r"[Yy]ou\s+see\s+`(?P<seen>[^`]+)`"
+)
+COMMAND = re.compile(r"^ {4}(?P<command>\S.*)$")
+KEYS = {
+    "enter": b"\r",
+    "esc": b"\x1b",
+    "tab": b"\t",
+    "shift+tab": b"\x1b[Z",
+    "space": b" ",
+    "backspace": b"\x7f",
+    "up": b"\x1b[A",
+    "down": b"\x1b[B",
+    "right": b"\x1b[C",
+    "left": b"\x1b[D",
+    "ins": b"\x1b[2~",
+    "del": b"\x1b[3~",
+    "home": b"\x1b[H",
+    "end": b"\x1b[F",
+    "F2": b"\x1bOQ",
+    "F3": b"\x1bOR",
+    "F4": b"\x1bOS",
+    "F9": b"\x1b[20~",
+}
+"""Keys that are more than their character, as xterm sends them."""
+
+
+@dataclass(frozen=True)
+class Step:
+    kind: Literal["key", "typed", "seen", "gone", "command"]
+    text: str
+    line: int
+    """Of the page."""
+
+
+def key_bytes(name: str) -> bytes:
+    """What a terminal sends for a key. Raises ValueError for one that is none."""
+    if name in KEYS:
+        return KEYS[name]
+    if name.startswith("ctrl+") and len(name) == 6:
+        return bytes([ord(name[5].upper()) - 64])
+    if len(name) == 1:
+        return name.encode()
+    raise ValueError(f"`{name}` is no key")
+
+
+def steps_of(page: str) -> Iterator[Step]:
+    """What a page says to do, in order. A step goes on in the lines that are indented below it."""
+    block, begin = "", 0
+    fenced = False
+    for number, line in enumerate([*page.splitlines(), ""], 1):
+        fenced ^= line.startswith("```")
+        if block and line.startswith("  ") and not fenced:
+            block += f"\n{line}"
+            continue
+        for mark in MARK.finditer(block):
+            kind = mark.lastgroup
+            assert kind is not None
+            yield Step(kind, mark[kind], begin + block.count("\n", 0, mark.start()))  # type: ignore[arg-type]
+        block, begin = (line, number) if STEP.match(line) and not fenced else ("", 0)
+        command = COMMAND.match(line)
+        if command is not None and not fenced:
+            yield Step("command", command["command"].partition("  #")[0].rstrip(), number)
+
+
+def play(page: str, terminal: Terminal, show: Callable[[Step], None] = lambda step: None) -> None:
+    """Do what a page says, step by step; `show` is called after each, with the screen still.
+
+    :raises AssertionError: what should be seen is not there, with the page's line and the screen.
+    """
+    for step in steps_of(page):
+        if step.kind in ("seen", "gone"):
+            try:
+                terminal.until_screen(step.text, gone=step.kind == "gone")
+            except AssertionError as error:
+                raise AssertionError(f"line {step.line} of the page: {error}") from None
+        elif step.kind == "key":
+            terminal.press(key_bytes(step.text))
+        else:
+            for letter in step.text:
+                terminal.press(letter.encode())
+                terminal.still(0.05)
+            if step.kind == "command":
+                terminal.press(b"\r")
+        terminal.still()
+        show(step)
