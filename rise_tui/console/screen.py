@@ -287,6 +287,7 @@ class ConsoleScreen(Screen[None]):
             "zoom": self.pane_layout.toggle_zoom,
             "filter": self._open_filter,
             "settings": lambda: self.post_message(self.OpenSettings()),
+            "take-over": lambda: self._run_beside(self.session.take_over_files()),
             "theme": lambda: overlays.open_theme_palette(self),
             "release": self.confirmations.ask_to_release_stop,
             "control": self.confirmations.ask_about_control,

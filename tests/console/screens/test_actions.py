@@ -76,7 +76,7 @@ def test_the_stop_keys_work_before_anything_else() -> None:
 
 def test_every_action_explains_itself() -> None:
     palette_only = {action.id for action in ACTIONS if not action.keys}
-    assert palette_only == {"theme", "settings", "tour", "redraw", "stop-rule", "pause", "memory.save"} | {
+    assert palette_only == {"theme", "settings", "tour", "redraw", "stop-rule", "pause", "take-over", "memory.save"} | {
         *("log.time", "log.copy", "log.copy-all", "log.save")
     }
     for action in ACTIONS:
