@@ -9,7 +9,7 @@ from pathlib import Path
 sys.path.insert(0, str(Path(__file__).parent))
 
 ALL = (
-    *("kernel_events", "many_rules", "guards", "rule_file", "check_start"),
+    *("kernel_events", "many_rules", "guards", "rule_file", "check_edit", "check_start"),
     *("journal", "acknowledge", "commands_under_load", "attach", "start_console", "ros", "log"),
     *("console_keys", "console_bytes", "console_day", "exports", "marks"),
 )

@@ -12,6 +12,7 @@
       ClipboardTooLarge           It does not fit on a clipboard
       DriverError                 No usable driver of that name is installed
       EditRefused                 An edit that cannot be made
+        MemoryFileNotEditable     The file is not what a scenario's memory is
       EndRefused                  This client may not end the session
       EngineGone                  The engine has ended or cannot be reached
         LinkLost                  This connection was cut
@@ -30,13 +31,13 @@
       LineError                   A line is not what was written
         NewerFormatError          A newer program wrote this
       MappingError                What is wrong with a profile's options and carriers
-      MemoryFileNotEditable       The file is not what a scenario's memory is
       MemoryNotWritable           The start values cannot be written
       MissingValueError           A memory key without value was needed to fill a template
       NewStudyError               A study could not be made
       NoSuchPath                  The value has no such part
       NodeError                   The node cannot do what it is for
       NotAdmitted                 Somebody cannot attach
+      NotWoz4uError               The file is no configuration of WoZ4U
       NotXmlError                 A file that is no XML
       NothingStarted              Nothing is started and nothing attached to
       NothingToDrawError          There is no rule or act of that name
@@ -74,7 +75,9 @@
       StudyUnusable               The study cannot be used
       TaskFileError               A task file with mistakes
       TemplateError               A template that cannot be read
+      TextsError                  A table of texts that cannot be written or read
       UnknownActError             There is no such act
+      UnreadableError             A file that cannot be read
       UnusableArgument            Something on the command line cannot be used
       UnusableMemoryError         `--memory` cannot be read
       WebError                    Nothing is served

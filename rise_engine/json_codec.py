@@ -7,6 +7,7 @@ can hold.
 
 from __future__ import annotations
 
+import json
 import re
 from collections.abc import Callable
 from typing import Any, TypeAlias
@@ -141,6 +142,11 @@ def to_plain(value: Any) -> Any:
     if isinstance(value, list):
         return [to_plain(item) for item in value]
     return value
+
+
+def json_equal(one: Any, other: Any, *, in_order: bool = False) -> bool:
+    """Whether two values are the same in JSON: 2 and 2.0 are not, nor are 1 and true. `in_order`: and read the same."""
+    return json.dumps(one, sort_keys=not in_order) == json.dumps(other, sort_keys=not in_order)
 
 
 class _JsonReader:

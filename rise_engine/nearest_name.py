@@ -5,7 +5,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Sized
+from collections.abc import Collection, Iterable, Iterator, Sized
 from contextlib import contextmanager
 from contextvars import ContextVar
 from difflib import get_close_matches
@@ -80,6 +80,13 @@ def lookalike_note(word: str, known: str) -> str:
     return (
         f" They look alike, but its `{there}` is written as {named_here} here, and as {named_there} "
         "there; copy the name from there."
+    )
+
+
+def is_in_other_form(word: str, known: Collection[str]) -> bool:
+    """Whether a name is known in the other of Unicode's forms: with letters and accents as one character, or as two."""
+    return not word.isascii() and any(
+        form != word and form in known for form in (normalize("NFC", word), normalize("NFD", word))
     )
 
 

@@ -52,6 +52,8 @@ class SessionFacts(Struct, frozen=True, kw_only=True):
     outcome_reason: str = ""
     title: str = ""
     scenario_hash: str = ""
+    language: str = ""
+    """In which everything was said, by BCP 47; empty: the scenario does not say."""
     robot: str = ""
     seed: int = 0
     speed: float = 1.0

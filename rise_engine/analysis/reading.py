@@ -162,6 +162,7 @@ def _facts(source: SessionRecords, records: tuple[AnyRecord, ...], judgement: Ju
         outcome_reason=judgement.reason if judgement is not None else "",
         title=info.title if info is not None else begun.scenario,
         scenario_hash=info.scenario_hash if info is not None else begun.scenario_hash,
+        language=begun.language or (info.language if info is not None else ""),
         robot=info.robot if info is not None else begun.robot,
         seed=info.seed if info is not None else begun.seed,
         speed=info.speed if info is not None else 1.0,

@@ -33,7 +33,7 @@ from rise_engine.session.media import MEDIA_FILE
 from rise_engine.session.scenario_copies import copy_folders
 from rise_engine.session.sharing import CannotShare, share_session
 from rise_engine.study.plan_file import PLAN_FILE
-from rise_engine.study.state import StudyState
+from rise_engine.study.state import StudyStatus
 from rise_engine.study.study_log import LOG_FILE
 from rise_engine.study.study_toml import STUDY_FILE
 from rise_engine.study.traces import MANIFEST_FILE, PARTICIPANTS_FILE, wizard_names
@@ -66,7 +66,7 @@ class BundleReport(Struct):
 
 
 def make_bundle(
-    state: StudyState, folders: Sequence[Path], out: Path, options: BundleOptions, remarks: Sequence[str] = ()
+    state: StudyStatus, folders: Sequence[Path], out: Path, options: BundleOptions, remarks: Sequence[str] = ()
 ) -> BundleReport:
     """Make the bundle of a study.
 
@@ -97,7 +97,7 @@ def make_bundle(
 class _Bundle:
     """One bundle that is being made."""
 
-    def __init__(self, state: StudyState, folders: Sequence[Path], options: BundleOptions) -> None:
+    def __init__(self, state: StudyStatus, folders: Sequence[Path], options: BundleOptions) -> None:
         self._state = state
         said = {**state.study.report, **({"license": options.license} if options.license else {})}
         self._study = replace(state.study, report=said)

@@ -20,7 +20,7 @@ from rise_engine.scenario.model import Json
 from rise_engine.study.model import StudyCheck
 from rise_engine.study.recorded import RecordingDecision, decide_recording
 from rise_engine.study.sessions import SESSIONS
-from rise_engine.study.state import StudyState, read_state
+from rise_engine.study.state import StudyStatus, read_state
 from rise_engine.study.study_log import LockedLog
 
 _LOG = logging.getLogger(__name__)
@@ -105,28 +105,28 @@ def _decide_recording(context: CheckContext) -> RecordingDecision:
     return decide_recording(context.study, participants, context.participant, context.purpose)
 
 
-def _look_at_clock(context: CheckContext, state: StudyState) -> Finding:
+def _look_at_clock(context: CheckContext, state: StudyStatus) -> Finding:
     sessions = [each.entry for each in state.sessions]
     return automatic.look_at_clock(context.now(), state.log, sessions, automatic.is_clock_synchronised())
 
 
-def _look_at_consent(context: CheckContext, state: StudyState) -> Finding:
+def _look_at_consent(context: CheckContext, state: StudyStatus) -> Finding:
     name = context.participant
     participant = next((each for each in state.participants if each.participant == name), None)
     return automatic.look_at_consent(state.study.consent, participant, name, context.now().date())
 
 
-def _look_at_participant(context: CheckContext, state: StudyState) -> Finding:
+def _look_at_participant(context: CheckContext, state: StudyStatus) -> Finding:
     name = context.participant
     standing = next((each for each in state.standing.participants if each.participant == name), None)
     return automatic.look_at_participant(name, state.participants, standing, context.run)
 
 
-def _look_at_scenario(context: CheckContext, state: StudyState) -> Finding:
+def _look_at_scenario(context: CheckContext, state: StudyStatus) -> Finding:
     return automatic.look_at_scenario(Path(context.scenario), state.study, state.log)
 
 
-_LookAtStudy: TypeAlias = Callable[[CheckContext, StudyState], Finding]
+_LookAtStudy: TypeAlias = Callable[[CheckContext, StudyStatus], Finding]
 _OF_THE_STUDY: dict[str, _LookAtStudy] = {
     "clock": _look_at_clock,
     "consent": _look_at_consent,

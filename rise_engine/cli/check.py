@@ -33,7 +33,9 @@ from rise_engine.text import clean, pluralize
 # --- check ----------------------------------------------------------------------------------------------------------
 
 
-def check_report(folder: str, *, robot: str | None, mode: str | None, as_json: bool, all_of_them: bool) -> int:
+def check_report(
+    folder: str, *, robot: str | None, mode: str | None, as_json: bool, all_of_them: bool, language: str = ""
+) -> int:
     """Print everything that is wrong with a scenario.
 
     :param folder: the scenario's.
@@ -41,9 +43,10 @@ def check_report(folder: str, *, robot: str | None, mode: str | None, as_json: b
     :param mode: the same for the mode.
     :param as_json: as one document.
     :param all_of_them: also what was silenced.
+    :param language: as for a session in this language; empty: as for one in that of the acts.
     :return: the exit status, 1 when something is an error.
     """
-    loaded = load(folder, robot=robot, mode=mode)
+    loaded = load(folder, robot=robot, mode=mode, language=language or None)
     scenario, diagnostics, silenced = loaded.scenario, loaded.diagnostics, loaded.suppressed
     if scenario is not None:
         diagnostics += _driver_diagnostics(scenario)
@@ -107,6 +110,7 @@ def diagnostic_row(diagnostic: Diagnostic) -> dict[str, Any]:
         "file": diagnostic.location.file,
         "line": diagnostic.location.line,
         "column": diagnostic.location.column,
+        **({} if (end := diagnostic.end) is UNSET else {"end_line": end.line, "end_column": end.column}),
         "severity": diagnostic.severity,
         "code": diagnostic.code,
         "message": diagnostic.message,
@@ -129,9 +133,11 @@ def _driver_diagnostics(scenario: Scenario) -> list[Diagnostic]:
     ]
 
 
-def load_or_refuse(folder: str, *, robot: str | None, mode: str | None) -> Scenario | None:
+def load_or_refuse(
+    folder: str, *, robot: str | None, mode: str | None, language: str = "", allow_untranslated: bool = False
+) -> Scenario | None:
     """The scenario, or None when it is refused; findings go to standard error."""
-    loaded = load(folder, robot=robot, mode=mode)
+    loaded = load(folder, robot=robot, mode=mode, language=language or None, allow_untranslated=allow_untranslated)
     print_findings(loaded)
     return loaded.scenario
 

@@ -24,6 +24,12 @@ ROS = click.option(
     show_default=True,
     help="How ROS 2 is spoken. auto: as the robot needs it.",
 )
+LANGUAGE = click.option(
+    "--language", metavar="TAG", default="", help="What is said is said in this language (texts/TAG.toml)."
+)
+UNTRANSLATED = click.option(
+    "--allow-untranslated", is_flag=True, help="With --language: what is not translated is said as the acts have it."
+)
 _BEGIN = (
     click.option("--set", "settings", metavar="KEY=JSON", multiple=True, help="Set a memory value first. Repeatable."),
     click.option("--rule", "rules", metavar="NAME", multiple=True, help="Start an interaction rule. Repeatable."),
@@ -51,6 +57,8 @@ _SESSION_OPTIONS = (
     click.option(
         "--condition", metavar="NAME", default="", help="One of the scenario's conditions: sets what that says."
     ),
+    LANGUAGE,
+    UNTRANSLATED,
     ROS,
     click.option(
         "--fault", "faults", metavar="SPEC", multiple=True, help="What the simulated robot does wrong. Repeatable."
@@ -64,7 +72,8 @@ def begin_options(command: Command) -> Command:
 
 
 def session_options(command: Command) -> Command:
-    """How a session runs: `robot`, `mode`, `participant`, `condition`, `ros`, `faults`."""
+    """How a session runs: `robot`, `mode`, `participant`, `condition`, `language`, `allow_untranslated`, `ros`,
+    `faults`."""
     return _add_options(command, _SESSION_OPTIONS)
 
 

@@ -16,7 +16,7 @@ from rise_engine.kernel.records import AnyRecord
 from rise_engine.scenario import load
 from rise_engine.scenario.file_names import DEFAULT_PATHS
 from rise_engine.scenario.model import Scenario
-from rise_engine.session.folder import SCENARIO_COPY, load_scenario_copy, read_info
+from rise_engine.session.folder import SCENARIO_COPY, load_scenario_copy, read_info, spoken_as
 
 
 class CannotRun(RiseError):
@@ -43,9 +43,9 @@ def load_for_robot(folder: Path, robot: str) -> Scenario:
 
     :raises CannotRun: it does not load.
     """
-    copy = folder / SCENARIO_COPY
+    copy, info = folder / SCENARIO_COPY, read_info(folder)
     paths = {kind: path for kind, path in DEFAULT_PATHS.items() if (copy / path).exists()}
-    loaded = load(copy, robot=robot, mode="debug", paths=paths)
+    loaded = load(copy, robot=robot, mode="debug", paths=paths, **spoken_as(info))
     if loaded.scenario is None:
         findings = [str(each) for each in loaded.errors]
         raise CannotRun("\n".join([f"the scenario cannot be run on the robot {robot!r}:", *findings]))

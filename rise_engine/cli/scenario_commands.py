@@ -23,7 +23,7 @@ from rise_engine.cli.check import (
     studies_report,
 )
 from rise_engine.cli.expand import ExpandError, expand_report
-from rise_engine.cli.options import FOLDER, FOLDER_OR_NONE, JSON, MODE, ROBOT, ROS
+from rise_engine.cli.options import FOLDER, FOLDER_OR_NONE, JSON, LANGUAGE, MODE, ROBOT, ROS
 from rise_engine.cli.terminal import write_xml
 from rise_engine.ports.bridge import RosConnection, RosTransport
 
@@ -64,7 +64,16 @@ class _ExpressionCommand(click.Command):
 )
 @ROBOT
 @MODE
-def check(folder: str, as_json: bool, all_of_them: bool, act: str | None, robot: str | None, mode: str | None) -> None:
+@LANGUAGE
+def check(
+    folder: str,
+    as_json: bool,
+    all_of_them: bool,
+    act: str | None,
+    robot: str | None,
+    mode: str | None,
+    language: str,
+) -> None:
     """Say everything that is wrong with the scenario in DIR.
 
     Exit status: 0 without errors (warnings may be there), 1 with errors, 2 when there is no such folder or act.
@@ -75,7 +84,7 @@ def check(folder: str, as_json: bool, all_of_them: bool, act: str | None, robot:
             sys.exit(explain_act_report(folder, act, robot=robot, mode=mode, as_json=as_json))
         except UnknownActError as error:
             exit_with_usage(str(error))
-    sys.exit(check_report(folder, robot=robot, mode=mode, as_json=as_json, all_of_them=all_of_them))
+    sys.exit(check_report(folder, robot=robot, mode=mode, as_json=as_json, all_of_them=all_of_them, language=language))
 
 
 @click.command("eval", cls=_ExpressionCommand)

@@ -232,13 +232,21 @@ def _needed_scenario(folder: str | None, *of_study: object) -> str:
 
 def _make_options(folder: str, speed: float, *, ros: RosTransport, **session: Any) -> SessionOptions:
     """`session`: the options of `session_options` and `--seed`, which have the names of the fields."""
+    if session["allow_untranslated"] and not session["language"]:
+        exit_with_usage("--allow-untranslated goes with --language")
     connection = RosConnection(ros, click.get_current_context().obj)
     return SessionOptions(folder, speed=speed, ros=connection, **session)
 
 
 def _load_or_exit(options: SessionOptions) -> Scenario:
     """The scenario; ends the program when it has errors."""
-    scenario = load_or_refuse(options.folder, robot=options.robot, mode=options.mode)
+    scenario = load_or_refuse(
+        options.folder,
+        robot=options.robot,
+        mode=options.mode,
+        language=options.language,
+        allow_untranslated=options.allow_untranslated,
+    )
     if scenario is None:
         sys.exit(exit_status.REFUSED)
     return scenario

@@ -18,10 +18,11 @@ from rise_engine.cli.study_planning import resolve_study_folder
 from rise_engine.kernel.inputs import CheckReport, SessionStarted
 from rise_engine.kernel.records import Purpose
 from rise_engine.protocol.session_options import SessionOptions
+from rise_engine.scenario import load
 from rise_engine.study.begin import BeginRequest, CannotBegin, SessionPlan, plan_session, to_give_up
 from rise_engine.study.recorded import decide_recording, recording_lines
 from rise_engine.study.sessions import given_up_fields
-from rise_engine.study.state import StudyState, StudyUnusable, read_state
+from rise_engine.study.state import StudyStatus, StudyUnusable, read_state
 from rise_engine.study.study_log import StudyLogError
 from rise_engine.text import clean
 
@@ -66,7 +67,7 @@ def study_session(
 
 
 def _check_or_exit(
-    state: StudyState, plan: SessionPlan, options: SessionOptions, checks: CheckOptions
+    state: StudyStatus, plan: SessionPlan, options: SessionOptions, checks: CheckOptions
 ) -> tuple[CheckReport, ...]:
     context = CheckContext(
         state.study,
@@ -105,10 +106,14 @@ def rehearsed_session(
     assert plan is not None
     robot = options.robot or state.study.robot or None
     scenario, chosen = plan.run.scenario, plan.seed if seed is None else seed
-    return replace(options, folder=scenario, mode="debug", robot=robot, seed=chosen), plan.first_input(state.study)
+    language = options.language
+    if plan.language:
+        language = plan.spoken_in(language, load(scenario, robot=robot, mode="debug"))
+    options = replace(options, folder=scenario, mode="debug", robot=robot, seed=chosen, language=language)
+    return options, plan.first_input(state.study)
 
 
-def _read_or_exit(folder: Path) -> StudyState:
+def _read_or_exit(folder: Path) -> StudyStatus:
     try:
         return read_state(folder)
     except StudyUnusable as error:
@@ -117,7 +122,7 @@ def _read_or_exit(folder: Path) -> StudyState:
         _exit_refused([f"error: {error}"])
 
 
-def _plan_or_exit(state: StudyState, options: SessionOptions, *, serves: bool = False) -> SessionPlan | None:
+def _plan_or_exit(state: StudyStatus, options: SessionOptions, *, serves: bool = False) -> SessionPlan | None:
     """What the session is; None, where one is to be served: another one runs or did not end, and the engine says so."""
     request = BeginRequest(
         participant=options.participant,

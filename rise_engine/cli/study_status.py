@@ -11,7 +11,7 @@ import msgspec
 from rise_engine.study.begin import BeginRequest, CannotBegin, plan_session
 from rise_engine.study.model import ParticipantStanding, ParticipantState, SessionEntry
 from rise_engine.study.standing import when_text
-from rise_engine.study.state import StudyState
+from rise_engine.study.state import StudyStatus
 
 _STATES: dict[ParticipantState, str] = {
     "no-consent": "no consent",
@@ -21,7 +21,7 @@ _STATES: dict[ParticipantState, str] = {
 """Where the words differ from the state's name."""
 
 
-def status_lines(state: StudyState) -> list[str]:
+def status_lines(state: StudyStatus) -> list[str]:
     """The study, its participants, its cells, its rehearsals, what is due, and who is next."""
     study, standing = state.study, state.standing
     lines = [f"{study.title} ({study.id}): {standing.complete} of {standing.wanted} participants are complete", ""]
@@ -42,7 +42,7 @@ def status_lines(state: StudyState) -> list[str]:
     return [*lines, "", *next_lines(state)]
 
 
-def _how_lines(state: StudyState) -> list[str]:
+def _how_lines(state: StudyStatus) -> list[str]:
     """The commands by which some of what is due is done."""
     states = {each.state for each in state.standing.participants}
     where = shlex.quote(state.study.folder)
@@ -58,14 +58,14 @@ def _how_lines(state: StudyState) -> list[str]:
     return lines
 
 
-def status_json(state: StudyState) -> dict[str, Any]:
+def status_json(state: StudyStatus) -> dict[str, Any]:
     """The same as a document."""
     study = state.study
     built: dict[str, Any] = msgspec.to_builtins(state.standing)
     return {"id": study.id, "title": study.title, "folder": study.folder, "mode": study.mode, **built}
 
 
-def next_lines(state: StudyState) -> list[str]:
+def next_lines(state: StudyStatus) -> list[str]:
     """Who is next and with which commands, or that nobody is."""
     following = next_json(state)
     if not following["participant"]:
@@ -81,7 +81,7 @@ def next_lines(state: StudyState) -> list[str]:
     ]
 
 
-def next_json(state: StudyState) -> dict[str, Any]:
+def next_json(state: StudyStatus) -> dict[str, Any]:
     """Who is next, as a document; its `participant` is empty when nobody is."""
     name = state.standing.next
     found: dict[str, Any] = {"participant": name, "sentence": "", "run": None, "attempt": None, "slot": None}
@@ -122,7 +122,7 @@ def _last_text(last: SessionEntry | None) -> str:
     return f"{when_text(last.started)}, run {last.run}{attempt}, {last.outcome or last.status}"
 
 
-def _cell_rows(state: StudyState) -> list[list[str]]:
+def _cell_rows(state: StudyStatus) -> list[list[str]]:
     """Without the planned number where nobody knows how many come of each stratum; of a hidden study only the strata,
     for whoever sees how full each cell is can guess what comes next."""
     cells, hidden = state.standing.cells, state.study.assignment.hidden

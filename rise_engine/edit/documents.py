@@ -9,11 +9,11 @@ from __future__ import annotations
 import re
 from bisect import bisect_right
 from collections.abc import Iterator
-from functools import cached_property, lru_cache
+from functools import cached_property
 from xml.parsers import expat
 
+from rise_engine.edit.content_cache import ContentCache
 from rise_engine.errors import RiseError
-from rise_engine.text import BLANKS
 
 _START_TAG = re.compile(rb"<[^\s/>]+(?:\s+[^\s=]+\s*=\s*(?:\"[^\"]*\"|'[^']*'))*\s*/?>")
 _ATTRIBUTE = re.compile(rb"\s+([^\s=/<>\"']+)\s*=\s*(?:\"([^\"]*)\"|'([^']*)')")
@@ -158,13 +158,19 @@ class XmlDocument:
         """The number of the line, from 1, in which a byte stands. Lines end with LF, CRLF or CR."""
         return bisect_right(self._line_starts, at)
 
-    @cached_property
-    def _by_start(self) -> dict[int, Node]:
-        return {node.start: node for node in self.root.walk()}
-
     def node_at(self, start: int) -> Node:
-        """The element that begins at a byte."""
-        return self._by_start[start]
+        """The element that begins at a byte. :raises KeyError: none does."""
+        node = self.root
+        while node.start != start:
+            index = bisect_right(node.children, start, key=_start_of) - 1
+            if index < 0 or start >= node.children[index].end:
+                raise KeyError(start)
+            node = node.children[index]
+        return node
+
+
+def _start_of(node: Node) -> int:
+    return node.start
 
 
 def _without_blanks(data: bytes, start: int, end: int) -> tuple[int, int]:
@@ -175,10 +181,12 @@ def _without_blanks(data: bytes, start: int, end: int) -> tuple[int, int]:
     return start, end
 
 
-@lru_cache(maxsize=512)
+_DOCUMENTS: ContentCache[XmlDocument] = ContentCache()
+
+
 def read_document(data: bytes) -> XmlDocument:
-    """A file's elements; the same content is read once. :raises NotXmlError: it is no XML."""
-    return XmlDocument(data)
+    """A file's elements; the same content is not read again. :raises NotXmlError: it is no XML."""
+    return _DOCUMENTS.get(data, len(data), lambda: XmlDocument(data))
 
 
 class _Reader:
@@ -256,8 +264,3 @@ class _Reader:
 
 def _read(document: XmlDocument) -> Node:
     return _Reader(document).read()
-
-
-def is_blank(text: str) -> bool:
-    """Whether there is nothing but blanks in a text."""
-    return not text.strip(BLANKS)

@@ -22,7 +22,7 @@ _UPPER = re.compile(r"(?<!^)(?=[A-Z])")
 
 
 def edit_name(class_name: str) -> str:
-    """`SetParameter` -> `set_parameter`, as JSON has it."""
+    """What JSON calls an edit: "set_parameter" is SetParameter."""
     return _UPPER.sub("_", class_name).lower()
 
 

@@ -109,6 +109,8 @@ class _Call:
         self.use = use
         self.defaults = parameters_of(template)
         self.outermost: Node = use.node
+        self.within: frozenset[Node] = frozenset({template}) | (use.call.within if use.call else frozenset())
+        """The templates that are being put in: none of them again, or there would be no end."""
 
     def value(self, parameter: str) -> str | None:
         given = self.use.attributes.get(parameter)
@@ -146,7 +148,7 @@ class _Expander:
             return shown
         if origin.tag == "use":
             template = self.templates.find(shown.get("template"))
-            if template is not None:
+            if template is not None and (call is None or template not in call.within):
                 inner = _Call(shown, template)
                 if all(inner.value(name) is not None for name in inner.defaults):
                     content = (child for child in template.children if child.tag != "parameter")

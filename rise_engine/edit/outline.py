@@ -67,6 +67,8 @@ class WrittenAct(Struct, frozen=True):
     """Why a form cannot change it ("it comes from the template `Instruction`, used here"); empty: it can."""
     template: str = ""
     """The template that it comes from. `span` and `line` are then those of the `<use>`."""
+    name_parameter: str = ""
+    """With `template`: the parameter of the `<use>` that its name is, alone; empty: none is."""
 
 
 class WrittenStatement(Struct, frozen=True):
@@ -132,6 +134,8 @@ class WrittenRule(Struct, frozen=True):
     line: int
     reason: str = ""
     template: str = ""
+    name_parameter: str = ""
+    """As an act's."""
 
 
 class WrittenUse(Struct, frozen=True):

@@ -5,6 +5,20 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from typing import Any, TypeAlias
 
+from rise_engine.edit import (
+    acts,
+    memory,
+    new_files,
+    parts,
+    rename,
+    settings,
+    statements,
+    states,
+    tables,
+    templates,
+    transitions,
+    translations,
+)
 from rise_engine.edit.edits import Edit
 from rise_engine.edit.plan import EditRefused, Plan
 from rise_engine.edit.study_state import StudyState
@@ -12,7 +26,20 @@ from rise_engine.edit.study_state import StudyState
 Planner: TypeAlias = Callable[[Any, StudyState], Plan]
 """Plans the edits of one kind. Raises EditRefused for one that cannot be made."""
 
-_OF_MODULES: tuple[Mapping[type[Edit], Planner], ...] = ()
+_OF_MODULES: tuple[Mapping[type[Edit], Planner], ...] = (
+    acts.PLANNERS,
+    memory.PLANNERS,
+    new_files.PLANNERS,
+    parts.PLANNERS,
+    rename.PLANNERS,
+    settings.PLANNERS,
+    states.PLANNERS,
+    statements.PLANNERS,
+    tables.PLANNERS,
+    templates.PLANNERS,
+    transitions.PLANNERS,
+    translations.PLANNERS,
+)
 """What each module of edits can plan, its `PLANNERS`."""
 PLANNERS: dict[type[Edit], Planner] = {edit: planner for part in _OF_MODULES for edit, planner in part.items()}
 
@@ -25,7 +52,12 @@ def plan(edit: Edit, study: StudyState) -> Plan:
     planner = PLANNERS.get(type(edit))
     if planner is None:
         raise EditRefused(f"{type(edit).__name__} cannot be planned here")
-    return planner(edit, study)
+    planned = planner(edit, study)
+    files = study.files
+    splices = tuple(each for each in planned.splices if files[each.file][each.start : each.end] != each.data)
+    written = {file: content for file, content in planned.written.items() if files.get(file) != content}
+    says = planned.says if splices or written else ()  # what changes nothing has nothing to say
+    return Plan(splices, written, says, planned.noticed)
 
 
 __all__ = ["PLANNERS", "Planner", "StudyState", "plan"]

@@ -11,6 +11,7 @@ from typing import TypeAlias
 from msgspec import Struct
 from msgspec.structs import replace
 
+from rise_engine.edit.content_cache import ContentCache
 from rise_engine.edit.documents import NotXmlError, read_document
 from rise_engine.edit.edits import CallForm, TransitionForm
 from rise_engine.edit.expanded import Shown, Templates, expand, parameters_of
@@ -64,7 +65,7 @@ def read_outline(files: Files, paths: Mapping[str, str] | None = None) -> Outlin
         if posixpath.dirname(name) == PATTERNS and name.endswith(".xml")
     )
     templates = _templates(own, patterns)
-    read = [(name, _read_file(kind == "acts", name, files[name], templates)) for kind in names for name in names[kind]]
+    read = [(name, _outline_of(kind == "acts", name, files[name], templates)) for kind in names for name in names[kind]]
     return Outline(
         tuple(act for _, found in read for act in found.acts),
         tuple(rule for _, found in read for rule in found.rules),
@@ -88,7 +89,14 @@ def _templates(own: tuple[bytes, ...], patterns: tuple[tuple[str, bytes], ...]) 
     return Templates(own, dict(patterns))
 
 
-@lru_cache(maxsize=512)
+_OUTLINES: ContentCache[_FileOutline] = ContentCache()
+
+
+def _outline_of(has_acts: bool, name: str, data: bytes, templates: Templates) -> _FileOutline:
+    key = has_acts, name, data, templates
+    return _OUTLINES.get(key, len(data), lambda: _read_file(has_acts, name, data, templates))
+
+
 def _read_file(has_acts: bool, name: str, data: bytes, templates: Templates) -> _FileOutline:
     try:
         document = read_document(data)
@@ -142,6 +150,7 @@ def _read_act(shown: Shown, file: str) -> WrittenAct:
         shown.line,
         _from_template(shown),
         shown.template,
+        shown.attribute_parameter("name"),
     )
 
 
@@ -223,6 +232,7 @@ def _read_rule(shown: Shown, file: str) -> WrittenRule:
         shown.line,
         _from_template(shown),
         shown.template,
+        shown.attribute_parameter("name"),
     )
 
 

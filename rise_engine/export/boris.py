@@ -22,7 +22,7 @@ from rise_engine.analysis.model import SessionData
 from rise_engine.export.format import ExportContext, ExportFormat
 from rise_engine.export.media_clock import MediaClock, recording_clock, warn_of_lost
 from rise_engine.export.spans import ACT_TIERS, CUE, FILLERS, RULE, spans_of
-from rise_engine.export.tiers import Annotation, Span, lay_out, one_line
+from rise_engine.export.tiers import Annotation, TierSpan, lay_out, one_line
 from rise_engine.session.media import MediaFile
 
 PLAYERS = 8
@@ -165,7 +165,7 @@ def _media(clock: MediaClock) -> tuple[dict[str, list[str]], dict[str, dict[str,
 # --- events -----------------------------------------------------------------------------------------------------------
 
 
-def _category(span: Span) -> str:
+def _category(span: TierSpan) -> str:
     if span.tier in ACT_TIERS or span.tier == FILLERS:
         return ACTS
     if span.doer == "robot":
@@ -173,21 +173,21 @@ def _category(span: Span) -> str:
     return RULES if span.tier.startswith(RULE) else SESSION
 
 
-def _modifiers(span: Span) -> str:
+def _modifiers(span: TierSpan) -> str:
     if _category(span) != ACTS:
         return ""
     return f"{span.asked_by}|{'filler' if span.tier == FILLERS else 'act'}"
 
 
-def _group(span: Span) -> str:
+def _group(span: TierSpan) -> str:
     return f"{_category(span)}: {_lasts(span)}: {_code(span)}: {_modifiers(span)}"
 
 
-def _lasts(span: Span) -> bool:
+def _lasts(span: TierSpan) -> bool:
     return span.end is not None and not (span.tier == CUE and span.code != CUE)
 
 
-def _code(span: Span) -> str:
+def _code(span: TierSpan) -> str:
     return one_line(span.code.replace("|", "/")) or "?"
 
 

@@ -44,6 +44,7 @@ COLUMNS = (
     *("cue_at", "key_at", "accepted_at", "started_at", "robot_at", "ended_at"),  # timing
     "seconds",  # countdown, kept; transition, topic and rule too
     *("study", "study_hash", "slot", "run", "attempt", "purpose", "factors"),  # session
+    "language",  # session
     *("path", "bytes"),  # recording
     *("number", "medium"),  # sync
     *("filler", "voice_at"),  # timing; source too

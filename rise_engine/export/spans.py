@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 from rise_engine.analysis.model import ActPart, Cue, Phase, PlayedAct, Point, SessionData
-from rise_engine.export.tiers import ROBOT_SPEECH, Doer, Span
+from rise_engine.export.tiers import ROBOT_SPEECH, Doer, TierSpan
 from rise_engine.kernel.records import ENGINE
 from rise_engine.kernel.speech import SAY
 from rise_engine.scenario.model import CUE_TOPICS
@@ -53,14 +53,14 @@ _ENDINGS = {
 """What stands behind a text when it did not simply succeed."""
 
 
-def spans_of(data: SessionData) -> list[Span]:
+def spans_of(data: SessionData) -> list[TierSpan]:
     """Everything that is annotated of a session, in the order in which the tiers stand."""
     spans = [*_robot_spans(data), *_act_spans(data), *_cue_spans(data), *_rule_spans(data), *_moments(data)]
     order = _tier_order(spans)
     return sorted(spans, key=lambda span: (order[span.tier], span.start))
 
 
-def _tier_order(spans: list[Span]) -> dict[str, int]:
+def _tier_order(spans: list[TierSpan]) -> dict[str, int]:
     channels = sorted({span.tier for span in spans if span.doer == "robot"} - {*ROBOT_TIERS, *ROBOT_OTHER})
     rules = [span.tier for span in spans if span.tier.startswith(RULE)]
     asked = (*ACT_TIERS, FILLERS, QUEUE, REJECTED, CUE)
@@ -72,14 +72,14 @@ def _tier_order(spans: list[Span]) -> dict[str, int]:
 # --- the robot --------------------------------------------------------------------------------------------------------
 
 
-def _robot_spans(data: SessionData) -> Iterator[Span]:
+def _robot_spans(data: SessionData) -> Iterator[TierSpan]:
     for act in data.acts:
         for part in act.parts:
             begun = part.started_at if _is_pause(part) else part.accepted_at
             if begun is None:
                 continue
             for tier in _tiers_of(part):
-                yield Span(
+                yield TierSpan(
                     tier=tier,
                     start=begun,
                     end=part.ended_at if part.ended_at is not None else data.facts.duration,
@@ -114,7 +114,7 @@ def _with_ending(text: str, status: str) -> str:
 # --- acts and cues ----------------------------------------------------------------------------------------------------
 
 
-def _act_spans(data: SessionData) -> Iterator[Span]:
+def _act_spans(data: SessionData) -> Iterator[TierSpan]:
     duration = data.facts.duration
     for act in data.acts:
         name, ended = _name_of(act), act.ended_at if act.ended_at is not None else duration
@@ -132,10 +132,10 @@ def _act_spans(data: SessionData) -> Iterator[Span]:
             yield _act_span(act, tier, shown, ended, _with_ending(name, act.status))
 
 
-def _act_span(act: PlayedAct, tier: str, start: float, end: float | None, text: str) -> Span:
+def _act_span(act: PlayedAct, tier: str, start: float, end: float | None, text: str) -> TierSpan:
     doer: Doer = "wizard" if act.actor == "wizard" else "session"
     code = tier if tier in (QUEUE, REJECTED) else act.act
-    return Span(tier=tier, start=start, end=end, text=text, code=code, doer=doer, asked_by=act.actor)
+    return TierSpan(tier=tier, start=start, end=end, text=text, code=code, doer=doer, asked_by=act.actor)
 
 
 def _name_of(act: PlayedAct) -> str:
@@ -145,12 +145,12 @@ def _name_of(act: PlayedAct) -> str:
     return f"{SAY}: {words}" if words else SAY
 
 
-def _cue_spans(data: SessionData) -> Iterator[Span]:
+def _cue_spans(data: SessionData) -> Iterator[TierSpan]:
     for cue in data.cues:
         end, text = _answer_of(cue)
         said = f"{text} ({cue.text})" if cue.text else text
         code = CUE if cue.undone_at is None else CUE_UNDONE
-        yield Span(tier=CUE, start=cue.at, end=end, text=said, code=code, doer="participant")
+        yield TierSpan(tier=CUE, start=cue.at, end=end, text=said, code=code, doer="participant")
 
 
 def _answer_of(cue: Cue) -> tuple[float | None, str]:
@@ -164,10 +164,10 @@ def _answer_of(cue: Cue) -> tuple[float | None, str]:
 # --- rules ------------------------------------------------------------------------------------------------------------
 
 
-def _rule_spans(data: SessionData) -> Iterator[Span]:
+def _rule_spans(data: SessionData) -> Iterator[TierSpan]:
     """States of a rule; one in which it was for no time is told together with the next: `Start → Welcome`."""
     passed: dict[str, list[Phase]] = {}
-    last: dict[str, Span] = {}
+    last: dict[str, TierSpan] = {}
     for phase in data.phases:
         run = passed.setdefault(phase.rule, [])
         if _lasts(phase):
@@ -193,8 +193,8 @@ def _lasts(phase: Phase) -> bool:
     return round(phase.end * 1000) > round(phase.start * 1000)
 
 
-def _rule_span(phase: Phase, run: list[Phase]) -> Span:
-    return Span(
+def _rule_span(phase: Phase, run: list[Phase]) -> TierSpan:
+    return TierSpan(
         tier=f"{RULE}{phase.rule}",
         start=run[0].start,
         end=phase.end,
@@ -204,9 +204,9 @@ def _rule_span(phase: Phase, run: list[Phase]) -> Span:
     )
 
 
-def _lengthened(span: Span, run: list[Phase]) -> Span:
+def _lengthened(span: TierSpan, run: list[Phase]) -> TierSpan:
     text = " → ".join([span.text, *(_state_text(each) for each in run)])
-    return Span(tier=span.tier, start=span.start, end=span.end, text=text, code=span.code, doer=span.doer)
+    return TierSpan(tier=span.tier, start=span.start, end=span.end, text=text, code=span.code, doer=span.doer)
 
 
 def _state_text(phase: Phase) -> str:
@@ -217,7 +217,7 @@ def _state_text(phase: Phase) -> str:
 # --- moments ----------------------------------------------------------------------------------------------------------
 
 
-def _moments(data: SessionData) -> Iterator[Span]:
+def _moments(data: SessionData) -> Iterator[TierSpan]:
     shown = {act.task for act in data.acts}
     yield from _while(data, "stop", frozenset({"released"}), STOPPED, "wizard")
     yield from _while(data, "robot", frozenset({"connected"}), ROBOT_LINK, "session")
@@ -226,7 +226,7 @@ def _moments(data: SessionData) -> Iterator[Span]:
             continue
         tier, doer = MOMENTS[point.kind]
         code = point.name if point.kind == "event" and point.name else tier
-        yield Span(tier=tier, start=point.at, end=None, text=_text_of(point), code=code, doer=doer)
+        yield TierSpan(tier=tier, start=point.at, end=None, text=_text_of(point), code=code, doer=doer)
 
 
 def _is_inner(point: Point) -> bool:
@@ -235,7 +235,7 @@ def _is_inner(point: Point) -> bool:
     return point.kind == "event" and (inner or point.name.lstrip("/") in CUE_TOPICS)
 
 
-def _while(data: SessionData, kind: str, over: frozenset[str], tier: str, doer: Doer) -> Iterator[Span]:
+def _while(data: SessionData, kind: str, over: frozenset[str], tier: str, doer: Doer) -> Iterator[TierSpan]:
     """From each point of a kind until one that says that it is over, or until the next that says something else."""
     since: Point | None = None
     for point in (each for each in data.points if each.kind == kind):
@@ -248,9 +248,9 @@ def _while(data: SessionData, kind: str, over: frozenset[str], tier: str, doer: 
         yield _lasting(since, data.facts.duration, tier, doer)
 
 
-def _lasting(since: Point, end: float, tier: str, doer: Doer) -> Span:
+def _lasting(since: Point, end: float, tier: str, doer: Doer) -> TierSpan:
     text = STOPPED if tier == STOPPED else _text_of(since)
-    return Span(tier=tier, start=since.at, end=end, text=text, code=tier, doer=doer)
+    return TierSpan(tier=tier, start=since.at, end=end, text=text, code=tier, doer=doer)
 
 
 def _text_of(point: Point) -> str:

@@ -63,6 +63,7 @@ def _session_rows(data: SessionData) -> Iterator[Row]:
         "outcome_reason": facts.outcome_reason,
         "title": facts.title,
         "scenario_hash": facts.scenario_hash,
+        "language": facts.language,
         "robot": facts.robot,
         "seed": facts.seed,
         "speed": float(facts.speed),

@@ -26,7 +26,7 @@ _UNFIT = re.compile("[\x00-\x1f\x7f-\x9f\ud800-\udfff\ufffe\uffff\u2028\u2029]")
 """What XML cannot hold, or what ends a line somewhere: annotations are one line."""
 
 
-class Span(Struct, frozen=True, kw_only=True):
+class TierSpan(Struct, frozen=True, kw_only=True):
     """Something of a session, in session seconds, before it is laid out."""
 
     tier: str
@@ -51,7 +51,7 @@ class Annotation(Struct, frozen=True, kw_only=True):
     """Whether it had no length, and was given one to be seen."""
     text: str
     """Never empty, and one line."""
-    span: Span
+    span: TierSpan
     """What it was made from."""
 
 
@@ -77,18 +77,18 @@ class TierSet(Struct, frozen=True, kw_only=True):
 
 
 def lay_out(
-    spans: Iterable[Span],
+    spans: Iterable[TierSpan],
     clock: MediaClock,
     duration: float,
     *,
-    group: Callable[[Span], str] = lambda span: span.tier,
+    group: Callable[[TierSpan], str] = lambda span: span.tier,
 ) -> TierSet:
     """Give every span its place in a tier; the tiers stand in the order in which their first spans come.
 
     `clock`: what session time becomes. `duration`: of the session, in session seconds. `group`: what must not overlap;
     its words become the tier's name.
     """
-    groups: dict[str, list[Span]] = {}
+    groups: dict[str, list[TierSpan]] = {}
     for span in spans:
         groups.setdefault(one_line(group(span)) or "?", []).append(span)
     names = _Names(groups)
@@ -138,10 +138,10 @@ class _LaidSpan(Struct):
     end: int
     yields: bool
     """Whether it may end earlier, because the next begins."""
-    span: Span
+    span: TierSpan
 
 
-def _pack(spans: list[Span], clock: MediaClock) -> tuple[list[list[Annotation]], int]:
+def _pack(spans: list[TierSpan], clock: MediaClock) -> tuple[list[list[Annotation]], int]:
     """Rows without overlaps, as few as it takes, and how many spans lie before 0."""
     pieces: list[_LaidSpan] = []
     for span in spans:

@@ -368,5 +368,6 @@ class Kernel:
             attempt=begun.attempt,
             purpose=begun.purpose,
             factors=begun.factors,
+            language=scenario.language,
             downtime=downtime,
         )

@@ -67,6 +67,8 @@ class SessionRecord(Record, tag="session", kw_only=True):
     purpose: Purpose | Literal[""] = ""
     factors: dict[str, Any] = field(default_factory=dict)
     """What the condition is made of: the level of each factor."""
+    language: str = ""
+    """The language in which everything is said, by BCP 47; empty: the scenario does not say."""
     downtime: float | None = None
     """recovered: seconds by the wall clock since the last line that was known before; null: not known."""
 

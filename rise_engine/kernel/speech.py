@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from rise_engine.kernel.core import Task
 from rise_engine.scenario.model import Act, Action, ActionCall, Scenario
+from rise_engine.scenario.spoken import LANGUAGE, MESSAGE
 from rise_engine.scenario.ssml import begins_as_ssml, literal_ssml
 from rise_engine.scenario.template import Template
 
@@ -33,5 +34,7 @@ def why_not_speak(scenario: Scenario) -> str:
 def _speech_act(scenario: Scenario, text: str) -> Act:
     said = literal_ssml(text) if begins_as_ssml(text) else text  # what a wizard types is no markup
     message = Template(said, (said,))  # literal: braces in it are to be said, and mean nothing
-    channels = scenario.robot.actions[SPEECH].channels
-    return Act(SAY, (Action(SAY, (ActionCall(SPEECH, {"message": message}),)),), frozenset(channels))
+    spec, parameters = scenario.robot.actions[SPEECH], {MESSAGE: message}
+    if scenario.says_language and LANGUAGE in spec.parameters:
+        parameters[LANGUAGE] = Template(scenario.language, (scenario.language,))
+    return Act(SAY, (Action(SAY, (ActionCall(SPEECH, parameters),)),), frozenset(spec.channels))

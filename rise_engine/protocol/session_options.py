@@ -54,3 +54,8 @@ class SessionOptions(Struct, frozen=True):
     """Whether the study's recorders run; None: in sessions that count and in pilots."""
     checks: tuple[CheckReport, ...] = ()
     """What came of the study's checks: the first inputs after the start."""
+    language: str = ""
+    """Of what the robot says, by BCP 47, one that the scenario has translations into; empty: as the acts are written,
+    or as the study says."""
+    allow_untranslated: bool = False
+    """Whether what is not translated is said as the acts have it."""

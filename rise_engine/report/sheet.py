@@ -274,9 +274,9 @@ def _scenario(figures: StudyFigures) -> list[str]:
 
 def _steps(figures: StudyFigures) -> list[str]:
     pilots = sum(row.facts.purpose == "pilot" for row in figures.rows)
-    hashes = len(figures.scenario_hashes())
-    if not hashes:
+    versions = figures.scenario_versions()
+    if not versions:
         return []
     return [
-        f"{pluralize(pilots, 'pilot session')}; complete sessions ran {pluralize(hashes, 'version')} of the scenario."
+        f"{pluralize(pilots, 'pilot session')}; complete sessions ran {pluralize(versions, 'version')} of the scenario."
     ]

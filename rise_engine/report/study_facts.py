@@ -176,6 +176,13 @@ class StudyFigures(Struct, frozen=True):
         """Of the scenarios that complete sessions ran, in their order."""
         return list(dict.fromkeys(row.facts.scenario_hash for row in self.complete))
 
+    def scenario_versions(self) -> int:
+        """How many versions of the scenarios complete sessions ran; one in several languages counts once."""
+        by_language: dict[str, set[str]] = {}
+        for row in self.complete:
+            by_language.setdefault(row.facts.language, set()).add(row.facts.scenario_hash)
+        return max(map(len, by_language.values()), default=0)
+
 
 def session_row(data: SessionData) -> SessionRow:
     """What is kept of a session.

@@ -354,9 +354,9 @@ def _sessions(given: StudyReportInput) -> Iterable[Block]:
     if not rows:
         yield Paragraph("No session has been recorded.")
         return
-    versions = given.figures.scenario_hashes()
-    if len(versions) > 1:
-        yield Paragraph(f"Complete sessions ran {len(versions)} different versions of the scenario.", "warning")
+    versions = given.figures.scenario_versions()
+    if versions > 1:
+        yield Paragraph(f"Complete sessions ran {versions} different versions of the scenario.", "warning")
     table = []
     for row in rows:
         facts, found = row.facts, row.figures

@@ -36,7 +36,7 @@ _ACTION_KEYS = (
     "help",
     "parameters",
 )
-_PARAMETER_KEYS = ("type", "unit", "default", "required", "minimum", "maximum", "codes", "names", "help")
+_PARAMETER_KEYS = ("type", "unit", "default", "required", "minimum", "maximum", "codes", "names", "help", "spoken")
 _TYPES: tuple[str, ...] = get_args(ParameterType)
 RESERVED = frozenset({"actionID", "waitForActions", "onFailure", "Variants", "Dialog"})
 """Words of the CRA format that no action or parameter can be called."""
@@ -184,7 +184,16 @@ def _read_parameter(table: TomlTable, before: Parameter | None) -> Parameter | N
         codes=codes,
         names=table.read_texts("names", base.names),
         help=table.read("help", str, base.help),
+        spoken=_read_spoken(table, type_, base),
     )
+
+
+def _read_spoken(table: TomlTable, type_: str, base: Parameter) -> bool:
+    """Whether what the parameter says is translated, which only a text can be."""
+    spoken: bool = table.read("spoken", bool, base.spoken)
+    if spoken and type_ != "text" and "spoken" in table.values:
+        table.report_value("wrong-type", "spoken", "only a parameter of the type `text` can be `spoken`")
+    return spoken and type_ == "text"
 
 
 def _read_seconds(table: TomlTable, key: str, usual: float | None) -> float | None:

@@ -6,7 +6,7 @@ import re
 from functools import lru_cache, partial
 
 from rise_engine.nearest_name import did_you_mean
-from rise_engine.scenario.diagnostics import Diagnostics
+from rise_engine.scenario.diagnostics import Diagnostics, unknown_code
 from rise_engine.scenario.draft import BareKey, Mention, PartMention, ScenarioDraft
 from rise_engine.scenario.element_reader import ElementReader
 from rise_engine.scenario.graph import find_cycles
@@ -56,7 +56,7 @@ class _ActReader(ElementReader):
         """The `<waitForActions>` of the act that is being read, by actionID."""
 
     def read_acts(self) -> None:
-        self.read_parts("Dialog", WRAPPERS, "act", self.draft.acts, self.read_act)
+        self.read_parts("Dialog", WRAPPERS, self.draft.act_definitions, self.read_act)
 
     def read_act(self, element: Element) -> Act | None:
         self.waits.clear()
@@ -92,7 +92,7 @@ class _ActReader(ElementReader):
             for wanted in action.wait_for:
                 if wanted not in actions:
                     message = f"there is no action `{wanted}` in this act{did_you_mean(wanted, actions)}"
-                    self.report_wait("unknown-id", action.id, wanted, message)
+                    self.report_wait(unknown_code("unknown-id", wanted, actions), action.id, wanted, message)
         waits = {action.id: [id for id in action.wait_for if id in actions] for action in actions.values()}
         for cycle in find_cycles(waits):
             shown = cycle if len(cycle) <= 20 else [*cycle[:10], "...", *cycle[-10:]]

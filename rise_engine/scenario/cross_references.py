@@ -7,7 +7,7 @@ from functools import cache
 
 from rise_engine.nearest_name import did_you_mean
 from rise_engine.scenario.conditions import check_conditions
-from rise_engine.scenario.diagnostics import Diagnostics
+from rise_engine.scenario.diagnostics import Diagnostics, unknown_code
 from rise_engine.scenario.draft import Mention, ScenarioDraft
 from rise_engine.scenario.graph import reachable_from
 from rise_engine.scenario.memory_paths import MemoryPaths
@@ -22,6 +22,7 @@ ACT_END_SUFFIXES = ("_succeeded", "_failed", "_stopped", "_end")
 def check_cross_references(draft: ScenarioDraft, diagnostics: Diagnostics) -> None:
     """Compare what the files of a scenario say about each other."""
     unread = draft.unreadable_parts
+    _check_foreign_ends(draft, diagnostics)
     if "acts" not in unread:
         _check_names(draft.act_mentions, draft.acts, "act", draft.rules, "rule", diagnostics)
     if "rules" not in unread:
@@ -77,7 +78,20 @@ def _check_names(
             remedy = f"; it is the name of a {other_kind}" if other_kind == "rule" else "; it is the name of an act"
         else:
             remedy = suggest(mention.name)
-        diagnostics.error(f"unknown-{kind}", mention.locate(), f"there is no {kind} `{mention.name}`{remedy}")
+        code = unknown_code(f"unknown-{kind}", mention.name, known)
+        diagnostics.error(code, mention.locate(), f"there is no {kind} `{mention.name}`{remedy}")
+
+
+def _check_foreign_ends(draft: ScenarioDraft, diagnostics: Diagnostics) -> None:
+    """Transitions that are never taken, because their own rule does not start the act whose end they wait for."""
+    for end in draft.foreign_ends:
+        # An act that there is not has its error; only of acts that could not be read nothing is known.
+        if end.act in draft.acts or "acts" in draft.unreadable_parts:
+            message = (
+                f"never taken: this rule does not start `{end.act}` itself; an act that somebody else has "
+                f'started is waited for with eventTopic="/{end.act}_end"'
+            )
+            diagnostics.warning("unreachable-transition", end.location, message)
 
 
 def _check_states(draft: ScenarioDraft, diagnostics: Diagnostics) -> None:
@@ -87,7 +101,7 @@ def _check_states(draft: ScenarioDraft, diagnostics: Diagnostics) -> None:
         if rule is not None and rule.initial and mention.name not in rule.states:
             near = did_you_mean(mention.name, rule.states, limit=0)
             message = f"the rule `{rule.name}` has no state `{mention.name}`{near}"
-            diagnostics.error("unknown-state", mention.locate(), message)
+            diagnostics.error(unknown_code("unknown-state", mention.name, rule.states), mention.locate(), message)
 
 
 def _check_reachable(draft: ScenarioDraft, diagnostics: Diagnostics) -> None:
@@ -113,13 +127,14 @@ def _check_topics(draft: ScenarioDraft, diagnostics: Diagnostics) -> None:
     missing = {m.name for m in draft.act_mentions if m.name not in draft.acts}
     missing.update(m.name for m in draft.rule_mentions if m.name not in draft.rules)
     by_missing = {name + ending for name in missing for ending in ACT_END_SUFFIXES}
-    suggest = _remember_suggestions(own | by_engine)
+    known = own | by_engine
+    suggest = _remember_suggestions(known)
     for mention in draft.awaited_topics:
         name = mention.name
         if name in own or name in by_engine or name in by_missing:  # what is missing is a finding already
             continue
         diagnostics.warning(
-            "unraised-event",
+            unknown_code("unraised-event", name, known),
             mention.locate(),
             f"nothing in this scenario raises the event `{name}`{suggest(name) or '; something outside must'}",
         )
@@ -127,7 +142,7 @@ def _check_topics(draft: ScenarioDraft, diagnostics: Diagnostics) -> None:
     for mention in draft.raised_topics:
         if mention.name not in awaited:
             diagnostics.warning(
-                "unheard-event",
+                unknown_code("unheard-event", mention.name, awaited),
                 mention.locate(),
                 f"no rule waits for the event `{mention.name}`{suggest(mention.name)}",
             )

@@ -190,6 +190,22 @@ def find_values(text: str, separator: str) -> tuple[list[int], int | None]:
         at += 1
 
 
+def find_spans(text: str, separator: str) -> list[tuple[int, int]]:
+    """Where the values of one row, which is right, begin and end in its text: with quotation marks, without blanks."""
+    starts, _ = find_values(text, separator)
+    spans = []
+    for start, following in zip(starts, [*starts[1:], None], strict=True):
+        if text.startswith('"', start):
+            spans.append((start, _closing_quote(text, start + 1)))
+            continue
+        end = len(text) if following is None else following
+        written = text[start:end]
+        if following is not None:
+            written = written[: written.rindex(separator)]
+        spans.append((start, start + len(written.rstrip())))
+    return spans
+
+
 def _closing_quote(text: str, at: int) -> int:
     """Behind the quotation mark that closes a value; -1 when there is none."""
     while (at := text.find('"', at)) >= 0 and text.startswith('"', at + 1):

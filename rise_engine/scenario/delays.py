@@ -31,11 +31,17 @@ def read_delay(reader: ElementReader, element: Element, attribute: str) -> Delay
         reader.diagnostics.error("time", location, expression_message(error))
         return Delay(text.strip())
     locate = partial(_locate, reader, element, attribute, len(computed.group(1)))
-    note_expression(expression, locate, reader.draft, reader.diagnostics)
+    note_expression(expression, locate, reader.tables, reader.draft, reader.diagnostics)
     unit = UNITS[computed.group(3)] if computed.group(3) else None
     if not expression.keys:
         _check_constant(reader, element, attribute, expression, unit)
     return Delay(text.strip(), None, expression, unit)
+
+
+def computed_part(text: str) -> tuple[str, int] | None:
+    """The expression of a time that is worked out, and where it begins: of `{pause}ms`, `pause` and 1."""
+    computed = _COMPUTED.match(text)
+    return (computed.group(2), computed.start(2)) if computed is not None else None
 
 
 def _check_constant(

@@ -5,12 +5,13 @@ Every code is listed in docs/reference/scenario.md.
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Collection, Iterable
 from typing import Literal, TypeAlias
 
-from msgspec import UNSET, Struct
+from msgspec import UNSET, Struct, UnsetType
 from msgspec.structs import replace
 
+from rise_engine.nearest_name import is_in_other_form
 from rise_engine.scenario.model import SourceLocation
 from rise_engine.text import clean
 
@@ -29,18 +30,22 @@ WARNING_CODES = frozenset(
         "memory-type",
         "no-effect",
         "no-filler",
+        "no-language",
         "no-ssml",
         "own-session",
         "reads-differently",
         "same-name",
         "short-loop",
         "ssml",
+        "stale-translation",
         "unheard-event",
+        "unicode-form",
         "unnoticed-failure",
         "unraised-event",
         "unreachable-state",
         "unreachable-transition",
         "unset-key",
+        "untranslated",
         "unused-parameter",
         "unused-table",
         "unused-template",
@@ -63,6 +68,8 @@ class Diagnostic(Struct, frozen=True):
     """Short, stable and readable: `unknown-element`."""
     message: str
     location: SourceLocation
+    end: SourceLocation | UnsetType = UNSET
+    """Behind the last character of what is meant; without one, it is the whole file."""
 
     def __str__(self) -> str:
         """One line, with nothing in it that a terminal would obey."""
@@ -84,9 +91,19 @@ class Diagnostics:
     def warning(self, code: str, location: SourceLocation, message: str) -> None:
         self._found.append(Diagnostic("warning", code, message + _template_note(location), location))
 
+    def add(self, others: Diagnostics) -> None:
+        """Take over what others have collected."""
+        self._found += others._found
+        self.errors += others.errors
+
     def sorted(self) -> list[Diagnostic]:
         """All findings in reading order: by file, line and column, each once."""
         return sorted(set(self._found), key=_reading_order)
+
+
+def unknown_code(code: str, name: str, known: Collection[str]) -> str:
+    """The code of a finding about a name that there is not: `unicode-form` when it is there in Unicode's other form."""
+    return "unicode-form" if is_in_other_form(name, known) else code
 
 
 def _reading_order(found: Diagnostic) -> tuple[str, int, int, str, str, str]:

@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from typing import Any
 
 from msgspec import Struct
 
 from rise_engine.expression import Assignment, Expression
 from rise_engine.expression.nodes import Part
+from rise_engine.scenario.diagnostics import Diagnostics
 from rise_engine.scenario.model import Act, Json, Rule, SourceLocation, Table
 
 
@@ -48,10 +50,30 @@ class PartMention(Struct, frozen=True):
     """It stands in a text."""
 
 
-class ScenarioDraft:
-    """A scenario in the making."""
+class Definition(Struct, frozen=True):
+    """An act or a rule that was read, and where its name stands."""
 
-    def __init__(self) -> None:
+    part: Act | Rule
+    locate: Callable[[], SourceLocation]
+
+
+class ForeignEnd(Struct, frozen=True):
+    """A transition that waits for the end of an act which its own rule never starts."""
+
+    act: str
+    location: SourceLocation
+
+
+class ScenarioDraft:
+    """A scenario in the making, or a part of one: what one file says."""
+
+    def __init__(
+        self, expressions: dict[str, Expression] | None = None, assignments: dict[str, Assignment] | None = None
+    ) -> None:
+        """With what other parts have read already, by its text: rules repeat themselves."""
+        self.act_definitions: list[Definition] = []
+        """All that were read; `acts` and `rules` have what counts of them."""
+        self.rule_definitions: list[Definition] = []
         self.acts: dict[str, Act] = {}
         self.rules: dict[str, Rule] = {}
         self.memory: dict[str, Json] = {}
@@ -67,6 +89,7 @@ class ScenarioDraft:
         self.awaited_topics: list[Mention] = []
         """Topics without their slash."""
         self.raised_topics: list[Mention] = []
+        self.foreign_ends: list[ForeignEnd] = []
         self.key_reads: list[Mention] = []
         """Memory keys that conditions and templates read and that have no fallback."""
         self.optional_key_reads: list[Mention] = []
@@ -90,12 +113,43 @@ class ScenarioDraft:
         self.bare_keys: list[BareKey] = []
         self.bare_words: list[Mention] = []
         """Right sides of assignments that are one word: a key, or a text without quotation marks."""
-        self.expressions: dict[str, Expression] = {}
-        """By text: rules repeat themselves, and what has been read once need not be read again."""
-        self.assignments: dict[str, Assignment] = {}
+        self.expressions: dict[str, Expression] = expressions if expressions is not None else {}
+        self.assignments: dict[str, Assignment] = assignments if assignments is not None else {}
         self.spoken_languages: set[str] = set()
         """Languages that single actions name, by BCP 47."""
         self.has_languages_from_memory = False
         """Whether the memory says at run time which language an action speaks."""
         self.unsent_ssml: list[SourceLocation] = []
         """Where messages stand that are SSML, of which this robot gets the words alone."""
+
+    def add(self, part: ScenarioDraft) -> None:
+        """Take over what a part says."""
+        for name, value in vars(part).items():
+            match value:
+                case list():
+                    getattr(self, name).extend(value)
+                case bool():
+                    setattr(self, name, value or getattr(self, name))
+                case dict() | set() if name not in _SHARED:
+                    getattr(self, name).update(value)
+
+    def define(self, diagnostics: Diagnostics) -> None:
+        """The acts and rules of the definitions: of two with one name, the first, and a finding for the other."""
+        self._define("act", self.act_definitions, self.acts, diagnostics)
+        self._define("rule", self.rule_definitions, self.rules, diagnostics)
+
+    def _define(
+        self, kind: str, definitions: list[Definition], known: dict[str, Any], diagnostics: Diagnostics
+    ) -> None:
+        for definition in definitions:
+            name = definition.part.name
+            if name in known:
+                first = known[name].location
+                message = f"there is another {kind} `{name}` in {first.file}, line {first.line}"
+                diagnostics.error("duplicate-name", definition.locate(), message)
+            else:
+                known[name] = definition.part
+
+
+_SHARED = ("expressions", "assignments")
+"""What all parts of one scenario have together."""

@@ -2,21 +2,22 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
-from typing import TypeVar
+from collections.abc import Callable, Collection, Iterator
+from functools import partial
 
 from rise_engine.nearest_name import did_you_mean
 from rise_engine.scenario.diagnostics import Diagnostics
-from rise_engine.scenario.draft import ScenarioDraft
+from rise_engine.scenario.draft import Definition, ScenarioDraft
 from rise_engine.scenario.model import Act, Rule
 from rise_engine.scenario.xml import Element, XmlFile
 from rise_engine.text import BLANKS, character_name, find_unseen
 
-Part = TypeVar("Part", Act, Rule)
-
 
 class ElementReader:
     """Reads elements of a file into a draft; what is wrong with them becomes findings."""
+
+    tables: Collection[str] = ()
+    """The names of the scenario's tables."""
 
     def __init__(self, file: XmlFile, draft: ScenarioDraft, diagnostics: Diagnostics) -> None:
         self.file = file
@@ -43,19 +44,14 @@ class ElementReader:
         self,
         tag: str,
         wrappers: tuple[str, ...],
-        kind: str,
-        parts: dict[str, Part],
-        read: Callable[[Element], Part | None],
+        definitions: list[Definition],
+        read: Callable[[Element], Act | Rule | None],
     ) -> None:
-        """Add the acts or the rules of the file to `parts`."""
+        """Add the acts or the rules of the file to `definitions`."""
         for element in self.top_elements(tag, wrappers):
             part = read(element)
-            if part is not None and part.name in parts:
-                first = parts[part.name].location
-                message = f"there is another {kind} `{part.name}` in {first.file}, line {first.line}"
-                self.report_value("duplicate-name", element, "name", message)
-            elif part is not None:
-                parts[part.name] = part
+            if part is not None:
+                definitions.append(Definition(part, partial(self.file.value_location, element, "name")))
 
     def top_elements(self, tag: str, wrappers: tuple[str, ...]) -> Iterator[Element]:
         """The elements called `tag`: the outermost element itself, or the children of a wrapper."""

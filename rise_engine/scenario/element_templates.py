@@ -16,13 +16,13 @@ from pathlib import Path
 from msgspec import Struct
 
 from rise_engine.nearest_name import did_you_mean, nearest_name
-from rise_engine.scenario.diagnostics import Diagnostics
+from rise_engine.scenario.diagnostics import Diagnostics, unknown_code
 from rise_engine.scenario.draft import ScenarioDraft
 from rise_engine.scenario.element_reader import ElementReader
 from rise_engine.scenario.graph import find_cycles
 from rise_engine.scenario.model import SourceLocation
 from rise_engine.scenario.source_files import FileReader
-from rise_engine.scenario.xml import Element, XmlFile, read_xml
+from rise_engine.scenario.xml import Element, XmlFile, xml_of
 from rise_engine.text import BLANKS
 
 LIBRARY = Path(__file__).with_name("patterns")
@@ -91,6 +91,7 @@ class TemplateCollection:
 
     def __init__(self, files: FileReader, draft: ScenarioDraft, diagnostics: Diagnostics) -> None:
         self.files = files
+        self.memo = files.memo
         self.draft = draft
         self.diagnostics = diagnostics
         self.templates: dict[str, ElementTemplate] = {}
@@ -105,15 +106,15 @@ class TemplateCollection:
     def read(self, files: Iterable[XmlFile]) -> None:
         """Find the templates of these files and check them, and every `<use>`."""
         files = list(files)
-        readers = [_TemplateReader(file, self) for file in files]
-        for reader in readers:
-            reader.read_templates()
+        for file in files:
+            if file.may_define_templates:
+                _TemplateReader(file, self, self.diagnostics).read_templates()
         self.own.update(self.templates)
         used: set[str] = set()
-        for reader in readers:
-            reader.check_uses(reader.file.root, used)
+        for file in files:
+            used |= self._check("uses", file, file.root, None)
         for template in pending(self.templates):
-            _TemplateReader(template.file, self).check_content(template)
+            template.uses = self._check(template.name, template.file, template.element, template)
             used |= template.uses
         for cycle in find_cycles(self._uses_of_templates()):
             first = self.templates[cycle[0]]
@@ -124,6 +125,40 @@ class TemplateCollection:
             location = self.templates[name].file.value_location(self.templates[name].element, "name")
             self.diagnostics.warning("unused-template", location, f"nothing uses the template `{name}`")
 
+    def _check(self, what: str, file: XmlFile, element: Element, template: ElementTemplate | None) -> set[str]:
+        """Check the uses in an element, and of a template its content; gives the names of what is used."""
+        names = self.memo.get(("names", file, what), lambda: frozenset(_names_used(element)))
+
+        def make(diagnostics: Diagnostics) -> tuple[set[str], dict[int, ElementTemplate]]:
+            reader = _TemplateReader(file, self, diagnostics)
+            if template is not None:
+                reader.check_content(template)
+            reader.check_uses(element)
+            return reader.used, reader.meant
+
+        key = ("checked", file, what, self._stamp(names))
+        used, meant = self.memo.read(key, self.diagnostics, make)
+        self.meant.update(meant)
+        return used
+
+    def _stamp(self, names: Iterable[str]) -> tuple[object, ...]:
+        """What the elements that use these templates depend on: the files that they stand in."""
+        found = [(name, self.find(name)) for name in sorted(names)]
+        files = tuple((name, template and template.file) for name, template in found)
+        if all(template for _, template in found):
+            return files
+        return files, frozenset(self.templates), frozenset(self.library), bool(self.draft.unreadable_parts)
+
+    def stamp_of(self, file: XmlFile) -> tuple[object, ...]:
+        """What comes of the uses in a file depends on: the files of all templates that they lead to."""
+        names: set[str] = set()
+        rest = [*self.memo.get(("names", file, "uses"), lambda: frozenset(_names_used(file.root)))]
+        while rest:
+            if (name := rest.pop()) not in names:
+                names.add(name)
+                rest += self.templates[name].uses if name in self.templates else ()
+        return (*self._stamp(names), frozenset(self.circular & names))
+
     def _uses_of_templates(self) -> dict[str, list[str]]:
         """By name, the templates that each uses."""
         return {name: sorted(each.uses & self.templates.keys()) for name, each in self.templates.items()}
@@ -132,9 +167,8 @@ class TemplateCollection:
         """The template of this name: the scenario's own, or else the library's, which is read when it is asked for."""
         if name not in self.templates and name in self.library:
             source = self.files.read(self.library[name])
-            file = read_xml(source, self.diagnostics) if source is not None else None
-            if file is not None:
-                _TemplateReader(file, self).read_templates()
+            if source is not None and (file := xml_of(source, self.files)) is not None:
+                _TemplateReader(file, self, self.diagnostics).read_templates()
         return self.templates.get(name)
 
     @property
@@ -142,8 +176,14 @@ class TemplateCollection:
         """The files of the library by the names of their templates."""
         if self._library is None:
             folders = (LIBRARY, self.files.folder / PATTERNS)
-            self._library = {path.stem: path for folder in folders for path in sorted(folder.glob("*.xml"))}
+            self._library = {path.stem: path for folder in folders for path in self._xml_files(folder)}
         return self._library
+
+    def _xml_files(self, folder: Path) -> list[Path]:
+        try:
+            return [folder / name for name in self.files.tree.names(folder) if name.endswith(".xml")]
+        except OSError:
+            return []
 
 
 def pending(templates: dict[str, ElementTemplate]) -> Iterator[ElementTemplate]:
@@ -158,9 +198,13 @@ def pending(templates: dict[str, ElementTemplate]) -> Iterator[ElementTemplate]:
 class _TemplateReader(ElementReader):
     """Reads the templates of a file."""
 
-    def __init__(self, file: XmlFile, collection: TemplateCollection) -> None:
-        super().__init__(file, collection.draft, collection.diagnostics)
+    def __init__(self, file: XmlFile, collection: TemplateCollection, diagnostics: Diagnostics) -> None:
+        super().__init__(file, collection.draft, diagnostics)
         self.collection = collection
+        self.used: set[str] = set()
+        """The names of templates that were met."""
+        self.meant: dict[int, ElementTemplate] = {}
+        """As in the collection."""
 
     def read_templates(self) -> None:
         root = self.file.root
@@ -225,7 +269,6 @@ class _TemplateReader(ElementReader):
             if name not in read:
                 message = f"the template `{template.name}` makes no use of its parameter `{name}`"
                 self.diagnostics.warning("unused-parameter", self.file.value_location(element, "name"), message)
-        self.check_uses(template.element, template.uses)
 
     def check_piece(self, piece: TextPiece, template: ElementTemplate, at: SourceLocation, read: set[str]) -> None:
         name = piece.parameter or ""
@@ -238,15 +281,15 @@ class _TemplateReader(ElementReader):
             message = f"the template `{template.name}` has no parameter `{name}`{near}"
             self.diagnostics.error("unknown-parameter", at, message)
 
-    def check_uses(self, parent: Element, used: set[str]) -> None:
+    def check_uses(self, parent: Element) -> None:
         """Every `<use>` inside an element, templates within it left out."""
         for child in parent:
             if child.tag in ("use", "Template"):
                 self.check_no_tail(child)
             if child.tag == "use":
-                self.check_use(child, parent, used)
+                self.check_use(child, parent)
             elif child.tag != "Template":
-                self.check_uses(child, used)
+                self.check_uses(child)
             elif parent is not self.file.root or parent.tag not in _WRAPPERS:
                 message = "`<Template>` cannot stand here; it stands beside the acts or rules of a file"
                 self.report_error("unknown-element", child, message)
@@ -258,13 +301,13 @@ class _TemplateReader(ElementReader):
             message = f"text cannot stand here: `{' '.join(stray[:1000].split())[:60]}`"
             self.diagnostics.error("unexpected-text", location, message)
 
-    def check_use(self, element: Element, parent: Element, used: set[str]) -> None:
+    def check_use(self, element: Element, parent: Element) -> None:
         self.check_no_text(element)
         for child in element:
             message = f"`<use>` holds nothing; `<{child.tag}>` cannot stand in it"
             self.report_error("unknown-element", child, message)
         name = (element.get("template") or "").strip()
-        used.add(name)
+        self.used.add(name)
         if parent.tag not in HOLDERS:
             message = f"`<use>` cannot stand in `<{parent.tag}>`; it stands where acts, actions, rules, states, "
             self.report_error("misplaced", element, message + "transitions or functions stand")
@@ -277,7 +320,8 @@ class _TemplateReader(ElementReader):
         elif not self.collection.draft.unreadable_parts:
             known = [*self.collection.templates, *self.collection.library]
             near = did_you_mean(name, sorted(known), limit=0)
-            self.report_value("unknown-template", element, "template", f"there is no template `{name}`{near}")
+            code = unknown_code("unknown-template", name, known)
+            self.report_value(code, element, "template", f"there is no template `{name}`{near}")
 
     def check_arguments(self, element: Element, template: ElementTemplate) -> None:
         required = set(template.required)
@@ -295,7 +339,7 @@ class _TemplateReader(ElementReader):
             message = f"the template `{template.name}` ({where.file}, line {where.line}) needs {names}"
             self.report_error("missing-parameter", element, message)
         if required <= element.attributes.keys():
-            self.collection.meant[id(element)] = template
+            self.meant[id(element)] = template
 
 
 def _elements(elements: Iterable[Element]) -> Iterator[Element]:
@@ -305,6 +349,16 @@ def _elements(elements: Iterable[Element]) -> Iterator[Element]:
         element = rest.pop()
         yield element
         rest += element[::-1]
+
+
+def _names_used(parent: Element) -> Iterator[str]:
+    """The names of the templates that an element uses, templates within it left out."""
+    rest = [child for child in parent if child.tag != "Template"]
+    while rest:
+        element = rest.pop()
+        if element.tag == "use":
+            yield (element.get("template") or "").strip()
+        rest += (child for child in element if child.tag != "Template")
 
 
 def _parameters(written: str) -> Iterator[TextPiece]:

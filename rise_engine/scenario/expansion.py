@@ -7,12 +7,14 @@ An element that comes from a template knows which, and by which `<use>`. So a fi
 from __future__ import annotations
 
 from bisect import bisect_right
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
+from functools import partial
 from itertools import accumulate
 from typing import NamedTuple
 
 from msgspec.structs import replace
 
+from rise_engine.scenario.diagnostics import Diagnostics
 from rise_engine.scenario.element_templates import ElementTemplate, TemplateCollection, TextPiece, text_pieces
 from rise_engine.scenario.model import SourceLocation, TemplateLocation
 from rise_engine.scenario.xml import Element, XmlFile
@@ -76,6 +78,7 @@ class ExpandedFile(XmlFile):
     def __init__(self, file: XmlFile) -> None:
         self.source = file.source
         self.has_text = file.has_text
+        self.may_have_templates = self.may_define_templates = True
         self.root = file.root
         self._text = file._text
         self._repaired = file._repaired
@@ -169,11 +172,37 @@ def _with_template(outer: SourceLocation, call: TemplateCall, inner: SourceLocat
     return replace(outer, template=place)
 
 
-class Expander:
-    """Expands the files of a scenario, within limits for all of them together."""
+def expand_files(files: Sequence[XmlFile], templates: TemplateCollection) -> list[XmlFile]:
+    """These files with their templates put in, within limits for all of them together."""
+    expanded: list[XmlFile] = []
+    elements = characters = 0
+    for file in files:
+        if not file.may_have_templates or file.root.tag == "Template":
+            expanded.append(file)
+            continue
+        new, expander = templates.memo.get(
+            ("expanded", file, templates.stamp_of(file)), partial(_expand, file, templates)
+        )
+        expanded.append(new)
+        elements, characters = elements + expander.elements, characters + expander.characters
+        if expander.is_full or elements > MAX_ELEMENTS or characters > MAX_CHARACTERS:
+            whole = Expander(templates, templates.diagnostics)
+            return [whole.expand(each) for each in files]
+    return expanded
 
-    def __init__(self, templates: TemplateCollection) -> None:
-        self.templates = templates
+
+def _expand(file: XmlFile, templates: TemplateCollection) -> tuple[XmlFile, Expander]:
+    expander = Expander(templates, Diagnostics())
+    return expander.expand(file), expander
+
+
+class Expander:
+    """Expands files, within limits for all of them together."""
+
+    def __init__(self, templates: TemplateCollection, diagnostics: Diagnostics) -> None:
+        self.meant = templates.meant
+        self.circular = templates.circular
+        self.diagnostics = diagnostics
         self.elements = 0
         self.characters = 0
         self.is_full = False
@@ -224,8 +253,8 @@ class Expander:
         self._has_failed |= outside
 
     def _add_use(self, new: Element, child: Element, call: TemplateCall | None, level: int) -> None:
-        template = self.templates.meant.get(id(child))
-        if template is None or template.name in self.templates.circular:
+        template = self.meant.get(id(child))
+        if template is None or template.name in self.circular:
             self._has_failed = True
             return
         use = child if call is None else ExpandedElement(child, call)
@@ -255,6 +284,6 @@ class Expander:
             problem = ("too-large", f"more than {MAX_CHARACTERS} characters would come of the templates")
         if problem[0] and not self.is_full:
             self.is_full = True
-            self.templates.diagnostics.error(problem[0], self._file.element_location(element), problem[1])
+            self.diagnostics.error(problem[0], self._file.element_location(element), problem[1])
         self._has_failed |= self.is_full
         return not self.is_full

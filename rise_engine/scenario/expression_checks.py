@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Callable
+from collections.abc import Callable, Collection
 from functools import partial
 
 from rise_engine.expression import Assignment, Expression, ExpressionError
@@ -25,11 +25,16 @@ def expression_message(error: ExpressionError) -> str:
 
 
 def note_expression(
-    expression: Expression, locate: partial[SourceLocation], draft: ScenarioDraft, diagnostics: Diagnostics
+    expression: Expression,
+    locate: partial[SourceLocation],
+    tables: Collection[str],
+    draft: ScenarioDraft,
+    diagnostics: Diagnostics,
 ) -> None:
     """Note the keys that a condition reads, and warn when RISE's own parser would have read it differently.
 
-    `locate` gives the location of the condition, or of the character of that number in it.
+    `locate` gives the location of the condition, or of the character of that number in it; `tables` are the names of
+    the scenario's tables.
     """
     _note_reads(expression, locate, draft)
     blank = _find_odd_blank(expression.text)
@@ -37,7 +42,7 @@ def note_expression(
         sentence = typography_problem(expression.text, blank)
         diagnostics.warning("reads-differently", locate(blank), f"{sentence} (RISE does not take it for one)")
         return
-    difference = rise1_difference(expression, draft.tables)
+    difference = rise1_difference(expression, tables)
     if difference is not None:
         diagnostics.warning("reads-differently", locate(), difference)
 

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 SCENARIO_FILE = "scenario.toml"
 LEXICON_FILE = "lexicon.toml"
+TEXTS_FOLDER = "texts"
+"""With the translations, a file for each language: `texts/de.toml`."""
 
 DEFAULT_PATHS = {"acts": "acts", "rules": "rules", "memory": "memory.json"}
 """Where acts, rules and memory lie, unless `scenario.toml` says otherwise."""

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Hashable, Iterator, Mapping
+from functools import partial
 from hashlib import sha256
 from pathlib import Path
 from typing import Any
@@ -11,7 +12,7 @@ from typing import Any
 from msgspec import Struct, field
 from msgspec.structs import replace
 
-from rise_engine.nearest_name import limited_comparisons
+from rise_engine.nearest_name import did_you_mean, in_backquotes, limited_comparisons
 from rise_engine.scenario.act_settings import ActTables
 from rise_engine.scenario.action_declarations import apply_declarations
 from rise_engine.scenario.acts import read_acts, report_unsent_ssml
@@ -19,28 +20,38 @@ from rise_engine.scenario.cross_references import check_cross_references
 from rise_engine.scenario.diagnostics import Diagnostic, Diagnostics
 from rise_engine.scenario.draft import ScenarioDraft
 from rise_engine.scenario.element_templates import LIBRARY, PATTERNS, TemplateCollection
-from rise_engine.scenario.expansion import Expander
+from rise_engine.scenario.expansion import expand_files
 from rise_engine.scenario.failure_checks import check_failures
-from rise_engine.scenario.file_names import DEFAULT_PATHS, LEXICON_FILE, SCENARIO_FILE
+from rise_engine.scenario.file_names import DEFAULT_PATHS, LEXICON_FILE, SCENARIO_FILE, TEXTS_FOLDER
+from rise_engine.scenario.find_uses import uses_in_acts, uses_in_rules
+from rise_engine.scenario.find_uses_in_settings import uses_in_memory, uses_in_settings
+from rise_engine.scenario.finding_ends import with_ends
+from rise_engine.scenario.interrupted_save import contents_of_interrupted_save
 from rise_engine.scenario.lexicon import read_lexicon
+from rise_engine.scenario.memo import Memo, Value
 from rise_engine.scenario.memory import read_memory
-from rise_engine.scenario.model import LexiconTable, RobotProfile, Scenario, SourceLocation
-from rise_engine.scenario.robot_profiles import DEFAULT_ROBOT, read_robot, robot_names
+from rise_engine.scenario.model import SESSION, LexiconTable, RobotProfile, Scenario, SourceLocation
+from rise_engine.scenario.robot_profiles import DEFAULT_ROBOT, builtin_robot, read_robot, robot_names
 from rise_engine.scenario.rules import read_rules
 from rise_engine.scenario.scenario_toml import ScenarioSettings
 from rise_engine.scenario.session_keys import factors_read
 from rise_engine.scenario.shipped_studies import shipped_hint
 from rise_engine.scenario.source_files import MAX_TOML_BYTES, FileReader, SourceFile
+from rise_engine.scenario.spoken_texts import SpokenText
 from rise_engine.scenario.suppressions import (
     SuppressedWarning,
+    Suppression,
     apply_suppressions,
     memory_suppressions,
     read_suppressions,
 )
 from rise_engine.scenario.tables import TABLES_FOLDER, read_tables
-from rise_engine.scenario.toml_locations import TomlFile, read_toml
+from rise_engine.scenario.toml_locations import TomlFile, toml_of
 from rise_engine.scenario.toml_tables import TomlTable
-from rise_engine.scenario.xml import XmlFile, read_xml
+from rise_engine.scenario.translations import LanguageTexts, TranslationReader
+from rise_engine.scenario.tree import FileTree, Held
+from rise_engine.scenario.uses import Use, Uses
+from rise_engine.scenario.xml import XmlFile, xml_of
 
 
 class LoadResult(Struct, frozen=True):
@@ -56,6 +67,16 @@ class LoadResult(Struct, frozen=True):
     """Warnings that are meant, in reading order; they are not among the findings."""
     act_tables: ActTables = field(default_factory=ActTables)
     """What scenario.toml says of acts."""
+    draft: ScenarioDraft = field(default_factory=ScenarioDraft)
+    """What could be read, also when something is wrong: acts, rules, memory, tables, and who names what."""
+    robot: RobotProfile = field(default_factory=builtin_robot)
+    """The robot's profile; on errors, what could be understood of it."""
+    translations: dict[str, LanguageTexts] = {}
+    """By language; also when there are errors, as far as they could be read."""
+    texts: tuple[SpokenText, ...] = ()
+    """All that is said in the acts, as they have it, in their order; also when there are errors."""
+    uses: Uses = field(default_factory=partial(Uses, ()))
+    """Who names what in the files that could be read."""
 
     def __iter__(self) -> Iterator[Any]:
         """`scenario, findings = load(...)` works too."""
@@ -72,6 +93,9 @@ def load(
     robot: str | None = None,
     mode: str | None = None,
     paths: Mapping[str, str] | None = None,
+    language: str | None = None,
+    allow_untranslated: bool = False,
+    held: Held | None = None,
 ) -> LoadResult:
     """Read and check a scenario.
 
@@ -81,6 +105,10 @@ def load(
         mode: "debug" or "real", instead of what the file says.
         paths: where acts, rules and memory lie, instead of what the file says: paths relative to the folder, by
             `acts`, `rules` and `memory`.
+        language: the one in which everything is to be said (`texts/LANGUAGE.toml`); None: as the acts have it.
+        allow_untranslated: whether what is not translated is said as the acts have it, in their language.
+        held: contents that are read instead of the disk, by the names of their files relative to the folder,
+            `acts/greet.xml`; None: as if the file were not there. Of these files nothing is asked of the disk.
 
     Returns the checked scenario with its warnings, or no scenario and everything that is wrong, each with file, line,
     column and a sentence. Nothing that an author wrote raises an error, nor does a file that cannot be read.
@@ -94,36 +122,53 @@ def load(
     'scenarios/greetings:1:1: error unreadable: there is no such folder'
     """
     with limited_comparisons():
-        return _Loader(Path(path)).load(robot, mode, paths or {})
+        return ScenarioLoader(Path(path), held).load(robot, mode, paths or {}, language or "", allow_untranslated)
 
 
 def expanded_files(scenario: Scenario) -> list[XmlFile]:
     """The files of acts and rules of a scenario that `load` has found without errors, with their templates put in."""
-    loader = _Loader(Path(scenario.folder))
+    loader = ScenarioLoader(Path(scenario.folder))
     files = {kind: list(loader.read_xml_files(kind, scenario.paths[kind])) for kind in ("acts", "rules")}
     return [file for kind in loader.expand_files(files).values() for file in kind]
 
 
-class _Loader:
-    def __init__(self, path: Path) -> None:
+class ScenarioLoader:
+    """Reads one scenario once; `load` says how, `ScenarioChecker` does it again and again."""
+
+    def __init__(self, path: Path, held: Held | None = None, memo: Memo | None = None) -> None:
+        """
+        :param path: the scenario's folder, or the `scenario.toml` in it.
+        :param held: what is read instead of the disk.
+        :param memo: what was read before.
+        """
+        self.memo = memo or Memo()
         self.diagnostics = Diagnostics()
         self.path = path
         is_file = path.name == SCENARIO_FILE or path.suffix == ".toml"
         self.folder = Path(os.path.abspath(path.parent if is_file else path))  # noqa: PTH100  # keeps symbolic links
-        self.files = FileReader(self.folder, self.diagnostics)
-        self.draft = ScenarioDraft()
-        self.file = TomlFile(SourceFile(SCENARIO_FILE, b"", ""), {})
+        self.tree = FileTree(self.folder, {**contents_of_interrupted_save(self.folder), **(held or {})})
+        self.files = FileReader(self.folder, self.diagnostics, self.tree, self.memo)
+        self.draft = ScenarioDraft(self.memo.expressions, self.memo.assignments)
+        self.file = self.memo.get("no scenario.toml", lambda: TomlFile(SourceFile(SCENARIO_FILE, b"", ""), {}))
+        self.memory_source: SourceFile | None = None
         self.named: dict[str, str] = {}
         self.caller = SourceLocation(str(path))
         """Where what the caller asked for, and no file says, is reported."""
 
-    def load(self, robot: str | None, mode: str | None, paths: Mapping[str, str]) -> LoadResult:
+    def load(
+        self,
+        robot: str | None,
+        mode: str | None,
+        paths: Mapping[str, str],
+        language: str = "",
+        allow_untranslated: bool = False,
+    ) -> LoadResult:
         diagnostics, draft = self.diagnostics, self.draft
-        if not self.folder.is_dir():
+        if not self.tree.is_folder(self.folder):
             diagnostics.error("unreadable", SourceLocation(str(self.path)), f"there is no such folder{shipped_hint()}")
             return LoadResult(None, diagnostics.sorted())
         self.read_settings()
-        settings = ScenarioSettings(self.file, draft, diagnostics)
+        settings = self.read_part(("settings", self.file), partial(ScenarioSettings, self.file))
         if mode is not None and mode not in ("debug", "real"):
             diagnostics.error("wrong-value", self.caller, f'the mode asked for is "debug" or "real", not "{mode}"')
         profile = self.read_robot_profile(robot if robot is not None else settings.robot, asked=robot is not None)
@@ -132,12 +177,15 @@ class _Loader:
 
         read_tables(self.files, draft, diagnostics)
         expanded = self.expand_files({kind: list(self.read_xml_files(kind, paths[kind])) for kind in ("acts", "rules")})
+        number, tables = self.memo.number("robot", profile), tuple(draft.tables)
         for file in expanded["acts"]:
-            read_acts(file, profile, draft, diagnostics)
+            self.read_part(("acts", file, number), partial(read_acts, file, profile))
         for file in expanded["rules"]:
-            read_rules(file, draft, diagnostics)
+            self.read_part(("rules", file, tables), partial(read_rules, file, tables))
+        self.draft.define(diagnostics)
         self.read_memory(paths["memory"])
         report_unsent_ssml(profile, draft, diagnostics)
+        translations = self.read_translations(settings, profile, language, allow_untranslated)
         lexicon = self.read_lexicon(settings.language, profile.name)
         check_cross_references(draft, diagnostics)
         if "acts" not in draft.unreadable_parts:
@@ -146,19 +194,30 @@ class _Loader:
                 check_failures(draft, settings.act_tables, settings.on_failure, profile, diagnostics)
 
         suppressions = [
-            *read_suppressions(self.files.sources, diagnostics),
+            *(each for source in self.files.sources for each in self.read_suppressions(source)),
             *memory_suppressions(settings.suppressions, draft.memory_key_locations),
         ]
         found, silenced = apply_suppressions(suppressions, diagnostics)
+        found = with_ends(found, {source.name: source for source in self.files.sources})
+        uses = Uses(self.find_uses(expanded, number, profile))
         if diagnostics.errors:
-            return LoadResult(None, found, suppressed=silenced)
+            return LoadResult(
+                None,
+                found,
+                suppressed=silenced,
+                draft=draft,
+                robot=profile,
+                uses=uses,
+                translations=translations.found,
+                texts=translations.all_texts,
+            )
         files = self.files_by_usual_path(paths)
         scenario = Scenario(
             title=settings.title or self.folder.name,
             folder=str(self.folder),
             mode="real" if (mode or settings.mode) == "real" else "debug",
             robot=profile,
-            acts=draft.acts,
+            acts=translations.translated(language) if language else draft.acts,
             rules=draft.rules,
             memory=draft.memory,
             tables=draft.tables,
@@ -168,7 +227,9 @@ class _Loader:
             study=settings.study,
             conditions=settings.conditions,
             private=settings.private,
-            language=settings.language,
+            language=language or settings.language,
+            languages=tuple(translations.found),
+            says_language=bool(language),
             lexicon=lexicon,
             may_release=settings.may_release,
             on_failure=settings.on_failure,
@@ -177,40 +238,96 @@ class _Loader:
             reads_session=bool(draft.session_keys),
             factors_read=factors_read(draft),
             topics=frozenset(mention.name for mention in draft.awaited_topics),
-            hash=_hash(files, profile.name),
+            hash=_hash(files, profile.name, language),
         )
-        return LoadResult(scenario, found, files, silenced, settings.act_tables)
+        return LoadResult(
+            scenario,
+            found,
+            files,
+            silenced,
+            settings.act_tables,
+            draft,
+            profile,
+            translations.found,
+            translations.all_texts,
+            uses,
+        )
+
+    def read_part(self, key: Hashable, read: Callable[[ScenarioDraft, Diagnostics], Value]) -> Value:
+        return self.memo.read_part(key, self.draft, self.diagnostics, read)
+
+    def find_uses(self, files: dict[str, list[XmlFile]], robot_number: int, robot: RobotProfile) -> Iterator[Use]:
+        """Who names what, in no order; what has not changed is not looked through again."""
+        draft, memo = self.draft, self.memo
+        sources = {source.name: source for source in self.files.sources}
+        lists = [memo.get(("uses", self.file), partial(uses_in_settings, self.file))]
+        if self.memory_source is not None:
+            lists.append(memo.get(("uses", self.memory_source), partial(uses_in_memory, self.memory_source)))
+        for file in files["acts"]:
+            lists.append(memo.get(("uses", file, robot_number), partial(uses_in_acts, file, robot, sources)))
+        for file in files["rules"]:
+            lists.append(memo.get(("uses", file), partial(uses_in_rules, file, sources)))
+        for use in (use for uses in lists for use in uses):
+            head = use.name.partition(".")[0]
+            is_of_engine = use.kind == "key" and (head in draft.tables or (head == SESSION and draft.session_keys))
+            if not is_of_engine and (not use.may_be_text or draft.settable_keys & {use.name, head}):
+                yield use
 
     def read_settings(self) -> None:
         path = self.folder / (self.path.name if self.path.suffix == ".toml" else SCENARIO_FILE)
-        source = self.files.read(path, MAX_TOML_BYTES) if os.path.lexists(path) else None
-        file = read_toml(source, self.diagnostics) if source is not None else None
+        source = self.files.read(path, MAX_TOML_BYTES) if self.tree.exists(path) else None
+        file = toml_of(source, self.files) if source is not None else None
         self.file = file or self.file
 
     def read_robot_profile(self, name: str, *, asked: bool) -> RobotProfile:
         file = self.file
         location = self.caller if asked else file.value_location("robot")
         profile = read_robot(name or DEFAULT_ROBOT, self.files, location, asked=asked)
-        table = TomlTable(file, (), file.values, self.diagnostics)
-        return replace(profile, actions=apply_declarations(table, profile.actions, "scenario"))
+
+        def make(diagnostics: Diagnostics) -> RobotProfile:
+            table = TomlTable(file, (), file.values, diagnostics)
+            return replace(profile, actions=apply_declarations(table, profile.actions, "scenario"))
+
+        return self.memo.read(("robot", file, self.memo.number("profile", profile)), self.diagnostics, make)
 
     def read_memory(self, relative_path: str) -> None:
         path = self.folder / relative_path
         if self.check_exists("memory", path):
-            source = self.files.read(path)
+            source = self.memory_source = self.files.read(path)
             if source is None:
                 self.draft.unreadable_parts.add("memory")
             else:
-                read_memory(source, self.draft, self.diagnostics)
+                tables = tuple(self.draft.tables)
+                self.read_part(("memory", source, tables), partial(read_memory, source, tables))
+
+    def read_suppressions(self, source: SourceFile) -> list[Suppression]:
+        return self.memo.read(("allow", source), self.diagnostics, lambda found: read_suppressions([source], found))
+
+    def read_translations(
+        self, settings: ScenarioSettings, robot: RobotProfile, language: str, allow_untranslated: bool
+    ) -> TranslationReader:
+        """What the acts say in other languages, compared with them; a finding when there is not the one asked for."""
+        reader = TranslationReader(robot, self.draft, settings.language, language, self.diagnostics)
+        reader.read(self.files, settings.languages)
+        reader.report_missing(allow=allow_untranslated)
+        self.draft.spoken_languages.update(reader.found)
+        known = [*filter(None, (settings.language, *reader.found))]
+        if language and language not in known:
+            near = did_you_mean(language, known, limit=0)
+            has = f"; it is in {in_backquotes(known)}" if known and not near else near
+            remedy = "" if known else '; say in scenario.toml in which it is: language = "en"'
+            message = f"this study is not in the language `{language}`{has}{remedy}"
+            self.diagnostics.error("unknown-language", self.caller, message)
+        return reader
 
     def read_lexicon(self, language: str, robot: str) -> tuple[LexiconTable, ...]:
         """How words are said; nothing when the folder has no such file."""
         path = self.folder / LEXICON_FILE
-        source = self.files.read(path, MAX_TOML_BYTES) if os.path.lexists(path) else None
-        file = read_toml(source, self.diagnostics) if source is not None else None
+        source = self.files.read(path, MAX_TOML_BYTES) if self.tree.exists(path) else None
+        file = toml_of(source, self.files) if source is not None else None
         if file is None:
             return ()
-        return read_lexicon(file, language, {*robot_names(self.folder), robot}, self.draft, self.diagnostics)
+        return read_lexicon(file, language, {*robot_names(self.folder, self.tree), robot}, self.draft, self.diagnostics)
 
     def read_xml_files(self, kind: str, relative_path: str) -> Iterator[XmlFile]:
         """The XML files of a folder in the order of their names, or the one file that was named."""
@@ -218,9 +335,9 @@ class _Loader:
         if not self.check_exists(kind, path):
             return
         paths = [path]
-        if path.is_dir():
+        if self.tree.is_folder(path):
             try:
-                names = sorted(each.name for each in path.iterdir())
+                names = self.tree.names(path)
             except OSError as error:
                 message = f"this folder cannot be read: {error.strerror or error}"
                 self.diagnostics.error("unreadable", SourceLocation(relative_path), message)
@@ -228,7 +345,7 @@ class _Loader:
             paths = [path / name for name in names if name.lower().endswith(".xml") and not name.startswith(".")]
         for each in paths:
             source = self.files.read(each)
-            file = read_xml(source, self.diagnostics) if source is not None else None
+            file = xml_of(source, self.files) if source is not None else None
             if file is None:
                 self.draft.unreadable_parts.add(kind)
             else:
@@ -238,8 +355,8 @@ class _Loader:
         """These files with their templates put in."""
         templates = TemplateCollection(self.files, self.draft, self.diagnostics)
         templates.read(file for kind in files for file in files[kind] if file.may_have_templates)
-        expander = Expander(templates)
-        expanded = {kind: [expander.expand(file) for file in files[kind]] for kind in files}
+        rest = iter(expand_files([file for kind in files for file in files[kind]], templates))
+        expanded = {kind: [next(rest) for _ in files[kind]] for kind in files}
         for kind, those in expanded.items():
             if not all(file.is_complete(file.root) for file in those):
                 self.draft.unreadable_parts.add(kind)
@@ -248,7 +365,7 @@ class _Loader:
     def check_exists(self, kind: str, path: Path) -> bool:
         """Whether a place is there. One that was named must be; the usual ones need not."""
         try:
-            if os.path.lexists(path):  # a link that leads nowhere is there, and cannot be read
+            if self.tree.exists(path):  # a link that leads nowhere is there, and cannot be read
                 return True
         except (OSError, ValueError):  # a name that no file can have
             pass
@@ -273,6 +390,8 @@ class _Loader:
                 name = f"acts/{path.name}"
             elif rules in (path, path.parent):
                 name = f"rules/{path.name}"
+            elif path.parent == self.folder / TEXTS_FOLDER:
+                name = f"{TEXTS_FOLDER}/{path.name}"
             elif path.parent in (LIBRARY, self.folder / PATTERNS) and path.suffix == ".xml":
                 name = f"{PATTERNS}/{path.name}"
             elif source.name in settings:
@@ -285,10 +404,11 @@ class _Loader:
         return files
 
 
-def _hash(files: Mapping[str, bytes], robot: str) -> str:
-    """Over everything that was read, in a fixed order, wherever it lay."""
+def _hash(files: Mapping[str, bytes], robot: str, language: str = "") -> str:
+    """Over everything that was read, in a fixed order, wherever it lay; and the language that was asked for, if any."""
     digest = sha256()
-    for name, data in [*sorted(files.items()), ("robot", robot.encode())]:
+    asked = [("language", language.encode())] if language else []
+    for name, data in [*sorted(files.items()), ("robot", robot.encode()), *asked]:
         digest.update(f"{name}\0{len(data)}\0".encode())
         digest.update(data)
     return digest.hexdigest()

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Collection
 from unicodedata import normalize
 
 from rise_engine.json_codec import JsonArray, JsonError, JsonMember, JsonObject, read_json, to_plain
@@ -23,14 +24,17 @@ def is_writable_key(key: str) -> bool:
     return _WRITABLE.match(key) is not None and key not in _WORDS
 
 
-def read_memory(source: SourceFile, draft: ScenarioDraft, diagnostics: Diagnostics) -> None:
-    """Read a memory file, in RISE's form or as a plain object, into `draft`."""
-    _MemoryReader(source, draft, diagnostics).read()
+def read_memory(source: SourceFile, tables: Collection[str], draft: ScenarioDraft, diagnostics: Diagnostics) -> None:
+    """Read a memory file, in RISE's form or as a plain object, into `draft`. `tables` are the names of the tables."""
+    _MemoryReader(source, tables, draft, diagnostics).read()
 
 
 class _MemoryReader:
-    def __init__(self, source: SourceFile, draft: ScenarioDraft, diagnostics: Diagnostics) -> None:
+    def __init__(
+        self, source: SourceFile, tables: Collection[str], draft: ScenarioDraft, diagnostics: Diagnostics
+    ) -> None:
         self.source = source
+        self.tables = tables
         self.draft = draft
         self.diagnostics = diagnostics
 
@@ -68,7 +72,7 @@ class _MemoryReader:
             if not member.key.strip():
                 self.report_error("bad-name", member.key_at, "a memory key cannot be empty")
                 continue
-            if (head := member.key.partition(".")[0]) in self.draft.tables:
+            if (head := member.key.partition(".")[0]) in self.tables:
                 message = f"`{head}` is a table, tables/{head}.csv; nothing else can have its name"
                 self.report_error("duplicate-key", member.key_at, message)
                 continue

@@ -71,6 +71,8 @@ class Parameter(Struct, frozen=True):
     names: tuple[str, ...] = ()
     """For `name` parameters: further names without a number (a robot's own animations)."""
     help: str = ""
+    spoken: bool = False
+    """For `text` parameters: whether people hear or read it in their language, so that it is translated."""
 
 
 class ActionSpec(Struct, frozen=True):
@@ -420,7 +422,8 @@ class Scenario(Struct, frozen=True):
     private: frozenset[str] = frozenset()
     """Whole memory keys whose values are about a person: they are kept out of what is given to others."""
     language: str = ""
-    """The language that the acts are in, by BCP 47; empty: scenario.toml does not say."""
+    """The language that its texts are in, by BCP 47: that of the acts, or of the translation that was asked for; empty:
+    scenario.toml does not say."""
     lexicon: tuple[LexiconTable, ...] = ()
     may_release: tuple[str, ...] = ()
     """Programs that may release a stop without control: full names of ROS nodes, names of programs on the link."""
@@ -439,7 +442,12 @@ class Scenario(Struct, frozen=True):
     topics: frozenset[str] = frozenset()
     """Event topics (without slash) that some transition waits for."""
     hash: str = ""
-    """SHA-256 over every file that was read, in a fixed order: two scenarios with one hash are the same study."""
+    """SHA-256 over every file that was read, in a fixed order, and the language that was asked for: two scenarios with
+    one hash are the same study."""
+    languages: tuple[str, ...] = ()
+    """Those that it has translations into."""
+    says_language: bool = False
+    """Whether somebody has asked for `language`: then each action that speaks is given it."""
 
     @property
     def table_memory(self) -> dict[str, Json]:

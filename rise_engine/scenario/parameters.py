@@ -16,6 +16,7 @@ from rise_engine.scenario.template import Template, spoken_text
 
 _NUMBER = re.compile(r"[-+]?(?:\d+(?:\.\d*)?|\.\d+)(?:[eE][-+]?\d+)?\Z", re.ASCII)
 _WHOLE = re.compile(r"[-+]?\d{1,300}\Z", re.ASCII)
+_KEY = re.compile(r"[^\W\d][\w.]*\Z")
 _NO_PART = re.compile(r"[^-+0-9.eE\s]|\d\s+\d")
 """What no text around a memory value can have when the whole is a number."""
 _LONGEST = {"ms": 1000 * MAX_SECONDS, "s": MAX_SECONDS}
@@ -69,6 +70,17 @@ def convert_parameter(parameter: Parameter, value: Any, origin: str = "") -> Any
                 return _convert_to_name(parameter, value, origin)
     except (OverflowError, RecursionError):  # lists within lists without end, as a text
         raise ParameterError(f"{parameter.name} cannot be made of a value of this size{origin}") from None
+
+
+def is_bare_key(parameter: Parameter, text: str) -> bool:
+    """Whether a text that is none of the parameter's values is a memory key, written without braces."""
+    if parameter.type in ("text", "name") or not _KEY.match(text):
+        return False
+    try:
+        convert_parameter(parameter, text)
+    except ParameterError:
+        return True
+    return False
 
 
 def fill_parameters(call: ActionCall, spec: ActionSpec, memory: Mapping[str, Any]) -> dict[str, Any]:

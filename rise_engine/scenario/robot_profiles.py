@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 import sys
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from importlib.metadata import entry_points
 from importlib.util import find_spec
 from pathlib import Path
@@ -13,10 +13,12 @@ from msgspec.structs import replace
 
 from rise_engine.nearest_name import did_you_mean
 from rise_engine.scenario.action_declarations import apply_declarations, core_actions
+from rise_engine.scenario.diagnostics import Diagnostics
 from rise_engine.scenario.model import RobotProfile, SourceLocation
-from rise_engine.scenario.source_files import MAX_TOML_BYTES, FileReader
+from rise_engine.scenario.source_files import MAX_TOML_BYTES, FileReader, SourceFile
 from rise_engine.scenario.toml_locations import read_toml
 from rise_engine.scenario.toml_tables import TomlTable
+from rise_engine.scenario.tree import FileTree
 
 ENTRY_POINT_GROUP = "rise.robots"
 """Entry-point group: each entry names a package whose *.toml files are robot profiles."""
@@ -29,11 +31,14 @@ def read_robot(name: str, files: FileReader, location: SourceLocation, *, asked:
 
     On errors, what could be understood.
     """
-    path = find_profile(name, files.folder)
+    packages = files.memo.get("package folders", lambda: tuple(package_folders()))
+    path = find_profile(name, files.folder, files.tree, packages)
     if path is None:
         if name != DEFAULT_ROBOT:
             what = f"the robot asked for, `{name}`, does not exist" if asked else f"there is no robot `{name}`"
-            files.diagnostics.error("unknown-robot", location, what + did_you_mean(name, robot_names(files.folder)))
+            files.diagnostics.error(
+                "unknown-robot", location, what + did_you_mean(name, robot_names(files.folder, files.tree))
+            )
         return builtin_robot()
     return read_profile(path, name, files)
 
@@ -41,10 +46,16 @@ def read_robot(name: str, files: FileReader, location: SourceLocation, *, asked:
 def read_profile(path: Path, name: str, files: FileReader) -> RobotProfile:
     """The profile in that file, wherever it lies. On errors, what could be understood."""
     source = files.read(path, MAX_TOML_BYTES)
-    file = read_toml(source, files.diagnostics) if source is not None else None
+    if source is None:
+        return builtin_robot()
+    return files.memo.read(("profile", source, name), files.diagnostics, lambda found: _make(source, name, found))
+
+
+def _make(source: SourceFile, name: str, diagnostics: Diagnostics) -> RobotProfile:
+    file = read_toml(source, diagnostics)
     if file is None:
         return builtin_robot()
-    table = TomlTable(file, (), file.values, files.diagnostics)
+    table = TomlTable(file, (), file.values, diagnostics)
     table.report_unknown_keys(_KEYS)
     return RobotProfile(
         name=name,
@@ -61,36 +72,42 @@ def builtin_robot() -> RobotProfile:
     return RobotProfile(DEFAULT_ROBOT, "Generic simulated robot", "simulated", actions)
 
 
-def find_profile(name: str, folder: Path) -> Path | None:
-    """Where the profile called `name` lies, in the documented order."""
+def find_profile(
+    name: str, folder: Path, tree: FileTree | None = None, packages: Sequence[Path] | None = None
+) -> Path | None:
+    """Where the profile called `name` lies, in the documented order.
+
+    `tree` is what is taken to lie in the folder; `packages` are the folders of installed packages, if they are known.
+    """
+    tree = tree or FileTree(folder)
     if not name or "/" in name or "\\" in name or name.startswith("."):
         return None
-    for directory in profile_folders(folder):
+    for directory in profile_folders(folder, packages):
         path = directory / f"{name}.toml"
-        if path.is_file():
+        if tree.is_file(path):
             return path
     return None
 
 
-def robot_names(folder: Path) -> list[str]:
-    """The names of all profiles that a scenario in `folder` can pick, sorted.
+def robot_names(folder: Path, tree: FileTree | None = None) -> list[str]:
+    """The names of all profiles that a scenario in `folder` can pick, sorted. `tree` is what is taken to lie there.
 
     >>> "pepper" in robot_names(Path("scenarios/greeting"))
     True
     """
-    names = {DEFAULT_ROBOT}
+    names, tree = {DEFAULT_ROBOT}, tree or FileTree(folder)
     for directory in profile_folders(folder):
-        if directory.is_dir():
-            names.update(path.stem for path in directory.glob("*.toml"))
+        if tree.is_folder(directory):
+            names.update(path.removesuffix(".toml") for path in tree.names(directory) if path.endswith(".toml"))
     return sorted(names)
 
 
-def profile_folders(folder: Path) -> Iterator[Path]:
+def profile_folders(folder: Path, packages: Sequence[Path] | None = None) -> Iterator[Path]:
     """Where profiles are looked for, in order. Installed packages are looked up only when it comes to them."""
     yield folder / "robots"
     config = os.environ.get("XDG_CONFIG_HOME") or str(Path.home() / ".config")
     yield Path(config) / "rise-tui" / "robots"
-    yield from package_folders()
+    yield from package_folders() if packages is None else packages
 
 
 def package_folders() -> Iterator[Path]:

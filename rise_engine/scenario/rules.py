@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Iterator
+from collections.abc import Collection, Iterator
 from functools import partial
 from typing import get_args
 
@@ -14,8 +14,8 @@ from rise_engine.expression import Expression
 from rise_engine.nearest_name import did_you_mean
 from rise_engine.scenario.blocks import NO_ATTRIBUTES, BlockReader
 from rise_engine.scenario.delays import read_delay
-from rise_engine.scenario.diagnostics import Diagnostics
-from rise_engine.scenario.draft import Mention, ScenarioDraft
+from rise_engine.scenario.diagnostics import Diagnostics, unknown_code
+from rise_engine.scenario.draft import ForeignEnd, Mention, ScenarioDraft
 from rise_engine.scenario.graph import component_numbers
 from rise_engine.scenario.model import (
     ActOutcome,
@@ -43,14 +43,15 @@ _OUTCOMES: tuple[ActOutcome, ...] = get_args(ActOutcome)
 _STATE_PARTS = ("onEntry", "onExit", "transition")
 
 
-def read_rules(file: XmlFile, draft: ScenarioDraft, diagnostics: Diagnostics) -> None:
-    """Read every rule of a file into `draft`."""
-    _RuleReader(file, draft, diagnostics).read_rules()
+def read_rules(file: XmlFile, tables: Collection[str], draft: ScenarioDraft, diagnostics: Diagnostics) -> None:
+    """Read every rule of a file into `draft`. `tables` are the names of the scenario's tables."""
+    _RuleReader(file, tables, draft, diagnostics).read_rules()
 
 
 class _RuleReader(BlockReader):
-    def __init__(self, file: XmlFile, draft: ScenarioDraft, diagnostics: Diagnostics) -> None:
+    def __init__(self, file: XmlFile, tables: Collection[str], draft: ScenarioDraft, diagnostics: Diagnostics) -> None:
         super().__init__(file, draft, diagnostics)
+        self.tables = tables
         self.targets: list[tuple[str, Element]] = []
         """Of the rule that is being read."""
         self.short: list[tuple[str, str, Element]] = []
@@ -63,7 +64,7 @@ class _RuleReader(BlockReader):
         """Names of states that it does not have: element, attribute, name."""
 
     def read_rules(self) -> None:
-        self.read_parts("InteractionRule", WRAPPERS, "rule", self.draft.rules, self.read_rule)
+        self.read_parts("InteractionRule", WRAPPERS, self.draft.rule_definitions, self.read_rule)
 
     def read_rule(self, element: Element) -> Rule | None:
         self.targets.clear()
@@ -129,7 +130,7 @@ class _RuleReader(BlockReader):
 
     def report_unknown_state(self, element: Element, attribute: str, name: str, states: dict[str, State]) -> None:
         message = f"there is no state `{name}` in this rule{did_you_mean(name, states)}"
-        self.report_value("unknown-state", element, attribute, message)
+        self.report_value(unknown_code("unknown-state", name, states), element, attribute, message)
 
     def read_priority(self, element: Element) -> float:
         text = element.get("priority")
@@ -299,7 +300,7 @@ class _RuleReader(BlockReader):
         return tuple(known for known in _OUTCOMES if known in words)
 
     def check_own_ends(self, states: dict[str, State]) -> None:
-        """Warn where a rule waits for the end of an act that it never starts itself."""
+        """Note where a rule waits for the end of an act that it never starts itself."""
         started = {
             function.argument
             for state in states.values()
@@ -310,16 +311,9 @@ class _RuleReader(BlockReader):
         told: set[SourceLocation] = set()
         for state in states.values():
             for way in state.transitions:
-                if way.ended is None or way.ended in started or way.location in told:
-                    continue
-                # An act that there is not has its error; only of acts that could not be read nothing is known.
-                if way.ended in self.draft.acts or "acts" in self.draft.unreadable_parts:
+                if way.ended is not None and way.ended not in started and way.location not in told:
                     told.add(way.location)
-                    message = (
-                        f"never taken: this rule does not start `{way.ended}` itself; an act that somebody else has "
-                        f'started is waited for with eventTopic="/{way.ended}_end"'
-                    )
-                    self.diagnostics.warning("unreachable-transition", way.location, message)
+                    self.draft.foreign_ends.append(ForeignEnd(way.ended, way.location))
 
     def check_order(self, state: State) -> None:
         """Of two transitions of a state with one trigger, the second is dead when the first has no condition."""

@@ -6,6 +6,7 @@ from functools import partial
 from typing import Any
 
 from rise_engine.expression import Assignment, ExpressionError
+from rise_engine.nearest_name import did_you_mean
 from rise_engine.scenario.act_settings import read_act_tables, read_on_failure
 from rise_engine.scenario.conditions import read_conditions, read_private, read_study
 from rise_engine.scenario.delays import MIN_SECONDS
@@ -31,6 +32,7 @@ from rise_engine.scenario.toml_tables import TomlTable, quote_toml_key, read_sec
 TOP_KEYS = (
     "title",
     "language",
+    "languages",
     "robot",
     "mode",
     "acts",
@@ -74,6 +76,8 @@ class ScenarioSettings:
         self.table.report_unknown_keys(TOP_KEYS)
         self.title = self.read_text("title", "")
         self.language = self.read_language()
+        self.languages = self.read_languages()
+        """Those that `[languages]` wants translations in."""
         self.robot = self.read_text("robot", "")
         mode = self.read_text("mode", "debug")
         self.mode: Mode = "real" if mode == "real" else "debug"
@@ -112,6 +116,24 @@ class ScenarioSettings:
         if problem:
             self.table.report_value("unknown-language", "language", problem)
         return "" if problem else language
+
+    def read_languages(self) -> tuple[str, ...]:
+        """The languages that the texts are to be translated into, whether or not there is a file of them yet."""
+        table = self.table.section("languages")
+        for key in table.values:
+            if key == "default":
+                message = 'which language the acts are in says `language = "en"` at the top of the file, not `default`'
+                table.report_key("unknown-key", message, key)
+            elif key != "also":
+                table.report_key("unknown-key", f"unknown key `{key}`{did_you_mean(key, ('also',))}", key)
+        also = table.read_texts("also", ())
+        for index, tag in enumerate(also):
+            if problem := language_problem(tag):
+                table.report_key("unknown-language", problem, "also", str(index))
+            elif tag.lower() == self.language.lower():
+                message = f"`{tag}` is the language that the acts are in; `also` lists the others"
+                table.report_key("wrong-value", message, "also", str(index))
+        return tuple(tag for tag in also if not language_problem(tag) and tag.lower() != self.language.lower())
 
     def read_suppressions(self) -> list[tuple[SourceLocation, str, str, str]]:
         table = self.table.section("check", ("allow",))

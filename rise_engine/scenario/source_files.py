@@ -2,22 +2,23 @@
 
 from __future__ import annotations
 
-import os
 import re
-import stat
 from bisect import bisect_right
 from functools import cached_property
 from itertools import accumulate
 from pathlib import Path
 
 from rise_engine.scenario.diagnostics import Diagnostics
+from rise_engine.scenario.memo import Memo
 from rise_engine.scenario.model import SourceLocation
+from rise_engine.scenario.tree import FileTree, UnreadableError
 
 MAX_BYTES = 10_000_000
 """Larger files are refused before anything looks into them."""
 MAX_TOML_BYTES = 1_000_000
 """The same for settings and robot profiles, which people write by hand."""
 ENCODING_REMEDY = "open it with the encoding it has (often Windows-1252 or Latin-1) and save it as UTF-8"
+_BYTE_ORDER_MARK = b"\xef\xbb\xbf"
 _CONFLICT = re.compile(r"^(?:<{7}|={7}|>{7})(?=[ \r\n]|\Z)", re.MULTILINE)
 """What git writes into a file whose two versions it could not join."""
 
@@ -25,12 +26,13 @@ _CONFLICT = re.compile(r"^(?:<{7}|={7}|>{7})(?=[ \r\n]|\Z)", re.MULTILINE)
 class SourceFile:
     """One file of a scenario."""
 
-    def __init__(self, name: str, data: bytes, text: str) -> None:
+    def __init__(self, name: str, data: bytes, text: str, encoding: str = "utf-8") -> None:
         self.name = name
         """Relative to the scenario folder where it lies inside it."""
         self.data = data
         self.text = text
         """Decoded, without byte order mark."""
+        self.encoding = encoding
 
     @cached_property
     def _line_starts(self) -> list[int]:
@@ -49,19 +51,34 @@ class SourceFile:
         line = min(max(line, 1), len(starts))
         return min(starts[line - 1] + max(column, 1) - 1, len(self.text))
 
+    def byte_offset(self, line: int, column: int) -> int:
+        """Where in `data` the character of a line and a column begins, as `offset` does in `text`."""
+        offset = self.offset(line, column)
+        mark = len(_BYTE_ORDER_MARK) if self.data.startswith(_BYTE_ORDER_MARK) and self.encoding == "utf-8" else 0
+        return mark + (offset if self.text.isascii() else len(self.text[:offset].encode(self.encoding)))
+
     def line_text(self, number: int) -> str:
         """The text of a line, without its end."""
-        start = self.offset(number, 1)
-        end = self.text.find("\n", start)
-        return self.text[start : end if end >= 0 else len(self.text)].rstrip("\r")
+        starts = self._line_starts
+        return self.text[starts[number - 1] : starts[number] if number < len(starts) else None].rstrip("\r\n")
 
 
 class FileReader:
     """Reads files and remembers what was read, so that a scenario can be identified by its content."""
 
-    def __init__(self, folder: Path, diagnostics: Diagnostics) -> None:
+    def __init__(
+        self, folder: Path, diagnostics: Diagnostics, tree: FileTree | None = None, memo: Memo | None = None
+    ) -> None:
+        """
+        :param folder: the scenario's folder.
+        :param diagnostics: where findings go.
+        :param tree: what lies in the folder; None: what lies there on the disk.
+        :param memo: what was read before.
+        """
+        self.memo = memo or Memo()
         self.folder = folder
         self.diagnostics = diagnostics
+        self.tree = tree or FileTree(folder)
         self.sources: list[SourceFile] = []
 
     def display_name(self, path: Path) -> str:
@@ -79,29 +96,22 @@ class FileReader:
         name = self.display_name(path)
         location = SourceLocation(name)
         try:
-            status = path.stat()
-            if not stat.S_ISREG(status.st_mode):  # a pipe would keep us waiting for ever
-                kind = "a folder" if stat.S_ISDIR(status.st_mode) else "no regular file"
-                self.diagnostics.error("unreadable", location, f"this is {kind}; a file must stand here")
-                return None
-            if status.st_size > most:
-                self.diagnostics.error("too-large", location, f"this file is larger than {most // 1_000_000} MB")
-                return None
-            data = path.read_bytes()
-        except OSError as error:
-            reason = f"this file cannot be read: {error.strerror or error}"
-            if isinstance(error, FileNotFoundError) and path.is_symlink():
-                reason = f"this link leads nowhere: there is no `{os.readlink(path)}`"  # noqa: PTH115  # as written
-            self.diagnostics.error("unreadable", location, reason)
+            data = self.tree.read(path, most)
+        except UnreadableError as error:
+            self.diagnostics.error(error.code, location, str(error))
             return None
-        text = decode_text(name, data, self.diagnostics, encoding, remedy)
-        if text is None:
-            return None
-        source = SourceFile(name, data, text)
-        if _has_conflicts(source, self.diagnostics):
-            return None
-        self.sources.append(source)
+        key = ("source", name, data, encoding, remedy)
+        source = self.memo.read(key, self.diagnostics, lambda found: _decode(name, data, found, encoding, remedy))
+        if source is not None:
+            self.sources.append(source)
         return source
+
+
+def _decode(name: str, data: bytes, diagnostics: Diagnostics, encoding: str, remedy: str) -> SourceFile | None:
+    """The file, or None after findings."""
+    text = decode_text(name, data, diagnostics, encoding, remedy)
+    source = SourceFile(name, data, text, encoding) if text is not None else None
+    return None if source is None or _has_conflicts(source, diagnostics) else source
 
 
 def _has_conflicts(source: SourceFile, diagnostics: Diagnostics) -> bool:

@@ -16,3 +16,13 @@ def says_message(spec: ActionSpec) -> bool:
     """Whether an action says its `message` aloud: then the lexicon applies to it, and it can be SSML."""
     message = spec.parameters.get(MESSAGE)
     return message is not None and message.type == "text" and SPEECH_CHANNEL in spec.channels
+
+
+def spoken_parameters(spec: ActionSpec) -> tuple[str, ...]:
+    """The parameters of an action whose texts are translated: those declared `spoken`, and the `message` of whatever
+    says one aloud."""
+    return tuple(
+        name
+        for name, parameter in spec.parameters.items()
+        if parameter.spoken or (name == MESSAGE and says_message(spec))
+    )

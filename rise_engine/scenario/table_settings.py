@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Sequence
+from functools import partial
 from pathlib import Path
 from typing import Any, get_args
 
@@ -45,9 +45,9 @@ class TableSettings:
         self._table.report_value("wrong-value", key, message)
         return usual
 
-    def check_columns(self, columns: Sequence[str]) -> None:
+    def check_columns(self, columns: Sequence[str], diagnostics: Diagnostics) -> None:
         """Report types of columns that the table does not have."""
-        types = self._table.section("types")
+        types = TomlTable(self._table.file, (), self._table.values, diagnostics).section("types")
         for column in types.values:
             if column not in columns:
                 message = f"the table has no column `{column}`{did_you_mean(column, columns)}"
@@ -56,8 +56,12 @@ class TableSettings:
 
 def read_table_settings(path: Path, files: FileReader, diagnostics: Diagnostics) -> TableSettings:
     """The settings in that file, if there is one. On errors, what could be understood."""
-    source = files.read(path, MAX_TOML_BYTES) if os.path.lexists(path) else None
+    name = files.display_name(path)
+    source = files.read(path, MAX_TOML_BYTES) if files.tree.exists(path) else None
+    return files.memo.read(("table settings", name, source), diagnostics, partial(_make, name, source))
+
+
+def _make(name: str, source: SourceFile | None, diagnostics: Diagnostics) -> TableSettings:
     file = read_toml(source, diagnostics) if source is not None else None
-    if file is None:
-        file = TomlFile(SourceFile(files.display_name(path), b"", ""), {})
+    file = file or TomlFile(SourceFile(name, b"", ""), {})
     return TableSettings(TomlTable(file, (), file.values, diagnostics))

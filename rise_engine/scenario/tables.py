@@ -6,6 +6,7 @@ Each is read-only memory: a list of objects, one for each row.
 from __future__ import annotations
 
 from collections.abc import Sequence
+from functools import partial
 from pathlib import Path
 
 from rise_engine.nearest_name import did_you_mean
@@ -28,7 +29,7 @@ def read_tables(files: FileReader, draft: ScenarioDraft, diagnostics: Diagnostic
     """Read every table of a scenario into `draft`, in the order of their names."""
     folder = files.folder / TABLES_FOLDER
     try:
-        paths = sorted(path for path in folder.iterdir() if not path.name.startswith("."))
+        paths = [folder / name for name in files.tree.names(folder) if not name.startswith(".")]
     except (FileNotFoundError, NotADirectoryError):
         return
     except OSError as error:
@@ -58,12 +59,21 @@ def _read_table(path: Path, files: FileReader, draft: ScenarioDraft, diagnostics
     elif name in draft.tables:  # items.csv and items.CSV
         diagnostics.error("duplicate-name", location, f"there is another table `{name}`")
         source = None
-    table = _TableReader(source, name, settings, draft, diagnostics).read() if source is not None else None
+    table = None
+    if source is not None:
+        key = ("table", source, name, settings)
+        table = files.memo.read_part(key, draft, diagnostics, partial(_read_rows, source, name, settings))
     if table is None:
         draft.unreadable_parts.add("tables")
     else:
         draft.tables[name] = table
         draft.memory_key_locations[name] = table.location
+
+
+def _read_rows(
+    source: SourceFile, name: str, settings: TableSettings, draft: ScenarioDraft, diagnostics: Diagnostics
+) -> Table | None:
+    return _TableReader(source, name, settings, draft, diagnostics).read()
 
 
 _ENCODING_REMEDY = (
@@ -94,7 +104,7 @@ class _TableReader(CsvReader):
         if len(rows) > MAX_ROWS:
             self.report(rows[MAX_ROWS].start, f"a table has at most {MAX_ROWS:,} rows")
         rows = [row for row in rows if self.check_length(row, len(columns))]
-        self.settings.check_columns(columns)
+        self.settings.check_columns(columns, self.diagnostics)
         if self.has_problems():
             return None
         by_column = [self.read_column(name, at, rows) for at, name in enumerate(columns)]

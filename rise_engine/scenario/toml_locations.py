@@ -5,13 +5,14 @@ from __future__ import annotations
 import re
 import tomllib
 from datetime import date, time
+from functools import partial
 from math import isfinite
 from typing import Any
 
 from rise_engine.json_codec import is_64_bit
 from rise_engine.scenario.diagnostics import Diagnostics
 from rise_engine.scenario.model import SourceLocation
-from rise_engine.scenario.source_files import SourceFile
+from rise_engine.scenario.source_files import FileReader, SourceFile
 from rise_engine.text import match_end
 from rise_engine.typography import find_typographic_closing, typography_problem
 
@@ -83,6 +84,11 @@ def read_toml(source: SourceFile, diagnostics: Diagnostics) -> TomlFile | None:
             _check_values(file, diagnostics)
             return file
     return None
+
+
+def toml_of(source: SourceFile, files: FileReader) -> TomlFile | None:
+    """As `read_toml`, unless it was read before; findings go where those of `files` go."""
+    return files.memo.read(("toml", source), files.diagnostics, partial(read_toml, source))
 
 
 def _check_values(file: TomlFile, diagnostics: Diagnostics) -> None:

@@ -13,7 +13,7 @@ from __future__ import annotations
 
 import re
 from bisect import bisect_right
-from functools import lru_cache
+from functools import lru_cache, partial
 from xml.parsers import expat
 
 from lxml import etree
@@ -21,7 +21,7 @@ from lxml import etree
 from rise_engine.errors import RiseError
 from rise_engine.scenario.diagnostics import Diagnostics
 from rise_engine.scenario.model import SourceLocation
-from rise_engine.scenario.source_files import SourceFile
+from rise_engine.scenario.source_files import FileReader, SourceFile
 from rise_engine.scenario.xml_repair import RepairedText, repair
 from rise_engine.scenario.xml_syntax_errors import report_syntax_error
 from rise_engine.text import character_name, match_end
@@ -81,6 +81,9 @@ class XmlFile:
         self.has_text = "<![CDATA[" in text or _MAYBE_TEXT.search(text) is not None
         """Whether there may be visible text between tags."""
         self.root = _element_tree(text, self.has_text)
+        self.may_have_templates = "<use" in text or "<Template" in text
+        """Whether it may have a `<Template>` or a `<use>`."""
+        self.may_define_templates = "<Template" in text
         self._text = text
         self._repaired = repaired
 
@@ -93,11 +96,6 @@ class XmlFile:
         """The offset in `text` behind an element."""
         end = match_end(_TAG, self._text, element.start_offset)
         return end if self._text.endswith("/>", 0, end) else self._text.index(">", element.end_offset) + 1
-
-    @property
-    def may_have_templates(self) -> bool:
-        """Whether it may have a `<Template>` or a `<use>`."""
-        return "<use" in self._text or "<Template" in self._text
 
     def is_complete(self, element: Element) -> bool:
         """Whether the element holds all that it should: not when a `<use>` in it has come to nothing."""
@@ -244,6 +242,11 @@ def read_xml(source: SourceFile, diagnostics: Diagnostics) -> XmlFile | None:
             error = second
     report_syntax_error(error, repaired, diagnostics)
     return None
+
+
+def xml_of(source: SourceFile, files: FileReader) -> XmlFile | None:
+    """As `read_xml`, unless it was parsed before; findings go where those of `files` go."""
+    return files.memo.read(("xml", source), files.diagnostics, partial(read_xml, source))
 
 
 def _read_well_formed(repaired: RepairedText, diagnostics: Diagnostics) -> XmlFile | None:

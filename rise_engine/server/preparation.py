@@ -46,6 +46,7 @@ from rise_engine.session.folder import (
 from rise_engine.session.journal import Journal
 from rise_engine.session.lock import JournalLock, JournalLockedError, one_at_a_time, running_message
 from rise_engine.session.recovery import RecoveredSession, recover
+from rise_engine.study.begin import CannotBegin, SessionPlan
 from rise_engine.study.model import RecordingSettings
 from rise_engine.study.recorded import RecordingDecision
 from rise_engine.study.study_log import StudyLogError
@@ -156,10 +157,19 @@ class SessionPreparation:
     def _load_scenario(self) -> None:
         options = self.options
         folder, robot, mode, seed = options.folder, options.robot, options.mode, options.seed
+        self.language = options.language
         if self.study is not None and (plan := self.study.plan) is not None:
             folder, mode, seed = plan.run.scenario, plan.mode, plan.seed
             robot = robot or self.study.state.study.robot or None
-        loaded = load(folder, robot=robot, mode=mode, paths=options.paths)
+            self.language = _language_of_session(plan, options, robot)
+        loaded = load(
+            folder,
+            robot=robot,
+            mode=mode,
+            paths=options.paths,
+            language=self.language or None,
+            allow_untranslated=options.allow_untranslated,
+        )
         if loaded.scenario is None:
             raise ServeRefused(exit_status.REFUSED, *map(str, loaded.diagnostics))
         self.scenario: Scenario = loaded.scenario
@@ -228,6 +238,8 @@ class SessionPreparation:
             connection=self.ros,
             versions=versions(),
             begun=self.started,
+            language=self.language,
+            allow_untranslated=self.options.allow_untranslated,
             wizard=self.options.wizard or (self.options.login if self.scenario.mode == "debug" else ""),
         )
 
@@ -288,6 +300,16 @@ class SessionPreparation:
             raise ServeRefused(exit_status.REFUSED, f"error: {error}") from None
         except RobotOptionsError as error:
             raise ServeRefused(exit_status.USAGE, f"error: {error}") from None
+
+
+def _language_of_session(plan: SessionPlan, options: SessionOptions, robot: str | None) -> str:
+    """In which language a session of a study is. Raises ServeRefused: another one was asked for."""
+    if not plan.language:
+        return options.language
+    try:
+        return plan.spoken_in(options.language, load(plan.run.scenario, robot=robot, mode=plan.mode))
+    except CannotBegin as error:
+        raise ServeRefused(exit_status.REFUSED, *error.sentences) from None
 
 
 def _with_study_of_session(options: SessionOptions) -> SessionOptions:

@@ -37,7 +37,7 @@ from rise_engine.study.sessions import (
     refuse_running_elsewhere,
     session_fields,
 )
-from rise_engine.study.state import OpenStudy, StudyState, StudyUnusable
+from rise_engine.study.state import OpenStudy, StudyStatus, StudyUnusable
 from rise_engine.study.study_log import LockedLog, StudyLogError
 
 _LOG = logging.getLogger(__name__)
@@ -57,7 +57,7 @@ class StudyPreparation:
         """Where its sessions lie."""
         self.plan: SessionPlan | None = None
         """What the new session is; None: one goes on."""
-        self.state: StudyState
+        self.state: StudyStatus
         """The study as it stood when the session was chosen."""
 
     # --- choosing ---------------------------------------------------------------------------------------------------
@@ -89,7 +89,7 @@ class StudyPreparation:
         except StudyLogError as error:
             raise ServeRefused(exit_status.NOT_WRITTEN, str(error)) from None
 
-    def _request(self, state: StudyState) -> BeginRequest:
+    def _request(self, state: StudyStatus) -> BeginRequest:
         options = self.options
         mode = "debug" if options.purpose == "debug" else options.mode or state.study.mode
         return BeginRequest(
@@ -123,7 +123,7 @@ class StudyPreparation:
                 raise ServeRefused(exit_status.UNFINISHED, *error.sentences, unfinished=[path]) from None
             raise ServeRefused(exit_status.REFUSED, *error.sentences) from None
 
-    def _raise_running(self, state: StudyState, *sentences: str) -> None:
+    def _raise_running(self, state: StudyStatus, *sentences: str) -> None:
         """Their own session is named with its socket, so that a console can attach; never somebody else's."""
         participant = self.options.participant
         running = next((each for each in state.sessions if each.entry.status == "running"), None)
@@ -136,7 +136,7 @@ class StudyPreparation:
             raise ServeRefused(exit_status.ALREADY_RUNNING, *sentences, socket=socket)
         raise ServeRefused(exit_status.REFUSED, *sentences)
 
-    def _session_to_recover(self, state: StudyState) -> Path | None:
+    def _session_to_recover(self, state: StudyStatus) -> Path | None:
         """Raises ServeRefused."""
         wanted = self.options.unfinished
         if wanted in ("ask", "new"):
@@ -155,7 +155,7 @@ class StudyPreparation:
             raise ServeRefused(exit_status.REFUSED, f"{session.entry.participant} {why}: {session.name} does not go on")
         return session.path
 
-    def _named_session(self, state: StudyState, wanted: str) -> StudySession:
+    def _named_session(self, state: StudyStatus, wanted: str) -> StudySession:
         named = self.root / wanted
         try:
             path = find_session(str(named) if named.is_dir() else wanted)

@@ -78,6 +78,10 @@ class SessionInfo(Struct, frozen=True):
     attempt: int = 0
     purpose: Purpose | Literal[""] = ""
     """These are as in `rise_engine.kernel.records.SessionRecord`."""
+    language: str = ""
+    """The language that was asked for (`--language`); empty: everything is said as the acts have it."""
+    allow_untranslated: bool = False
+    """Whether what was not translated was said as the acts have it."""
     factors: dict[str, Any] = field(default_factory=dict)
     versions: dict[str, str] = field(default_factory=dict)
     machine: dict[str, str] = field(default_factory=dict)
@@ -130,11 +134,14 @@ def create_session(
     condition: str = "",
     wizard: str = "",
     begun: SessionStarted | None = None,
+    language: str = "",
+    allow_untranslated: bool = False,
     versions: Mapping[str, str],
 ) -> Path:
     """Make the folder of a new session, without its journal. `files` as `LoadResult.files`. Raises SessionError.
 
     `begun`: the first input of a session of a study; participant and condition are taken from it, too.
+    `language`, `allow_untranslated`: as the scenario was loaded with them.
     """
     started = datetime.now().astimezone()
     begun = begun or SessionStarted(participant=participant, condition=condition)
@@ -160,6 +167,8 @@ def create_session(
         run=begun.run,
         attempt=begun.attempt,
         purpose=begun.purpose,
+        language=language,
+        allow_untranslated=allow_untranslated,
         factors=dict(begun.factors),
         versions=dict(versions),
         machine={"system": platform.platform()} if real else _machine(),
@@ -199,6 +208,11 @@ def read_info(folder: Path) -> SessionInfo:
         raise SessionError(f"{path} cannot be read: {error}") from None
 
 
+def spoken_as(info: SessionInfo) -> dict[str, Any]:
+    """The arguments of `load` with which a session's scenario is said as it was then."""
+    return {"language": info.language or None, "allow_untranslated": info.allow_untranslated}
+
+
 def load_scenario_copy(folder: Path, info: SessionInfo) -> Scenario:
     """The scenario as the session ran it. Raises SessionError when the copy is missing or was changed."""
     copy = folder / SCENARIO_COPY
@@ -207,7 +221,7 @@ def load_scenario_copy(folder: Path, info: SessionInfo) -> Scenario:
             f"the copy of the scenario is missing ({copy}); put one there with the hash {info.scenario_hash[:12]}..."
         )
     paths = {kind: path for kind, path in DEFAULT_PATHS.items() if (copy / path).exists()}
-    loaded = load(copy, robot=info.robot, mode=info.mode, paths=paths)
+    loaded = load(copy, robot=info.robot, mode=info.mode, paths=paths, **spoken_as(info))
     if loaded.scenario is None:
         raise SessionError(f"the session's scenario does not load: {loaded.errors[0]}")
     if loaded.scenario.hash != info.scenario_hash:

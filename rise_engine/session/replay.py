@@ -20,7 +20,7 @@ from rise_engine.kernel.inputs import TimerElapsed
 from rise_engine.kernel.records import AnyRecord
 from rise_engine.scenario import load
 from rise_engine.scenario.model import Scenario
-from rise_engine.session.folder import JOURNAL, SessionError, SessionInfo, load_scenario_copy, read_info
+from rise_engine.session.folder import JOURNAL, SessionError, SessionInfo, load_scenario_copy, read_info, spoken_as
 from rise_engine.session.journal_format import InputLine, JournalHeader, encode_record, fields_left_out
 from rise_engine.session.journal_reader import JournalContents, ProgressCallback, ReadingProgress, read_journal
 from rise_engine.session.scenario_copies import offer_changed
@@ -138,7 +138,7 @@ def load_session_scenario(folder: Path, info: SessionInfo, notes: list[str]) -> 
     try:
         return load_scenario_copy(folder, info)
     except SessionError as error:
-        loaded = load(info.scenario_folder, robot=info.robot, mode=info.mode)
+        loaded = load(info.scenario_folder, robot=info.robot, mode=info.mode, **spoken_as(info))
         found = loaded.scenario
         if found is None or found.hash != info.scenario_hash:
             raise SessionError(
@@ -328,7 +328,7 @@ def _first_beyond(contents: JournalContents, tape: _JournalTape, since: int) -> 
 
 def _load_other_scenario(path: Path, info: SessionInfo, notes: list[str]) -> Scenario:
     """A scenario that was asked for. It is compared by what it does, so it goes under the recorded one's name."""
-    loaded = load(path, robot=info.robot, mode=info.mode)
+    loaded = load(path, robot=info.robot, mode=info.mode, **spoken_as(info))
     if loaded.scenario is None:
         raise SessionError(f"the scenario {path} does not load: {loaded.errors[0]}")
     if loaded.scenario.hash != info.scenario_hash:

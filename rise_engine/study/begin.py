@@ -16,6 +16,7 @@ from msgspec.structs import replace
 from rise_engine.errors import RiseError
 from rise_engine.kernel.inputs import CheckReport, SessionStarted
 from rise_engine.nearest_name import did_you_mean
+from rise_engine.scenario.loader import LoadResult
 from rise_engine.scenario.model import Mode
 from rise_engine.study.checked import check_text, skip_problem, still_good
 from rise_engine.study.model import (
@@ -30,8 +31,10 @@ from rise_engine.study.model import (
 from rise_engine.study.plan import parse_condition, planned_run, runs_of
 from rise_engine.study.sessions import StudySession
 from rise_engine.study.standing import BEGINNABLE, missing_consent, when_text
-from rise_engine.study.state import StudyState
+from rise_engine.study.state import StudyStatus
 
+LANGUAGE = "language"
+"""A factor, a stratum or a column of this name says in which language the robot speaks."""
 WITH_PERSON: frozenset[Purpose] = frozenset({"counted", "pilot"})
 """Sessions in which a person takes part, who must have consented."""
 
@@ -79,6 +82,22 @@ class SessionPlan(Struct, frozen=True):
     """Whether the row is taken only now."""
     drawn: dict[str, str] = {}
     """The between levels, where they are drawn when the row is taken."""
+    language: str = ""
+    """The language that the study says for the session; it counts where the scenario has translations."""
+
+    def spoken_in(self, asked: str, scenario: LoadResult) -> str:
+        """In which language the session is; empty: as the acts of its scenario have it.
+
+        :param asked: the language that somebody names for it, or empty.
+        :param scenario: its scenario, loaded in no language.
+        :raises CannotBegin: it counts, and the study says another language.
+        """
+        given = self.language if scenario.translations else ""
+        if asked and given and asked != given and self.purpose == "counted":
+            raise CannotBegin(
+                f"{asked!r} is not the language of {self.participant}: the study says {given!r}, so leave it away"
+            )
+        return asked or given
 
     def first_input(self, study: Study) -> SessionStarted:
         """The session's first input, without versions."""
@@ -96,7 +115,7 @@ class SessionPlan(Struct, frozen=True):
         )
 
 
-def plan_session(state: StudyState, request: BeginRequest) -> SessionPlan:
+def plan_session(state: StudyStatus, request: BeginRequest) -> SessionPlan:
     """Decide what the session is.
 
     :param state: the study as it stands, read under the lock by who is going to begin it.
@@ -107,12 +126,18 @@ def plan_session(state: StudyState, request: BeginRequest) -> SessionPlan:
     mode = request.mode or study.mode
     purpose = "debug" if mode == "debug" else request.purpose
     request = replace(request, mode=mode, purpose=purpose)
-    if purpose == "counted":
-        return _plan_counted(state, request)
-    return _plan_rehearsal(state, request)
+    plan = _plan_counted(state, request) if purpose == "counted" else _plan_rehearsal(state, request)
+    participant = next((each for each in state.participants if each.participant == request.participant), None)
+    return replace(plan, language=_language(plan.run, participant))
 
 
-def unfinished_sessions_of(state: StudyState, request: BeginRequest) -> list[StudySession]:
+def _language(run: PlannedRun, participant: Participant | None) -> str:
+    """What the study calls `language`, for a session: a factor, a stratum or a further column of participants.csv."""
+    of_person = {} if participant is None else {**participant.columns, **participant.strata}
+    return str({**of_person, **run.factors}.get(LANGUAGE, "")).strip()
+
+
+def unfinished_sessions_of(state: StudyStatus, request: BeginRequest) -> list[StudySession]:
     """The participant's sessions of this purpose (and run) that did not end, the earliest first."""
     return [
         each
@@ -123,12 +148,12 @@ def unfinished_sessions_of(state: StudyState, request: BeginRequest) -> list[Stu
     ]
 
 
-def to_give_up(state: StudyState, request: BeginRequest) -> list[StudySession]:
+def to_give_up(state: StudyStatus, request: BeginRequest) -> list[StudySession]:
     """The sessions that are given up when a new one begins in spite of them. A rehearsal is in nobody's way."""
     return unfinished_sessions_of(state, replace(request, run=0)) if request.purpose == "counted" else []
 
 
-def running_problem(state: StudyState, participant: str) -> str:
+def running_problem(state: StudyStatus, participant: str) -> str:
     """That a session of the study runs, and whose; or empty."""
     running = next((each.entry for each in state.sessions if each.entry.status == "running"), None)
     if running is None:
@@ -139,7 +164,7 @@ def running_problem(state: StudyState, participant: str) -> str:
     return f"{whose} is running (run {running.run}, begun {when_text(running.started)}): end it first"
 
 
-def _plan_counted(state: StudyState, request: BeginRequest) -> SessionPlan:
+def _plan_counted(state: StudyStatus, request: BeginRequest) -> SessionPlan:
     study, name = state.study, request.participant
     problems = list(state.problems)
     participant = _find_participant(state, name, problems)
@@ -184,7 +209,7 @@ def _plan_counted(state: StudyState, request: BeginRequest) -> SessionPlan:
 
 
 def _planned_run(
-    state: StudyState,
+    state: StudyStatus,
     participant: Participant,
     standing: ParticipantStanding,
     request: BeginRequest,
@@ -215,7 +240,7 @@ def _run_count(runs: int) -> str:
     return "every participant has one" if runs == 1 else f"every participant has {runs}"
 
 
-def _find_participant(state: StudyState, name: str, problems: list[str]) -> Participant | None:
+def _find_participant(state: StudyStatus, name: str, problems: list[str]) -> Participant | None:
     known = [each.participant for each in state.participants]
     if not name:
         nexts = f"; the next one is {state.standing.next}" if state.standing.next else ""
@@ -246,7 +271,7 @@ def _hindrance(standing: ParticipantStanding) -> str:
             return f"{name} has done {runs} before, last {when_text(standing.sessions[-1].started)}"
 
 
-def check_problems(state: StudyState, reports: Sequence[CheckReport]) -> list[str]:
+def check_problems(state: StudyStatus, reports: Sequence[CheckReport]) -> list[str]:
     """What must be looked at before a session that counts, and was not, or failed.
 
     :param reports: what came of the checks; the last one of an id counts.
@@ -271,7 +296,7 @@ def check_problems(state: StudyState, reports: Sequence[CheckReport]) -> list[st
     return problems
 
 
-def _plan_rehearsal(state: StudyState, request: BeginRequest) -> SessionPlan:
+def _plan_rehearsal(state: StudyStatus, request: BeginRequest) -> SessionPlan:
     """What does not count takes no row, and runs as the row that the participant would get, or as was asked for."""
     study, name = state.study, request.participant
     problems: list[str] = []
@@ -302,7 +327,7 @@ def _plan_rehearsal(state: StudyState, request: BeginRequest) -> SessionPlan:
 
 
 def _rehearsed_run(
-    state: StudyState, participant: Participant | None, request: BeginRequest, problems: list[str]
+    state: StudyStatus, participant: Participant | None, request: BeginRequest, problems: list[str]
 ) -> PlannedRun | None:
     study = state.study
     if request.condition:
@@ -322,7 +347,7 @@ def _rehearsed_run(
     return runs[number - 1]
 
 
-def _next_run(state: StudyState, participant: str) -> int | None:
+def _next_run(state: StudyStatus, participant: str) -> int | None:
     return next((each.next_run for each in state.standing.participants if each.participant == participant), None)
 
 

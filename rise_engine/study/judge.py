@@ -12,7 +12,7 @@ from rise_engine.session.errors import SessionError
 from rise_engine.session.folder import mark_abandoned
 from rise_engine.study.sessions import StudySession, outcome_fields, read_verdict, refuse_running_elsewhere
 from rise_engine.study.standing import describe_entry
-from rise_engine.study.state import OpenStudy, StudyState
+from rise_engine.study.state import OpenStudy, StudyStatus
 
 COMMAND_LINE = "command-line"
 """Who says it, where nobody gives a name."""
@@ -89,7 +89,7 @@ def exclude_participant(open: OpenStudy, participant: str, reason: str, *, sourc
     return slot
 
 
-def session_to_judge(state: StudyState, participant: str, name: str = "") -> StudySession:
+def session_to_judge(state: StudyStatus, participant: str, name: str = "") -> StudySession:
     """The session that somebody means: the one of that name; without it, the one without outcome, or else the last.
 
     :raises CannotJudge: there is none, or it never counts.
@@ -111,7 +111,7 @@ def session_to_judge(state: StudyState, participant: str, name: str = "") -> Stu
     return next((each for each in counted if each.entry.outcome is None), counted[-1])
 
 
-def _outcome_problems(state: StudyState, session: StudySession, status: OutcomeStatus, reason: str) -> list[str]:
+def _outcome_problems(state: StudyStatus, session: StudySession, status: OutcomeStatus, reason: str) -> list[str]:
     entry = session.entry
     problems: list[str] = []
     if entry.status == "running":
@@ -128,7 +128,7 @@ def _outcome_problems(state: StudyState, session: StudySession, status: OutcomeS
     return problems
 
 
-def _correction_problems(state: StudyState, session: StudySession) -> Sequence[str]:
+def _correction_problems(state: StudyStatus, session: StudySession) -> Sequence[str]:
     """Why a judged session cannot be judged anew: what came after it rests on how it was judged."""
     entry = session.entry
     counted = [
@@ -144,12 +144,12 @@ def _correction_problems(state: StudyState, session: StudySession) -> Sequence[s
     return []
 
 
-def _check_known(state: StudyState, participant: str) -> None:
+def _check_known(state: StudyStatus, participant: str) -> None:
     known = dict.fromkeys(each.participant for each in state.standing.participants)
     if participant not in known:
         near = did_you_mean(participant, list(known))
         raise CannotJudge(f"the study knows no participant {participant!r}{near}")
 
 
-def _of(state: StudyState, participant: str, status: str) -> list[StudySession]:
+def _of(state: StudyStatus, participant: str, status: str) -> list[StudySession]:
     return [each for each in state.sessions if (each.entry.participant, each.entry.status) == (participant, status)]

@@ -10,6 +10,7 @@ from msgspec import Struct
 
 from rise_engine.scenario.diagnostics import Diagnostic, Diagnostics
 from rise_engine.scenario.model import Scenario, SourceLocation
+from rise_engine.study.language_checks import check_languages
 from rise_engine.study.model import Participant, Slot, Study
 from rise_engine.study.participants import PARTICIPANTS_FILE, ParticipantsLoad, load_participants
 from rise_engine.study.plan_file import NEW_PLAN_FILE, PLAN_FILE, PlanLoad, plan_hash, read_plan
@@ -58,6 +59,9 @@ def review_study(folder: str | os.PathLike[str]) -> StudyReview:
     else:
         people = load_participants(study)
         found += people.diagnostics
+    of_languages = Diagnostics()
+    check_languages(study, people.participants, loaded.scenarios, of_languages)
+    found += of_languages.sorted()
     plan = PlanLoad(None, [])
     if loaded.unsure & _OF_PLAN:
         left_out += [PLAN_FILE] if (Path(study.folder) / PLAN_FILE).exists() else []

@@ -46,7 +46,7 @@ class StudyFiles(Struct, frozen=True):
     plan_hash: str = ""
 
 
-class StudyState(Struct, frozen=True):
+class StudyStatus(Struct, frozen=True):
     """Everything that is known of a study at one moment."""
 
     study: Study
@@ -62,7 +62,7 @@ class StudyState(Struct, frozen=True):
     problems: tuple[str, ...] = ()
     """What hinders every session that counts, in sentences."""
 
-    def supposing(self, outcomes: Iterable[dict[str, Json]]) -> StudyState:
+    def supposing(self, outcomes: Iterable[dict[str, Json]]) -> StudyStatus:
         """The study as it would stand if these outcomes stood in its log."""
         supposed = [_entry_of(MissingEntry("outcome", fields)) for fields in outcomes]
         files = StudyFiles(self.study, self.participants, self.plan, self.plan_hash)
@@ -102,7 +102,7 @@ class StudyState(Struct, frozen=True):
         ]
 
 
-def read_state(folder: Path) -> StudyState:
+def read_state(folder: Path) -> StudyStatus:
     """A study as it stands, without writing anything.
 
     :param folder: the study's.
@@ -127,7 +127,7 @@ class OpenStudy:
         """
         self.folder = folder
         self.log = LockedLog(folder)
-        self.state: StudyState
+        self.state: StudyStatus
 
     def __enter__(self) -> OpenStudy:
         """
@@ -161,7 +161,7 @@ class OpenStudy:
         self.state = _state(files, self.log.entries())
 
 
-def _state(files: StudyFiles, log: Sequence[LogEntry]) -> StudyState:
+def _state(files: StudyFiles, log: Sequence[LogEntry]) -> StudyStatus:
     study, folder = files.study, Path(files.study.folder)
     sessions = read_sessions(folder, study.id, log)
     if missing := missing_entries(sessions, log):
@@ -170,7 +170,7 @@ def _state(files: StudyFiles, log: Sequence[LogEntry]) -> StudyState:
     problems = _plan_problems(files, log)
     places = places_of(files.participants, log)
     standing = study_standing(study, files.participants, files.plan, log, sessions, problems=problems)
-    return StudyState(
+    return StudyStatus(
         study=study,
         participants=files.participants,
         plan=files.plan,

@@ -47,6 +47,10 @@ _KEYS = click.option("--keys", metavar="FILE", help="Another key file than the u
 @click.option("--mode", type=click.Choice(["debug", "real"]), help="Another mode than the scenario's.")
 @click.option("--participant", metavar="ID", help="Who takes part; stands in the record.")
 @click.option("--condition", metavar="NAME", help="One of the scenario's conditions: sets what that says.")
+@click.option("--language", metavar="TAG", help="What is said is said in this language (texts/TAG.toml).")
+@click.option(
+    "--allow-untranslated", is_flag=True, help="With --language: what is not translated is said as the acts have it."
+)
 @click.option(
     "--ros",
     type=click.Choice(["auto", "rclpy", "dds", "off"]),
@@ -155,6 +159,8 @@ def _check_usage(options: CommandLine) -> None:
         "--seed": options.seed,
         "--participant": options.participant,
         "--condition": options.condition,
+        "--language": options.language,
+        "--allow-untranslated": options.allow_untranslated or None,
         "--set": options.sets or None,
         "--place": options.places or None,
         "--new": (options.new and options.shadow is None) or None,
@@ -165,6 +171,8 @@ def _check_usage(options: CommandLine) -> None:
         raise click.UsageError(f"{', '.join(given)} say how a session starts, and --web starts none")
     if options.folder is None and given:
         raise click.UsageError(f"{', '.join(given)} say how a session starts: name its scenario with --config DIR")
+    if options.allow_untranslated and not options.language:
+        raise click.UsageError("--allow-untranslated goes with --language")
     if options.new and options.recover:
         raise click.UsageError("say either --new or --recover")
     if options.here and not options.recover:

@@ -22,6 +22,8 @@ class CommandLine(Struct, frozen=True, kw_only=True):
     seed: int | None = None
     participant: str | None = None
     condition: str | None = None
+    language: str | None = None
+    allow_untranslated: bool = False
     sets: tuple[str, ...] = ()
     """Memory values to begin with, as they were written: `KEY=JSON`."""
     places: tuple[str, ...] = ()
@@ -68,6 +70,8 @@ class CommandLine(Struct, frozen=True, kw_only=True):
             "--mode": self.mode,
             "--seed": self.seed,
             "--condition": self.condition,
+            "--language": self.language,
+            "--allow-untranslated": self.allow_untranslated or None,
             "--set": self.sets or None,
             "--place": self.places or None,
             "--new": self.new or None,
@@ -86,4 +90,6 @@ class CommandLine(Struct, frozen=True, kw_only=True):
             ros=RosConnection(self.ros or "auto", self.ros_args),
             participant=self.participant or "",
             condition=self.condition or "",
+            language=self.language or "",
+            allow_untranslated=self.allow_untranslated,
         )

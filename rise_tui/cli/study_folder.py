@@ -31,7 +31,7 @@ from rise_engine.study.participants import load_participants
 from rise_engine.study.plan_file import read_plan
 from rise_engine.study.recorded import decide_recording, recorders_text
 from rise_engine.study.sessions import SESSIONS
-from rise_engine.study.state import OpenStudy, StudyState, StudyUnusable, read_state
+from rise_engine.study.state import OpenStudy, StudyStatus, StudyUnusable, read_state
 from rise_engine.study.study_log import LOG_FILE, StudyLogError
 from rise_engine.study.study_toml import STUDY_FILE, load_study
 from rise_engine.study.traces import study_of_session
@@ -112,7 +112,7 @@ class StudyFolder:
         stamps = [_stamp(Path(self.folder, name)) for name in WATCHED]
         return stamps, _stamp(self._root), [is_journal_locked(folder / JOURNAL) for folder in self._running]
 
-    def _state(self) -> StudyState:
+    def _state(self) -> StudyStatus:
         """Raises StudyRefused."""
         try:
             return read_state(Path(self.folder))

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import os
 import stat
 import tempfile
@@ -11,13 +10,12 @@ from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
+from rise_engine.edit.json_edits import MemoryFileNotEditable, edit_memory_text, memory_file_text
 from rise_engine.errors import RiseError
+from rise_engine.json_codec import json_equal
 from rise_engine.scenario.file_names import DEFAULT_PATHS
-from rise_engine.scenario.memory import LIST_KEY
 from rise_engine.scenario.model import Scenario
 from rise_engine.scenario.shipped_studies import shipped_name
-from rise_tui.config.memory_file import MemoryFileNotEditable, edit_memory_text
-from rise_tui.model.json_path import json_equal
 from rise_tui.rendering.text import format_value
 
 
@@ -41,12 +39,6 @@ def memory_file_path(scenario: Scenario) -> Path:
     if not os.access(real.parent, os.W_OK) or (real.exists() and not os.access(real, os.W_OK)):
         raise MemoryNotWritable(f"{real} cannot be written by you; work on a copy of the study's folder")
     return path
-
-
-def memory_file_text(memory: Mapping[str, Any]) -> str:
-    """The file's text, in RISE's form."""
-    entries = [f"  {json.dumps({key: value}, ensure_ascii=False)}" for key, value in memory.items()]
-    return f'{{"{LIST_KEY}":\n[\n' + ",\n".join(entries) + "\n]\n}\n"
 
 
 def describe_changes(before: Mapping[str, Any], now: Mapping[str, Any]) -> list[str]:

@@ -41,7 +41,14 @@ def load_scenario(settings: SessionOptions) -> LoadedScenario:
     """Read and check the scenario. Blocking."""
     if problem := why_no_scenario(settings):
         return ScenarioProblems([], problem)
-    loaded = load(find_scenario(settings.folder), robot=settings.robot, mode=settings.mode, paths=settings.paths)
+    loaded = load(
+        find_scenario(settings.folder),
+        robot=settings.robot,
+        mode=settings.mode,
+        paths=settings.paths,
+        language=settings.language or None,
+        allow_untranslated=settings.allow_untranslated,
+    )
     return ScenarioProblems(list(loaded.diagnostics)) if loaded.scenario is None else loaded.scenario
 
 
@@ -85,6 +92,7 @@ def settings_of_session(attach_reply: AttachReply) -> SessionOptions:
         paths=dict(attach_reply.scenario.paths),
         participant=session.participant if session is not None else "",
         condition=session.condition if session is not None else "",
+        language=attach_reply.scenario.language if attach_reply.scenario.says_language else "",
     )
 
 

@@ -1,8 +1,7 @@
-"""Values within values: `person.name`, `list.0`; and which are the same. Pure; nothing that is given is changed."""
+"""Values within values: `person.name`, `list.0`. Pure; nothing that is given is changed."""
 
 from __future__ import annotations
 
-import json
 from collections.abc import Iterator
 from typing import Any, TypeAlias
 
@@ -56,8 +55,3 @@ def with_removed(value: Any, path: JsonPath) -> Any:
     copied: Any = dict(holder) if isinstance(holder, dict) else list(holder)
     del copied[path[-1]]
     return with_replaced(value, path[:-1], copied)
-
-
-def json_equal(one: Any, other: Any, *, in_order: bool = False) -> bool:
-    """Whether two values are the same in JSON: 2 and 2.0 are not, nor are 1 and true. `in_order`: and read the same."""
-    return json.dumps(one, sort_keys=not in_order) == json.dumps(other, sort_keys=not in_order)

@@ -53,7 +53,8 @@ BEGAN = datetime(2026, 11, 23, 9, 30, 0, tzinfo=timezone(timedelta(hours=1)))
 WIZARD = "wizard:anna"
 VERSIONS = {"rise-tui": "0.0.0", "python": "3.11"}
 
-SCENARIO = """title = "Tea"
+SCENARIO = """language = "en"
+title = "Tea"
 robot = "generic"
 private = ["person_name"]
 

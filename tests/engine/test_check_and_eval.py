@@ -72,7 +72,7 @@ def test_check_as_json(tmp_path: Path) -> None:
     document = json.loads(done.stdout)
     assert document["errors"] == 1 and document["warnings"] == 0
     (finding,) = document["findings"]
-    assert set(finding) == {"file", "line", "column", "severity", "code", "message"}
+    assert set(finding) == {"file", "line", "column", "end_line", "end_column", "severity", "code", "message"}
     assert (finding["file"], finding["line"], finding["column"]) == ("acts/bad.xml", 2, 3)
     assert json.loads(engine("check", folder(tmp_path / "t"), "--json").stdout) == {
         "errors": 0, "warnings": 0, "findings": [], "silenced": [],

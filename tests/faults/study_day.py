@@ -28,7 +28,7 @@ from rise_engine.server.spawn import EngineRefused
 from rise_engine.study.judge import CannotJudge, judge_session
 from rise_engine.study.model import ParticipantStanding
 from rise_engine.study.standing import BEGINNABLE
-from rise_engine.study.state import OpenStudy, StudyState, read_state
+from rise_engine.study.state import OpenStudy, StudyStatus, read_state
 from tests.faults.soak import Child, Mistake, SoakConnection
 from tests.study.invariants import check_day, first_input
 from tests.study.studies import HEAD, PEOPLE, write_study
@@ -192,7 +192,7 @@ class StudyDays:
                 raise Mistake(f"{self.folder}: what the log did not say was not what was written\n{before}\n{after}")
             check_day(self.folder)
 
-    def check_standing(self, state: StudyState) -> None:
+    def check_standing(self, state: StudyStatus) -> None:
         held = [each.slot for each in state.standing.participants if each.slot is not None]
         if len(held) != len(set(held)):
             raise Mistake(f"{self.folder}: a slot is held twice: {held}")

@@ -5,6 +5,8 @@ from __future__ import annotations
 import os
 import re
 from pathlib import Path
+from typing import Literal
+from unicodedata import normalize
 
 import pytest
 
@@ -594,8 +596,10 @@ def test_every_code_is_documented() -> None:
     for path in Path(rise_engine.scenario.__file__).parent.glob("*.py"):
         text = path.read_text("utf-8")
         called = r"\.(?:error|warning|report_[a-z]+|parse_attribute)"
-        codes.update(re.findall(rf"{called}\(\s*\"([a-z]+(?:-[a-z]+)*)\"", text))
-    codes.update(("not-well-formed", "too-deep", "unknown-act", "unknown-rule", "unknown-name", "key-refused"))
+        codes.update(re.findall(rf"(?:{called}|unknown_code)\(\s*\"([a-z]+(?:-[a-z]+)*)\"", text))
+    codes.update(
+        ("not-well-formed", "too-deep", "unknown-act", "unknown-rule", "unknown-name", "key-refused", "unicode-form")
+    )
     documented = set(re.findall(r"^\| `([a-z-]+)` \|", DOCS.read_text("utf-8"), re.MULTILINE))
     assert codes == documented
 
@@ -630,3 +634,23 @@ def test_messages_of_toml(tmp_path: Path) -> None:
     assert "`event` is empty" in messages
     assert "`e` is given twice; it stands in line 2 already" in messages
     assert "[act.A]" in messages
+
+
+@pytest.mark.parametrize("form", ["NFC", "NFD"])
+def test_names_in_two_forms_of_unicode(tmp_path: Path, form: Literal["NFC", "NFD"]) -> None:
+    """A letter with an accent is one character, or two; both look the same."""
+    here, there = (normalize(each, "Grün") for each in (form, {"NFC": "NFD", "NFD": "NFC"}[form]))
+    rules = (
+        f'<InteractionRules><InteractionRule name="{there}" initial="{here}"><State id="{there}"><onEntry>'
+        f'<function startCommunicationRobotAct="{here}"/><function startInteractionRule="{here}"/>'
+        f'</onEntry><transition eventTopic="{here}_end" target="{here}"/></State></InteractionRule></InteractionRules>'
+    )
+    speech = SPEECH.replace("</Speech>", f"<waitForActions>{here}</waitForActions></Speech>")
+    own = SPEECH.replace(">1<", f">{there}<")
+    result = loaded(tmp_path, {"acts/a.xml": act(speech + own, there), "rules/r.xml": rules})
+    codes = [(each.severity, each.code) for each in result.diagnostics if each.code != "same-name"]
+    assert codes == [("error", "unicode-form")] * 5
+    assert all("They look alike" in each.message for each in result.diagnostics if each.code != "same-name")
+    raised = in_state(f'<function raiseEventTopic="{here}"/>', f'<transition eventTopic="/{there}" target="S"/>')
+    result = loaded(tmp_path / "events", {"rules/r.xml": raised})
+    assert [(each.severity, each.code) for each in result.diagnostics] == [("warning", "unicode-form")] * 2

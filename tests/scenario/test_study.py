@@ -132,6 +132,7 @@ TABLES = {
     "[control]\nmay_releas = ['/supervisor']": "may_release",
     "[check]\nalow = []": "allow",
     "[check]\nallow = [{ code = 'unset-key', key = 'k', reason = 'r', resaon = 'r' }]": "reason",
+    "[languages]\nalos = ['de']": "also",
     "[actions.Drive]\nchanels = ['base']": "channels",
     "[actions.Drive]\nchannels = ['base']\nparameters.place = { type = 'text', requird = true }": "required",
     "[actions.Drive.parameters.place]\ntype = 'number'\nminimun = 3": "minimum",

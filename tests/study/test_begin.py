@@ -9,7 +9,7 @@ import pytest
 
 from rise_engine.kernel.inputs import CheckReport, OutcomeReport, SessionStarted
 from rise_engine.study.begin import BeginRequest, CannotBegin, SessionPlan, plan_session
-from rise_engine.study.state import OpenStudy, StudyState, StudyUnusable, read_state
+from rise_engine.study.state import OpenStudy, StudyStatus, StudyUnusable, read_state
 from rise_engine.study.study_log import LockedLog
 
 from .studies import DESIGN, ENDED, HEAD, PEOPLE, session_folder, write_journal, write_study
@@ -49,13 +49,13 @@ def began(folder: Path, name: str, run: int = 1, *inputs: Any, attempt: int = 1,
     return path
 
 
-def refusal(state: StudyState, request: BeginRequest) -> list[str]:
+def refusal(state: StudyStatus, request: BeginRequest) -> list[str]:
     with pytest.raises(CannotBegin) as caught:
         plan_session(state, request)
     return list(caught.value.sentences)
 
 
-def begins(state: StudyState, *request: Any, **more: Any) -> SessionPlan:
+def begins(state: StudyStatus, *request: Any, **more: Any) -> SessionPlan:
     return plan_session(state, BeginRequest(*request, **more))
 
 

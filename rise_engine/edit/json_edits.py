@@ -1,27 +1,24 @@
-"""Changing values in a memory file and nothing else: layout, order and form stay as the author has them. Pure."""
+"""Changing values in a memory file and nothing else: layout, order and form stay as the author has them."""
 
 from __future__ import annotations
 
 import json
+import re
 from collections.abc import Mapping, Sequence
+from itertools import pairwise
 from typing import Any, NamedTuple
 
-from rise_engine.errors import RiseError
-from rise_engine.json_codec import JsonArray, JsonError, JsonMember, JsonObject, read_json, to_plain
+from rise_engine.edit.plan import EditRefused
+from rise_engine.edit.text_edits import TextEdit, changed_text
+from rise_engine.json_codec import JsonArray, JsonError, JsonMember, JsonObject, json_equal, read_json, to_plain
 from rise_engine.scenario.memory import LIST_KEY
-from rise_tui.model.json_path import json_equal
 
 
-class MemoryFileNotEditable(RiseError):
+class MemoryFileNotEditable(EditRefused):
     """The file is not what a scenario's memory is; the message says why, for a person."""
 
 
-class _Edit(NamedTuple):
-    """From here to there, this instead."""
-
-    start: int
-    end: int
-    text: str
+_BLANK_LINES = re.compile(r"(?:(?:\r\n|\r(?!\n)|\n)[ \t]*)*(\r\n|\r(?!\n)|\n)")
 
 
 class _Span(NamedTuple):
@@ -30,9 +27,17 @@ class _Span(NamedTuple):
 
 
 def edit_memory_text(text: str, before: Mapping[str, Any], now: Mapping[str, Any]) -> str:
-    """The file's text after the changes that lead from `before` to `now`: keys set, added and deleted.
+    """The file's text after the changes that `memory_text_edits` gives."""
+    return changed_text(text, memory_text_edits(text, before, now))
 
-    Keys that do not differ between the two stay in the file as they are there. Raises MemoryFileNotEditable.
+
+def memory_text_edits(text: str, before: Mapping[str, Any], now: Mapping[str, Any]) -> list[TextEdit]:
+    """What is to change in a memory file, so that keys are set, added and deleted as from `before` to `now`.
+
+    :param text: the file's, without byte order mark.
+    :param before: values by key, as the author of the change knows them.
+    :param now: the values that are wanted. Keys that do not differ between the two stay in the file as they are there.
+    :raises MemoryFileNotEditable: it is not JSON, or not what a scenario's memory is.
     """
     document = _read_document(text)
     members = _memory_members(document)
@@ -47,11 +52,21 @@ def edit_memory_text(text: str, before: Mapping[str, Any], now: Mapping[str, Any
         edits = _list_edits(text, listed, wanted)
     else:
         edits = _object_edits(text, document, wanted)
-    for edit in sorted(edits, reverse=True):
-        text = text[: edit.start] + edit.text + text[edit.end :]
-    if not json_equal({member.key: to_plain(member.value) for member in _memory_members(_read_document(text))}, wanted):
+    after = _memory_members(_read_document(changed_text(text, edits)))
+    if not json_equal({member.key: to_plain(member.value) for member in after}, wanted):
         raise MemoryFileNotEditable("it is written in a way that cannot be changed here; change it with an editor")
-    return text
+    return edits
+
+
+def memory_file_text(memory: Mapping[str, Any]) -> str:
+    """The text of a new memory file, in RISE's form."""
+    entries = [f"  {json.dumps({key: value}, ensure_ascii=False)}" for key, value in memory.items()]
+    return f'{{"{LIST_KEY}":\n[\n' + ",\n".join(entries) + "\n]\n}\n"
+
+
+def memory_values(text: str) -> dict[str, Any]:
+    """The start values of a memory file. :raises MemoryFileNotEditable: it is none."""
+    return {member.key: to_plain(member.value) for member in _memory_members(_read_document(text))}
 
 
 def _read_document(text: str) -> JsonObject:
@@ -82,7 +97,7 @@ def _memory_members(document: JsonObject) -> list[JsonMember]:
     return members
 
 
-def _list_edits(text: str, items: JsonArray, wanted: Mapping[str, Any]) -> list[_Edit]:
+def _list_edits(text: str, items: JsonArray, wanted: Mapping[str, Any]) -> list[TextEdit]:
     """RISE's form: an object for each key."""
     edits, gone = [], set()
     for index, item in enumerate(items):
@@ -97,8 +112,8 @@ def _list_edits(text: str, items: JsonArray, wanted: Mapping[str, Any]) -> list[
     return [*edits, *_entry_edits(text, items.at, spans, gone, new)]
 
 
-def _object_edits(text: str, object: JsonObject, wanted: Mapping[str, Any]) -> list[_Edit]:
-    edits: list[_Edit] = []
+def _object_edits(text: str, object: JsonObject, wanted: Mapping[str, Any]) -> list[TextEdit]:
+    edits: list[TextEdit] = []
     gone = set()
     for index, member in enumerate(object.members):
         if member.key in wanted:
@@ -110,7 +125,7 @@ def _object_edits(text: str, object: JsonObject, wanted: Mapping[str, Any]) -> l
     return [*edits, *_entry_edits(text, object.at, spans, gone, new)]
 
 
-def _value_edits(text: str, offset: int, old: Any, new: Any) -> list[_Edit]:
+def _value_edits(text: str, offset: int, old: Any, new: Any) -> list[TextEdit]:
     if json_equal(to_plain(old), new, in_order=True):
         return []
     if isinstance(old, JsonObject) and isinstance(new, dict):
@@ -118,23 +133,41 @@ def _value_edits(text: str, offset: int, old: Any, new: Any) -> list[_Edit]:
     if isinstance(old, JsonArray) and isinstance(new, list | tuple) and len(old) == len(new):
         pairs = zip(old.items_at, old, new, strict=True)
         return [edit for offset, one, other in pairs for edit in _value_edits(text, offset, one, other)]
-    return [_Edit(offset, _find_end(text, offset), _dumps(new))]
+    return [TextEdit(offset, _find_end(text, offset), _dumps(new))]
 
 
-def _entry_edits(text: str, opening: int, spans: Sequence[_Span], gone: set[int], new: Sequence[str]) -> list[_Edit]:
-    """Entries of an object or a list that go and that come, with their commas; new ones stand as the last ones do."""
+def _entry_edits(text: str, opening: int, spans: Sequence[_Span], gone: set[int], new: Sequence[str]) -> list[TextEdit]:
+    """Entries of an object or a list that go and that come, with their commas; new ones stand as the last ones do.
+
+    Blank lines between groups stay: of the two gaps beside an entry that goes, the one with more lines is left.
+    """
     if not gone and not new:
         return []
     if not spans:
-        return [_Edit(opening + 1, opening + 1, ", ".join(new))]
+        return [TextEdit(opening + 1, opening + 1, ", ".join(new))]
     indent = text[opening + 1 : spans[0].start]
     between = text[spans[-2].end : spans[-1].start] if len(spans) > 1 else "," + (indent if "\n" in indent else " ")
+    between = _BLANK_LINES.sub(r"\1", between)
     kept = [index for index in range(len(spans)) if index not in gone]
     if not kept:
-        return [_Edit(spans[0].start, spans[-1].end, between.join(new))]
-    edits = [_Edit(spans[index].start, spans[index + 1].start, "") for index in sorted(gone) if index < kept[-1]]
-    tail = _Edit(spans[kept[-1]].end, spans[-1].end, "".join(between + entry for entry in new))
+        return [TextEdit(spans[0].start, spans[-1].end, between.join(new))]
+    edits = []
+    for one, other in pairwise([-1, *kept]):
+        if other == one + 1:
+            continue
+        first, last = spans[one + 1].start, spans[other].start
+        if one < 0:
+            edits.append(TextEdit(first, last, ""))
+            continue
+        gaps = [text[spans[at].end : spans[at + 1].start] for at in range(one, other)]
+        widest = max(gaps, key=_count_lines)
+        edits.append(TextEdit(spans[one].end, last, widest))
+    tail = TextEdit(spans[kept[-1]].end, spans[-1].end, "".join(between + entry for entry in new))
     return [*edits, tail] if tail.start < tail.end or tail.text else edits
+
+
+def _count_lines(gap: str) -> int:
+    return gap.count("\n") or gap.count("\r")
 
 
 def _find_end(text: str, offset: int) -> int:

@@ -1,0 +1,224 @@
+"""The commands that change a study's files or say what is in them: fmt, rename, uses."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+from typing import get_args
+
+import click
+
+from rise_engine import exit_status
+from rise_engine.cli.arguments import exit_with_usage, resolve_scenario
+from rise_engine.cli.check import print_findings
+from rise_engine.cli.options import FOLDER, JSON
+from rise_engine.cli.terminal import write_json
+from rise_engine.edit.edits import NameKind, Rename
+from rise_engine.edit.formatting import lay_out
+from rise_engine.edit.guard import check_guard
+from rise_engine.edit.plan import EditRefused, Files, Plan, apply_plan
+from rise_engine.edit.planning import plan
+from rise_engine.edit.read_outline import read_outline
+from rise_engine.edit.rename_data import data_splices
+from rise_engine.edit.renaming import Renaming
+from rise_engine.edit.saving import refuse_shipped, write_files
+from rise_engine.edit.study_folder import read_study_files
+from rise_engine.edit.study_state import StudyState
+from rise_engine.edit.workspace import Workspace, diff_of
+from rise_engine.nearest_name import did_you_mean
+from rise_engine.scenario import LoadResult, load
+from rise_engine.scenario.model import normal_topic
+from rise_engine.text import pluralize
+
+_KIND = click.argument("kind", type=click.Choice(get_args(NameKind)))
+_DIFF = click.option(
+    "--diff", "as_diff", is_flag=True, help="Print what would change, as diff -u has it; write nothing."
+)
+
+
+@click.command()
+@FOLDER
+@_KIND
+@click.argument("name")
+@JSON
+def uses(folder: str, kind: NameKind, name: str, as_json: bool) -> None:
+    """Say where NAME stands in the scenario in DIR: where it is defined, then all that names it.
+
+    A state is written RULE/STATE, an action ACT/ID, an event with or without its slash. Exit status: 0; 1 when there is
+    no such name; 2 when there is no such folder.
+    """
+    folder = resolve_scenario(folder)
+    loaded = load(folder)
+    found = loaded.uses.of(kind, normal_topic(name) if kind == "event" else name)
+    rows = [
+        {
+            "file": use.location.file,
+            "line": use.location.line,
+            "column": use.location.column,
+            "defines": use.defines,
+            "where": use.where,
+        }
+        for use in found
+    ]
+    if as_json:
+        write_json({"kind": kind, "name": name, "uses": rows})
+    elif not found:
+        near = did_you_mean(name, loaded.uses.names(kind))
+        print(f"there is no {_words(kind)} `{name}`{near}", file=sys.stderr)
+    else:
+        for use in found:
+            what = " (defines it)" if use.defines else ""
+            print(f"{use.location.file}:{use.location.line}:{use.location.column}: {use.where or kind}{what}")
+    if loaded.draft.unreadable_parts and not as_json:
+        print("a file cannot be read (rise-engine check says which); there may be more", file=sys.stderr)
+    sys.exit(exit_status.OK if found else exit_status.REFUSED)
+
+
+@click.command()
+@FOLDER
+@_KIND
+@click.argument("old")
+@click.argument("new")
+@_DIFF
+@JSON
+def rename(folder: str, kind: NameKind, old: str, new: str, as_diff: bool, as_json: bool) -> None:
+    """Give an act, rule, state, event, memory key or action another name, everywhere in the study in DIR.
+
+    A state is RULE/STATE, an action ACT/ID; NEW is the new name alone. Comments that have the old name are listed and
+    stay. Nothing is written when the name is taken, or the study has errors. Exit status: 0; 1 refused; 2 wrong usage.
+    """
+    path = _study_folder(folder)
+    loaded = load(path)
+    if loaded.scenario is None:
+        print_findings(loaded)
+        print("mend that first: with errors nobody knows where names stand", file=sys.stderr)
+        sys.exit(exit_status.REFUSED)
+    try:
+        files = read_study_files(path)
+        state = StudyState(files, read_outline(files, loaded.scenario.paths), loaded, path)
+        edit = Rename(kind, old, new)
+        if kind == "key":
+            _check_study_above(path, old)
+        planned = plan(edit, state)
+        after = apply_plan(files, planned)
+        _check_after(edit, state, after)
+        if not as_diff:
+            _write(path, files, after)
+    except EditRefused as error:
+        _refuse(str(error), as_json=as_json)
+    _tell(planned, files, after, as_diff=as_diff, as_json=as_json)
+
+
+@click.command()
+@FOLDER
+@click.option("--check", "check_only", is_flag=True, help="Write nothing; exit status 1 when a file would change.")
+@_DIFF
+def fmt(folder: str, check_only: bool, as_diff: bool) -> None:
+    """Bring the files of the study in DIR into the usual layout: indentation, blanks, empty lines.
+
+    Nothing that is read changes, and no comment goes. A file that cannot be read stays as it is, and is named. Exit
+    status: 0; 1 when a file could not be laid out, or with --check would change; 2 when there is no such folder.
+    """
+    path = _study_folder(folder)
+    try:
+        files = read_study_files(path)
+        layout = lay_out(files)
+        after = {**files, **layout.changed}
+        before, now = load(path), load(path, held=after)
+        if _findings(before) != _findings(now):
+            raise EditRefused("the layout would change what `rise-engine check` finds; nothing was written")
+        if layout.changed and not check_only and not as_diff:
+            _write(path, files, after)
+    except EditRefused as error:
+        _refuse(str(error), as_json=False)
+    if as_diff:
+        print(diff_of(files, after), end="")
+    else:
+        for name in layout.changed:
+            print(f"{name}: {'would change' if check_only else 'laid out anew'}")
+        if not layout.changed:
+            print(f"{pluralize(layout.files, 'file')}, all in the usual layout")
+    for name, problem in layout.problems.items():
+        print(f"{name} stays as it is: {problem}", file=sys.stderr)
+    sys.exit(exit_status.REFUSED if layout.problems or (check_only and layout.changed) else exit_status.OK)
+
+
+def _words(kind: NameKind) -> str:
+    return {"key": "memory key"}.get(kind, kind)
+
+
+def _study_folder(folder: str) -> Path:
+    path = Path(resolve_scenario(folder))
+    path = path.parent if path.is_file() else path
+    if not path.is_dir():
+        exit_with_usage(f"there is no folder {folder}")
+    return path
+
+
+def _check_study_above(path: Path, key: str) -> None:
+    """:raises EditRefused: the study.toml of the folder in which the scenario lies sets this memory key, too."""
+    file = path.resolve().parent / "study.toml"
+    try:
+        data = file.read_bytes()
+    except OSError:
+        return
+    renaming = Renaming("key", "", key, f"{key}_", {})
+    if any(data_splices({file.name: data}, renaming)):
+        raise EditRefused(
+            f"{file} sets `{key}`, too; change it there by hand first (a plan that was made from it has to fit), and "
+            "then rename it here"
+        )
+
+
+def _check_after(edit: Rename, before: StudyState, after: Files) -> None:
+    """:raises EditRefused: the study would have errors then, or mean something else."""
+    held = {name: data for name, data in after.items() if data != before.files.get(name)}
+    loaded = load(before.folder, held=held)
+    if loaded.errors:
+        raise EditRefused(f"the study would have errors then, first: {loaded.errors[0]}; nothing was written")
+    check_guard([edit], before, StudyState(after, before.outline, loaded, before.folder))
+
+
+def _findings(loaded: LoadResult) -> list[tuple[str, str, str]]:
+    """What was found, wherever it stands."""
+    found = [*loaded.diagnostics, *(each.diagnostic for each in loaded.suppressed)]
+    return sorted((each.severity, each.code, each.location.file) for each in found)
+
+
+def _tell(planned: Plan, before: Files, after: Files, *, as_diff: bool, as_json: bool) -> None:
+    if as_json:
+        files = sorted(name for name in after if after[name] != before.get(name))
+        write_json({"says": planned.says, "noticed": planned.noticed, "files": files, "written": not as_diff})
+        return
+    if as_diff:
+        print(diff_of(before, after), end="")
+    else:
+        for sentence in planned.says:
+            print(sentence)
+    for sentence in planned.noticed:
+        print(sentence, file=sys.stderr)
+
+
+def _write(path: Path, before: Files, after: Files) -> None:
+    """Write all or nothing, while nobody else has the study open. A draft of the editor stays as it is.
+
+    :raises EditRefused: somebody has, or it cannot be written.
+    """
+    refuse_shipped(path)
+    workspace = Workspace(path)
+    try:
+        if workspace.read_only:
+            raise EditRefused(workspace.read_only)
+        write_files(path, before, after)
+    finally:
+        workspace.close()
+
+
+def _refuse(sentence: str, *, as_json: bool) -> None:
+    if as_json:
+        write_json({"refused": sentence})
+    print(f"error: {sentence}", file=sys.stderr)
+    sys.exit(exit_status.REFUSED)
+
+
+COMMANDS = {"fmt": fmt, "rename": rename, "uses": uses}

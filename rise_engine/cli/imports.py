@@ -1,0 +1,109 @@
+"""`rise-engine import`: studies of other tools as scenario folders."""
+
+from __future__ import annotations
+
+import os
+import shutil
+import sys
+from pathlib import Path
+from shlex import quote
+from tempfile import mkdtemp
+
+import click
+
+from rise_engine.cli.arguments import exit_with_usage
+from rise_engine.exit_status import NOT_WRITTEN, REFUSED
+from rise_engine.imports.woz4u_file import NotWoz4uError, read_woz4u
+from rise_engine.imports.woz4u_study import ImportedStudy, make_study
+from rise_engine.scenario import load
+from rise_engine.scenario.diagnostics import Diagnostics
+from rise_engine.text import clean
+
+_LARGEST = 10_000_000
+
+
+@click.group("import")
+def import_group() -> None:
+    """Make a scenario of what another tool has."""
+
+
+@import_group.command("woz4u")
+@click.argument("file", metavar="FILE.yaml", type=click.Path())
+@click.option("-o", "--output", metavar="DIR", required=True, type=click.Path(), help="A new or empty folder.")
+@click.option("--title", metavar="TEXT", help="Of the study. Default: the name of FILE.")
+def woz4u(file: str, output: str, title: str | None) -> None:
+    """Make a scenario in DIR of a configuration of WoZ4U: an act for each button, with a key.
+
+    It says which key each button has now, and what could not be taken over; README.md in DIR says it, too.
+
+    Exit status: 0; 1 the configuration has errors, nothing was made; 2 wrong usage, or no such file; 74 DIR cannot be
+    written.
+    """
+    path, folder = Path(file), Path(output)
+    if folder.exists() and (not folder.is_dir() or any(folder.iterdir())):
+        exit_with_usage(f"{output} is not empty; name a new folder")
+    diagnostics = Diagnostics()
+    try:
+        read = read_woz4u(_read(path), path.name, diagnostics)
+    except NotWoz4uError as error:
+        exit_with_usage(str(error))
+    if diagnostics.errors:
+        for diagnostic in diagnostics.sorted():
+            click.echo(str(diagnostic), err=True)
+        sys.exit(REFUSED)
+    pepper = load(folder, held={"scenario.toml": b'robot = "pepper"'}).robot
+    study = make_study(title or path.stem, read, pepper, lambda name: _said_file(path.parent, name))
+    loaded = load(folder, held={name: text.encode() for name, text in study.files.items()})
+    if loaded.scenario is None:  # what an item says cannot be said so
+        for diagnostic in loaded.errors:
+            click.echo(str(diagnostic), err=True)
+        sys.exit(REFUSED)
+    _write(folder, study)
+    for line in (*study.says, "", "Not taken over, or to be looked at:", *(f"- {each}" for each in study.left_out)):
+        click.echo(clean(line))
+    click.echo(f"\n{output}: check it with rise-engine check {quote(output)}")
+
+
+def _read(path: Path) -> str:
+    """:raises NotWoz4uError: the file cannot be read."""
+    try:
+        if path.stat().st_size > _LARGEST:
+            raise NotWoz4uError(f"{path} is larger than {_LARGEST // 1_000_000} MB")
+        return path.read_text("utf-8-sig")
+    except OSError as error:
+        raise NotWoz4uError(f"{path} cannot be read: {error.strerror or error}") from None
+    except UnicodeDecodeError:
+        raise NotWoz4uError(f"{path} is not UTF-8; save it as that") from None
+
+
+def _said_file(folder: Path, name: str) -> str | None:
+    """A text file beside the configuration, never one outside of its folder."""
+    path = (folder / name).resolve()
+    if not path.is_relative_to(folder.resolve()) or not path.is_file() or path.stat().st_size > _LARGEST:
+        return None
+    try:
+        return path.read_text("utf-8-sig")
+    except (OSError, UnicodeDecodeError):
+        return None
+
+
+def _write(folder: Path, study: ImportedStudy) -> None:
+    """The whole folder or nothing. Ends the program when it cannot be written."""
+    made = ""
+    try:
+        folder.absolute().parent.mkdir(parents=True, exist_ok=True)
+        made = mkdtemp(prefix=f".{folder.name}.", dir=folder.absolute().parent)
+        for name, text in study.files.items():
+            path = Path(made) / name
+            path.parent.mkdir(exist_ok=True)
+            path.write_text(text, "utf-8")
+        Path(made).chmod(0o755)
+        os.replace(made, folder)  # noqa: PTH105  # an empty folder may be there
+    except OSError as error:
+        if made:
+            shutil.rmtree(made, ignore_errors=True)
+        click.echo(f"error: {folder} cannot be written: {error.strerror or error}", err=True)
+        sys.exit(NOT_WRITTEN)
+
+
+COMMANDS: dict[str, click.Command] = {"import": import_group}

@@ -1,0 +1,227 @@
+"""`rise-engine texts`: what a study says as one table, for who writes and translates it (docs/how-to/translate.md)."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+from typing import Literal, NoReturn
+
+import click
+
+from rise_engine.cli.arguments import exit_with_usage, resolve_scenario
+from rise_engine.cli.check import print_findings
+from rise_engine.cli.options import FOLDER
+from rise_engine.cli.terminal import discard_rest
+from rise_engine.edit.plan import EditRefused
+from rise_engine.edit.workspace import Workspace
+from rise_engine.exit_status import BROKEN_PIPE, NOT_WRITTEN, OK, REFUSED
+from rise_engine.scenario import LoadResult, load
+from rise_engine.scenario.languages import language_problem
+from rise_engine.scenario.translations import LanguageTexts
+from rise_engine.text import clean, pluralize
+from rise_engine.texts.csv_file import read_csv, write_csv
+from rise_engine.texts.importing import TextImport, import_table, summary
+from rise_engine.texts.po_file import read_po, write_po
+from rise_engine.texts.reading import ReadTable
+from rise_engine.texts.table import Only, TextsError, TextTable, make_table
+from rise_engine.texts.xlsx_file import read_xlsx, write_xlsx
+
+_KINDS = (".csv", ".xlsx", ".po")
+_LARGEST = 50_000_000
+
+
+def _check_languages(_context: click.Context, _option: click.Parameter, tags: tuple[str, ...]) -> tuple[str, ...]:
+    for tag in tags:
+        if problem := language_problem(tag):
+            raise click.BadParameter(problem)
+    return tags
+
+
+LANGUAGES = click.option(
+    "--language",
+    "languages",
+    metavar="TAG",
+    multiple=True,
+    callback=_check_languages,
+    help="A language, also a new one: de, pt-BR. Repeatable. Default: all that there are.",
+)
+
+
+@click.group("texts")
+def texts() -> None:
+    """What a study says, as one table: for a spreadsheet, for translators, and back."""
+
+
+@texts.command("export")
+@FOLDER
+@click.option(
+    "-o", "--output", metavar="FILE", type=click.Path(), help="A new .csv, .xlsx or .po file. Default: CSV, printed."
+)
+@LANGUAGES
+@click.option("--only", type=click.Choice(["missing", "stale"]), help="Texts of which a translation is.")
+def export(folder: str, output: str | None, languages: tuple[str, ...], only: Only | None) -> None:
+    """Write every text of the scenario in DIR as one table, a row for each, with its translations.
+
+    For Excel take .xlsx: there every cell is a text. .po is for one language, for the tools of gettext. What is changed
+    in the table, `texts import` takes back. Nothing is ever written over.
+
+    Exit status: 0; 1 the scenario has errors; 2 wrong usage; 74 the file cannot be written.
+    """
+    loaded = _load_or_exit(resolve_scenario(folder))
+    try:
+        table = make_table(loaded, languages, only)
+        data = _write_table(table, Path(output).suffix.lower() if output is not None else ".csv")
+    except TextsError as error:
+        exit_with_usage(str(error))
+    if output is None:
+        try:
+            sys.stdout.buffer.write(data.removeprefix(b"\xef\xbb\xbf"))
+            sys.stdout.flush()
+        except BrokenPipeError:
+            discard_rest(sys.stdout)
+            sys.exit(BROKEN_PIPE)
+        return
+    try:
+        with Path(output).open("xb") as file:
+            file.write(data)
+    except FileExistsError:
+        exit_with_usage(f"there is a file {output} already; nothing is written over")
+    except OSError as error:
+        click.echo(f"error: {output} cannot be written: {error.strerror or error}", err=True)
+        sys.exit(NOT_WRITTEN)
+    click.echo(f"{output}: {pluralize(len(table.rows), 'text')}{_languages_text(table)}")
+
+
+@texts.command("import")
+@FOLDER
+@click.argument("file", metavar="FILE", type=click.Path())
+@LANGUAGES
+@click.option("--dry-run", is_flag=True, help="Say what would change, and change nothing.")
+@click.option("--new", is_flag=True, help="Rows without an id become acts, called as their cell `act` says.")
+def import_(folder: str, file: str, languages: tuple[str, ...], dry_run: bool, new: bool) -> None:
+    """Take back what was changed in a table that `texts export` made from the scenario in DIR: texts and translations.
+
+    Rows are found by their id; their order, and what else stands in the table, does not matter. A row whose text was
+    changed in the study meanwhile is refused by itself, and all others are taken.
+
+    Exit status: 0; 1 something was refused, or the study would have errors; 2 wrong usage, or no such table.
+    """
+    where = resolve_scenario(folder)
+    try:
+        table = _read_table(Path(file), languages)
+        workspace = Workspace(Path(where))
+    except (TextsError, EditRefused) as error:
+        exit_with_usage(f"{file}: {error}" if isinstance(error, TextsError) else str(error))
+    try:
+        if workspace.checked.scenario is None:
+            print_findings(workspace.checked)
+            sys.exit(REFUSED)
+        if workspace.draft is not None:
+            message = "an editor has left changes in this study that are not saved"
+            raise EditRefused(f"{message}; open it (rise-tui edit {where}), and save them or give them up")
+        found = import_table(table, workspace.checked, workspace.outline, languages, new=new)
+        end = _apply(workspace, found, dry_run=dry_run)
+    except TextsError as error:
+        exit_with_usage(f"{file}: {error}")
+    except EditRefused as error:
+        click.echo(clean(f"error: {error}; nothing was changed"), err=True)
+        sys.exit(REFUSED)
+    finally:
+        workspace.close()
+    for sentence in (*map(str, found.refused), *found.noticed):
+        click.echo(clean(sentence), err=True)
+    click.echo(f"{summary(found)}{end}")
+    sys.exit(REFUSED if found.refused else OK)
+
+
+def _apply(workspace: Workspace, found: TextImport, *, dry_run: bool) -> str:
+    """Make the edits, and save them; gives the end of the last sentence.
+
+    :raises EditRefused: they cannot be made, or saved.
+    """
+    if not found.edits:
+        return ": nothing is to be changed"
+    change = workspace.apply(*found.edits)
+    saved: tuple[str, ...] = ()
+    try:
+        saved = () if dry_run else workspace.save().files
+    finally:
+        difference = workspace.diff()
+        if not saved:  # nor does a draft of it stay
+            workspace.undo()
+    for sentence in change.says:
+        click.echo(clean(sentence))
+    if dry_run:
+        click.echo(clean(difference, keep="\n\t"))
+        return "; nothing was written (--dry-run)"
+    return f": {', '.join(saved)}"
+
+
+@texts.command("check")
+@FOLDER
+@LANGUAGES
+def check(folder: str, languages: tuple[str, ...]) -> None:
+    """Say which texts of the scenario in DIR are not translated, and of which the original has changed since.
+
+    Exit status: 0 everything is translated; 1 something is not, or is of an earlier text; 2 wrong usage.
+    """
+    loaded = _load_or_exit(resolve_scenario(folder))
+    known = {tag.lower(): found for tag, found in loaded.translations.items()}
+    chosen = [known.get(tag.lower()) or LanguageTexts(tag, "") for tag in languages] or list(known.values())
+    if not chosen:
+        click.echo(
+            f"{pluralize(len(loaded.texts), 'text')}, and no translations (`rise-engine texts export` begins one)"
+        )
+    status = OK
+    for found in chosen:
+        missing, stale = found.missing(loaded.texts), found.stale(loaded.texts)
+        translated = sum(text.id in found.texts for text in loaded.texts)
+        status = REFUSED if missing or stale else status
+        more = [f"{len(stale)} changed since"] * bool(stale) + [f"{len(missing)} missing"] * bool(missing)
+        click.echo(", ".join([f"{found.language}: {translated} of {len(loaded.texts)} texts translated", *more]))
+        for text in missing:
+            click.echo(clean(f"  missing  {text.id:<24} {text.text}"))
+        for text in stale:
+            click.echo(clean(f"  changed  {text.id:<24} {text.text}  (was: {found.texts[text.id].of})"))
+    sys.exit(status)
+
+
+def _load_or_exit(folder: str) -> LoadResult:
+    loaded = load(folder)
+    if loaded.scenario is None:
+        print_findings(loaded)
+        sys.exit(REFUSED)
+    return loaded
+
+
+def _write_table(table: TextTable, kind: str) -> bytes:
+    if kind not in _KINDS:
+        _refuse_kind()
+    return {".csv": write_csv, ".xlsx": write_xlsx, ".po": write_po}[kind](table)
+
+
+def _read_table(path: Path, languages: tuple[str, ...]) -> ReadTable:
+    kind = path.suffix.lower()
+    if kind not in _KINDS:
+        _refuse_kind()
+    try:
+        if path.stat().st_size > _LARGEST:
+            raise TextsError(f"this file is larger than {_LARGEST // 1_000_000} MB")
+        data = path.read_bytes()
+    except OSError as error:
+        raise TextsError(f"it cannot be read: {error.strerror or error}") from None
+    if kind == ".xlsx":
+        return read_xlsx(data)
+    return read_csv(data) if kind == ".csv" else read_po(data, languages[0] if len(languages) == 1 else "")
+
+
+def _refuse_kind() -> NoReturn:
+    raise TextsError("a table of texts is a .csv, an .xlsx or a .po file")
+
+
+def _languages_text(table: TextTable) -> str:
+    into = f", into {', '.join(table.languages)}" if table.languages else ""
+    return f" in {table.language}{into}" if table.language else into
+
+
+COMMANDS: dict[Literal["texts"], click.Command] = {"texts": texts}

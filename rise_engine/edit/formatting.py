@@ -1,0 +1,111 @@
+"""The usual layout of all of a study's files: what `rise-engine fmt` writes, and the language server."""
+
+from __future__ import annotations
+
+import tomllib
+from typing import Any
+
+from msgspec import Struct
+
+from rise_engine.edit.documents import NotXmlError, read_document
+from rise_engine.edit.format_data import format_memory, format_toml
+from rise_engine.edit.format_xml import comments_of, format_xml
+from rise_engine.edit.memory import memory_file
+from rise_engine.edit.plan import EditRefused, Files
+from rise_engine.edit.text_edits import EditedText
+from rise_engine.json_codec import decode
+from rise_engine.scenario.element_templates import PATTERNS
+from rise_engine.scenario.file_names import DEFAULT_PATHS, SCENARIO_FILE
+from rise_engine.text import BLANKS
+
+_BYTE_ORDER_MARK = b"\xef\xbb\xbf"
+
+
+class StudyLayout(Struct, frozen=True):
+    """What the usual layout makes of a study's files."""
+
+    changed: dict[str, bytes]
+    """The files that look different then."""
+    problems: dict[str, str]
+    """Files that stay as they are, each with the reason."""
+    files: int
+    """How many were looked at."""
+
+
+def lay_out(files: Files) -> StudyLayout:
+    """Acts, rules, settings, start values and translations in the usual layout. What is no such file is left alone."""
+    changed: dict[str, bytes] = {}
+    problems: dict[str, str] = {}
+    names = [name for name in sorted(files) if _kind(name, files)]
+    for name in names:
+        try:
+            after = format_file(name, files)
+        except EditRefused as error:
+            problems[name] = str(error)
+        else:
+            if after != files[name]:
+                changed[name] = after
+    return StudyLayout(changed, problems, len(names))
+
+
+def format_file(name: str, files: Files) -> bytes:
+    """One file in the usual layout, with the byte order mark and the kind of line ends that it has.
+
+    :raises EditRefused: it cannot be read, or is of a kind that has no layout here.
+    """
+    text = EditedText(name, files[name]).text
+    kind = _kind(name, files)
+    if kind == "xml":
+        after = format_xml(text)
+        is_same = _xml_meaning(text) == _xml_meaning(after)
+    elif kind == "toml":
+        after = format_toml(text)
+        is_same = _toml_meaning(text) == _toml_meaning(after)
+    elif kind == "memory":
+        after = format_memory(text)
+        is_same = repr(decode(text)) == repr(decode(after))
+    else:
+        raise EditRefused(f"{name} is of a kind that has no layout here")
+    if not is_same:
+        raise EditRefused("it is written in a way that the layout would change; it stays as it is")
+    mark = _BYTE_ORDER_MARK if files[name].startswith(_BYTE_ORDER_MARK) else b""
+    return mark + after.encode()
+
+
+def _kind(name: str, files: Files) -> str:
+    """ "xml", "toml", "memory", or empty for what has no layout."""
+    if name == memory_file(files):
+        return "memory"
+    folder, _, rest = name.rpartition("/")
+    if name.endswith(".toml") and folder in ("", "robots", "tables", "texts"):
+        return "toml"
+    if not name.lower().endswith(".xml") or rest.startswith("."):
+        return ""
+    try:
+        settings = tomllib.loads(files.get(SCENARIO_FILE, b"").decode("utf-8-sig"))
+    except (ValueError, RecursionError):
+        settings = {}
+    places = [str(settings.get(kind) or DEFAULT_PATHS[kind]).rstrip("/") for kind in ("acts", "rules")]
+    return "xml" if folder in (*places, PATTERNS) or name in places else ""
+
+
+def _xml_meaning(text: str) -> Any:
+    """What is read of a file, and its comments."""
+    try:
+        root = read_document(text.encode()).root
+    except NotXmlError as error:
+        raise EditRefused(str(error)) from None
+    pending, found = [root], []
+    while pending:
+        node = pending.pop()
+        pieces = (node.text, *(child.tail for child in node.children))
+        has_text = any(piece.strip(BLANKS) for piece in pieces)
+        kept = pieces if has_text and node.children else tuple(piece.strip(BLANKS) for piece in pieces)
+        found.append((node.tag, tuple(node.attributes.items()), kept, len(node.children)))
+        pending += node.children
+    return found, list(comments_of(text))
+
+
+def _toml_meaning(text: str) -> Any:
+    comments = [line.strip() for line in text.splitlines() if line.lstrip().startswith("#")]
+    return repr(tomllib.loads(text)), comments

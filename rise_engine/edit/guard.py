@@ -1,0 +1,246 @@
+"""Proof after each edit: what the study means may differ only where the edit says.
+
+The models that the reader of scenarios has made before and after are compared, places in files left out. They come from
+another reader than the one that planned the edit by, so that a mistake in a splice cannot reach a file.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from typing import Any, TypeAlias
+
+import msgspec
+
+from rise_engine.edit import edits as of
+from rise_engine.edit.edits import Edit
+from rise_engine.edit.outline import Span, WrittenAct, WrittenRule, WrittenState
+from rise_engine.edit.plan import EditRefused
+from rise_engine.edit.rename_guard import check_rename
+from rise_engine.edit.study_state import StudyState
+from rise_engine.edit.transitions import find_transition
+from rise_engine.expression import Assignment, Expression
+
+Path: TypeAlias = tuple[str | int, ...]
+"""Where in a model something stands: `("acts", "R_Yes", "actions", "2", "wait_for")`."""
+_EVERYTHING: tuple[Path, ...] = ((),)
+_FAR_REACHING = (("robot",), ("actions",), ("acts",), ("rules",), ("memory",))
+"""Settings that say what is read, and what acts may hold."""
+_SHOWN = 5
+"""Places that are named."""
+
+
+def check_guard(edits: Sequence[Edit], before: StudyState, after: StudyState) -> None:
+    """Look that a study means the same as before, but for what edits say.
+
+    :param before: what the edits were planned on. :param after: what has come of them.
+    :raises EditRefused: something else differs; the message names it. Nothing of `after` may then be kept.
+    """
+    if len(edits) == 1 and isinstance(edits[0], of.Rename):
+        check_rename(edits[0], model_of(before), model_of(after))
+        return
+    allowed = [path for edit in edits for path in allowed_paths(edit, before, after)]
+    if () in allowed:
+        return
+    beyond = [path for path in changed_paths(before, after) if not any(_is_within(path, each) for each in allowed)]
+    if beyond:
+        named = ", ".join(path_in_words(path) for path in beyond[:_SHOWN]) + (", ..." if len(beyond) > _SHOWN else "")
+        raise EditRefused(f"this would also change {named}; nothing was changed")
+
+
+def path_in_words(path: Path) -> str:
+    """`act R_Yes, actions, 2`."""
+    kind, *rest = path
+    singular = {"acts": "act", "rules": "rule", "memory": "memory key", "tables": "table"}.get(str(kind), str(kind))
+    return ", ".join([" ".join(map(str, (singular, *rest[:1]))), *map(str, rest[1:])])
+
+
+def _is_within(path: Path, allowed: Path) -> bool:
+    return path[: len(allowed)] == allowed
+
+
+# --- the models ---------------------------------------------------------------------------------------------------
+
+_SETTINGS = ("title", "mode", "keys", "act_settings", "fillers", "study", "conditions", "private", "language")
+
+
+def model_of(study: StudyState) -> dict[str, Any]:
+    """What a study means, also when something is wrong with it: for `differences`."""
+    checked = study.checked
+    draft = checked.draft
+    model: dict[str, Any] = {
+        "acts": {name: {"actions": {each.id: each for each in act.actions}} for name, act in draft.acts.items()},
+        "rules": draft.rules,
+        "memory": draft.memory,
+        "tables": {name: [table.columns, *table.rows] for name, table in draft.tables.items()},
+    }
+    if checked.scenario is not None:
+        model["settings"] = {name: getattr(checked.scenario, name) for name in _SETTINGS}
+    return model
+
+
+def changed_paths(before: StudyState, after: StudyState) -> Iterator[Path]:
+    """Where two studies differ in what they mean, as deep as can be said."""
+    one, other = model_of(before), model_of(after)
+    if before.checked.scenario is None or after.checked.scenario is None:
+        one.pop("settings", None)
+        other.pop("settings", None)
+    for path in differences(one, other):
+        if path[:2] == ("settings", "act_settings") and not (path[2] in one["acts"] and path[2] in other["acts"]):
+            continue  # [act."R_*"] is for acts that come and go
+        yield path
+
+
+def differences(one: Any, other: Any, path: Path = ()) -> Iterator[Path]:
+    """The places at which two pieces of data differ; where in files something stands does not matter."""
+    if one is other:
+        return
+    if isinstance(one, dict) and isinstance(other, dict):
+        for key in dict.fromkeys((*one, *other)):
+            if key not in one or key not in other:
+                yield (*path, key)
+            elif one[key] is not other[key]:
+                yield from differences(one[key], other[key], (*path, key))
+    elif isinstance(one, list | tuple) and isinstance(other, list | tuple):
+        if len(one) != len(other):
+            yield path
+            return
+        for index, (left, right) in enumerate(zip(one, other, strict=True)):
+            if left is not right:
+                yield from differences(left, right, (*path, index))
+    elif type(one) is not type(other):
+        yield path
+    elif isinstance(one, Expression | Assignment):
+        if one.text != other.text:
+            yield path
+    elif isinstance(one, msgspec.Struct):
+        for name in one.__struct_fields__:
+            if name != "location" and getattr(one, name) is not getattr(other, name):
+                yield from differences(getattr(one, name), getattr(other, name), (*path, name))
+    elif one != other:
+        yield path
+
+
+# --- what an edit may change --------------------------------------------------------------------------------------
+
+
+def allowed_paths(edit: Edit, before: StudyState, after: StudyState) -> Sequence[Path]:
+    """Where the model may differ after an edit; `()`: anywhere."""
+    match edit:
+        case of.AddAct(name=name) | of.CopyAct(name=name) | of.RemoveAct(act=name):
+            return [("acts", name)]
+        case of.AddAction(act=act):
+            return [("acts", act, "actions", edit.id.strip() or _new_action(act, before, after))]
+        case of.RemoveAction(act=act, action=action):
+            waits = [("acts", act, "actions", each.id, "wait_for") for each in _actions(act, before)]
+            return [("acts", act, "actions", action), *waits]
+        case of.SetActionType(act=act, action=action):
+            return [("acts", act, "actions", action)]
+        case of.SetParameter(act=act, action=action):
+            return [("acts", act, "actions", action, "calls", edit.variant, "parameters", edit.parameter)]
+        case of.SetWaits(act=act, action=action):
+            return [("acts", act, "actions", action, "wait_for")]
+        case of.SetActionFailure(act=act, action=action):
+            return [("acts", act, "actions", action, "continue_on_failure")]
+        case of.AddVariant(act=act, action=action) | of.RemoveVariant(act=act, action=action):
+            return [("acts", act, "actions", action, "calls")]
+        case of.AddRule(name=name) | of.CopyRule(name=name) | of.RemoveRule(rule=name):
+            return [("rules", name)]
+        case of.SetInitial(rule=rule):
+            return [("rules", rule, "initial")]
+        case of.SetPriority(rule=rule):
+            return [("rules", rule, "priority")]
+        case of.AddState(rule=rule, state=state) | of.RemoveState(rule=rule, state=state):
+            return [("rules", rule, "states", state.strip())]
+        case of.AddTransition(rule=rule, state=state):
+            return [("rules", rule, "states", state, "transitions")]
+        case of.SetTransition() | of.RemoveTransition() | of.MoveTransition():
+            return _of_transition(edit, before)
+    return _of_statement_or_data(edit, before, after)
+
+
+def _of_statement_or_data(edit: Edit, before: StudyState, after: StudyState) -> Sequence[Path]:
+    match edit:
+        case (
+            of.AddStatement(at=at) | of.SetCall(at=at) | of.RemoveStatement(at=at) | of.MoveStatement(at=at)
+            | of.AddBranch(at=at) | of.SetBranchCondition(at=at)
+        ):  # fmt: skip
+            return _of_block(at, before)
+        case of.SetStartValue(key=key) | of.RemoveStartValue(key=key):
+            return [("memory", key)]
+        case of.SetSetting() | of.RenameSetting():
+            if edit.file != "scenario.toml":
+                return []
+            return _EVERYTHING if edit.path[:1] in _FAR_REACHING else [("settings",), ("tables",)]
+        case of.SetCell(table=table) | of.AddRow(table=table) | of.RemoveRow(table=table):
+            return [("tables", table)]
+        case of.SetUseParameter():
+            return [*_of_use(edit, before), *_of_use(edit, after)]
+        case of.SetTranslation():
+            return []
+    return _EVERYTHING  # a name everywhere, a whole file
+
+
+def _actions(act: str, study: StudyState) -> Sequence[Any]:
+    found = study.outline.act(act)
+    return found.actions if found else ()
+
+
+def _new_action(act: str, before: StudyState, after: StudyState) -> str:
+    """The number that a new action has got."""
+    there = {each.id for each in _actions(act, before)}
+    return next((each.id for each in _actions(act, after) if each.id not in there), "")
+
+
+def _state(rule: str, state: str, study: StudyState) -> WrittenState | None:
+    found = study.outline.rule(rule)
+    return next((each for each in found.states if each.id == state), None) if found else None
+
+
+def _of_transition(
+    edit: of.SetTransition | of.RemoveTransition | of.MoveTransition, study: StudyState
+) -> Sequence[Path]:
+    """The ways out of a state, and of those that share the way; of one that is set, all but its functions."""
+    state = _state(edit.rule, edit.state, study)
+    if state is None:
+        return []
+    index = find_transition(state, edit.index, edit.was)
+    way = state.transitions[index]
+    base: Path = ("rules", edit.rule, "states")
+    if way.shared_by:
+        return [(*base, name, "transitions") for name in way.shared_by]
+    path = (*base, edit.state, "transitions")
+    if isinstance(edit, of.SetTransition):
+        fields = ("event", "ended", "outcomes", "after", "held", "condition", "target")
+        return [(*path, index, name) for name in fields]
+    return [path]
+
+
+def _of_block(at: of.StatementAddress, study: StudyState) -> Sequence[Path]:
+    base: Path = ("rules", at.rule, "states")
+    if at.place != "transition":
+        return [(*base, at.state, "on_entry" if at.place == "onEntry" else "on_exit")]
+    state = _state(at.rule, at.state, study)
+    if state is None or not 0 <= at.transition < len(state.transitions):
+        return []
+    way = state.transitions[at.transition]
+    if way.shared_by:
+        return [(*base, name, "transitions") for name in way.shared_by]
+    return [(*base, at.state, "transitions", at.transition, "block")]
+
+
+def _of_use(edit: of.SetUseParameter, study: StudyState) -> Iterator[Path]:
+    """Whatever comes of a `<use>`, and whatever it stands in."""
+    uses = [use for use in study.outline.uses if use.file == edit.file and use.template == edit.template]
+    if not uses:
+        return
+    use = min(uses, key=lambda each: abs(each.line - edit.line))
+    for act in study.outline.acts:
+        if _touches(act, edit.file, use.span):
+            yield "acts", act.name
+    for rule in study.outline.rules:
+        if _touches(rule, edit.file, use.span):
+            yield "rules", rule.name
+
+
+def _touches(part: WrittenAct | WrittenRule, file: str, span: Span) -> bool:
+    return part.file == file and part.span.start <= span.start and span.end <= part.span.end

@@ -1,0 +1,253 @@
+"""Whole acts and rules: made, copied, removed."""
+
+from __future__ import annotations
+
+import posixpath
+import re
+from collections.abc import Callable, Mapping
+
+from msgspec import Struct
+
+from rise_engine.edit.documents import Node
+from rise_engine.edit.edits import AddAct, AddRule, CopyAct, CopyRule, Edit, RemoveAct, RemoveRule
+from rise_engine.edit.finding import act_of, check_changeable, check_name, document_of, node_of, rule_of, still_named
+from rise_engine.edit.following import follow_act
+from rise_engine.edit.layout import (
+    DEFAULT_UNIT,
+    WritingGap,
+    begins_line,
+    gap_behind,
+    gap_in,
+    has_own_lines,
+    indent_unit,
+    lead_start,
+    line_end_near,
+    removal,
+)
+from rise_engine.edit.outline import WrittenAct, WrittenRule
+from rise_engine.edit.plan import EditRefused, Files, Plan, Splice
+from rise_engine.edit.read_outline import written_files
+from rise_engine.edit.study_state import StudyState
+from rise_engine.edit.writing import NewElement, render, value_splice
+from rise_engine.scenario.acts import WRAPPERS as ACT_WRAPPERS
+from rise_engine.scenario.file_names import DEFAULT_PATHS
+from rise_engine.scenario.rules import WRAPPERS as RULE_WRAPPERS
+
+_NO_FILE_NAME = re.compile(r'[\s/\\:*?"<>|\x00-\x1f.]+')
+
+
+class _Kind(Struct, frozen=True):
+    """Acts or rules."""
+
+    word: str
+    tag: str
+    wrapper: str
+    wrappers: tuple[str, ...]
+    place: str
+    """Their name in `Scenario.paths`."""
+
+
+_ACTS = _Kind("act", "Dialog", "Dialogs", ACT_WRAPPERS, "acts")
+_RULES = _Kind("rule", "InteractionRule", "InteractionRules", RULE_WRAPPERS, "rules")
+
+
+# --- making -------------------------------------------------------------------------------------------------------
+
+
+def plan_add_act(edit: AddAct, study: StudyState) -> Plan:
+    """A new act, behind another or at the end of a file."""
+    name = _new_name(_ACTS, edit.name, study)
+    speech = NewElement("Speech", children=(NewElement("actionID", text="1"), NewElement("message", text=edit.text)))
+    element = NewElement("Dialog", {"name": name}, children=(speech,) if edit.text.strip() else ())
+    file = edit.file or (act_of(study, edit.after).file if edit.after else _last_file_of_acts(study))
+    says = f"new act {name}" + (f", which says “{edit.text.strip()}”" if edit.text.strip() else "")
+    return _add(_ACTS, element, edit.after, file, study, says)
+
+
+def plan_add_rule(edit: AddRule, study: StudyState) -> Plan:
+    """A new rule with its first state."""
+    name = _new_name(_RULES, edit.name, study)
+    initial = check_name("first state", edit.initial)
+    states = (NewElement("State", {"id": initial}),)
+    element = NewElement("InteractionRule", {"name": name, "initial": initial}, children=states)
+    file = edit.file or (rule_of(study, edit.after).file if edit.after else _new_file(_RULES, name, study))
+    return _add(_RULES, element, edit.after, file, study, f"new rule {name}, which begins in {initial}")
+
+
+def _new_name(kind: _Kind, name: str, study: StudyState) -> str:
+    name = check_name(kind.word, name)
+    there = study.outline.act(name) if kind is _ACTS else study.outline.rule(name)
+    if there is not None:
+        raise EditRefused(
+            f"the {kind.word} `{name}` is there already ({there.file}, line {there.line}); choose another name"
+        )
+    return name
+
+
+def place_of(kind: str, study: StudyState) -> str:
+    """The folder, or the one file, in which a study's acts or rules lie."""
+    scenario = study.checked.scenario
+    if scenario is not None:
+        return posixpath.normpath(scenario.paths[kind])
+    parts: tuple[WrittenAct | WrittenRule, ...] = study.outline.acts if kind == "acts" else study.outline.rules
+    return posixpath.dirname(parts[0].file) if parts else DEFAULT_PATHS[kind]
+
+
+def _last_file_of_acts(study: StudyState) -> str:
+    if study.outline.acts:
+        return study.outline.acts[-1].file
+    place = place_of("acts", study)
+    names = [name for name in written_files(study.files, place) if name not in study.outline.unreadable]
+    return names[-1] if names else place if place.endswith(".xml") else f"{place}/acts.xml"
+
+
+def _new_file(kind: _Kind, name: str, study: StudyState) -> str:
+    """A file that is not there yet, called as what it will hold; the one file, where there is only one."""
+    place = place_of(kind.place, study)
+    if place.lower().endswith(".xml"):
+        return place
+    base = _NO_FILE_NAME.sub("_", name.lower()).strip("_") or kind.word
+    taken = {each.lower() for each in study.files}
+    candidates = (f"{place}/{base}{ending}.xml" for ending in ("", *(f"_{number}" for number in range(2, 10_000))))
+    return next(each for each in candidates if each.lower() not in taken)
+
+
+def _add(kind: _Kind, element: NewElement, after: str, file: str, study: StudyState, says: str) -> Plan:
+    file = posixpath.normpath(file)
+    if file not in study.files:
+        _check_new_file(kind, file, study)
+        return Plan(written={file: new_file([element], kind.wrapper, study.files)}, says=(f"{says} ({file})",))
+    if after:
+        before = _part(kind, after, study)
+        if before.file != file:
+            raise EditRefused(f"the {kind.word} `{after}` stands in {before.file}, not in {file}")
+        sibling: Node | None = node_of(study, before.file, before.span)
+    else:
+        sibling = None
+    return Plan(tuple(_splices(kind, element, sibling, file, study)), says=(says,))
+
+
+def _part(kind: _Kind, name: str, study: StudyState) -> WrittenAct | WrittenRule:
+    return act_of(study, name) if kind is _ACTS else rule_of(study, name)
+
+
+def _check_new_file(kind: _Kind, file: str, study: StudyState) -> None:
+    place = place_of(kind.place, study)
+    right = file == place or (posixpath.dirname(file) == place and file.lower().endswith(".xml"))
+    if not right or posixpath.basename(file).startswith("."):
+        example = place if place.lower().endswith(".xml") else f"{place}/NAME.xml"
+        raise EditRefused(f"{kind.word}s in `{file}` would not be read; they stand in {example}")
+
+
+def _splices(kind: _Kind, element: NewElement, sibling: Node | None, file: str, study: StudyState) -> list[Splice]:
+    """The splices that put an act or a rule behind another, or at the end of a file."""
+    document = document_of(study, file)
+    root = document.root
+    if root.tag in kind.wrappers:
+        last = sibling or next((each for each in root.children[::-1] if each.tag in (kind.tag, "use")), None)
+        last = last or (root.children[-1] if root.children else None)
+        gap = gap_in(root) if last is None else gap_behind(last, blank_line=True)
+        return [gap.splice(file, render(element, gap))]
+    if root.tag != kind.tag:
+        raise EditRefused(f"{file} holds `<{root.tag}>` and can hold no {kind.word}; choose another file")
+    return _wrapped(kind, root, file, lambda gap: render(element, gap))
+
+
+def _wrapped(kind: _Kind, root: Node, file: str, write: Callable[[WritingGap], bytes]) -> list[Splice]:
+    """A file with one act or rule and no wrapper gets both."""
+    line_end = line_end_near(root) if begins_line(root) else b""
+    gap = WritingGap(root.end, root.end, b"", b"", b"", indent_unit(root.document), line_end, own_line=bool(line_end))
+    opening, closing = f"<{kind.wrapper}>".encode(), f"</{kind.wrapper}>".encode()
+    at = lead_start(root) if line_end else root.start
+    return [
+        Splice(file, at, at, opening + line_end),
+        Splice(file, root.end, root.end, line_end * 2 + write(gap) + line_end + closing),
+    ]
+
+
+def new_file(elements: list[NewElement], wrapper: str, files: Files) -> bytes:
+    """A new file of acts or rules, with the line ends of the others."""
+    line_end = next((b"\r\n" for name, data in files.items() if name.endswith(".xml") and b"\r\n" in data), b"\n")
+    gap = WritingGap(0, 0, b"", b"", b"", DEFAULT_UNIT, line_end, own_line=True)
+    if len(elements) == 1 and wrapper == _RULES.wrapper:
+        return render(elements[0], gap) + line_end
+    return render(NewElement(wrapper, children=tuple(elements)), gap) + line_end
+
+
+# --- copying and removing -----------------------------------------------------------------------------------------
+
+
+def plan_copy_act(edit: CopyAct, study: StudyState) -> Plan:
+    """A copy of an act behind it, with its comments and its layout."""
+    return _copy(_ACTS, edit.act, edit.name, study)
+
+
+def plan_copy_rule(edit: CopyRule, study: StudyState) -> Plan:
+    """A copy of a rule behind it, with its comments and its layout."""
+    return _copy(_RULES, edit.rule, edit.name, study)
+
+
+def _copy(kind: _Kind, old: str, new: str, study: StudyState) -> Plan:
+    part = _part(kind, old, study)
+    name = _new_name(kind, new, study)
+    attribute = "name"
+    if part.template:
+        attribute = part.name_parameter
+        if not attribute or _stand_here(kind, part, study) > 1:
+            raise EditRefused(f"`{old}` cannot be copied: {part.reason}, and its name is no parameter of its own there")
+    node = node_of(study, part.file, part.span)
+    splice = value_splice(part.file, node, attribute, name)
+    data = node.document.data
+    written = data[node.start : splice.start] + splice.data + data[splice.end : node.end]
+    says = (f"new {kind.word} {name}, a copy of {old}",)
+    if node.parent is None:
+        splices = _wrapped(kind, node, part.file, lambda _: written)
+        return Plan(tuple(splices), says=says)
+    gap = gap_behind(node, blank_line=True)
+    return Plan((gap.splice(part.file, written),), says=says)
+
+
+def _stand_here(kind: _Kind, part: WrittenAct | WrittenRule, study: StudyState) -> int:
+    """How many acts or rules come of the place at which one stands: several, where a template brings them."""
+    parts: tuple[WrittenAct | WrittenRule, ...] = study.outline.acts if kind is _ACTS else study.outline.rules
+    return sum(each.file == part.file and each.span == part.span for each in parts)
+
+
+def plan_remove_act(edit: RemoveAct, study: StudyState) -> Plan:
+    """An act goes; where it is still named, the check says so."""
+    return _remove(_ACTS, edit.act, study)
+
+
+def plan_remove_rule(edit: RemoveRule, study: StudyState) -> Plan:
+    """A rule goes; where it is still named, the check says so."""
+    return _remove(_RULES, edit.rule, study)
+
+
+def _remove(kind: _Kind, name: str, study: StudyState) -> Plan:
+    part = _part(kind, name, study)
+    if part.template and _stand_here(kind, part, study) > 1:
+        check_changeable(f"`{name}`", f"{part.reason}, together with others")
+    says = (f"the {kind.word} {name} goes",)
+    node = node_of(study, part.file, part.span)
+    noticed = still_named(study, "act" if kind is _ACTS else "rule", name, within=name)
+    translations = follow_act(study, name, lambda _: None) if kind is _ACTS else ()
+    if node.parent is None:
+        return Plan(translations, written={part.file: None}, says=says, noticed=noticed)
+    start, end = removal(node)
+    comment = (f"the comment above it in {part.file} stays",) if has_own_lines(node) and _has_lead(node) else ()
+    return Plan((Splice(part.file, start, end, b""), *translations), says=says, noticed=(*noticed, *comment))
+
+
+def _has_lead(node: Node) -> bool:
+    data = node.document.data
+    return bool(data[lead_start(node) : node.start].strip())
+
+
+PLANNERS: Mapping[type[Edit], Callable[..., Plan]] = {
+    AddAct: plan_add_act,
+    CopyAct: plan_copy_act,
+    RemoveAct: plan_remove_act,
+    AddRule: plan_add_rule,
+    CopyRule: plan_copy_rule,
+    RemoveRule: plan_remove_rule,
+}

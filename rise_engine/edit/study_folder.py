@@ -1,0 +1,49 @@
+"""The files of a study's folder."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import suppress
+from pathlib import Path
+
+from rise_engine.edit.plan import EditRefused, Files
+from rise_engine.scenario.interrupted_save import contents_of_interrupted_save
+from rise_engine.scenario.source_files import MAX_BYTES
+
+_SUFFIXES = (".xml", ".toml", ".json", ".jsonl", ".csv", ".md", ".txt")
+_MOST_FILES = 5_000
+_NO_PARTS = ("sessions", "bundles", "exports")
+"""Folders of what was recorded; a study's own files are elsewhere."""
+
+
+def read_study_files(folder: Path) -> Files:
+    """The files of a study by their names relative to its folder: those in it that are text, hidden ones left out.
+
+    :raises EditRefused: it cannot be read, or has far more files than a study.
+    """
+    files: dict[str, bytes] = {}
+    try:
+        for path in _paths(folder):
+            with suppress(FileNotFoundError):  # gone since it was listed, as what other editors write beside
+                if path.stat().st_size <= MAX_BYTES:
+                    files[path.relative_to(folder).as_posix()] = path.read_bytes()
+            if len(files) > _MOST_FILES:
+                raise EditRefused(f"{folder} has more than {_MOST_FILES:,} files; is it the folder of one study?")
+        for name, data in contents_of_interrupted_save(folder).items():
+            if data is None:
+                files.pop(name, None)
+            else:
+                files[name] = data
+    except OSError as error:
+        raise EditRefused(f"{error.filename or folder}: {error.strerror or error}") from None
+    return files
+
+
+def _paths(folder: Path) -> Iterator[Path]:
+    for path in sorted(folder.iterdir()):
+        if path.name.startswith(".") or path.name in _NO_PARTS:
+            continue
+        if path.is_dir() and not path.is_symlink():
+            yield from _paths(path)
+        elif path.suffix.lower() in _SUFFIXES and path.is_file():
+            yield path

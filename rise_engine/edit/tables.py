@@ -1,0 +1,177 @@
+"""Edits of tables, `tables/NAME.csv`: a cell, a row more, a row less. Separators, quotes and line ends stay."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+from msgspec import Struct
+
+from rise_engine.edit.edits import AddRow, Edit, RemoveRow, SetCell
+from rise_engine.edit.plan import EditRefused, Plan
+from rise_engine.edit.study_state import StudyState
+from rise_engine.edit.text_edits import EditedText, TextEdit, changed_text
+from rise_engine.nearest_name import did_you_mean
+from rise_engine.scenario.csv_reader import CsvReader, TableRecord, find_spans
+from rise_engine.scenario.diagnostics import Diagnostics
+from rise_engine.scenario.source_files import SourceFile
+from rise_engine.scenario.table_settings import TableSettings
+from rise_engine.scenario.tables import TABLES_FOLDER
+from rise_engine.scenario.toml_locations import TomlFile, read_toml
+from rise_engine.scenario.toml_tables import TomlTable
+from rise_engine.text import pluralize
+
+_SHOWN = 60
+
+
+class _WrittenTable(Struct):
+    """A table as it is written."""
+
+    file: EditedText
+    separator: str
+    columns: list[str]
+    header: TableRecord
+    rows: list[TableRecord]
+
+    @property
+    def newline(self) -> str:
+        return "\r\n" if "\r\n" in self.file.text else "\n"
+
+    def column(self, name: str) -> int:
+        """The number of a column. :raises EditRefused: there is none of this name."""
+        if name not in self.columns:
+            near = did_you_mean(name, self.columns)
+            raise EditRefused(f"{self.file.name} has no column `{name}`{near}")
+        return self.columns.index(name)
+
+    def row(self, number: int) -> TableRecord:
+        """:raises EditRefused: there is no such row."""
+        if not 0 <= number < len(self.rows):
+            raise EditRefused(f"{self.file.name} has {pluralize(len(self.rows), 'row')}; there is no row {number + 1}")
+        return self.rows[number]
+
+    def write(self, value: str, *, quoted: bool = False) -> str:
+        """A value as it stands between separators."""
+        odd = any(each in value for each in (self.separator, '"', "\n", "\r")) or value != value.strip()
+        return '"' + value.replace('"', '""') + '"' if quoted or odd else value
+
+
+def plan_set_cell(edit: SetCell, study: StudyState) -> Plan:
+    """A value of a table. :raises EditRefused: there is no such table, row or column, or the row would be empty."""
+    table = _read(edit.table, study)
+    at, row = table.column(edit.column), table.row(edit.row)
+    value = _value(edit.value)
+    _check_row([*row.values[:at], value, *row.values[at + 1 :]], table)
+    start, end = find_spans(table.file.text[row.start : row.end], table.separator)[at]
+    start, end = start + row.start, end + row.start
+    text = table.file.text
+    written = table.write(value, quoted=text.startswith('"', start, end))
+    while written.startswith('"') and text[end : end + 1].strip("\r\n" + table.separator).isspace():
+        end += 1  # behind a quotation mark no blank may stand
+    change = TextEdit(start, end, written)
+    values = [list(each.values) for each in table.rows]
+    values[edit.row][at] = value
+    old = row.values[at]
+    says = f"{_name(edit.table, edit.row, row)}: {edit.column} is “{_short(value)}” (was “{_short(old)}”)"
+    return _plan(table, [change] if value != old else [], values, says)
+
+
+def plan_add_row(edit: AddRow, study: StudyState) -> Plan:
+    """A row more; columns that are not given stay empty. :raises EditRefused: a column is unknown, or all are empty."""
+    table = _read(edit.table, study)
+    given = {table.column(name): _value(value) for name, value in edit.values.items()}
+    values = [given.get(at, "") for at in range(len(table.columns))]
+    _check_row(values, table)
+    number = len(table.rows) if edit.at is None else edit.at
+    if not 0 <= number <= len(table.rows):
+        raise EditRefused(f"{table.file.name} has {pluralize(len(table.rows), 'row')}; a row cannot be put in there")
+    before = table.rows[number - 1] if number else table.header
+    end = len(table.file.text[: before.end].rstrip("\r\n"))
+    extra = [""] * (len(before.values) - len(table.columns))  # columns without name that Excel leaves behind
+    line = table.separator.join(table.write(value) for value in (*values, *extra))
+    rows = [list(each.values) for each in table.rows]
+    rows.insert(number, values)
+    says = f"{edit.table} has a new row {number + 1}: {_short(', '.join(filter(None, values)))}"
+    return _plan(table, [TextEdit(end, end, table.newline + line)], rows, says)
+
+
+def plan_remove_row(edit: RemoveRow, study: StudyState) -> Plan:
+    """A row less. :raises EditRefused: there is no such table or row."""
+    table = _read(edit.table, study)
+    row = table.row(edit.row)
+    text = table.file.text
+    start, end = row.start, min(row.end, len(text))
+    if not text.endswith("\n", start, end):  # the last line of the file, without an end: it takes the one before
+        start = len(text[:start].rstrip("\r\n"))
+    rows = [list(each.values) for each in table.rows]
+    del rows[edit.row]
+    says = f"{_name(edit.table, edit.row, row)} goes: {_short(', '.join(filter(None, row.values)))}"
+    return _plan(table, [TextEdit(start, end, "")], rows, says)
+
+
+def _plan(table: _WrittenTable, edits: list[TextEdit], rows: list[list[str]], says: str) -> Plan:
+    """:raises EditRefused: the file would not read as these rows."""
+    after = _records(table.file.name, changed_text(table.file.text, edits), table.separator)
+    width = len(table.columns)
+    if after is None or [row.values[:width] for row in after[1][1:]] != [row[:width] for row in rows]:
+        raise EditRefused(f"{table.file.name} is written in a way that cannot be changed here; use a spreadsheet")
+    return Plan(splices=table.file.splices(edits), says=(says,))
+
+
+def _read(name: str, study: StudyState) -> _WrittenTable:
+    """:raises EditRefused: there is no such table, or something is wrong with its form."""
+    tables = [file for file in study.files if file.startswith(f"{TABLES_FOLDER}/") and file.lower().endswith(".csv")]
+    file = next((file for file in tables if file[len(TABLES_FOLDER) + 1 : -4] == name), None)
+    if file is None:
+        known = [each[len(TABLES_FOLDER) + 1 : -4] for each in tables]
+        near = did_you_mean(name, known)
+        raise EditRefused(f"there is no table `{name}`{near}" if known else f"this study has no table `{name}`")
+    settings = _settings(f"{file[:-4]}.toml", study)
+    text = EditedText(file, study.files[file], settings.encoding)
+    found = _records(file, text.text, settings.separator)
+    if found is None or not found[1]:
+        raise EditRefused(f"{file} cannot be read as a table; `rise-engine check` says why")
+    reader, (header, *rows) = found
+    columns = reader.read_header(header, rows)
+    if reader.has_problems() or not all(reader.check_length(row, len(columns)) for row in rows):
+        raise EditRefused(f"{file} cannot be read as a table; `rise-engine check` says why")
+    return _WrittenTable(text, reader.separator, columns, header, rows)
+
+
+def _settings(file: str, study: StudyState) -> TableSettings:
+    source = SourceFile(file, b"", study.files.get(file, b"").decode("utf-8-sig", "replace"))
+    found = read_toml(source, Diagnostics()) or TomlFile(source, {})
+    return TableSettings(TomlTable(found, (), found.values, Diagnostics()))
+
+
+def _records(file: str, text: str, separator: str) -> tuple[CsvReader, list[TableRecord]] | None:
+    reader = CsvReader(SourceFile(file, b"", text), Diagnostics(), separator)
+    records = list(reader.read_records(reader.find_separator()))
+    return None if reader.has_problems() else (reader, records)
+
+
+def _value(written: str) -> str:
+    """What is read of a value: without blanks around it, and with the line ends that a table has."""
+    return written.strip().replace("\r\n", "\n").replace("\r", "\n")
+
+
+def _check_row(values: list[str], table: _WrittenTable) -> None:
+    if not any(values):
+        raise EditRefused(f"a row of {table.file.name} without any value would not be read; take the row out instead")
+
+
+def _name(table: str, number: int, row: TableRecord) -> str:
+    first = f" ({_short(row.values[0])})" if row.values and row.values[0] else ""
+    return f"{table}, row {number + 1}{first}"
+
+
+def _short(text: str) -> str:
+    text = " ".join(text.split())
+    return text if len(text) <= _SHOWN else f"{text[: _SHOWN - 1]}…"
+
+
+PLANNERS: dict[type[Edit], Callable[[Any, StudyState], Plan]] = {
+    SetCell: plan_set_cell,
+    AddRow: plan_add_row,
+    RemoveRow: plan_remove_row,
+}

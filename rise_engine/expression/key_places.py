@@ -1,0 +1,99 @@
+"""Where memory keys stand in conditions, assignments and texts with `{slots}`: for lists of uses and for renaming."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator
+from itertools import pairwise
+from typing import NamedTuple
+
+from rise_engine.expression.assignment import Assignment
+from rise_engine.expression.errors import ExpressionError
+from rise_engine.expression.expression import Expression
+from rise_engine.expression.tokens import KEY, path_end, tokenize
+from rise_engine.json_codec import JsonError, JsonObject, read_json
+from rise_engine.text import match_end
+
+_BLANKS = re.compile(r"\s*")
+_SLOT = re.compile(r"\{\{|\{\s*+(?:\"[^\"]*+\"\s*+)?([^\W\d][\w.]*+)(\s*+\[)?")
+
+
+class KeyPlace(NamedTuple):
+    """A memory key in a text."""
+
+    key: str
+    """As it is written, dots included; of `items[i].text`, `items` and `i` each have their own place."""
+    start: int
+    is_set: bool = False
+    """It gets a value there."""
+    may_be_text: bool = False
+    """It is the whole right side of an assignment: a key, or a text without quotation marks."""
+
+
+def keys_in_expression(text: str, start: int = 0) -> Iterator[KeyPlace]:
+    """The keys of an expression, each where it stands; nothing of one that cannot be read.
+
+    `start` is where the expression begins in what the places are counted in.
+
+    >>> [(each.key, each.start) for each in keys_in_expression("a > 2 and defined(b.c) or max(a, 1) > 0")]
+    [('a', 0), ('b.c', 18), ('a', 30)]
+    """
+    try:
+        keys, tokens = Expression.parse(text).keys, tokenize(text)
+    except ExpressionError:
+        return
+    for token, following in pairwise(tokens):
+        if token.kind == "word" and token.value in keys and following.kind != "(":
+            yield KeyPlace(token.value, start + token.start)
+
+
+def keys_in_assignment(text: str) -> Iterator[KeyPlace]:
+    """The keys of an assignment, in either form: those that it sets, and those that it reads.
+
+    >>> [(each.key, each.start, each.is_set) for each in keys_in_assignment("items[i].n = n + 1")]
+    [('items', 0, True), ('i', 6, False), ('n', 13, False)]
+    """
+    try:
+        assignments = Assignment.parse_all(text)
+    except ExpressionError:
+        return
+    start = match_end(_BLANKS, text, 0)
+    if text.startswith("{", start):
+        yield from _keys_of_object(text, start)
+        return
+    (assignment,) = assignments
+    yield KeyPlace(assignment.key, start, is_set=True)
+    behind = match_end(KEY, text, start)
+    if assignment.target is not None:
+        behind = start + len(assignment.target.text)
+        # The first is the key that is set.
+        yield from list(keys_in_expression(assignment.target.text, start))[1:]
+    at = text.index("=", behind) + 1
+    if assignment.expression is not None:
+        is_word = assignment.bare_word is not None
+        yield from (place._replace(may_be_text=is_word) for place in keys_in_expression(text[at:].rstrip(), at))
+
+
+def _keys_of_object(text: str, start: int) -> Iterator[KeyPlace]:
+    try:
+        value = read_json(text[start:], lambda key, at, first: None)
+    except JsonError:
+        return
+    if isinstance(value, JsonObject):
+        yield from (KeyPlace(member.key, start + member.key_at + 1, is_set=True) for member in value.members)
+
+
+def keys_in_slots(text: str) -> Iterator[KeyPlace]:
+    """The keys in the braces of a text, whatever else is wrong with it.
+
+    >>> [(each.key, each.start) for each in keys_in_slots('{{no}} {", "who} {items[n + 1].text|x}')]
+    [('who', 12), ('items', 18), ('n', 24)]
+    """
+    for slot in _SLOT.finditer(text):
+        if slot.group(1) is None:
+            continue
+        end = path_end(text, slot.end() - 1) if slot.group(2) else -1
+        if end >= 0:
+            yield from keys_in_expression(text[slot.start(1) : end], slot.start(1))
+        else:
+            yield KeyPlace(slot.group(1), slot.start(1))

@@ -1,0 +1,1 @@
+"""Studies of other tools as scenario folders (docs/how-to/move-from-woz4u.md)."""

@@ -1,0 +1,232 @@
+"""What can be written at a place of a study's file, whatever is wrong with the rest of it."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterable, Iterator
+
+from msgspec import Struct
+
+from rise_engine.scenario import LoadResult
+from rise_engine.scenario.blocks import FUNCTIONS
+from rise_engine.scenario.cross_references import engine_topics
+from rise_engine.scenario.model import ActionSpec
+from rise_engine.scenario.parameters import listed_names
+
+_TAG = re.compile(r"<!--.*?-->|<!\[CDATA\[.*?\]\]>|<(/?)([\w.:-]+)((?:[^<>\"']|\"[^\"]*\"|'[^']*')*?)(/?)>", re.DOTALL)
+_NAME = re.compile(r"""\s(?:name|id)\s*=\s*["']([^"']*)["']""")
+_STARTED = re.compile(r"""\sstartInteractionRule\s*=\s*["']([^"']*)["']""")
+_IN_ATTRIBUTE = re.compile(r"""([\w.:-]+)\s*=\s*(["'])([^"'<]*)\Z""")
+_TOML_TEXT = re.compile(r"""([\w-]+)\s*=\s*\[?\s*(?:["'][^"']*["']\s*,\s*)*["']([^"']*)\Z""")
+_TOML_RULE = re.compile(r"""\brule\s*=\s*["']([^"']*)["']""")
+_WORD = re.compile(r"[\w.]*\Z")
+_COMMON = ("actionID", "waitForActions", "onFailure")
+_STATEMENTS = ("function", "if", "oneOf")
+_CHILDREN = {
+    "InteractionRules": ("InteractionRule",),
+    "InteractionRule": ("State", "transitions"),
+    "State": ("onEntry", "onExit", "transition"),
+    "transitions": ("transition",),
+    "if": (*_STATEMENTS, "elseif", "else"),
+    **dict.fromkeys(("onEntry", "onExit", "transition", "else", "elseif", "oneOf"), _STATEMENTS),
+    **dict.fromkeys(("Dialogs", "AgentDialogs", "CommunicationRobotActs"), ("Dialog",)),
+}
+_ATTRIBUTES = {
+    "Dialog": ("name",),
+    "InteractionRule": ("name", "initial", "priority"),
+    "State": ("id",),
+    "transitions": ("in",),
+    "transition": ("eventTopic", "ended", "outcome", "after", "while", "cond", "target"),
+    "function": (*FUNCTIONS, "state", "enter", "keep"),
+    "if": ("cond",),
+    "elseif": ("cond",),
+}
+
+
+class Proposal(Struct, frozen=True):
+    """Something that can be written."""
+
+    text: str
+    kind: str
+    """act, rule, state, event, key, action, element, attribute, value."""
+    note: str = ""
+
+
+class _OpenElement(Struct, frozen=True):
+    tag: str
+    attributes: str
+    start: int
+
+
+def proposals(checked: LoadResult, name: str, text: str, offset: int) -> tuple[int, list[Proposal]]:
+    """From where the text before `offset` is replaced, and by what."""
+    if name.lower().endswith(".toml"):
+        return _in_toml(checked, text[:offset])
+    if not name.lower().endswith(".xml"):
+        return offset, []
+    return _XmlPlace(checked, text, offset).find()
+
+
+def _in_toml(checked: LoadResult, before: str) -> tuple[int, list[Proposal]]:
+    line = before[before.rfind("\n") + 1 :]
+    found = _TOML_TEXT.search(line)
+    if found is None:
+        return len(before), []
+    key, written = found.groups()
+    start = len(before) - len(written)
+    match key:
+        case "act" | "stop_act":
+            return start, _named(checked.draft.acts, "act")
+        case "rule" | "stop_rule":
+            return start, _named(checked.draft.rules, "rule")
+        case "event":
+            return start, _events(checked)
+        case "state":
+            rule = _TOML_RULE.search(line)
+            return start, _states(checked, rule.group(1) if rule else "")
+        case "set":
+            return len(before) - len(_word(written)), _keys(checked)
+        case "private" | "key":
+            return start, _keys(checked)
+    return len(before), []
+
+
+class _XmlPlace:
+    def __init__(self, checked: LoadResult, text: str, offset: int) -> None:
+        self.checked = checked
+        self.text = text
+        self.before = text[:offset]
+        self.elements = list(_open_elements(self.before))
+
+    def find(self) -> tuple[int, list[Proposal]]:
+        end = max((found.end() for found in _TAG.finditer(self.before)), default=0)
+        rest = self.before[end:]
+        if "<!--" in rest or "<![CDATA[" in rest:
+            return len(self.before), []
+        opened = rest.rfind("<")
+        return self.in_tag(rest[opened + 1 :]) if opened >= 0 else self.in_text(rest)
+
+    def in_tag(self, tag: str) -> tuple[int, list[Proposal]]:
+        end = len(self.before)
+        name = re.match(r"/?[\w.:-]*", tag)
+        element = name.group() if name else ""
+        if element == tag:
+            return end - len(tag), self.elements_here() if not tag.startswith("/") else []
+        attribute = _IN_ATTRIBUTE.search(tag)
+        if attribute is not None:
+            return self.in_value(tag, attribute.group(1), attribute.group(3))
+        written = _word(tag)
+        return end - len(written), [Proposal(each, "attribute") for each in _ATTRIBUTES.get(element, ())]
+
+    def in_value(self, tag: str, attribute: str, written: str) -> tuple[int, list[Proposal]]:
+        checked, start = self.checked, len(self.before) - len(written)
+        match attribute:
+            case "startCommunicationRobotAct" | "stopCommunicationRobotAct" | "ended":
+                return start, _named(checked.draft.acts, "act")
+            case "startInteractionRule" | "stopInteractionRule":
+                return start, _named(checked.draft.rules, "rule")
+            case "eventTopic" | "raiseEventTopic":
+                return start, _events(checked)
+            case "target" | "initial" | "in":
+                part = written.rpartition("|")[2].lstrip() if attribute == "in" else written
+                return len(self.before) - len(part), _states(checked, self.enclosing("InteractionRule"))
+            case "state":
+                started = _STARTED.search(tag)
+                return start, _states(checked, started.group(1) if started else "")
+            case "cond" | "while" | "assignValue":
+                return len(self.before) - len(_word(written)), _keys(checked)
+            case "after" if "{" in written:
+                return len(self.before) - len(_word(written)), _keys(checked)
+            case "outcome":
+                part = written.rpartition("|")[2].lstrip()
+                values = ("succeeded", "failed", "stopped")
+                return len(self.before) - len(part), [Proposal(each, "value") for each in values]
+            case "enter":
+                return start, [Proposal(each, "value") for each in ("yes", "no")]
+        return len(self.before), []
+
+    def in_text(self, written: str) -> tuple[int, list[Proposal]]:
+        end = len(self.before)
+        if written.rfind("{") > written.rfind("}"):
+            return end - len(_word(written)), _keys(self.checked)
+        if len(self.elements) < 2:
+            return end, []
+        action, element = self.elements[-2:]
+        if element.tag == "waitForActions":
+            act = self.checked.draft.acts.get(self.enclosing("Dialog"))
+            ids = [each.id for each in act.actions] if act else []
+            return end - len(_word(written)), [Proposal(id, "action") for id in ids]
+        spec = self.checked.robot.actions.get(action.tag)
+        parameter = spec.parameters.get(element.tag) if spec is not None else None
+        if parameter is not None and parameter.type == "name":
+            return end - len(written.lstrip()), [Proposal(each, "value") for each in listed_names(parameter)]
+        if parameter is not None and parameter.type == "boolean":
+            return end - len(written.lstrip()), [Proposal(each, "value") for each in ("true", "false")]
+        return end, []
+
+    def elements_here(self) -> list[Proposal]:
+        actions = self.checked.robot.actions
+        if not self.elements:
+            return []
+        inside = self.elements[-1].tag
+        if inside in ("Dialog", "Variants"):
+            own = [Proposal(each.name, "element", each.help) for each in actions.values() if each.supported]
+            rest = ("Variants",) if inside == "Dialog" else _COMMON
+            return [*own, *(Proposal(each, "element") for each in rest)]
+        if (spec := actions.get(inside)) is not None:
+            return list(_parameters(spec))
+        return [Proposal(each, "element") for each in _CHILDREN.get(inside, ())]
+
+    def enclosing(self, tag: str) -> str:
+        """The name of the act or rule around."""
+        around = next((each for each in reversed(self.elements) if each.tag == tag), None)
+        if around is None:  # the start tag itself is being written
+            around = _OpenElement(tag, self.before[self.before.rfind("<") :], 0)
+        name = _NAME.search(around.attributes)
+        return name.group(1).strip() if name else ""
+
+
+def _open_elements(before: str) -> Iterator[_OpenElement]:
+    """The elements that are not closed there, the outermost first."""
+    elements: list[_OpenElement] = []
+    for found in _TAG.finditer(before):
+        closing, tag, attributes, empty = found.groups()
+        if tag is None or empty:
+            continue
+        if not closing:
+            elements.append(_OpenElement(tag, attributes, found.start()))
+            continue
+        at = next((at for at in range(len(elements) - 1, -1, -1) if elements[at].tag == tag), None)
+        if at is not None:
+            del elements[at:]
+    yield from elements
+
+
+def _parameters(spec: ActionSpec) -> Iterator[Proposal]:
+    for each in spec.parameters.values():
+        yield Proposal(each.name, "element", each.help)
+    yield from (Proposal(each, "element") for each in _COMMON)
+
+
+def _named(names: Iterable[str], kind: str) -> list[Proposal]:
+    return [Proposal(name, kind) for name in names]
+
+
+def _states(checked: LoadResult, rule: str) -> list[Proposal]:
+    found = checked.draft.rules.get(rule)
+    return _named(found.states, "state") if found is not None else []
+
+
+def _events(checked: LoadResult) -> list[Proposal]:
+    names = {*checked.uses.names("event"), *engine_topics(checked.draft)}
+    return [Proposal(f"/{name}", "event") for name in sorted(names)]
+
+
+def _keys(checked: LoadResult) -> list[Proposal]:
+    names = {*checked.draft.settable_keys, *checked.draft.tables, *checked.uses.names("key")}
+    return _named(sorted(names), "key")
+
+
+def _word(written: str) -> str:
+    found = _WORD.search(written)
+    return found.group() if found else ""

@@ -1,0 +1,55 @@
+"""From offsets in a text to the places of the language server protocol, and back.
+
+https://microsoft.github.io/language-server-protocol/specifications/lsp/3.17/specification/#position: lines end with LF,
+CRLF or CR alone, columns count units of the encoding that client and server agree on.
+"""
+
+from __future__ import annotations
+
+import re
+from bisect import bisect_right
+from typing import Literal, NamedTuple, TypeAlias
+
+PositionEncoding: TypeAlias = Literal["utf-8", "utf-16", "utf-32"]
+_LINE_END = re.compile(r"\r\n?|\n")
+_UNIT_BYTES: dict[PositionEncoding, int] = {"utf-8": 1, "utf-16": 2, "utf-32": 4}
+
+
+class LinePlace(NamedTuple):
+    """A line, and units in it; both count from 0."""
+
+    line: int
+    units: int
+
+
+class TextPositions:
+    """The places of one text."""
+
+    def __init__(self, text: str, encoding: PositionEncoding = "utf-16") -> None:
+        self.text = text
+        self._starts = [0, *(found.end() for found in _LINE_END.finditer(text))]
+        self._codec = {"utf-8": "utf-8", "utf-16": "utf-16-le", "utf-32": "utf-32-le"}[encoding]
+        self._unit = _UNIT_BYTES[encoding]
+
+    def place(self, offset: int) -> LinePlace:
+        """Where a character stands.
+
+        >>> TextPositions("a\\r\\n😀x").place(4)
+        LinePlace(line=1, units=2)
+        """
+        line = bisect_right(self._starts, offset) - 1
+        before = self.text[self._starts[line] : offset]
+        return LinePlace(line, len(before.encode(self._codec, "replace")) // self._unit)
+
+    def offset(self, line: int, units: int) -> int:
+        """The reverse of `place`, kept within the text.
+
+        >>> TextPositions("a\\r\\n😀x").offset(1, 2)
+        4
+        """
+        if line >= len(self._starts):
+            return len(self.text)
+        start = self._starts[line]
+        end = self._starts[line + 1] if line + 1 < len(self._starts) else len(self.text)
+        written = self.text[start:end].rstrip("\r\n").encode(self._codec, "replace")
+        return start + len(written[: units * self._unit].decode(self._codec, "ignore"))

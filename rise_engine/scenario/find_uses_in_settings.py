@@ -1,0 +1,153 @@
+"""Finds where scenario.toml and the memory file name acts, rules, states, events and memory keys."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable, Iterator
+from typing import Any
+
+from msgspec.structs import replace
+
+from rise_engine.expression.key_places import keys_in_assignment
+from rise_engine.json_codec import JsonError, JsonObject, read_json
+from rise_engine.scenario.memory import LIST_KEY
+from rise_engine.scenario.model import normal_topic
+from rise_engine.scenario.source_files import SourceFile
+from rise_engine.scenario.toml_locations import TomlFile
+from rise_engine.scenario.uses import Use, UsedKind
+from rise_engine.text import match_end
+
+_BASIC = re.compile(r"\\(?:u[0-9A-Fa-f]{4}|U[0-9A-Fa-f]{8}|[ \t]*\r?\n\s*|.)|\r\n|.", re.DOTALL)
+_QUOTED = re.compile(r'"(?:[^"\\]|\\.)*"')
+_KINDS: dict[str, UsedKind] = {
+    "act": "act",
+    "stop_act": "act",
+    "rule": "rule",
+    "stop_rule": "rule",
+    "event": "event",
+}
+_WILDCARD = re.compile(r"\[[^\]]*\]|[*?]")
+
+
+class _WrittenText:
+    """A text of a TOML file as it is written: where each of its characters stands."""
+
+    def __init__(self, source: SourceFile, offset: int, value: str) -> None:
+        text = source.text
+        quotes = next((each for each in ('"""', "'''", '"', "'") if text.startswith(each, offset)), "")
+        at = offset + len(quotes)
+        if len(quotes) == 3:  # a line end directly behind them is none of the text's
+            at = match_end(re.compile(r"\r?\n"), text, at)
+        self.starts: list[int] = []
+        for _ in value:
+            self.starts.append(at)
+            if quotes.startswith('"') and (unit := _BASIC.match(text, at)) is not None:
+                while unit is not None and len(unit.group()) > 1 and unit.group()[1:].strip() == "":
+                    at = unit.end()  # a backslash at the end of a line joins it to the next
+                    unit = _BASIC.match(text, at)
+                self.starts[-1] = at
+                at = unit.end() if unit is not None else at
+            else:
+                at += 2 if text.startswith("\r\n", at) else 1
+        self.starts.append(at)
+
+    def span(self, start: int, length: int) -> tuple[int, int]:
+        """From where, and over how many characters of the file, these characters of the value stand."""
+        return self.starts[start], self.starts[start + length] - self.starts[start]
+
+
+def uses_in_settings(file: TomlFile) -> list[Use]:
+    """The uses in scenario.toml."""
+    return list(_SettingsUses(file).find())
+
+
+class _SettingsUses:
+    def __init__(self, file: TomlFile) -> None:
+        self.file = file
+        self.source = file.source
+
+    def find(self) -> Iterator[Use]:
+        for name in self.table("act"):
+            if not _WILDCARD.search(name):
+                yield self.key_use("act", name, f"settings of the act {name}", "act", name)
+        for written, binding in self.table("keys").items():
+            if isinstance(binding, dict):
+                yield from self.find_in_binding(written, binding)
+        yield from self.find_keys(("private",), self.file.values.get("private"), "private keys")
+        for name in self.table("conditions"):
+            for key in self.table("conditions", name, "memory"):
+                yield self.key_use("key", key, f"condition {name}", "conditions", name, "memory", key)
+        allowed = self.table("check").get("allow")
+        for index, values in enumerate(allowed if isinstance(allowed, list) else []):
+            if isinstance(values, dict) and isinstance(named := values.get("key"), str) and named:
+                yield self.text_use("key", named, "silenced warning", ("check", "allow", str(index), "key"), named, 0)
+
+    def table(self, *path: str) -> dict[str, Any]:
+        value: Any = self.file.values
+        for part in path:
+            value = value.get(part) if isinstance(value, dict) else None
+        return value if isinstance(value, dict) else {}
+
+    def find_keys(self, path: tuple[str, ...], names: Any, where: str) -> Iterator[Use]:
+        for index, name in enumerate(names if isinstance(names, list) else []):
+            if isinstance(name, str) and name:
+                yield self.text_use("key", name, where, (*path, str(index)), name, 0)
+
+    def find_in_binding(self, written: str, binding: dict[str, Any]) -> Iterator[Use]:
+        path, where = ("keys", written), f"key {written}"
+        for what, kind in _KINDS.items():
+            text = binding.get(what)
+            if not isinstance(text, str):
+                continue
+            if name := normal_topic(text) if kind == "event" else text.strip():
+                yield self.text_use(kind, name, where, (*path, what), text, text.index(name))
+        state, rule = binding.get("state"), binding.get("rule")
+        if isinstance(state, str) and isinstance(rule, str) and (name := state.strip()):
+            use = self.text_use("state", name, where, (*path, "state"), state, state.index(name))
+            yield replace(use, name=f"{rule.strip()}/{name}")
+        assignment = binding.get("set")
+        if not isinstance(assignment, str):
+            return
+        for place in keys_in_assignment(assignment):
+            use = self.text_use("key", place.key, where, (*path, "set"), assignment, place.start)
+            yield replace(use, may_be_text=place.may_be_text)
+
+    def key_use(self, kind: UsedKind, name: str, where: str, *path: str) -> Use:
+        """A name that is a key of the file."""
+        offset = self.source.offset(*_line_column(self.file, *path))
+        if self.source.text.startswith(('"', "'"), offset):
+            start, length = _WrittenText(self.source, offset, name).span(0, len(name))
+        else:
+            start, length = offset, len(name)
+        return Use(kind, name, self.source.location(start), length, False, where)
+
+    def text_use(self, kind: UsedKind, name: str, where: str, path: tuple[str, ...], value: str, start: int) -> Use:
+        """A name that begins at a character of a text."""
+        location = self.file.value_location(*path)
+        offset = self.source.offset(location.line, location.column)
+        at, length = _WrittenText(self.source, offset, value).span(start, len(name))
+        return Use(kind, name, self.source.location(at), length, False, where)
+
+
+def _line_column(file: TomlFile, *path: str) -> tuple[int, int]:
+    location = file.key_location(*path)
+    return location.line, location.column
+
+
+def uses_in_memory(source: SourceFile) -> list[Use]:
+    """The start values of the memory file: each defines its key."""
+    ignore: Callable[..., None] = lambda *args: None  # noqa: E731  # what is wrong with the file is a finding already
+    try:
+        value = read_json(source.text, ignore, ignore)
+    except JsonError:
+        return []
+    if not isinstance(value, JsonObject):
+        return []
+    entries = value.get(LIST_KEY) if len(value) == 1 else None
+    objects = [each for each in entries if isinstance(each, JsonObject)] if isinstance(entries, list) else [value]
+    found = []
+    for member in (member for each in objects for member in each.members):
+        length = match_end(_QUOTED, source.text, member.key_at) - member.key_at - 2
+        location = source.location(member.key_at + 1)
+        found.append(Use("key", member.key, location, length, True, "start value"))
+    return found

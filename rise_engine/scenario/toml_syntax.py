@@ -1,0 +1,170 @@
+"""TOML files as they are written: where every table, key and value begins and ends, for changes that leave the rest.
+
+The text is known to be valid (tomllib has read it), so that this only has to find things, in time that grows with its
+length.
+"""
+
+from __future__ import annotations
+
+import re
+import tomllib
+from collections.abc import Iterator
+
+from msgspec import Struct
+
+from rise_engine.text import match_end
+
+_SPACE = re.compile(r"[ \t]*")
+_BLANK = re.compile(r"(?:[ \t\r\n]|#[^\n]*)*")
+_PART = re.compile(r"""[A-Za-z0-9_-]+|"(?:[^"\\]|\\.)*"|'[^']*'""")
+_STRING = re.compile(r"""\"{3}(?:\\.|[^\\])*?"{3,5}|'{3}.*?'{3,5}|"(?:[^"\\]|\\.)*"|'[^']*'""", re.DOTALL)
+_BARE_VALUE = re.compile(r"[^,\]}\n#]*")
+
+KeyPath = tuple[str, ...]
+
+
+class TomlKeyPart(Struct, frozen=True):
+    """One part of a dotted key."""
+
+    name: str
+    start: int
+    """Of what is written, with quotation marks."""
+    end: int
+
+
+class TomlValue(Struct, frozen=True):
+    """A value. It has `pairs` when it is an inline table, `items` when it is an array; a scalar has neither."""
+
+    start: int
+    end: int
+    kind: str
+    """"scalar", "array" or "table"."""
+    items: tuple[TomlValue, ...] = ()
+    pairs: tuple[TomlPair, ...] = ()
+
+
+class TomlPair(Struct, frozen=True):
+    """`key = value`."""
+
+    parts: tuple[TomlKeyPart, ...]
+    value: TomlValue
+
+    @property
+    def names(self) -> KeyPath:
+        return tuple(part.name for part in self.parts)
+
+    @property
+    def start(self) -> int:
+        return self.parts[0].start
+
+
+class TomlSection(Struct):
+    """A `[table]` or an element of a `[[list]]`, and the pairs below its header; the first one has no header."""
+
+    path: KeyPath
+    """With the numbers of the elements of lists."""
+    parts: tuple[TomlKeyPart, ...]
+    """Of its header, as it is written there."""
+    places: tuple[int, ...]
+    """For each of these parts, its number in `path`."""
+    start: int
+    """Of its header."""
+    header_end: int
+    """Behind the brackets."""
+    is_list: bool
+    pairs: list[TomlPair]
+
+    @property
+    def end(self) -> int:
+        """Behind its last pair, or its header."""
+        return self.pairs[-1].value.end if self.pairs else self.header_end
+
+
+def read_sections(text: str) -> list[TomlSection]:
+    """The sections of a text that is valid TOML, in order; the first is what stands before any header."""
+    return list(_SyntaxReader(text).read())
+
+
+class _SyntaxReader:
+    def __init__(self, text: str) -> None:
+        self.text = text
+        self.lengths: dict[KeyPath, int] = {}
+        """How many elements each `[[list]]` has so far."""
+
+    def read(self) -> Iterator[TomlSection]:
+        section = TomlSection((), (), (), 0, 0, False, [])
+        at = match_end(_BLANK, self.text, 0)
+        while at < len(self.text):
+            if self.text.startswith("[", at):
+                yield section
+                section = self.read_header(at)
+                at = section.header_end
+            else:
+                pair = self.read_pair(at)
+                section.pairs.append(pair)
+                at = pair.value.end
+            following = match_end(_BLANK, self.text, at)
+            at = max(following, at + 1) if following == at else following
+        yield section
+
+    def read_header(self, start: int) -> TomlSection:
+        is_list = self.text.startswith("[[", start)
+        parts, at = self.read_key(match_end(_SPACE, self.text, start + 1 + is_list))
+        path: KeyPath = ()
+        places: list[int] = []
+        for number, part in enumerate(parts, start=1):
+            places.append(len(path))
+            path = (*path, part.name)
+            if is_list and number == len(parts):
+                self.lengths[path] = self.lengths.get(path, 0) + 1
+            if path in self.lengths:
+                path = (*path, str(self.lengths[path] - 1))
+        end = match_end(_SPACE, self.text, at) + 1 + is_list
+        return TomlSection(path, parts, tuple(places), start, end, is_list, [])
+
+    def read_key(self, at: int) -> tuple[tuple[TomlKeyPart, ...], int]:
+        parts: list[TomlKeyPart] = []
+        while (found := _PART.match(self.text, at)) is not None:
+            parts.append(TomlKeyPart(_key_text(found.group()), at, found.end()))
+            at = match_end(_SPACE, self.text, found.end())
+            if not self.text.startswith(".", at):
+                return tuple(parts), found.end()
+            at = match_end(_SPACE, self.text, at + 1)
+        return tuple(parts), at
+
+    def read_pair(self, at: int) -> TomlPair:
+        parts, at = self.read_key(at)
+        at = match_end(_SPACE, self.text, at)
+        return TomlPair(parts, self.read_value(match_end(_SPACE, self.text, at + 1)))
+
+    def read_value(self, start: int) -> TomlValue:
+        text = self.text
+        closing = {"[": "]", "{": "}"}.get(text[start : start + 1])
+        if closing is None:
+            end = match_end(_STRING, text, start)
+            if end == start:
+                end = match_end(_BARE_VALUE, text, start)
+                end = start + len(text[start:end].rstrip())
+            return TomlValue(start, end, "scalar")
+        items: list[TomlValue] = []
+        pairs: list[TomlPair] = []
+        at = match_end(_BLANK, text, start + 1)
+        while at < len(text) and not text.startswith(closing, at):
+            if closing == "]":
+                items.append(self.read_value(at))
+                at = items[-1].end
+            else:
+                pairs.append(self.read_pair(at))
+                at = pairs[-1].value.end
+            at = match_end(_BLANK, text, at)
+            if text.startswith(",", at):
+                at = match_end(_BLANK, text, at + 1)
+        return TomlValue(start, at + 1, "array" if closing == "]" else "table", tuple(items), tuple(pairs))
+
+
+def _key_text(written: str) -> str:
+    if written[0] not in "\"'":
+        return written
+    if written[0] == "'" or "\\" not in written:
+        return written[1:-1]
+    return next(iter(tomllib.loads(f"{written} = 0")))

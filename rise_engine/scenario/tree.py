@@ -1,0 +1,107 @@
+"""What lies in a scenario's folder: on the disk, or held in memory before it, as an editor holds what is not saved."""
+
+from __future__ import annotations
+
+import errno
+import os
+import stat
+from collections.abc import Mapping
+from pathlib import Path
+
+from rise_engine.errors import RiseError
+
+Held = Mapping[str, bytes | None]
+"""Contents by the names of files relative to a scenario's folder, `acts/greet.xml`; None: the file is not there."""
+
+
+class UnreadableError(RiseError):
+    """A file that cannot be read; says why. `code` is the one of the finding: `unreadable` or `too-large`."""
+
+    def __init__(self, message: str, code: str = "unreadable") -> None:
+        super().__init__(message)
+        self.code = code
+
+
+class FileTree:
+    """The files of a scenario. Of a file that is held, nothing is asked of the disk.
+
+    >>> tree = FileTree(Path("scenarios/greeting"), {"acts/new.xml": b"<Dialogs/>", "rules/gaze.xml": None})
+    >>> tree.read(tree.folder / "acts/new.xml", 100), tree.exists(tree.folder / "rules/gaze.xml")
+    (b'<Dialogs/>', False)
+    """
+
+    def __init__(self, folder: Path, held: Held | None = None) -> None:
+        """
+        :param folder: the scenario's folder. It need not be on the disk when something is held in it.
+        :param held: what is read instead of the disk.
+        """
+        self.folder = folder
+        self._held = {os.path.normpath(folder / name): data for name, data in (held or {}).items()}
+        self._held_folders: dict[str, dict[str, None]] = {}
+        """What folders have because of what is held, and only because of that: names of files and folders."""
+        top = os.path.normpath(folder)
+        for path, data in self._held.items():
+            while data is not None and path != top and os.path.dirname(path) != path:  # noqa: PTH120  # texts, often
+                path, name = os.path.split(path)
+                self._held_folders.setdefault(path, {})[name] = None
+
+    def exists(self, path: Path) -> bool:
+        """Whether anything is there; a link that leads nowhere is. Raises OSError, ValueError for no possible name."""
+        if (known := os.path.normpath(path)) in self._held:
+            return self._held[known] is not None
+        return known in self._held_folders or os.path.lexists(path)
+
+    def is_file(self, path: Path) -> bool:
+        """Whether a file is there, or a link to one."""
+        if (known := os.path.normpath(path)) in self._held:
+            return self._held[known] is not None
+        return known not in self._held_folders and path.is_file()
+
+    def is_folder(self, path: Path) -> bool:
+        """Whether a folder is there, or a link to one."""
+        known = os.path.normpath(path)
+        return known in self._held_folders or (known not in self._held and path.is_dir())
+
+    def names(self, path: Path) -> list[str]:
+        """What a folder has, sorted. Raises OSError."""
+        known = os.path.normpath(path)
+        held = self._held_folders.get(known, {})
+        try:
+            names = {each.name: None for each in path.iterdir()}
+        except (FileNotFoundError, NotADirectoryError):
+            if not held:
+                raise
+            names = {}
+        there = (name for name in names if self._held.get(os.path.join(known, name), b"") is not None)  # noqa: PTH118
+        return sorted({*there, *held})
+
+    def read(self, path: Path, most: int) -> bytes:
+        """The content of a file of at most `most` bytes. Raises UnreadableError."""
+        known = os.path.normpath(path)
+        if known in self._held_folders:
+            raise UnreadableError("this is a folder; a file must stand here")
+        if known in self._held:
+            data = self._held[known]
+            if data is None:
+                raise UnreadableError(f"this file cannot be read: {os.strerror(errno.ENOENT)}")
+            size = len(data)
+        else:
+            data, size = _read_from_disk(path, most)
+        if size > most:
+            raise UnreadableError(f"this file is larger than {most // 1_000_000} MB", "too-large")
+        return data
+
+
+def _read_from_disk(path: Path, most: int) -> tuple[bytes, int]:
+    """The content of a file, empty when it is too large, and how large it is. Raises UnreadableError."""
+    try:
+        status = path.stat()
+        if not stat.S_ISREG(status.st_mode):  # a pipe would keep us waiting for ever
+            kind = "a folder" if stat.S_ISDIR(status.st_mode) else "no regular file"
+            raise UnreadableError(f"this is {kind}; a file must stand here")
+        return (path.read_bytes() if status.st_size <= most else b""), status.st_size
+    except OSError as error:
+        reason = f"this file cannot be read: {error.strerror or error}"
+        if isinstance(error, FileNotFoundError) and path.is_symlink():
+            reason = f"this link leads nowhere: there is no `{os.readlink(path)}`"  # noqa: PTH115  # as written
+        raise UnreadableError(reason) from None

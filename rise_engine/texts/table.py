@@ -1,0 +1,160 @@
+"""All texts of a study as one table: a row for each, with its translations (docs/reference/languages.md)."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Sequence
+from typing import Literal, TypeAlias
+from zlib import crc32
+
+from msgspec import Struct
+
+from rise_engine.errors import RiseError
+from rise_engine.scenario import LoadResult, expected_seconds, fill_parameters
+from rise_engine.scenario.model import Act, Action, Scenario
+from rise_engine.scenario.spoken import MESSAGE
+from rise_engine.scenario.spoken_texts import SpokenText
+from rise_engine.scenario.template import MissingValueError
+from rise_engine.scenario.translations import LanguageTexts
+
+FIXED_COLUMNS = ("id", "act", "no.", "when", "with", "text", "note", "seconds", "place", "of", "check")
+"""All but those of the languages, which stand behind `text`."""
+NOTHING = "-"
+"""In `check`: there was no translation."""
+Only: TypeAlias = Literal["missing", "stale"]
+
+
+class TextsError(RiseError, ValueError):
+    """A table of texts that cannot be written or read; the message says why, for a person."""
+
+
+class TextRow(Struct, frozen=True):
+    """One text."""
+
+    id: str
+    """Of the text, `R_Praise/2/1`."""
+    act: str
+    number: str
+    """The action and the wording, `2 (1)`: no spreadsheet takes it for a date."""
+    when: str
+    """`at once`, or what it waits for: `after 3, 4`."""
+    beside: str
+    """What the robot does at the same time: `Animation: enthusiastic`."""
+    text: str
+    translations: dict[str, str]
+    """By language; empty where there is none."""
+    note: str
+    """For translators: which translation is of an earlier text."""
+    seconds: float
+    """About how long it takes to say it."""
+    place: str
+    """`acts/feedback.xml:8`."""
+    stale: frozenset[str] = frozenset()
+    """Languages whose translation is of an earlier text."""
+
+    @property
+    def check(self) -> str:
+        """By what an import sees whether a translation has changed since: `de:3f2a9c01 fr:-`."""
+        return " ".join(f"{language}:{text_check(text)}" for language, text in self.translations.items())
+
+    def cells(self) -> list[str]:
+        """As the columns of `TextTable.columns` have it."""
+        before = [_id_cell(self.id), self.act, self.number, self.when, self.beside, self.text]
+        behind = [self.note, f"{self.seconds:.1f}", self.place, self.text, self.check]
+        return [*before, *self.translations.values(), *behind]
+
+
+class TextTable(Struct, frozen=True):
+    """All texts, or those that lack something."""
+
+    languages: tuple[str, ...]
+    """Into which they are translated."""
+    rows: tuple[TextRow, ...]
+    language: str = ""
+    """That of the acts; empty: nobody says."""
+
+    @property
+    def columns(self) -> list[str]:
+        return [*FIXED_COLUMNS[:6], *self.languages, *FIXED_COLUMNS[6:]]
+
+
+def make_table(loaded: LoadResult, languages: Sequence[str] = (), only: Only | None = None) -> TextTable:
+    """The table of a scenario's texts.
+
+    :param loaded: the scenario, loaded in no language and without errors.
+    :param languages: the translations to show, also new ones; none: all that there are.
+    :param only: texts of which a translation is missing, or of which one is stale.
+    """
+    scenario = loaded.scenario
+    assert scenario is not None
+    known = {each.lower(): each for each in loaded.translations}
+    shown = tuple(dict.fromkeys(known.get(each.lower(), each) for each in languages)) or tuple(loaded.translations)
+    files = [loaded.translations.get(each) or LanguageTexts(each, "") for each in shown]
+    rows = [
+        _make_row(text, scenario, files)
+        for text in loaded.texts
+        if only is None or any((each.missing if only == "missing" else each.stale)([text]) for each in files)
+    ]
+    return TextTable(shown, tuple(rows), scenario.language)
+
+
+def text_check(text: str) -> str:
+    """A short sum of a text, by which its change is seen."""
+    return f"{crc32(text.encode('utf-8', 'surrogatepass')):08x}" if text else NOTHING
+
+
+def _make_row(text: SpokenText, scenario: Scenario, files: Sequence[LanguageTexts]) -> TextRow:
+    act, action, location = scenario.acts[text.act], text.action, text.action.location
+    number = action.id if len(action.calls) == 1 else f"{action.id} ({text.variant + 1})"
+    given = {each.language: each.texts.get(text.id) for each in files}
+    notes = [
+        f"{language}: the text has changed since this translation; it was “{each.of}”"
+        for language, each in given.items()
+        if each is not None and each.of != text.text
+    ]
+    if text.parameter != MESSAGE:
+        notes.insert(0, f"{text.call.type}: {text.parameter}")
+    return TextRow(
+        text.id,
+        text.act,
+        number,
+        f"after {', '.join(action.wait_for)}" if action.wait_for else "at once",
+        _beside(act, action),
+        text.text,
+        {language: translation.template.text if translation else "" for language, translation in given.items()},
+        "; ".join(notes),
+        _seconds(text, scenario),
+        f"{location.file}:{location.line}",
+        frozenset(language for language, each in given.items() if each is not None and each.of != text.text),
+    )
+
+
+def _beside(act: Act, action: Action) -> str:
+    """What begins at the same time as an action, in a word or two each."""
+    said = []
+    for other in act.actions:
+        if other.id == action.id or set(other.wait_for) != set(action.wait_for):
+            continue
+        call = other.calls[0]
+        value = call.parameters.get("value")
+        said.append(f"{call.type}: {value.text}" if value is not None else call.type)
+    return ", ".join(said)
+
+
+def _seconds(text: SpokenText, scenario: Scenario) -> float:
+    spec = scenario.robot.actions[text.call.type]
+    try:
+        parameters = fill_parameters(text.call, spec, {**scenario.memory, **scenario.table_memory})
+    except (MissingValueError, ValueError):
+        parameters = {text.parameter: text.text}
+    return expected_seconds(spec, parameters)
+
+
+def _id_cell(id: str) -> str:
+    """An id as a cell: one that a spreadsheet could take for a date or a formula has the word `act` before it."""
+    return id if id[:1].isalpha() else f"act {id}"
+
+
+def id_of_cell(cell: str, known: Collection[str]) -> str:
+    """The id that a cell names."""
+    cell = cell.strip()
+    return cell.removeprefix("act ") if cell not in known else cell

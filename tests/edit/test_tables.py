@@ -1,0 +1,129 @@
+"""Edits of tables: cells and rows, with the separators, quotes and line ends that a file has."""
+
+from __future__ import annotations
+
+import csv
+import io
+from pathlib import Path
+from typing import Literal
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from rise_engine.edit.edits import AddRow, Edit, RemoveRow, SetCell
+from rise_engine.edit.outline import Outline
+from rise_engine.edit.plan import EditRefused, apply_plan
+from rise_engine.edit.planning import plan
+from rise_engine.edit.study_state import StudyState
+from rise_engine.scenario import LoadResult
+
+TEXT = 'sep=;\r\nid;"say";n\r\nlamp; "Put; it"  ;1\r\n;;\r\nrug;Lay it ;2'
+TEXT = TEXT.replace('"  ;', '";')
+
+
+def changed(text: bytes, edit: Edit, **more: bytes) -> bytes:
+    files = {
+        "tables/items.csv": text,
+        **{name.replace("__", "/").replace("_", "."): data for name, data in more.items()},
+    }
+    return apply_plan(files, plan(edit, StudyState(files, Outline(), LoadResult(None, []), Path("study"))))[
+        "tables/items.csv"
+    ]
+
+
+@pytest.mark.parametrize(
+    ("edit", "old", "new"),
+    [
+        (SetCell("items", 0, "say", "Take it"), '"Put; it"', '"Take it"'),
+        (SetCell("items", 0, "say", 'A "big" one'), '"Put; it"', '"A ""big"" one"'),
+        (SetCell("items", 1, "say", "a; b"), "Lay it ", '"a; b"'),
+        (SetCell("items", 1, "say", ""), "Lay it", ""),
+        (SetCell("items", 1, "n", "3"), ";2", ";3"),
+        (SetCell("items", 1, "n", "2"), "", ""),
+        (AddRow("items", {"id": "cup", "n": "4"}), ";2", ";2\r\ncup;;4"),
+        (AddRow("items", {"id": "cup"}, 1), 'lamp; "Put; it";1\r\n', 'lamp; "Put; it";1\r\ncup;;\r\n'),
+        (AddRow("items", {"id": "cup"}, 0), '"say";n\r\n', '"say";n\r\ncup;;\r\n'),
+        (RemoveRow("items", 0), 'lamp; "Put; it";1\r\n', ""),
+        (RemoveRow("items", 1), "\r\nrug;Lay it ;2", ""),
+    ],
+)
+def test_one_place_of_a_table_changes(edit: Edit, old: str, new: str) -> None:
+    assert changed(TEXT.encode(), edit).decode() == (TEXT.replace(old, new) if old else TEXT)
+
+
+def test_windows_1252_stays_what_it_is() -> None:
+    settings = {"tables__items_toml": b'encoding = "cp1252"\n'}
+    assert changed("a,b\nö,1\n".encode("cp1252"), SetCell("items", 0, "a", "ü"), **settings) == "a,b\nü,1\n".encode(
+        "cp1252"
+    )
+    with pytest.raises(EditRefused, match="is CP1252, which has no `Ω`"):
+        changed(b"a,b\nx,1\n", SetCell("items", 0, "a", "Ω"), **settings)
+
+
+@pytest.mark.parametrize(
+    ("text", "edit", "why"),
+    [
+        ("a,b\n1,2\n", SetCell("itens", 0, "a", "x"), "no table `itens`; did you mean `items`"),
+        ("a,b\n1,2\n", SetCell("items", 1, "a", "x"), "has 1 row; there is no row 2"),
+        ("a,bb\n1,2\n", SetCell("items", 0, "bbb", "x"), "no column `bbb`; did you mean `bb`"),
+        ("a,b\n,2\n", SetCell("items", 0, "b", " "), "without any value would not be read"),
+        ("a,b\n1,2\n", AddRow("items", {}), "without any value would not be read"),
+        ("a,b\n1,2\n", AddRow("items", {"a": "1"}, 5), "cannot be put in there"),
+        ("a,b\n1,2,3\n", SetCell("items", 0, "a", "x"), "cannot be read as a table"),
+        ('a,b\n"1,2\n', SetCell("items", 0, "a", "x"), "cannot be read as a table"),
+        ("", RemoveRow("items", 0), "cannot be read as a table"),
+    ],
+)
+def test_what_cannot_be_is_refused(text: str, edit: Edit, why: str) -> None:
+    with pytest.raises(EditRefused, match=why):
+        changed(text.encode(), edit)
+
+
+def test_blanks_behind_a_value_that_gets_quotation_marks_go() -> None:
+    assert changed(b"a;b\nx \t ;1\n", SetCell("items", 0, "a", ";")) == b'a;b\n";";1\n'
+    assert changed(b"a\tb\nx \t1\n", SetCell("items", 0, "a", '"')) == b'a\tb\n""""\t1\n'
+    assert changed(b"a;b\n1;x \t\r\n", SetCell("items", 0, "b", ";")) == b'a;b\n1;";"\r\n'
+
+
+cells = st.text('ab;,"\n é\t', max_size=4)
+
+
+@pytest.mark.slow
+@given(
+    st.lists(st.lists(cells, min_size=3, max_size=3), min_size=1, max_size=4),
+    st.sampled_from(";,\t"),
+    st.sampled_from(["\n", "\r\n"]),
+    st.sampled_from([csv.QUOTE_ALL, csv.QUOTE_MINIMAL]),
+    st.data(),
+)
+def test_any_edit_of_any_table(
+    rows: list[list[str]], separator: str, newline: str, quoting: Literal[0, 1], data: st.DataObject
+) -> None:
+    rows = [["x" + row[0], *row[1:]] for row in rows]
+    out = io.StringIO()
+    csv.writer(out, delimiter=separator, lineterminator=newline, quoting=quoting).writerows([["a", "b", "c"], *rows])
+    text = out.getvalue()
+    number, column, value = data.draw(st.integers(0, len(rows) - 1)), data.draw(st.integers(0, 2)), data.draw(cells)
+    edit = data.draw(
+        st.sampled_from(
+            [
+                SetCell("items", number, "abc"[column], value),
+                RemoveRow("items", number),
+                AddRow("items", {"a": "x" + value}),
+            ]
+        )
+    )
+    match edit:
+        case SetCell():
+            rows[number][column] = value
+        case RemoveRow():
+            del rows[number]
+        case AddRow():
+            rows.append(["x" + value, "", ""])
+    if any(not "".join(row).strip() for row in rows):
+        return
+    after = changed(text.encode(), edit).decode()
+    found = list(csv.reader(io.StringIO(after, newline=""), delimiter=separator, skipinitialspace=True))
+    stripped = [[value.strip().replace("\r\n", "\n") for value in row] for row in found if any(v.strip() for v in row)]
+    assert stripped == [["a", "b", "c"], *([value.strip() for value in row] for row in rows)]

@@ -1,0 +1,112 @@
+"""The language server, started as editors start it."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+from lsprotocol import types as lsp
+from pygls.exceptions import JsonRpcException
+
+from rise_engine.edit.edits import Rename
+from rise_engine.edit.plan import apply_plan
+from rise_engine.edit.planning import plan
+from rise_engine.edit.read_outline import read_outline
+from rise_engine.edit.study_folder import read_study_files
+from rise_engine.edit.study_state import StudyState
+from rise_engine.scenario import load
+from tests.lsp.editor import editing
+
+pytestmark = pytest.mark.slow
+ACTS, RULES = "acts/greeting.xml", "rules/greeting.xml"
+
+
+async def test_findings_while_typing(tmp_path: Path) -> None:
+    """What is not saved wins over the disk, in all files; an emoji before it shifts nothing."""
+    async with editing(tmp_path, "greeting") as editor:
+        editor.open(ACTS)
+        await editor.until(ACTS, [])
+        editor.replace(ACTS, '<Dialog name="R_Greeting"', '<!-- 😀 --><Dialog name="R_Other"')
+        await editor.until("scenario.toml", ["unknown-act"])
+        (found,) = editor.findings[editor.uri("scenario.toml")]
+        line = (editor.folder / "scenario.toml").read_text().splitlines()[found.range.start.line]
+        assert line[found.range.start.character : found.range.end.character] == '"R_Greeting"'
+        assert (found.source, found.severity) == ("rise", lsp.DiagnosticSeverity.Error)
+        editor.replace(ACTS, "<!-- 😀 --><Dialog name", "<!-- 😀 --><Dialog nome")
+        await editor.until(ACTS, ["missing-attribute", "unknown-attribute"])
+        attribute = editor.findings[editor.uri(ACTS)][1].range
+        units = editor.texts[ACTS].splitlines()[attribute.start.line].encode("utf-16-le")
+        assert units[2 * attribute.start.character : 2 * attribute.end.character].decode("utf-16-le") == "nome"
+        document = lsp.TextDocumentIdentifier(editor.uri(ACTS))
+        editor.client.text_document_did_close(lsp.DidCloseTextDocumentParams(document))
+        await editor.until("scenario.toml", [])
+        await editor.until(ACTS, [])
+
+
+async def test_a_file_that_belongs_to_no_study_is_left_alone(tmp_path: Path) -> None:
+    async with editing(tmp_path, "greeting") as editor:
+        (tmp_path / "page.xml").write_text("<html>")
+        uri = (tmp_path / "page.xml").as_uri()
+        item = lsp.TextDocumentItem(uri, "xml", 1, "<html>")
+        editor.client.text_document_did_open(lsp.DidOpenTextDocumentParams(item))
+        document, place = lsp.TextDocumentIdentifier(uri), lsp.Position(0, 3)
+        assert not await editor.client.text_document_definition_async(lsp.DefinitionParams(document, place))
+        assert not await editor.client.text_document_completion_async(lsp.CompletionParams(document, place))
+        editor.open(ACTS)
+        await editor.until(ACTS, [])
+        assert list(editor.findings) == [editor.uri(ACTS)]
+
+
+async def test_where_a_name_is_defined_and_used(tmp_path: Path) -> None:
+    async with editing(tmp_path, "greeting") as editor:
+        editor.open("rules/gaze.xml")
+        place = editor.place("rules/gaze.xml", "R_FollowGaze", 4)
+        (defined,) = await editor.definitions("rules/gaze.xml", "R_FollowGaze", 4)
+        assert defined.uri == editor.uri("acts/gaze.xml")
+        context = lsp.ReferenceContext(include_declaration=True)
+        found = await editor.client.text_document_references_async(lsp.ReferenceParams(context=context, **place)) or []
+        files = [each.uri.rpartition("/")[2] for each in found]
+        assert sorted(set(files)) == ["gaze.xml", "scenario.toml"] and len(files) == 7
+        told = await editor.client.text_document_hover_async(lsp.HoverParams(**place))
+        assert (
+            told is not None
+            and isinstance(told.contents, lsp.MarkupContent)
+            and "**R_FollowGaze** (act), named in 6 places" in told.contents.value
+        )
+
+
+async def test_a_name_is_changed_everywhere_as_the_engine_does(tmp_path: Path) -> None:
+    async with editing(tmp_path, "greeting") as editor:
+        editor.open(RULES)
+        files = read_study_files(editor.folder)
+        state = StudyState(files, read_outline(files), load(editor.folder), editor.folder)
+        expected = apply_plan(files, plan(Rename("act", "R_Greeting", "R_Grüße"), state))
+        place = editor.place(RULES, "R_Greeting", 2)
+        edit = await editor.client.text_document_rename_async(lsp.RenameParams(new_name="R_Grüße", **place))
+        assert edit is not None and edit.changes is not None and len(edit.changes) > 2
+        editor.apply({uri: list(edits) for uri, edits in edit.changes.items()})
+        assert read_study_files(editor.folder) == expected and load(editor.folder).scenario is not None
+        with pytest.raises(JsonRpcException, match="R_FollowGaze"):
+            await editor.client.text_document_rename_async(lsp.RenameParams(new_name="R_FollowGaze", **place))
+
+
+async def test_remedies_symbols_and_layout(tmp_path: Path) -> None:
+    async with editing(tmp_path, "greeting") as editor:
+        editor.open("rules/gaze.xml")
+        editor.replace("rules/gaze.xml", '"R_FollowGaze"', '"R_FolowGaze"')
+        await editor.until("rules/gaze.xml", ["unknown-act", *["unreachable-transition"] * 3])
+        document = lsp.TextDocumentIdentifier(editor.uri("rules/gaze.xml"))
+        finding = editor.findings[editor.uri("rules/gaze.xml")][0]
+        context = lsp.CodeActionContext([finding])
+        asked = lsp.CodeActionParams(document, finding.range, context)
+        (action,) = await editor.client.text_document_code_action_async(asked) or []
+        assert isinstance(action, lsp.CodeAction) and action.edit is not None and action.edit.changes is not None
+        ((edit,),) = action.edit.changes.values()
+        assert (action.title, edit.new_text, edit.range) == ("write R_FollowGaze", "R_FollowGaze", finding.range)
+        symbols = await editor.client.text_document_document_symbol_async(lsp.DocumentSymbolParams(document)) or []
+        (rule,) = (each for each in symbols if isinstance(each, lsp.DocumentSymbol))
+        assert rule.name == "Gaze" and [each.name for each in rule.children or ()][:1] != []
+        editor.replace("rules/gaze.xml", "<State ", "<State\n\n\n      ")
+        options = lsp.FormattingOptions(tab_size=2, insert_spaces=True)
+        laid = await editor.client.text_document_formatting_async(lsp.DocumentFormattingParams(document, options)) or []
+        assert len(laid) == 1 and "<State\n\n\n" not in laid[0].new_text
