@@ -71,9 +71,7 @@ class StudyServer(LanguageServer):
         return study, study.name_of(path)
 
     def positions(self, source: SourceFile) -> TextPositions:
-        return TextPositions(
-            source.text, _ENCODINGS[self.workspace.position_encoding or lsp.PositionEncodingKind.Utf16]
-        )
+        return TextPositions(source.text, _ENCODINGS[self.workspace.position_encoding or lsp.PositionEncodingKind.Utf16])
 
     def range_of(self, source: SourceFile, start: int, end: int) -> lsp.Range:
         """A stretch of a file's text."""

@@ -78,7 +78,7 @@ def main(folder: Path, kills: int) -> None:
         if not os.WIFSIGNALED(os.waitpid(child, 0)[1]):
             call = 0
             _restore(folder, old)
-            workspace._keep_draft()  # the child has taken it away
+            workspace._keep_draft()  # noqa: SLF001  # the child has taken it away
             continue
         drafted = workspace.draft is not None
         read = read_study_files(folder)
@@ -97,7 +97,7 @@ def main(folder: Path, kills: int) -> None:
         )
         _restore(folder, old)
         if not drafted:  # the child has come so far that it took it away
-            workspace._keep_draft()
+            workspace._keep_draft()  # noqa: SLF001
     workspace.close()
     json.dump(found, sys.stdout)
 

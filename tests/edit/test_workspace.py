@@ -236,18 +236,14 @@ def test_an_act_that_is_gone_outside(folder: Path) -> None:
 def _without_smile(study: Workspace) -> list[RemoveAct | ReplaceFile]:
     rules = study.files["rules/greeting.xml"].decode().replace("R_Smile", "R_Nod")
     keys = study.files["scenario.toml"].decode()
-    keys = keys.replace('m   = { act = "R_Smile", label = "smile" }\n', "").replace(
-        "[act.R_Smile]\nfiller = true\n", ""
-    )
+    keys = keys.replace('m   = { act = "R_Smile", label = "smile" }\n', "").replace("[act.R_Smile]\nfiller = true\n", "")
     return [ReplaceFile("rules/greeting.xml", rules), ReplaceFile("scenario.toml", keys), RemoveAct("R_Smile")]
 
 
 def test_a_rename_reaches_what_somebody_else_adds_meanwhile(folder: Path) -> None:
     study = Workspace(folder)
     study.apply(Rename("act", "R_Nod", "R_Yes"))
-    extra = (
-        '<InteractionRule name="More" initial="A"><State id="A"><onEntry><function startCommunicationRobotAct="R_Nod"/>'
-    )
+    extra = '<InteractionRule name="More" initial="A"><State id="A"><onEntry><function startCommunicationRobotAct="R_Nod"/>'
     (folder / "rules" / "more.xml").write_text(f"{extra}</onEntry></State></InteractionRule>", "utf-8")
     assert study.notice_outside() is not None
     assert b'"R_Yes"' in study.files["rules/more.xml"]
