@@ -121,6 +121,10 @@ def _configurable(store: Store) -> Obstacle:
     return _change(store) or (of_study if store.is_of_study else None)
 
 
+def _taking_over(store: Store) -> Obstacle:
+    return IN_SHADOW if store.attach_reply.shadow else _change(store)
+
+
 def _start_values(store: Store) -> Obstacle:
     return IN_SHADOW if store.attach_reply.shadow else _savable_values(store)
 
@@ -226,6 +230,10 @@ ACTIONS: tuple[ConsoleAction, ...] = (
     ConsoleAction("settings", "Settings", (), "console",
            "Paths, robot and mode. Applying them ends this session and starts a new one, after asking.", "",
            _configurable),
+    ConsoleAction("take-over", "Take over changed files", (), "console",
+           "The session goes on with the files of its study as they are saved now. Only while the robot does nothing, "
+           "and where the rules stand must be there still; otherwise it says why not. It is recorded.", "",
+           _taking_over),
     ConsoleAction("release", "Release the stop", ("ctrl+r",), "console",
            "After a stop: shows who confirmed it and who did not, and asks before anything can start again.",
            "release", _releasable),

@@ -81,6 +81,9 @@ class ReplayClient:
     async def change_control(self, verb: ControlVerb) -> Reply:
         return _NOT_IN_REPLAY
 
+    async def take_over(self) -> Reply:
+        return _NOT_IN_REPLAY
+
     def now(self) -> float:
         return (time.monotonic() - self._began) * self._speed
 

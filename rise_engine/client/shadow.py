@@ -358,6 +358,9 @@ class ShadowClient:
     async def change_control(self, verb: ControlVerb) -> Reply:
         return _NOT_HERE
 
+    async def take_over(self) -> Reply:
+        return _NOT_HERE
+
     async def close(self, *, end_session: bool = False) -> None:
         """Leave; it can be gone on with. `end_session` means nothing here: there is no session to end."""
         if self._closed:

@@ -149,10 +149,6 @@ class SocketClient:
         return t + ((time.monotonic() if ended_at is None else ended_at) - at) * speed
 
     async def take_over(self) -> Reply:
-        """Let the session go on with the files of its scenario as they are now; the answer says why it does not.
-
-        :raises EngineGone: the engine has gone, or the connection.
-        """
         connection = self._require_connection()
         return await connection.request(TakeOverMessage(connection.next_id()))
 

@@ -198,6 +198,14 @@ class Client(Protocol):
         """
         ...
 
+    async def take_over(self) -> Reply:
+        """Let the session go on with the files of its scenario as they are now (semantics.md 12.5).
+
+        :return: whether it does, or why not. If it does, the connection ends (`LinkLost`); attach again.
+        :raises EngineGone: when the session or this connection (`LinkLost`) is over.
+        """
+        ...
+
     def now(self) -> float:
         """The session's time in seconds, as well as this client knows it; for running clocks on the screen."""
         ...

@@ -10,7 +10,8 @@ from rise_engine.engine.engine import Engine, ReplyCallback
 from rise_engine.protocol.client import Reply
 from rise_engine.scenario import load
 from rise_engine.scenario.loader import LoadResult
-from rise_engine.session.folder import SessionError
+from rise_engine.scenario.model import Scenario
+from rise_engine.session.folder import SessionError, read_info, spoken_as
 from rise_engine.session.scenario_copies import remove_copy, write_copy
 
 MOST_ERRORS = 3
@@ -53,6 +54,10 @@ class ScenarioTakeover:
         finally:
             self._under_way = None
 
+    def _load(self, before: Scenario) -> LoadResult:
+        spoken = spoken_as(read_info(self._folder))
+        return load(before.folder, robot=before.robot.name, mode=before.mode, paths=self._paths, **spoken)
+
     def _then_tell(self, answer: ReplyCallback) -> ReplyCallback:
         """Answer, and only then, when it is recorded, let others know."""
 
@@ -65,9 +70,7 @@ class ScenarioTakeover:
 
     async def _read_and_take_over(self, source: str, answer: ReplyCallback) -> None:
         engine, before = self._engine, self._engine.scenario
-        loaded = await asyncio.to_thread(
-            load, before.folder, robot=before.robot.name, mode=before.mode, paths=self._paths
-        )
+        loaded = await asyncio.to_thread(self._load, before)
         scenario = loaded.scenario
         if scenario is None:
             answer(Reply(False, _errors_text(loaded)))

@@ -19,7 +19,14 @@ from rise_engine.scenario import load
 from rise_engine.scenario.file_names import DEFAULT_PATHS
 from rise_engine.scenario.model import Scenario
 from rise_engine.session.disk import error_message, make_private_folder, write_private_file
-from rise_engine.session.folder import SCENARIO_COPY, SessionError, SessionInfo, load_scenario_copy
+from rise_engine.session.folder import (
+    SCENARIO_COPY,
+    SessionError,
+    SessionInfo,
+    load_scenario_copy,
+    read_info,
+    spoken_as,
+)
 
 
 def copy_folders(folder: Path) -> list[Path]:
@@ -65,7 +72,8 @@ def load_changed_copy(folder: Path, input: ScenarioChanged, before: Scenario) ->
     if Path(input.copy).name != input.copy or not copy.is_dir():
         raise SessionError(f"the files that this session has taken over are missing ({copy})")
     paths = {kind: path for kind, path in DEFAULT_PATHS.items() if (copy / path).exists()}
-    loaded = load(copy, robot=before.robot.name, mode=before.mode, paths=paths)
+    spoken = spoken_as(read_info(folder))
+    loaded = load(copy, robot=before.robot.name, mode=before.mode, paths=paths, **spoken)
     if loaded.scenario is None:
         raise SessionError(f"the files that this session has taken over do not load: {loaded.errors[0]}")
     if loaded.scenario.hash != input.hash:

@@ -288,6 +288,7 @@ class ConsoleScreen(Screen[None]):
             "zoom": self.pane_layout.toggle_zoom,
             "filter": self._open_filter,
             "settings": lambda: self.post_message(self.OpenSettings()),
+            "take-over": lambda: self._run_beside(self.session.take_over_files()),
             "theme": lambda: overlays.open_theme_palette(self),
             "edit-study": lambda: self.app.run_worker(
                 open_editor(self.app, self.store.scenario.folder, self.show_notice, runs=not self.store.gone_reason)

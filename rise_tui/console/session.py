@@ -197,6 +197,20 @@ class ConsoleSession:
         if reason:
             self.show_notice(Notice(f"control is where it was: {reason}", "wait"))
 
+    async def take_over_files(self) -> None:
+        """Let the session go on with its study's files as they are now. The connection is cut and made anew then."""
+        try:
+            reply = await self.client.take_over()
+        except LinkLost:
+            return  # what is recorded says whether it was done
+        except EngineGone as gone:
+            self._note_engine_gone(str(gone), over=False)
+            return
+        if reply.accepted:
+            self.show_notice(Notice("the session goes on with the files as they are now", "wait"))
+        else:
+            self.show_notice(Notice(f"the session goes on as it was: {reply.reason}", "wait"))
+
     async def toggle_pause(self) -> None:
         """Halt the session that is played to a second wizard, or let it go on."""
         if isinstance(self.client, ShadowClient) and (reason := await self.client.toggle_pause()):

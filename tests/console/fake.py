@@ -77,6 +77,7 @@ class FakeClient:
         self.reports: list[ClientInput] = []
         """What else was sent: checks, outcomes."""
         self.verbs: list[ControlVerb] = []
+        self.take_overs = 0
         self.attached = 0
         self.unreachable = 0
         """How many attempts to attach fail as LinkLost from now on."""
@@ -253,6 +254,11 @@ class FakeClient:
         status = {"take": "taken", "ask": "asked", "give": "given", "release": "released"}[verb]
         self.control_record(status, self.you, holder)
         return Reply(True)
+
+    async def take_over(self) -> Reply:
+        """Remembers it."""
+        self.take_overs += 1
+        return Reply(False, self.reject) if self.reject else Reply(True)
 
     async def close(self, *, end_session: bool = False) -> None:
         self.closed.append(end_session)

@@ -83,6 +83,7 @@ def test_every_action_explains_itself() -> None:
         "tour",
         "redraw",
         "stop-rule",
+        "take-over",
         "pause",
         "memory.save",
     } | {*("log.time", "log.copy", "log.copy-all", "log.save")}

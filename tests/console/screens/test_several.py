@@ -232,6 +232,19 @@ async def test_a_note_of_somebody_else_is_told() -> None:
         await it.until(lambda: "note by ben: the child laughed" in it.notice)
 
 
+async def test_changed_files_are_taken_over_or_it_says_why_not() -> None:
+    async with console() as it:
+        it.screen.action_do("take-over")
+        await it.until(lambda: it.client.take_overs == 1 and "goes on with the files as they are now" in it.notice)
+        it.client.reject = "an act runs or waits"
+        it.screen.action_do("take-over")
+        await it.until(lambda: it.notice.endswith("the session goes on as it was: an act runs or waits"))
+    async with console(client=ben()) as it:
+        it.screen.action_do("take-over")
+        await it.until(lambda: "anna has control (F8)" in it.notice)
+        assert it.client.take_overs == 0
+
+
 def test_what_changes_a_session_needs_control() -> None:
     """Every action that sends something is closed to a console that watches, but for stopping, notes and control."""
     from rise_tui.model.store import Store
