@@ -49,7 +49,7 @@ from tests.study import studies
 Script: TypeAlias = Sequence[tuple[float, AnyInput]]
 """What comes from outside, and when (session seconds)."""
 
-BEGAN = datetime(2026, 11, 23, 9, 30, 0, tzinfo=timezone(timedelta(hours=1)))
+BEGAN = datetime(2024, 11, 23, 9, 30, 0, tzinfo=timezone(timedelta(hours=1)))
 WIZARD = "wizard:anna"
 VERSIONS = {"rise-tui": "0.0.0", "python": "3.11"}
 

@@ -255,7 +255,7 @@ def test_what_is_true_of_the_whole_session(tmp_path: Path) -> None:
     )
     assert (facts.study, facts.slot, facts.run, facts.attempt, facts.purpose) == ("hesitation", 2, 1, 2, "counted")
     assert (facts.mode, facts.outcome, facts.robot, facts.title) == ("real", "complete", "generic", "Tea")
-    assert (facts.started, facts.duration, facts.ended) == ("2026-11-23T13:30:00.000+01:00", 120.0, True)
+    assert (facts.started, facts.duration, facts.ended) == ("2024-11-23T13:30:00.000+01:00", 120.0, True)
     assert read_session(sessions_of(study)[4], level="shared").facts.started == ""
 
 

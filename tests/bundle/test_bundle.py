@@ -28,10 +28,10 @@ from rise_engine.study.withdrawal import withdraw
 from ..analysis.samples import make_study, play_session, sessions_of, task, write_scenario
 from ..export.test_bids import VALIDATOR, validate, with_validator
 
-SECRETS = ("zelda", "quux", "anna", "felt sick", "looks away", "hurry", "asks something", "/data/", "2026-11-23")
+SECRETS = ("zelda", "quux", "anna", "felt sick", "looks away", "hurry", "asks something", "/data/", "2024-11-23")
 
 
-FOLDER = "2026-11-23_100000_P01_x_real"
+FOLDER = "2024-11-23_100000_P01_x_real"
 
 
 def bundle_of(
@@ -101,7 +101,7 @@ def test_nothing_private_is_in_it(study: Path, bundle: Path) -> None:
     assert all(secret in texts_in(study) for secret in SECRETS)
     text = texts_in(bundle)
     assert [secret for secret in SECRETS if secret in text] == []
-    assert [name for name in bundle.rglob("*") if "2026-11" in name.name] == []
+    assert [name for name in bundle.rglob("*") if "2024-11" in name.name] == []
     assert "wizard:observer" in text
 
 
@@ -279,20 +279,20 @@ def test_participants_have_no_comments_no_dates_and_no_age_above_89(tmp_path: Pa
 
 def test_the_log_has_no_salts_dates_names_and_no_words_of_people() -> None:
     log = [
-        LogEntry("withdrawn", "2026-11-23T10:00:00", {"slot": 1, "salt": "s3cret", "hash": "abc"}, 1),
-        LogEntry("excluded", "2026-11-23T10:00:00", {"reason": "Zelda was ill", "source": "wizard:anna"}, 2),
-        LogEntry("exported", "2026-11-23T10:00:00", {"path": "/home/anna/out"}, 3),
-        LogEntry("session", "2026-11-23", {"folder": FOLDER, "started": "2026-11-23", "purpose": "counted"}, 4),
-        LogEntry("outcome", "2026-11-23", {"session": "2026-11-23_110000_P02_x_real", "source": "observer:ben"}, 5),
+        LogEntry("withdrawn", "2024-11-23T10:00:00", {"slot": 1, "salt": "s3cret", "hash": "abc"}, 1),
+        LogEntry("excluded", "2024-11-23T10:00:00", {"reason": "Zelda was ill", "source": "wizard:anna"}, 2),
+        LogEntry("exported", "2024-11-23T10:00:00", {"path": "/home/anna/out"}, 3),
+        LogEntry("session", "2024-11-23", {"folder": FOLDER, "started": "2024-11-23", "purpose": "counted"}, 4),
+        LogEntry("outcome", "2024-11-23", {"session": "2024-11-23_110000_P02_x_real", "source": "observer:ben"}, 5),
     ]
     checks = [
         {"id": "who", "text": "the wizard has given a name", "value": "anna", "reason": "", "source": "engine"},
-        {"id": "clock", "text": "x", "value": "2026-11-23 10:00 UTC", "reason": "", "source": "engine"},
+        {"id": "clock", "text": "x", "value": "2024-11-23 10:00 UTC", "reason": "", "source": "engine"},
         {"id": "lamp", "text": "The lamp is on", "value": "", "reason": "Zelda forgot it", "source": "wizard:anna"},
     ]
     log[3].fields["checks"] = checks
-    log += [LogEntry("checked", "2026-11-23", {**checks[0], "value": "benedikt"}, 7)]
-    pilot = LogEntry("session", "2026-11-23", {"folder": "2026-11-23_090000_P01_x_real_pilot", "purpose": "pilot"}, 6)
+    log += [LogEntry("checked", "2024-11-23", {**checks[0], "value": "benedikt"}, 7)]
+    pilot = LogEntry("session", "2024-11-23", {"folder": "2024-11-23_090000_P01_x_real_pilot", "purpose": "pilot"}, 6)
     told = log_text([*log, pilot], {FOLDER: "P01_x_real_run1"}, {"anna": "W1"}, "shared")
     assert not any(word in told for word in ("s3cret", "2026", "anna", "ben", "Zelda", "forgot", "/home"))
     assert [json.loads(line)["kind"] for line in told.splitlines()] == [

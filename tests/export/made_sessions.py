@@ -35,8 +35,8 @@ MARKS = (
 
 def session(folder: Path = Path("/nowhere"), **parts: Any) -> SessionData:
     """A session; what is not said is empty, and it lasts as long as what is in it, or 60 s."""
-    facts = {"session": "2026-11-23_093000_P01_tea_real", "participant": "P01", "mode": "real", "duration": 60.0}
-    facts |= {"started": "2026-11-23T09:30:00.000+01:00", "title": "Tea", **parts.pop("facts", {})}
+    facts = {"session": "2024-11-23_093000_P01_tea_real", "participant": "P01", "mode": "real", "duration": 60.0}
+    facts |= {"started": "2024-11-23T09:30:00.000+01:00", "title": "Tea", **parts.pop("facts", {})}
     return SessionData(facts=SessionFacts(**facts), level="full", folder=folder, records=(), **parts)
 
 
@@ -150,7 +150,7 @@ def sessions(draw: st.DrawFn, *, media: bool = True) -> SessionData:
     def several(of: st.SearchStrategy[Any], limit: int) -> tuple[Any, ...]:
         return tuple(draw(st.lists(of, max_size=limit)))
 
-    zones = ["", "2026-11-23T09:30:00.000+01:00", "2026-06-01T09:30:00+05:30", "1890-01-01T00:00:00+00:53:28", "soon"]
+    zones = ["", "2024-11-23T09:30:00.000+01:00", "2026-06-01T09:30:00+05:30", "1890-01-01T00:00:00+00:53:28", "soon"]
     started = draw(st.sampled_from([*zones, "2026-01-01T23:59:59-09:30", "2026-01-01T00:00:00+23:59"]))
     factors = draw(
         st.dictionaries(st.sampled_from(["hesitation", "condition", "a|b"]), st.sampled_from(["yes", 2, None]))

@@ -101,7 +101,7 @@ def test_a_real_session(real: SessionData, tmp_path: Path) -> None:
     assert errors(project) == []
     (observation,) = project["observations"].values()
     events = observation["events"]
-    assert (observation["type"], observation["date"]) == ("LIVE", "2026-11-23T09:30:00")
+    assert (observation["type"], observation["date"]) == ("LIVE", "2024-11-23T09:30:00")
     assert [12.52, "robot", "Answer", "wizard|act", ""] in events and [
         17.729,
         "robot",

@@ -188,7 +188,7 @@ def test_sessions_sum_up_their_acts(tables: Path) -> None:
 
 
 def test_parts_of_latencies(tables: Path) -> None:
-    acts = [each for each in rows(tables, "acts") if each["session"].startswith("2026-11-23_103000")]
+    acts = [each for each in rows(tables, "acts") if each["session"].startswith("2024-11-23_103000")]
     answer = next(each for each in acts if each["task"] == "8")
     parts = {name: answer[f"{name}_s"] for name in ("wizard", "way", "queue", "robot", "voice", "response")}
     assert parts == {"wizard": "2.48", "way": "0.02", "queue": "0", "robot": "0.02", "voice": "1", "response": "3.52"}
@@ -204,7 +204,7 @@ def test_parts_of_latencies(tables: Path) -> None:
 
 
 def test_events_are_the_course_of_the_session(tables: Path) -> None:
-    events = [each for each in rows(tables, "events") if each["session"].startswith("2026-11-23_103000")]
+    events = [each for each in rows(tables, "events") if each["session"].startswith("2024-11-23_103000")]
     onsets = [float(each["onset"]) for each in events]
     assert onsets == sorted(onsets) and [each["event"] for each in events] == [str(n + 1) for n in range(len(events))]
     assert {each["kind"] for each in events} == {*get_args(PointKind), "act", "phase", "cue"}

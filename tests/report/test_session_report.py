@@ -60,7 +60,7 @@ def page(data: SessionData) -> PageReader:
 
 def empty(**facts: object) -> SessionData:
     return SessionData(
-        facts=SessionFacts(session="2026-11-23_093000_P01_tea_real", **facts),  # type: ignore[arg-type]
+        facts=SessionFacts(session="2024-11-23_093000_P01_tea_real", **facts),  # type: ignore[arg-type]
         level="full",
         folder=Path("/nowhere"),
         records=(),
@@ -224,7 +224,7 @@ def test_media_have_offset_and_drift(data):
 
 def test_shared_and_public_tell_no_names(folder):
     shared = page_text(make_session_report(folder, "shared").document)
-    for hidden in ("Zelda", "Quux", "anna", "2026-11-23", "in a hurry", "looks away", "/data"):
+    for hidden in ("Zelda", "Quux", "anna", "2024-11-23", "in a hurry", "looks away", "/data"):
         assert hidden not in shared, hidden
     assert "W1" in shared and "P01" in shared
     public = page_text(make_session_report(folder, "public").document)

@@ -28,4 +28,4 @@ def test_a_blinded_study_calls_its_condition_by_the_label(tmp_path: Path) -> Non
 def test_a_session_that_is_not_there_is_refused_in_a_sentence(tmp_path: Path) -> None:
     source = StudyFolder(str(make_study(tmp_path / "study")), RosConnection())
     with pytest.raises(StudyRefused, match=r"journal\.jsonl"):
-        source.report("2026-11-23_000000_P09_gone")
+        source.report("2024-11-23_000000_P09_gone")
