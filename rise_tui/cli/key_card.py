@@ -104,7 +104,7 @@ def sections(scenario: Scenario | None) -> Iterator[KeyCardSection]:
         )
         if actions:
             yield KeyCardSection(
-                title if scope in ("everywhere", "console") else f"While {title} has the keys", actions
+                title if scope in ("everywhere", "console", "edit") else f"While {title} has the keys", actions
             )
     rest = tuple(KeyCardEntry((), action.title, action.help) for action in actions_in("console") if not keys_of(action))
     if rest:

@@ -148,5 +148,6 @@ class Interpreter:
             versions={},
             reason=reason,
             downtime=downtime,
+            language=scenario.language,
             **self.told,
         )

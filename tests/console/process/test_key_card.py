@@ -49,8 +49,8 @@ def test_the_card_has_every_key_and_fits_a_terminal(folder: str, tmp_path: Path)
         row = next(line for line in printed if line.split()[:1] == [printed_key(binding.key)])
         assert binding.behavior[:20] in row
     for action in ACTIONS:
-        row = next(line for line in printed if action.title[:23] in line)
-        assert all(printed_key(key) in row for key in action.keys)
+        rows = [line for line in printed if action.title[:23] in line]
+        assert any(all(printed_key(key) in row for key in action.keys) for row in rows), action
     for name, settings in scenario.act_settings.items():
         row = next(line for line in printed if f" {name} " in f"{line} " or f"({name})" in line)
         assert ("press twice" in row) is settings.hold and ("filler" in row.removeprefix(name)) >= settings.filler
