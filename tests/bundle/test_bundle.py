@@ -294,7 +294,7 @@ def test_the_log_has_no_salts_dates_names_and_no_words_of_people() -> None:
     log += [LogEntry("checked", "2024-11-23", {**checks[0], "value": "benedikt"}, 7)]
     pilot = LogEntry("session", "2024-11-23", {"folder": "2024-11-23_090000_P01_x_real_pilot", "purpose": "pilot"}, 6)
     told = log_text([*log, pilot], {FOLDER: "P01_x_real_run1"}, {"anna": "W1"}, "shared")
-    assert not any(word in told for word in ("s3cret", "2026", "anna", "ben", "Zelda", "forgot", "/home"))
+    assert not any(word in told for word in ("s3cret", "2024", "anna", "ben", "Zelda", "forgot", "/home"))
     assert [json.loads(line)["kind"] for line in told.splitlines()] == [
         *("withdrawn", "excluded", "session", "outcome", "checked")
     ]

@@ -50,7 +50,7 @@ def test_numbers_stay_under_a_fresh_id(study: Path) -> None:
     assert float(rows[0]["response_median_s"]) > 0
     text = (study / FILE).read_text("utf-8")
     assert not any(
-        word in text for word in ("P01", "2026", "anna", "wizard:", "sha", "slot", "seed", "hesitation_real")
+        word in text for word in ("P01", "2024", "2026", "anna", "wizard:", "sha", "slot", "seed", "hesitation_real")
     )
     assert not list((study / "sessions").glob("*P01*"))
     assert (study / FILE).stat().st_mode & 0o077 == 0

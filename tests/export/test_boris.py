@@ -204,7 +204,7 @@ def test_other_levels_tell_no_date_and_nothing_private(level: ExportLevel, tmp_p
     project = write(tmp_path, read_session(play_session(tmp_path / "lab"), level=level))
     text = json.dumps(project)
     assert errors(project) == []
-    assert "2026" not in text and "Zelda" not in text and "anna" not in text and str(tmp_path) not in text
+    assert "2024" not in text and "Zelda" not in text and "anna" not in text and str(tmp_path) not in text
 
 
 def _events(project: Project) -> list[list[Any]]:

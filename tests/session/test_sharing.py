@@ -30,7 +30,7 @@ from ..analysis.samples import (
     write_scenario,
 )
 
-SECRETS = ("zelda", "quux", "anna", "felt sick", "looks away", "hurry", "asks something", "/data/", "2026-11")
+SECRETS = ("zelda", "quux", "anna", "felt sick", "looks away", "hurry", "asks something", "/data/", "2024-11")
 NAME_RULE = """<InteractionRule name="Named" initial="Start">
   <State id="Start"><transition cond="person_name == '{value}'" target="Known"/></State>
   <State id="Known"/>
