@@ -208,7 +208,7 @@ class ActPage(FormPage):
             self._draw_action()
             self.set_form_focus(on_form=True)
             self.form.rows.move_cursor(min(1, self.form.rows.count - 1), by_wizard=False)
-            self.form.open_current()
+            self.form.open_current(select=True)
 
     def _remove(self) -> None:
         if self.action is not None:

@@ -37,6 +37,8 @@ class Chooser(SearchDialog[str]):
         typed, wanted = self.search.value.strip(), self.typed_filter()
         width = self.list.row_width
         found = [each for each in self._choices if self.is_found(wanted, f"{each.title} {each.help}")]
+        if typed:  # who types the beginning of a name means that name, not another in whose words it stands
+            found.sort(key=lambda each: not each.title.casefold().startswith(typed.casefold()))
         rows = [ListRow(each.value, self._line(each, width)) for each in found]
         if self._new and typed and all(each.value != typed for each in self._choices):
             rows.append(ListRow(NEW, ((f" make “{typed}”, {self._new}", "accent"),)))
@@ -67,6 +69,14 @@ class Chooser(SearchDialog[str]):
         return True
 
 
+class OneWordField(TextField):
+    """A field in which space is no letter: it belongs to the dialog around it."""
+
+    def on_key(self, event: events.Key) -> None:
+        if event.key == "space":
+            event.prevent_default()
+
+
 class ManyChooser(SearchDialog[tuple[str, ...]]):
     """Any number of several: space takes one in or out, enter takes them all."""
 
@@ -77,6 +87,7 @@ class ManyChooser(SearchDialog[tuple[str, ...]]):
 
     def __init__(self, title: str, choices: Sequence[FieldChoice], now: Sequence[str]) -> None:
         super().__init__(title, "space: yes or no · enter done · esc as it was", "type to filter")
+        self.search = OneWordField(placeholder="type to filter", select_on_focus=False)
         self._choices, self._chosen = choices, set(now)
 
     def draw(self) -> None:

@@ -10,13 +10,17 @@ from textual.app import ComposeResult
 from textual.widget import Widget
 
 from rise_engine.edit.edits import AddRow, RemoveRow, RemoveStartValue, Rename, RenameSetting, SetSetting, SetStartValue
+from rise_engine.edit.plan import EditRefused
 from rise_engine.scenario.model import Table
 from rise_tui.editing.form_page import FormPage
 from rise_tui.editing.model.data_fields import (
     SCENARIO_FILE,
+    act_setting_choices,
+    act_setting_edit,
     key_choices,
     key_fields,
     memory_fields,
+    new_key_edits,
     new_row,
     setting_fields,
     table_fields,
@@ -180,14 +184,19 @@ class KeysPage(DataPage):
     def add(self) -> None:
         def take(key: str) -> None:
             def chosen(value: str) -> None:
-                kind, _, name = value.partition(" ")
-                self.frame.make(SetSetting(("keys", key), {kind: name}), then=lambda: self.go_to(key))
+                try:
+                    edits = new_key_edits(key, value)
+                except EditRefused as refused:
+                    self.frame.say(str(refused), "wait")
+                else:
+                    self.frame.make(*edits, then=lambda: self.go_to(key))
 
             if any(each.id == key for each in key_fields(self.draft)):
                 self.frame.say(f"the key {key} does something already", "wait")
                 self.go_to(key)
             else:
-                self.frame.choose(f"What does {key} do?", key_choices(self.draft), chosen)
+                title = f"What does {key} do? A name, or: set score = 1"
+                self.frame.choose(title, key_choices(self.draft), chosen, new="as it is typed")
 
         self.frame.ask_text("A new key", "", take, hint="A letter, a digit or a sign: p, 7, .")
 
@@ -217,10 +226,23 @@ class SettingsPage(DataPage):
 
     @property
     def hints(self) -> Mapping[str, str]:
-        return {"edit.open": "change", "edit.remove": "clear"}
+        return {"edit.open": "change", "edit.add": "of an act", "edit.remove": "clear"}
 
     def make_fields(self) -> Sequence[EditField]:
         return setting_fields(self.draft)
+
+    def add(self) -> None:
+        """How the console and the scheduler treat an act."""
+
+        def take(chosen: str) -> None:
+            edit, id = act_setting_edit(chosen)
+            self.frame.make(edit, then=lambda: self.go_to(id))
+
+        choices = act_setting_choices(self.draft)
+        if choices:
+            self.frame.choose("How is an act treated?", choices, take)
+        else:
+            self.frame.say("there is no act yet whose treatment could be set", "wait")
 
     @property
     def place(self) -> FilePlace | None:

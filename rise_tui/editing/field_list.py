@@ -141,8 +141,11 @@ class FieldList(Vertical):
 
     # --- changing -----------------------------------------------------------------------------------------------------
 
-    def open_current(self) -> None:
-        """Change the field under the cursor."""
+    def open_current(self, *, select: bool = False) -> None:
+        """Change the field under the cursor.
+
+        :param select: whether what is typed replaces all that stands there.
+        """
         field = self.current
         if field is None or field.reason or field.kind == "fixed":
             return
@@ -155,6 +158,8 @@ class FieldList(Vertical):
         with self._input.prevent(Input.Changed):
             self._input.value = field.text or ""
             self._input.cursor_position = len(self._input.value)
+            if select:
+                self._input.select_all()
         self._input.add_class("-open")
         self._input.focus()
         self.say("")
@@ -205,7 +210,7 @@ class FieldList(Vertical):
             self.rows.action_step(step)
             following = self.current
             if self.rows.cursor != before and following is not None and following.kind == "text":
-                self.open_current()
+                self.open_current(select=True)
 
     @on(RowView.CursorMoved)
     def _moved(self, event: RowView.CursorMoved) -> None:

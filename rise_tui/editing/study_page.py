@@ -133,16 +133,21 @@ class StudyPage(EditPage):
         after = name if kind == "act" else ""
 
         def take(typed: str) -> None:
-            self.frame.make(AddAct(typed, after=after), then=lambda: self.frame.open_page("act", typed))
+            self.frame.make(AddAct(typed, after=after), then=lambda: self._open_new("act", typed))
 
         where = f"It stands behind {after}." if after else "It stands at the end of the last file of acts."
         self.frame.ask_text("A new act", "", take, hint=f"Its name, as rules and keys call it. {where}")
 
     def _ask_for_rule(self, after: str) -> None:
         def take(typed: str) -> None:
-            self.frame.make(AddRule(typed, "Start", after=after), then=lambda: self.frame.open_page("rule", typed))
+            self.frame.make(AddRule(typed, "Start", after=after), then=lambda: self._open_new("rule", typed))
 
         self.frame.ask_text("A new rule", "", take, hint="Its name. It begins in the state Start.")
+
+    def _open_new(self, kind: str, name: str) -> None:
+        """The cursor stands on it when its page is left again."""
+        self._select(kind, name)
+        self.frame.open_page(kind, name)
 
     def _ask_to_rename(self, kind: str, name: str) -> None:
         if kind not in ("act", "rule"):

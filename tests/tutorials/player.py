@@ -3,7 +3,7 @@
 What a page says, in a numbered step or in a line that begins with "Press" or "Type":
 
 - ``**a**``, ``**enter**``, ``**ctrl+o**`` is a key that is pressed;
-- ``type `Hello!` `` is a text that is typed, letter by letter;
+- ``type `Hello!` `` is a text that is typed;
 - ``you see `Hello!` `` is what must be on the screen then, and ``you see no `x` `` what must not;
 - a line of an indented block is a command that is typed into the shell.
 """
@@ -98,9 +98,8 @@ def play(page: str, terminal: Terminal, show: Callable[[Step], None] = lambda st
         elif step.kind == "key":
             terminal.press(key_bytes(step.text))
         else:
-            for letter in step.text:
-                terminal.press(letter.encode())
-                terminal.still(0.05)
+            terminal.press(step.text.encode())
+            terminal.still()
             if step.kind == "command":
                 terminal.press(b"\r")
         terminal.still()

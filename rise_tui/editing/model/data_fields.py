@@ -6,11 +6,13 @@ import json
 import tomllib
 from collections.abc import Iterator, Mapping, Sequence
 from functools import partial
+from pathlib import Path
 from typing import Any
 
 from rise_engine.edit.edits import AnyEdit, SetCell, SetSetting, SetStartValue
 from rise_engine.edit.plan import EditRefused
 from rise_engine.scenario.model import Json
+from rise_engine.scenario.robot_profiles import robot_names
 from rise_tui.editing.model.act_rows import said_text
 from rise_tui.editing.model.draft import StudyDraft, count
 from rise_tui.editing.model.fields import EditField, FieldChoice
@@ -24,9 +26,17 @@ USUAL_SETTINGS: tuple[tuple[str, str, tuple[str, ...]], ...] = (
     ("robot", "the name of a profile", ()),
     ("mode", "debug: a simulated robot", ("debug", "real")),
     ("language", "of what is said: en, de, …", ()),
-    ("on_failure", "when an act fails", ("go_on", "ask")),
+    ("on_failure", "when an act fails", ("go_on", "ask", "repeat:1", "repeat:2")),
 )
 """Settings that are offered although they are not given: name, what it is, what can be chosen."""
+ACT_SETTINGS: tuple[tuple[str, Json, str], ...] = (
+    ("calling_type", "None", "runs beside other acts and gives way to them"),
+    ("filler", True, "something small to bridge a pause: offered with the key ,"),
+    ("hold", True, "after it the robot waits for the wizard"),
+    ("on_failure", "repeat:1", "a failure: it is started once more"),
+    ("on_failure", "ask", "a failure: the console asks what to do"),
+)
+"""What can be set for one act: setting, value, what that means."""
 
 
 def memory_fields(draft: StudyDraft) -> list[EditField]:
@@ -96,6 +106,14 @@ def key_fields(draft: StudyDraft) -> list[EditField]:
     return fields
 
 
+def new_key_edits(key: str, text: str) -> tuple[AnyEdit, ...]:
+    """A key of the keyboard that does nothing yet does this: `act R_Hello`, `set score = 1`.
+
+    :raises EditRefused: it is nothing that a key can do.
+    """
+    return _key_edits(key, {}, text)
+
+
 def _key_edits(key: str, entry: Mapping[str, Any], text: str | None) -> tuple[AnyEdit, ...]:
     """The key does something else; a label was for what it did before."""
     if text is None:
@@ -118,10 +136,11 @@ def setting_fields(draft: StudyDraft) -> list[EditField]:
     fields = []
     for name, help, options in USUAL_SETTINGS:
         value = values.get(name)
-        choices = tuple(FieldChoice(each, each) for each in options)
+        names = robot_names(Path(draft.folder)) if name == "robot" else options
+        choices = tuple(FieldChoice(each, each) for each in names)
         fields.append(
             EditField(name, name, "choice" if choices else "text", None if value is None else _shown(value),
-                      note=help, choices=choices, is_free=name == "on_failure",
+                      note=help, choices=choices, is_free=name in ("robot", "on_failure"),
                       edits=partial(_setting, SCENARIO_FILE, (name,), str))
         )  # fmt: skip
     usual = {name for name, _, _ in USUAL_SETTINGS}
@@ -132,6 +151,25 @@ def setting_fields(draft: StudyDraft) -> list[EditField]:
     return fields
 
 
+def act_setting_choices(draft: StudyDraft) -> list[FieldChoice]:
+    """What can be set for single acts and is not so yet."""
+    tables = toml_values(draft, SCENARIO_FILE).get("act", {})
+    given: Mapping[str, Any] = tables if isinstance(tables, dict) else {}
+    return [
+        FieldChoice(json.dumps([act.name, setting, value]), f"{act.name}  {setting} = {_shown(value)}", help)
+        for act in draft.outline.acts
+        for setting, value, help in ACT_SETTINGS
+        if not isinstance(given.get(act.name), dict) or given[act.name].get(setting) != value
+    ]
+
+
+def act_setting_edit(chosen: str) -> tuple[SetSetting, str]:
+    """What makes one of `act_setting_choices` true, and the id of the field that shows it then."""
+    act, setting, value = json.loads(chosen)
+    path = ("act", act, setting)
+    return SetSetting(path, value), "\0".join((SCENARIO_FILE, *path))
+
+
 def _leaves(file: str, values: Mapping[str, Any], path: tuple[str, ...] = ()) -> Iterator[EditField]:
     for name, value in values.items():
         at = (*path, name)
@@ -140,7 +178,7 @@ def _leaves(file: str, values: Mapping[str, Any], path: tuple[str, ...] = ()) ->
         elif _is_plain(value):
             yield EditField(
                 f"{file}\0" + "\0".join(at), ".".join(at), "text", _shown(value),
-                note=f"{json_type_name(value)}; {file}",
+                note=f"{'.'.join(at)}, {json_type_name(value)}; {file}" if path else f"{json_type_name(value)}; {file}",
                 edits=partial(_setting, file, at, str if isinstance(value, str) else type(value)),
             )  # fmt: skip
         else:

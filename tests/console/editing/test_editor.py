@@ -10,6 +10,7 @@ import pytest
 from rise_tui.editing.act_page import ActPage
 from rise_tui.editing.chooser import Chooser, ManyChooser
 from rise_tui.editing.data_pages import DataPage
+from rise_tui.editing.model.fields import FieldChoice
 from rise_tui.editing.save_dialog import SaveDialog
 from rise_tui.editing.sessions import RunningHere
 from rise_tui.screens.dialog import Dialog
@@ -140,6 +141,96 @@ async def test_an_action_is_chosen_waits_for_the_one_before_and_is_taken_back(st
         await it.until(lambda: isinstance(it.pilot.app.screen, ManyChooser))
         await it.press("enter", "ctrl+u")
         await it.until(lambda: it.draft_text == before)
+
+
+async def test_what_an_action_waits_for_is_taken_in_and_out_by_space(study: Path) -> None:
+    async with editor(study) as it:
+        await it.open("act", "R_Introduction")
+        page = act_page(it)
+
+        def waits() -> tuple[str, ...]:
+            assert page.act is not None
+            return next(each.wait_for for each in page.act.actions if each.id == "3")
+
+        page.actions.select("3")
+        page.draw()
+        assert waits() == ("2",)
+        await it.press("w")
+        await it.until(lambda: isinstance(it.pilot.app.screen, ManyChooser))
+        await it.press("space", "down", "space", "enter")
+        await it.until(lambda: waits() == ("1",))
+
+
+async def test_the_cursor_of_the_list_is_on_an_act_that_was_made(study: Path) -> None:
+    async with editor(study) as it:
+        await it.press("a")
+        await it.type("R_Wave")
+        await it.press("enter")
+        await it.until(lambda: isinstance(it.screen.opened, ActPage))
+        await it.press("escape")
+        assert it.screen.home.current == ("act", "R_Wave")
+
+
+async def test_what_is_typed_for_a_new_action_replaces_what_it_began_with(study: Path) -> None:
+    async with editor(study) as it:
+        await it.open("act", "R_Smile")
+        await it.press("a")
+        await it.until(lambda: isinstance(it.pilot.app.screen, Chooser))
+        await it.type("LookAt")
+        await it.press("enter")
+        await it.until(lambda: act_page(it).is_typing)
+        await it.type("2")
+        await it.press("tab")
+        await it.until(lambda: "<pointx>2</pointx>" in it.draft_text)
+        await it.type("3")
+        await it.press("enter")
+        await it.until(lambda: "<pointy>3</pointy>" in it.draft_text)
+
+
+async def test_a_name_that_begins_as_typed_comes_before_one_in_whose_words_it_stands(study: Path) -> None:
+    choices = [FieldChoice("SocialExpression", "SocialExpression"), FieldChoice("Speech", "Speech")]
+    async with editor(study) as it:
+        found: list[str] = []
+        it.screen.choose("Which?", choices, found.append)
+        await it.until(lambda: isinstance(it.pilot.app.screen, Chooser))
+        await it.type("Spe")
+        await it.press("enter")
+        await it.until(lambda: found == ["Speech"])
+
+
+async def test_a_new_key_can_set_a_value_and_what_is_nothing_is_said(study: Path) -> None:
+    async with editor(study) as it:
+        await it.open("keys")
+        for text in ("wave now", "set person_x = 3"):
+            await it.press("a")
+            await it.type("z")
+            await it.press("enter")
+            await it.until(lambda: isinstance(it.pilot.app.screen, Chooser))
+            await it.type(text)
+            await it.press("enter")
+            await it.until(lambda: not isinstance(it.pilot.app.screen, Chooser))
+            if text == "wave now":
+                await it.until(lambda: "a key is for an act" in it.notice)
+        await it.until(lambda: 'set = "person_x = 3"' in it.draft_text)
+
+
+async def test_how_an_act_is_treated_is_set_and_a_robot_is_chosen(study: Path) -> None:
+    async with editor(study) as it:
+        await it.open("settings")
+        await it.press("a")
+        await it.until(lambda: isinstance(it.pilot.app.screen, Chooser))
+        await it.type("R_Greeting hold")
+        await it.press("enter")
+        await it.until(lambda: it.screen.study.draft.checked.scenario is not None)
+        await it.until(lambda: it.screen.study.draft.checked.scenario.settings_of("R_Greeting").hold)
+        page = it.screen.opened
+        assert isinstance(page, DataPage)
+        page.go_to("robot")
+        await it.press("enter")
+        await it.until(lambda: isinstance(it.pilot.app.screen, Chooser))
+        await it.type("nao")
+        await it.press("enter")
+        await it.until(lambda: it.screen.study.draft.checked.robot.name == "nao")
 
 
 async def test_letters_are_no_commands_while_something_is_typed(study: Path) -> None:
