@@ -32,7 +32,7 @@ USUAL_SETTINGS: tuple[tuple[str, str, tuple[str, ...]], ...] = (
 ACT_SETTINGS: tuple[tuple[str, Json, str], ...] = (
     ("calling_type", "None", "runs beside other acts and gives way to them"),
     ("filler", True, "something small to bridge a pause: offered with the key ,"),
-    ("hold", True, "after it the robot waits for the wizard"),
+    ("hold", True, "its key has to be pressed twice, so that no slip starts it"),
     ("on_failure", "repeat:1", "a failure: it is started once more"),
     ("on_failure", "ask", "a failure: the console asks what to do"),
 )
