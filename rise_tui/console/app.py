@@ -29,6 +29,8 @@ from rise_tui.console.session import ConsoleSession
 from rise_tui.console.study_day import StudyDay
 from rise_tui.console.study_screen import StudyScreen
 from rise_tui.console.ui_state import SAVE_SECONDS, UiState, save_all
+from rise_tui.editing import typed_ahead
+from rise_tui.editing.typed_ahead import is_editing
 from rise_tui.key_labels import use_own_keys, why_blocked
 from rise_tui.model.notice import Notice
 from rise_tui.rendering import themes
@@ -318,11 +320,16 @@ class ConsoleApp(TerminalApp):
 
     def admits(self, event: events.Event) -> bool:
         if (console := self.console_screen) is not None:
-            return console.admits(event)
+            return console.admits(event) and (not is_editing(self) or typed_ahead.admits(self, event))
+        if is_editing(self):
+            return typed_ahead.admits(self, event)
         # On the screen of a study a paste is no row of commands either (console.md 2.3).
         if not isinstance(event, events.Key) or isinstance(self.focused, Input):
             return True
         return not self._keys_together or event.key in ALWAYS_ADMITTED
+
+    def waits_for_keys(self, event: events.Key) -> bool:
+        return typed_ahead.waits(self, event)
 
     def handle_key_first(self, event: events.Key) -> bool:
         return (console := self.console_screen) is not None and console.handle_key_first(event)

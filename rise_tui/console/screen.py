@@ -23,6 +23,7 @@ from rise_tui.console.input import InputController, line_opener
 from rise_tui.console.layout import Layout
 from rise_tui.console.refresh import RefreshScheduler
 from rise_tui.console.session import ConsoleSession
+from rise_tui.editing.typed_ahead import is_editing
 from rise_tui.key_labels import why_unavailable
 from rise_tui.messages import (
     AskToStart,
@@ -117,7 +118,8 @@ class ConsoleScreen(Screen[None]):
 
     @property
     def _is_typing(self) -> bool:
-        return isinstance(self.app.focused, Input)
+        """Whether keys are letters, or commands of the editor, which start nothing on a robot."""
+        return isinstance(self.app.focused, Input) or is_editing(self.app)
 
     def observe_key(self, event: events.Key, together: bool) -> None:
         """Every key, whatever has the focus, before anything acts on it. `together`: whether it came with others."""

@@ -3,19 +3,16 @@
 from __future__ import annotations
 
 from textual import events
-from textual.widgets import Input
 
 from rise_tui.actions import bindings_in
 from rise_tui.config.keymap import KeyFile, textual_keymap
+from rise_tui.editing import typed_ahead
 from rise_tui.editing.screen import EditScreen
 from rise_tui.editing.sessions import SessionWatch
 from rise_tui.editing.study import EditedStudy
 from rise_tui.key_labels import use_own_keys
 from rise_tui.rendering import themes
 from rise_tui.rendering.terminal_app import TerminalApp
-
-ALWAYS_ADMITTED = frozenset({"f9", "ctrl+g", "ctrl+c"})
-"""Keys that count also among others that came in one piece."""
 
 
 class EditApp(TerminalApp):
@@ -45,7 +42,6 @@ class EditApp(TerminalApp):
         use_own_keys(keys.keys)
         self.set_keymap(textual_keymap(keys))
         self.edit_screen = EditScreen(study, sessions=sessions, notice=notice)
-        self._keys_together = False
 
     def get_theme_variable_defaults(self) -> dict[str, str]:
         return themes.DARK.variables
@@ -53,14 +49,11 @@ class EditApp(TerminalApp):
     async def on_mount(self) -> None:
         await self.push_screen(self.edit_screen, lambda _: self.exit())
 
-    def observe_key(self, event: events.Key, together: bool) -> None:
-        self._keys_together = together
+    def waits_for_keys(self, event: events.Key) -> bool:
+        return typed_ahead.waits(self, event)
 
     def admits(self, event: events.Event) -> bool:
-        """A paste is no row of commands."""
-        if not isinstance(event, events.Key) or isinstance(self.focused, Input):
-            return True
-        return not self._keys_together or event.key in ALWAYS_ADMITTED
+        return typed_ahead.admits(self, event)
 
     def action_do(self, action: str) -> None:
         if action == "stop":

@@ -115,6 +115,11 @@ class EditPage(Vertical):
         return None
 
     @property
+    def is_opening(self) -> bool:
+        """Whether a field is about to open, to which the keys go that come now."""
+        return False
+
+    @property
     def is_typing(self) -> bool:
         """Whether a field is open; then what was changed outside waits."""
         return False

@@ -101,6 +101,10 @@ class RulePage(EditPage):
         return self.draft.outline.rule(self.shown_name) is not None
 
     @property
+    def is_opening(self) -> bool:
+        return self.editor.panel.is_opening
+
+    @property
     def is_typing(self) -> bool:
         return self.editor.is_typing or self.trial.value_bar.is_open
 

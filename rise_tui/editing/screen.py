@@ -77,6 +77,8 @@ class EditScreen(Screen[None]):
         self.notice, self.hints = StudyNotice(), EditHints()
         self.find_bar = PromptBar("find ", "a name, a text; esc clears")
         self._is_closing = False
+        self._works = 0
+        """Pieces of work that keys have begun."""
 
     def compose(self) -> ComposeResult:
         yield self.top
@@ -232,7 +234,13 @@ class EditScreen(Screen[None]):
 
     # --- work beside the loop ---------------------------------------------------------------------------------------
 
+    @property
+    def is_working(self) -> bool:
+        """Whether something is being done that a key has begun, and that may open something."""
+        return self._works > 0 or self.page.is_opening
+
     def _work(self, work: Coroutine[Any, Any, None]) -> None:
+        self._works += 1
         self.run_worker(self._carry_out(work), group="edit")
 
     async def _carry_out(self, work: Coroutine[Any, Any, None]) -> None:
@@ -241,6 +249,8 @@ class EditScreen(Screen[None]):
         except EditRefused as refused:
             self.say(str(refused), "wait")
             self.draw()
+        finally:
+            self._works -= 1
 
     def _said(self, change: Change, verb: str = "") -> None:
         sentence = "; ".join((*change.says, *change.noticed))

@@ -13,6 +13,7 @@ from textual.timer import Timer
 
 from rise_tui.rendering.cell_buffer import CellBuffer
 from rise_tui.rendering.diff import DiffUpdate
+from rise_tui.rendering.key_queue import KeyQueue
 from rise_tui.rendering.terminal_driver import TerminalDriver
 from rise_tui.rendering.terminal_reader import read_together
 from rise_tui.rendering.terminal_writer import TerminalWriter
@@ -29,6 +30,7 @@ class TerminalApp(App[Any]):
         self._cells = CellBuffer()
         """What the terminal shows."""
         self._catching_up: Timer | None = None
+        self.key_queue = KeyQueue(self, self._pass_on)
 
     # --- writing ----------------------------------------------------------------------------------------------------
 
@@ -81,11 +83,22 @@ class TerminalApp(App[Any]):
         """Carry out a key at once that nothing else could want; False: it goes its usual way."""
         return False
 
+    def waits_for_keys(self, event: events.Key) -> bool:
+        """Whether a key may come to what an earlier one opens: then it waits until that is there."""
+        return False
+
     async def on_event(self, event: events.Event) -> None:
         """An input event comes here once from the driver, and again when it bubbles up; only the first counts."""
         if isinstance(event, events.InputEvent | events.Paste) and not event.is_forwarded:
             if isinstance(event, events.Key):
                 self.observe_key(event, read_together(event))
-            if not self.admits(event) or (isinstance(event, events.Key) and self.handle_key_first(event)):
-                return
-        await super().on_event(event)
+                if self.waits_for_keys(event):
+                    self.key_queue.put(event)
+                    return
+            await self._pass_on(event)
+        else:
+            await super().on_event(event)
+
+    async def _pass_on(self, event: events.Event) -> None:
+        if self.admits(event) and not (isinstance(event, events.Key) and self.handle_key_first(event)):
+            await super().on_event(event)

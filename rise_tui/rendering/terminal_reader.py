@@ -18,6 +18,7 @@ ALONE = 0.0003
 POLL = constants.ESCAPE_DELAY + 0.005
 """Seconds after which a sequence that was not completed is looked at: Esc alone is one."""
 _TOGETHER = "_read_together"
+_FIRST = "_read_first"
 
 
 def read_together(event: events.Key) -> bool:
@@ -25,11 +26,16 @@ def read_together(event: events.Key) -> bool:
     return event.__dict__.get(_TOGETHER, False) is True
 
 
-def mark_together(messages: Iterable[Message], together: bool) -> None:
-    """Mark the keys among some messages."""
-    for message in messages:
-        if isinstance(message, events.Key):
-            message.__dict__[_TOGETHER] = together
+def read_first(event: events.Key) -> bool:
+    """Whether a key came alone, or was the first of those that came in one piece."""
+    return event.__dict__.get(_FIRST, True) is True
+
+
+def mark_together(messages: Iterable[Message], together: bool, *, begins: bool = True) -> None:
+    """Mark the keys among some messages. `begins`: whether the first of them is the first of its piece."""
+    keys = (message for message in messages if isinstance(message, events.Key))
+    for number, key in enumerate(keys):
+        key.__dict__[_TOGETHER], key.__dict__[_FIRST] = together, begins and number == 0
 
 
 class TerminalReader:
@@ -43,6 +49,8 @@ class TerminalReader:
         self._fileno, self._deliver, self._stop = fileno, deliver, stop
         self._parser = XTermParser()
         self._decode = getincrementaldecoder("utf-8")(errors="replace").decode
+        self._goes_on = False
+        """Whether what is read next belongs to the piece that was read last."""
 
     def run(self) -> None:
         """Read and deliver; returns at the end."""
@@ -63,7 +71,9 @@ class TerminalReader:
         messages = [message for character in self._decode(data) for message in self._parse(character)]
         keys = sum(isinstance(message, events.Key) for message in messages)
         if keys:
-            mark_together(messages, keys > 1 or self._has_more(ALONE))
+            more = self._has_more(ALONE)
+            mark_together(messages, keys > 1 or more, begins=not self._goes_on)
+            self._goes_on = more
         for message in messages:
             self._deliver(message)
         return bool(data)
@@ -72,7 +82,8 @@ class TerminalReader:
         """What has waited in vain for the rest of a sequence."""
         messages = list(self._parser.tick())
         if any(isinstance(message, events.Key) and message.key != "escape" for message in messages):
-            mark_together(messages, True)  # Escape and something else came at once: alt+enter is not Enter
+            # Escape and something else came at once: alt+enter is not Enter
+            mark_together(messages, True, begins=False)
         for message in messages:
             self._deliver(message)
 

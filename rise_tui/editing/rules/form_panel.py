@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import ClassVar
 
-from textual import events, on
+from textual import on
 from textual.app import ComposeResult
 from textual.binding import Binding, BindingType
 from textual.containers import Vertical, VerticalScroll
@@ -57,7 +57,8 @@ class FormPanel(Vertical, can_focus=True):
         super().__init__(id="form")
         self.form: RuleForm | None = None
         self.rows: list[FieldRow] = []
-        self._typed_ahead = ""
+        self.is_opening = False
+        """Whether its fields are just being made."""
         self.is_waiting = False
         """Whether what the form says is just being made: a second enter must not make it again."""
         self.heading, self.answer = StaticLines(id="form-heading"), StaticLines(id="form-answer")
@@ -76,9 +77,9 @@ class FormPanel(Vertical, can_focus=True):
     def open(self, form: RuleForm, focus: str = "") -> None:
         """Show a form, and put the cursor into a field (else its first that is written).
 
-        The keys go to the panel at once: what is typed before the fields are there must not be taken for commands.
+        The keys go to the panel at once, so that none is taken for a command; `is_opening` says that they must wait.
         """
-        self.form, self.is_waiting, self._typed_ahead = form, False, ""
+        self.form, self.is_waiting, self.is_opening = form, False, True
         self.add_class("-open")
         self.screen.set_focus(self)
         self.say("")
@@ -86,21 +87,15 @@ class FormPanel(Vertical, can_focus=True):
 
     async def _fill(self, focus: str) -> None:
         """Make the fields, and go into one."""
-        await self._make_rows(0)
-        self._show_heading()
-        rows = self.rows
-        chosen = next((row for row in rows if row.field.name == focus), None)
-        chosen = chosen or next((row for row in rows if row.field.kind == "text"), rows[0])
-        self.screen.set_focus(chosen.control)
-        if self._typed_ahead and isinstance(chosen.control, WrittenField):
-            chosen.control.put(chosen.control.value + self._typed_ahead)
-
-    def on_key(self, event: events.Key) -> None:
-        """What is typed while the fields are being made."""
-        if self.has_focus and event.character and event.is_printable:
-            event.stop()
-            event.prevent_default()
-            self._typed_ahead += event.character
+        try:
+            await self._make_rows(0)
+            self._show_heading()
+            rows = self.rows
+            chosen = next((row for row in rows if row.field.name == focus), None)
+            chosen = chosen or next((row for row in rows if row.field.kind == "text"), rows[0])
+            self.screen.set_focus(chosen.control)
+        finally:
+            self.is_opening = False
 
     def close(self) -> None:
         self.form = None

@@ -6,6 +6,7 @@ from contextlib import asynccontextmanager
 from pathlib import Path
 
 import pytest
+from textual import events
 from textual.pilot import Pilot
 
 from rise_engine.edit.workspace import Workspace
@@ -14,6 +15,7 @@ from rise_tui.editing.model.draft import draft_of
 from rise_tui.editing.screen import EditScreen
 from rise_tui.editing.sessions import RunningHere
 from rise_tui.editing.study import EditedStudy
+from rise_tui.rendering.terminal_reader import mark_together
 from tests.virtual_time import real_monotonic
 
 PATIENCE = 60.0
@@ -52,7 +54,7 @@ class Editor:
     async def press(self, *keys: str) -> None:
         for key in keys:
             await self.pilot.press(key)
-            await self.pilot.pause(0.01)
+            await self.until_carried_out()
 
     async def type(self, text: str) -> None:
         names = {
@@ -64,6 +66,23 @@ class Editor:
         }
         for character in text:
             await self.pilot.press(names.get(character, character))
+        await self.until_carried_out()
+
+    async def until_carried_out(self) -> None:
+        """Until all keys have done what they do."""
+        app = self.pilot.app
+        assert isinstance(app, EditApp)
+        await self.until(lambda: app.key_queue.is_empty)
+        await self.pilot.pause(0.01)
+
+    async def send_together(self, *keys: str) -> None:
+        """Keys as they come over a slow line: in one piece."""
+        found = [events.Key(key, key if len(key) == 1 else None) for key in keys]
+        mark_together(found, True)
+        for each in found:
+            self.pilot.app.post_message(each)
+        await self.pilot.pause(0.01)
+        await self.until_carried_out()
 
     async def until(self, holds: Callable[[], object], what: str = "") -> None:
         end = real_monotonic() + PATIENCE

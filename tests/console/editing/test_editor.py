@@ -347,3 +347,22 @@ async def test_a_rename_follows_every_use(study: Path) -> None:
         assert not it.screen.study.draft.checked.errors
         assert it.screen.home.current == ("act", "R_Greeting2")
         assert "rules" in " ".join(it.screen.study.draft.changed_files)
+
+
+async def test_keys_that_come_in_one_piece_go_to_what_the_one_before_opens(study: Path) -> None:
+    async with editor(study) as found:
+        await found.send_together("slash", *"Introd", "enter", "down", "enter")
+        await found.until(lambda: found.screen.opened is not None)
+        assert found.screen.opened is not None and found.screen.opened.shown_name == "R_Introduction"
+        await found.press("escape", "escape")
+        await found.send_together("a", *"R_Aa", "enter", "a", *"Speech", "enter", *"Are you all right?", "enter")
+        await found.until(lambda: "Are you all right?" in found.draft_text)
+        assert 'R_Aa"' in found.draft_text
+
+
+async def test_letters_of_a_paste_are_no_row_of_commands(study: Path) -> None:
+    async with editor(study) as found:
+        await found.send_together("down", *"arc")
+        assert found.pilot.app.screen is found.screen, "no dialog has opened"
+        await found.send_together("a", *"R_New")
+        assert found.pilot.app.screen is not found.screen, "the first one counts"

@@ -1,0 +1,90 @@
+"""Keys one after the other: each goes to what the one before has opened, however soon it came.
+
+Textual gives a key to the widget that has the focus when the key arrives. Over a slow line several keys come in one
+piece; then `/` and the letters behind it would all go to the list in which `/` opens a line to type in.
+"""
+
+from __future__ import annotations
+
+import asyncio
+from collections import deque
+from collections.abc import Awaitable, Callable
+from typing import Any, Protocol, runtime_checkable
+
+from textual import events
+from textual.app import App
+from textual.message_pump import MessagePump
+
+MOST_SECONDS = 2.0
+"""How long a key waits at most for what the one before it began."""
+LOOK_SECONDS = 0.004
+"""Seconds between two looks whether a screen has opened, or work is done."""
+ROUNDS = 3
+"""How often the way from the focus up to the app is gone: a key's message, that message's answer, and what it opens."""
+
+
+@runtime_checkable
+class WorkingScreen(Protocol):
+    """A screen whose keys begin work that opens something when it is done."""
+
+    @property
+    def is_working(self) -> bool:
+        """Whether such work goes on."""
+
+
+class KeyQueue:
+    """Passes keys on in their order."""
+
+    def __init__(self, app: App[Any], pass_on: Callable[[events.Key], Awaitable[None]]) -> None:
+        self._app, self._pass_on = app, pass_on
+        self._keys: deque[events.Key] = deque()
+        self._task: asyncio.Task[None] | None = None
+
+    @property
+    def is_empty(self) -> bool:
+        """Whether every key has been carried out."""
+        return self._task is None
+
+    def put(self, event: events.Key) -> None:
+        """Pass this one on when those before it have been carried out."""
+        self._keys.append(event)
+        if self._task is None:
+            self._task = asyncio.create_task(self._run())
+
+    async def _run(self) -> None:
+        try:
+            while self._keys:
+                await self._pass_on(self._keys.popleft())
+                try:
+                    await asyncio.wait_for(self._carried_out(), MOST_SECONDS)
+                except TimeoutError:
+                    continue
+        finally:
+            self._task = None
+
+    async def _carried_out(self) -> None:
+        """Return when the last key, and what it has begun, is done."""
+        for _ in range(ROUNDS):
+            await self._go_round()
+            while not self._is_ready:  # noqa: ASYNC110 - a screen that opens is no event
+                await asyncio.sleep(LOOK_SECONDS)
+
+    async def _go_round(self) -> None:
+        """Wait until everything from the focus up to the app has done what waits for it now."""
+        node: MessagePump | None = self._app.focused or self._app.screen
+        while node is not None:
+            done = asyncio.get_running_loop().create_future()
+            if node.is_running and node.call_later(_set, done):
+                await done
+            node = node._parent
+
+    @property
+    def _is_ready(self) -> bool:
+        stack = self._app.screen_stack
+        is_working = any(isinstance(screen, WorkingScreen) and screen.is_working for screen in stack)
+        return stack[-1]._is_mounted and not is_working
+
+
+def _set(done: asyncio.Future[None]) -> None:
+    if not done.done():
+        done.set_result(None)
