@@ -50,6 +50,10 @@ def memory_text_edits(text: str, before: Mapping[str, Any], now: Mapping[str, An
     listed = document.get(LIST_KEY)
     if isinstance(listed, JsonArray):
         edits = _list_edits(text, listed, wanted)
+    elif not document.members and wanted:  # each key has a line of its own from the first one on
+        line_end = next((end for end in ("\r\n", "\n", "\r") if end in text), "\n")
+        rows = f",{line_end}  ".join(f"{_dumps(key)}: {_dumps(value)}" for key, value in wanted.items())
+        edits = [TextEdit(document.at + 1, text.index("}", document.at), f"{line_end}  {rows}{line_end}")]
     else:
         edits = _object_edits(text, document, wanted)
     after = _memory_members(_read_document(changed_text(text, edits)))

@@ -130,15 +130,18 @@ def lead_start(node: Node) -> int:
 # --- something new ------------------------------------------------------------------------------------------------
 
 
-def gap_behind(node: Node, *, blank_line: bool = False) -> WritingGap:
+def gap_behind(node: Node, *, blank_line: bool = False, alone_apart: bool = False) -> WritingGap:
     """Behind a sibling.
 
     :param blank_line: leave a line empty where the siblings stand in lines of their own with empty lines between.
+    :param alone_apart: leave it also behind the only one.
     """
     line_end, indent, unit = line_end_near(node), indent_of(node), indent_unit(node.document)
     if has_own_lines(node):
         at = line_rest(node)
-        before = line_end * (2 if blank_line and is_set_apart(node) else 1) + indent
+        is_alone = node.parent is not None and len(node.parent.children) == 1
+        is_apart = blank_line and (alone_apart if is_alone else is_set_apart(node))
+        before = line_end * (2 if is_apart else 1) + indent
         return WritingGap(at, at, before, b"", indent, unit, line_end, own_line=True)
     return WritingGap(node.end, node.end, _separator(node), b"", indent, unit, line_end, own_line=False)
 

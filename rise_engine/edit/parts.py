@@ -146,7 +146,7 @@ def _splices(kind: _Kind, element: NewElement, sibling: Node | None, file: str, 
     if root.tag in kind.wrappers:
         last = sibling or next((each for each in root.children[::-1] if each.tag in (kind.tag, "use")), None)
         last = last or (root.children[-1] if root.children else None)
-        gap = gap_in(root) if last is None else gap_behind(last, blank_line=True)
+        gap = gap_in(root) if last is None else gap_behind(last, blank_line=True, alone_apart=True)
         return [gap.splice(file, render(element, gap))]
     if root.tag != kind.tag:
         raise EditRefused(f"{file} holds `<{root.tag}>` and can hold no {kind.word}; choose another file")

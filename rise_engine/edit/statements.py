@@ -27,10 +27,11 @@ from rise_engine.edit.layout import WritingGap, collapse, gap_before, gap_behind
 from rise_engine.edit.moving import move_siblings
 from rise_engine.edit.outline import WrittenStatement
 from rise_engine.edit.plan import EditRefused, Plan, Splice
+from rise_engine.edit.rule_words import ONE_OF, call_words, statement_words
 from rise_engine.edit.statement_places import BranchPlace, StatementList, branch_at, list_at, statement_at
 from rise_engine.edit.study_state import StudyState
 from rise_engine.edit.tags import set_attributes
-from rise_engine.edit.writing import NewElement, insert
+from rise_engine.edit.writing import NewElement, insert, one_line
 from rise_engine.scenario.blocks import FUNCTIONS
 from rise_engine.scenario.model import normal_topic
 
@@ -59,12 +60,6 @@ def call_attributes(call: CallForm) -> dict[str, str | None]:
     values["enter"] = None if call.enter else "no"
     values["keep"] = call.keep or None
     return values
-
-
-def call_in_words(call: CallForm) -> str:
-    """A function for people: `startCommunicationRobotAct R_Nod`."""
-    more = (f" in {call.state}" if call.state else "") + ("" if call.enter else " without onEntry")
-    return f"{call.function} {call.argument.strip()}{more}" + (f", kept {call.keep}" if call.keep else "")
 
 
 def _element(form: StatementForm) -> NewElement:
@@ -97,18 +92,10 @@ def _branch_element(branch: BranchForm) -> NewElement:
 
 def _form_in_words(form: StatementForm) -> str:
     if isinstance(form, CallForm):
-        return call_in_words(form)
+        return call_words(form)
     if isinstance(form, IfForm):
-        return f"if {form.branches[0].condition}: ..."
-    return f"one of {len(form.choices)}"
-
-
-def _written_in_words(statement: WrittenStatement) -> str:
-    if statement.call is not None:
-        return call_in_words(statement.call)
-    if statement.branches:
-        return f"if {statement.branches[0].condition}: ..."
-    return f"one of {len(statement.choices)}" if statement.choices else f"a <use> of {statement.template}"
+        return f"if {one_line(form.branches[0].condition or '')}"
+    return ONE_OF
 
 
 # --- statements ---------------------------------------------------------------------------------------------------
@@ -155,14 +142,14 @@ def plan_set_call(edit: SetCall, study: StudyState) -> Plan:
     """Another function in the place of one."""
     place, statement = statement_at(edit.at, study)
     if statement.call is None:
-        raise EditRefused(f"{place.where}: no function stands there, but {_written_in_words(statement)}")
+        raise EditRefused(f"{place.where}: no function stands there, but {statement_words(statement)}")
     check_changeable(place.where, statement.reason)
     node = node_of(study, place.file, statement.span)
     if same_call(statement.call, edit.call):
         return Plan()
     values, old = call_attributes(edit.call), call_attributes_of(node)
     changed = {name: value for name, value in values.items() if value != old[name]}
-    says = f"{place.where}: {call_in_words(edit.call)} (was: {call_in_words(statement.call)})"
+    says = f"{place.where}: {call_words(edit.call)} (was: {call_words(statement.call)})"
     return Plan(tuple(set_attributes(place.file, node, changed, _ORDER)), says=(says,))
 
 
@@ -194,7 +181,7 @@ def plan_remove_statement(edit: RemoveStatement, study: StudyState) -> Plan:
     place, statement = statement_at(edit.at, study)
     if statement.template == "":
         check_changeable(place.where, statement.reason if statement.call is None else "")
-    says = (f"{place.where}: {_written_in_words(statement)} goes",)
+    says = (f"{place.where}: {statement_words(statement)} goes",)
     return Plan(tuple(_removal(place, statement, study)), says=says)
 
 
@@ -228,7 +215,7 @@ def plan_move_statement(edit: MoveStatement, study: StudyState) -> Plan:
     if first.parent is not to_first.parent:
         raise EditRefused(f"{place.where}: these do not stand in one element; move it by hand")
     splices = move_siblings(place.file, first, last, to_first, to_last, behind=to > at)
-    return Plan(splices, says=(f"{place.where}: {_written_in_words(statement)} is number {to + 1} now",))
+    return Plan(splices, says=(f"{place.where}: {statement_words(statement)} is number {to + 1} now",))
 
 
 # --- branches -----------------------------------------------------------------------------------------------------

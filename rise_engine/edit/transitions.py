@@ -11,6 +11,7 @@ from rise_engine.edit.layout import collapse, gap_before, gap_behind, gap_in, re
 from rise_engine.edit.moving import move_siblings
 from rise_engine.edit.outline import WrittenRule, WrittenState, WrittenTransition
 from rise_engine.edit.plan import EditRefused, Plan, Splice
+from rise_engine.edit.rule_words import transition_words
 from rise_engine.edit.study_state import StudyState
 from rise_engine.edit.tags import set_attributes
 from rise_engine.edit.writing import NewElement, insert
@@ -41,22 +42,6 @@ def transition_attributes(form: TransitionForm) -> dict[str, str | None]:
     }
 
 
-def form_in_words(form: TransitionForm) -> str:
-    """What a way out waits for and where it leads."""
-    when = ""
-    if form.event:
-        when = f"as soon as /{normal_topic(form.event)} happens"
-    elif form.ended:
-        when = f"when {form.ended} has {' or '.join(form.outcomes) or 'ended'}"
-    elif form.after:
-        when = f"after {form.after}" + (f" in which {form.held}" if form.held else "")
-    elif form.condition:
-        when = f"as soon as {form.condition}"
-    if form.condition and (form.event or form.ended or form.after):
-        when += f", but only if {form.condition}"
-    return when + (f" → {form.target}" if form.target else " (stays)")
-
-
 def same_form(one: TransitionForm, other: TransitionForm) -> bool:
     """Whether two forms say the same."""
     return _normal(one) == _normal(other)
@@ -78,7 +63,7 @@ def find_transition(state: WrittenState, index: int, was: TransitionForm) -> int
         return index
     like = [number for number, way in enumerate(ways) if same_form(way.form, was)]
     if not like:
-        raise EditRefused(f"`{state.id}` has no way out any more that is taken {form_in_words(was)}")
+        raise EditRefused(f"`{state.id}` has no way out any more that is taken {transition_words(was)}")
     return min(like, key=lambda number: abs(number - index))
 
 
@@ -123,7 +108,7 @@ def plan_add(edit: AddTransition, study: StudyState) -> Plan:
         gap = gap_behind(node_of(study, rule.file, own[-1].span))
     else:
         gap = gap_behind(node.children[-1]) if node.children else gap_in(node)
-    says = f"{edit.state} gets a way: {form_in_words(edit.transition)}"
+    says = f"{edit.state} gets a way: {transition_words(edit.transition)}"
     return Plan((insert(rule.file, gap, [element]),), says=(says,))
 
 
@@ -136,7 +121,7 @@ def plan_set(edit: SetTransition, study: StudyState) -> Plan:
     old = {name: (value or "").strip() for name, value in transition_attributes_of(way.node).items()}
     changed = {name: value for name, value in values.items() if (value or "").strip() != old[name]}
     splices = set_attributes(way.file, way.node, changed, _ORDER)
-    says = f"{way.whose}: {form_in_words(edit.transition)} (was: {form_in_words(now)})"
+    says = f"{way.whose}: {transition_words(edit.transition)} (was: {transition_words(now)})"
     return Plan(tuple(splices), says=(says,))
 
 
@@ -153,7 +138,7 @@ def transition_attributes_of(node: Node) -> dict[str, str]:
 def plan_remove(edit: RemoveTransition, study: StudyState) -> Plan:
     """A way out goes with its functions; what holds the shared ways goes with the last one."""
     way = _found(edit, study)
-    says = (f"{way.whose} loses the way: {form_in_words(way.written.form)}",)
+    says = (f"{way.whose} loses the way: {transition_words(way.written.form)}",)
     parent = way.node.parent
     assert parent is not None, "a transition stands in a state"
     if len(parent.children) == 1 and (emptied := collapse(parent)) is not None:
@@ -183,7 +168,7 @@ def plan_move(edit: MoveTransition, study: StudyState) -> Plan:
             if before is not None and behind is not None and before.span == behind.span:
                 break
             splices = move_siblings(way.file, way.node, way.node, node, node, behind=not is_behind)
-            says = f"{way.whose}: the way {form_in_words(way.written.form)} is number {to + 1} now"
+            says = f"{way.whose}: the way {transition_words(way.written.form)} is number {to + 1} now"
             return Plan(tuple(splices), says=(says,))
     raise EditRefused(
         "a way out keeps its place among those that stand with it: a state's own are tried before those that it shares"

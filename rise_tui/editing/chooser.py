@@ -20,6 +20,15 @@ NEW = "\0new"
 """The id of the row that makes what was typed."""
 
 
+IN_WORDS = 2
+
+
+def _distance(choice: FieldChoice, typed: str) -> int:
+    """0: the choice's name begins so; 1: that stands in its name; IN_WORDS: only in what is said of it."""
+    title, wanted = choice.title.casefold(), typed.casefold()
+    return 0 if title.startswith(wanted) else 1 if wanted in title else IN_WORDS
+
+
 class Chooser(SearchDialog[str]):
     """One of several; the result is its value. What is typed and is none of them is offered as a new one."""
 
@@ -38,10 +47,11 @@ class Chooser(SearchDialog[str]):
         width = self.list.row_width
         found = [each for each in self._choices if self.is_found(wanted, f"{each.title} {each.help}")]
         if typed:  # who types the beginning of a name means that name, not another in whose words it stands
-            found.sort(key=lambda each: not each.title.casefold().startswith(typed.casefold()))
+            found.sort(key=lambda each: _distance(each, typed))
         rows = [ListRow(each.value, self._line(each, width)) for each in found]
         if self._new and typed and all(each.value != typed for each in self._choices):
-            rows.append(ListRow(NEW, ((f" make “{typed}”, {self._new}", "accent"),)))
+            by_title = sum(_distance(each, typed) < IN_WORDS for each in found)
+            rows.insert(by_title, ListRow(NEW, ((f" make “{typed}”, {self._new}", "accent"),)))
         self.list.show(rows or [ListRow("", ((" nothing found", "muted"),), selectable=False)])
         self.list.move_cursor(0 if rows else -1, by_wizard=False)
         if not typed:

@@ -15,6 +15,7 @@ from rise_tui.editing.model.draft import FilePlace
 from rise_tui.editing.model.fields import FieldChoice
 from rise_tui.editing.model.study_rows import (
     act_preview,
+    best_row,
     row_id,
     split_row_id,
     study_rows,
@@ -45,6 +46,7 @@ class StudyPage(EditPage):
         self.beside = RowList(id="beside")
         self.beside.can_focus = False
         self._wanted = ""
+        self._rows: list[ListRow] = []
 
     def compose(self) -> ComposeResult:
         with Horizontal():
@@ -79,7 +81,8 @@ class StudyPage(EditPage):
 
     def draw(self) -> None:
         self.set_class(self.size.width >= BESIDE, "-beside")
-        self.rows.show(study_rows(self.draft, max(20, self.rows.row_width), self._wanted))
+        self._rows = study_rows(self.draft, max(20, self.rows.row_width), self._wanted)
+        self.rows.show(self._rows)
         self._draw_beside()
 
     @on(RowView.CursorMoved)
@@ -96,6 +99,8 @@ class StudyPage(EditPage):
     def filter(self, text: str) -> None:
         self._wanted = text
         self.draw()
+        if text:
+            self.rows.select(best_row(self._rows, text))
 
     def leave(self) -> bool:
         had, self._wanted = bool(self._wanted), ""

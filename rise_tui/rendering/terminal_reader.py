@@ -27,15 +27,16 @@ def read_together(event: events.Key) -> bool:
 
 
 def read_first(event: events.Key) -> bool:
-    """Whether a key came alone, or was the first of those that came in one piece."""
+    """Whether a key begins something: it came alone, first of those in one piece, or behind one that is no letter."""
     return event.__dict__.get(_FIRST, True) is True
 
 
 def mark_together(messages: Iterable[Message], together: bool, *, begins: bool = True) -> None:
     """Mark the keys among some messages. `begins`: whether the first of them is the first of its piece."""
-    keys = (message for message in messages if isinstance(message, events.Key))
-    for number, key in enumerate(keys):
-        key.__dict__[_TOGETHER], key.__dict__[_FIRST] = together, begins and number == 0
+    for message in messages:
+        if isinstance(message, events.Key):
+            message.__dict__[_TOGETHER], message.__dict__[_FIRST] = together, begins
+            begins = not message.is_printable
 
 
 class TerminalReader:

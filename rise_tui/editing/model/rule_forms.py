@@ -19,12 +19,12 @@ from rise_engine.edit.edits import (
     TransitionForm,
 )
 from rise_engine.edit.outline import WrittenRule
+from rise_engine.edit.rule_words import FUNCTION_WORDS
 from rise_engine.scenario.blocks import FUNCTIONS
 from rise_engine.scenario.model import normal_topic
 from rise_tui.editing.model.call_draft import CallDraft, call_notes, choices_for, is_changed
 from rise_tui.editing.model.condition_reading import FieldNote, read_condition, reading_notes, suggest_ending
 from rise_tui.editing.model.form import RuleField, RuleForm, complete_name
-from rise_tui.editing.model.rule_words import FUNCTION_WORDS
 from rise_tui.editing.model.study_names import NameChoice, StudyNames, acts_started_by
 from rise_tui.editing.model.transition_draft import (
     OUTCOMES,

@@ -30,13 +30,13 @@ from rise_engine.edit.outline import (
     WrittenTransition,
     WrittenUse,
 )
-from rise_tui.editing.model.rule_words import (
+from rise_engine.edit.rule_words import (
     ONE_OF,
     branch_words,
     call_words,
-    one_line,
     trigger_words,
 )
+from rise_engine.edit.writing import one_line
 
 PartKind: TypeAlias = Literal["heading", "call", "if", "branch", "choice", "way", "other", "empty", "parameter"]
 MOST_LEVELS = 4
@@ -50,7 +50,7 @@ class PartRow(NamedTuple):
     text: str
     depth: int = 0
     at: StatementAddress | None = None
-    """Of a statement or a branch; of a heading, a way or an empty place, where the first one in it would stand."""
+    """Of a statement or a branch; of a heading, a way or an empty place, where one more in it would stand."""
     way: int = -1
     """The number of the way out that the row is, or belongs to."""
     siblings: int = 0
@@ -69,7 +69,8 @@ class PartRow(NamedTuple):
     @property
     def id(self) -> str:
         """The same for the same thing as long as nothing before it is added or removed."""
-        path = ".".join(map(str, self.at.path)) if self.at is not None else ""
+        named = self.kind not in ("heading", "way") and self.at is not None
+        path = ".".join(map(str, self.at.path)) if named and self.at is not None else ""
         place = self.at.place if self.at is not None else ""
         return f"{self.kind}:{place}:{self.way}:{path or (self.target if self.kind == 'parameter' else '')}"
 
@@ -96,7 +97,7 @@ def use_of(outline: Outline, rule: WrittenRule, state: WrittenState) -> WrittenU
 
 
 def add_statement(row: PartRow, statement: StatementForm, *, behind: bool = False) -> AddStatement | None:
-    """A new statement for the place of the cursor: behind a function, first in a block or an arm that begins there.
+    """A new statement for the place of the cursor: behind a function, last in a block, first in an arm.
 
     :param behind: behind the whole block in which the cursor stands, instead.
     :returns: None where no function can stand.
@@ -129,6 +130,11 @@ def add_branch(row: PartRow, parts: Sequence[PartRow], condition: str | None) ->
         return None
     number = 1 + len(arms) - (1 if has_else else 0)
     return AddBranch(_with_path(head.at, (*head.at.path, number)), condition)
+
+
+def id_of_call(at: StatementAddress) -> str:
+    """The row of the function at an address."""
+    return PartRow("call", "", at=at, way=at.transition if at.place == "transition" else -1).id
 
 
 def removal(row: PartRow, state: WrittenState, rule: str) -> AnyEdit | None:
@@ -204,8 +210,8 @@ def _parameters(use: WrittenUse) -> Iterator[PartRow]:
 def _block(
     rule: str, state: WrittenState, place: StatementPlace, statements: tuple[WrittenStatement, ...], title: str
 ) -> Iterator[PartRow]:
-    first = StatementAddress(rule, state.id, place, path=(0,))
-    yield PartRow("heading", title if statements else f"{title}   –", at=first, reason=state.reason)
+    last = StatementAddress(rule, state.id, place, path=(len(statements),))
+    yield PartRow("heading", title if statements else f"{title}   –", at=last, reason=state.reason)
     yield from _statements(statements, StatementAddress(rule, state.id, place), 1, -1, state.reason)
 
 
@@ -213,7 +219,7 @@ def _way(rule: str, state: WrittenState, number: int, way: WrittenTransition) ->
     reason, form = way.reason, way.form
     has_trigger = form.event is not None or form.ended is not None or form.after is not None
     guard = one_line(form.condition) if form.condition is not None and has_trigger else ""
-    place = StatementAddress(rule, state.id, "transition", number, (0,))
+    place = StatementAddress(rule, state.id, "transition", number, (len(way.statements),))
     yield PartRow(
         "way",
         f"{number + 1} {trigger_words(form)}",

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 from rise_engine.edit.outline import WrittenAct
 from rise_engine.scenario.model import KeyBinding
 from rise_tui.editing.model.act_rows import action_type, what_text, when_text
@@ -65,13 +67,26 @@ def study_rows(draft: StudyDraft, width: int, wanted: str = "") -> list[ListRow]
             note = f"{count(len(rule.states), 'state'):>9}" + (f" {count(ways, 'way')}" if width >= 50 else "")
             key = keys[("rule", rule.name)].label if ("rule", rule.name) in keys else ""
             rows.append(ListRow(row_id("rule", rule.name), _line(key, rule.name, note, width, bad=False)))
-    if not wanted:
+    also = [(kind, title, help) for kind, title, help in ALSO if fits(title, help)]
+    if also:
         rows.append(ListRow("", ((" ALSO", "accent"),), selectable=False))
-        rows += [ListRow(row_id(kind), _line("", title, help, width, bad=False)) for kind, title, help in ALSO]
+    rows += [ListRow(row_id(kind), _line("", title, help, width, bad=False)) for kind, title, help in also]
     for file, why in draft.outline.unreadable.items():
         text = f" ✗ {file}: {clean(why)}"
         rows.append(ListRow(row_id("file", file), crop(((text, "fault"),), width)))
     return rows
+
+
+def best_row(rows: Sequence[ListRow], wanted: str) -> str:
+    """The row that is meant by what is searched: one whose name begins so, else the first one."""
+    titles = {kind: title for kind, title, _ in ALSO}
+
+    def title(id: str) -> str:
+        kind, name = split_row_id(id)
+        return (name or titles.get(kind, "")).casefold()
+
+    ids = [row.id for row in rows if row.selectable]
+    return next((id for id in ids if title(id).startswith(wanted.casefold())), ids[0] if ids else "")
 
 
 def _line(key: str, name: str, note: str, width: int, *, bad: bool) -> StyledLine:

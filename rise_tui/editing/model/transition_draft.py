@@ -11,7 +11,7 @@ from collections.abc import Callable
 from typing import Literal, NamedTuple, TypeAlias
 
 from rise_engine.edit.edits import AddState, AddTransition, AnyEdit, SetTransition, TransitionForm
-from rise_engine.edit.outline import WrittenRule
+from rise_engine.edit.outline import WrittenRule, WrittenState
 from rise_engine.expression import EvaluationError, Expression, ExpressionError
 from rise_engine.nearest_name import did_you_mean
 from rise_engine.scenario.delays import MIN_SECONDS
@@ -104,6 +104,16 @@ class TransitionDraft(NamedTuple):
         return self._replace(outcomes=tuple(each for each in OUTCOMES if each in ticked))
 
 
+def likely_way(state: WrittenState) -> TransitionDraft:
+    """With what a new way out begins: the end of the act that the state starts, while no way waits for it anyhow."""
+    ends = {way.form.ended for way in state.transitions if not way.form.outcomes and way.form.condition is None}
+    for statement in reversed(state.on_entry):
+        call = statement.call
+        if call is not None and call.function == "startCommunicationRobotAct" and call.argument not in ends:
+            return TransitionDraft("ended", act=call.argument)
+    return TransitionDraft()
+
+
 def why_not_editable(form: TransitionForm) -> str:
     """What of a way a form has no place for; empty: it can be changed in one."""
     triggers = [form.event, form.ended, form.after]
@@ -164,6 +174,8 @@ def _event_notes(event: str, names: StudyNames) -> list[FieldNote]:
         return [FieldNote("error", "which event? F2 lists them")]
     if note := names.event_note(topic):
         return [FieldNote("info", note)]
+    if topic in names.acts:
+        return [FieldNote("warning", f"{topic} is an act: choose “{TRIGGER_WORDS['ended']}” above (shift+tab, ←)")]
     near = did_you_mean(topic, names.raised, limit=0)
     return [FieldNote("warning", f"nothing in this study raises it{near or '; a key could (F5)'}")]
 

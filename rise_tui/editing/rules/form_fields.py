@@ -154,7 +154,7 @@ class OptionField(StaticLines, can_focus=True):
 
     def action_step(self, step: int) -> None:
         count = len(self._field.options)
-        self._at = min(max(self._at + step, 0), count - 1)
+        self._at = (self._at + step) % count
         if self._field.kind == "choice":
             self._change(self._field.options[self._at][0])
         self.draw()
@@ -162,7 +162,7 @@ class OptionField(StaticLines, can_focus=True):
     def action_tick(self) -> None:
         word = self._field.options[self._at][0]
         if self._field.kind == "choice":
-            self.action_step(1 if self._at + 1 < len(self._field.options) else -self._at)
+            self.action_step(1)
             return
         ticked = {*self._ticked} ^ {word}
         self._change(" ".join(each for each, _ in self._field.options if each in ticked))

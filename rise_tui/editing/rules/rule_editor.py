@@ -28,12 +28,13 @@ from rise_tui.editing.model.state_parts import (
     add_branch,
     add_statement,
     call_at,
+    id_of_call,
     movement,
     removal,
     state_parts,
     use_of,
 )
-from rise_tui.editing.model.transition_draft import TransitionDraft, why_not_editable
+from rise_tui.editing.model.transition_draft import TransitionDraft, likely_way, why_not_editable
 from rise_tui.editing.rules.form_panel import FormPanel
 from rise_tui.editing.rules.rule_display import RuleDisplay
 
@@ -173,7 +174,8 @@ class RuleEditor(RuleDisplay):
     def _add_way(self) -> None:
         rule, state = self.rule, self.state
         if rule is not None and state is not None:
-            form = TransitionRuleForm(self._study.names, rule, state.id, TransitionDraft(), ways=len(state.transitions))
+            draft = likely_way(state)
+            form = TransitionRuleForm(self._study.names, rule, state.id, draft, ways=len(state.transitions))
             self._open(form, "trigger")
 
     def _new_state(self) -> None:
@@ -296,6 +298,8 @@ class RuleEditor(RuleDisplay):
         self.close_form()
         self.redraw()
         self._select_part()
+        if isinstance(form, CallRuleForm) and form.was is None:
+            self.parts.select(id_of_call(form.at))
 
     @on(FormPanel.ExtraAsked)
     def _give_key(self, event: FormPanel.ExtraAsked) -> None:

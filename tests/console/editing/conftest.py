@@ -58,6 +58,8 @@ class Editor:
 
     async def type(self, text: str) -> None:
         names = {
+            "'": "apostrophe",
+            "=": "equals_sign",
             " ": "space",
             ".": "full_stop",
             "{": "left_curly_bracket",

@@ -7,10 +7,13 @@ from pathlib import Path
 
 import pytest
 
+from rise_engine.edit.edits import AddRule, AddStatement, CallForm, StatementAddress
 from rise_tui.editing.act_page import ActPage
 from rise_tui.editing.chooser import Chooser, ManyChooser
-from rise_tui.editing.data_pages import DataPage
+from rise_tui.editing.data_pages import DataPage, SettingsPage
 from rise_tui.editing.model.fields import FieldChoice
+from rise_tui.editing.model.rule_forms import TransitionRuleForm
+from rise_tui.editing.rule_page import RulePage
 from rise_tui.editing.save_dialog import SaveDialog
 from rise_tui.editing.sessions import RunningHere
 from rise_tui.screens.dialog import Dialog
@@ -351,18 +354,54 @@ async def test_a_rename_follows_every_use(study: Path) -> None:
 
 async def test_keys_that_come_in_one_piece_go_to_what_the_one_before_opens(study: Path) -> None:
     async with editor(study) as found:
-        await found.send_together("slash", *"Introd", "enter", "down", "enter")
+        await found.send_together("slash", *"R_Introd", "enter", "enter")
         await found.until(lambda: found.screen.opened is not None)
         assert found.screen.opened is not None and found.screen.opened.shown_name == "R_Introduction"
         await found.press("escape", "escape")
-        await found.send_together("a", *"R_Aa", "enter", "a", *"Speech", "enter", *"Are you all right?", "enter")
-        await found.until(lambda: "Are you all right?" in found.draft_text)
+        await found.send_together("a", *"R_Aa", "enter", "a", *"Speech", "enter", *"Welcome", "enter")
+        await found.until(lambda: ">Welcome<" in found.draft_text)
         assert 'R_Aa"' in found.draft_text
 
 
 async def test_letters_of_a_paste_are_no_row_of_commands(study: Path) -> None:
     async with editor(study) as found:
-        await found.send_together("down", *"arc")
+        await found.send_together("x", *"arc")
         assert found.pilot.app.screen is found.screen, "no dialog has opened"
         await found.send_together("a", *"R_New")
         assert found.pilot.app.screen is not found.screen, "the first one counts"
+
+
+async def test_what_else_there_is_is_found_by_its_name(study: Path) -> None:
+    async with editor(study) as found:
+        await found.send_together("slash", *"set", "enter", "enter")
+        await found.until(lambda: found.screen.opened is not None)
+        assert isinstance(found.screen.opened, SettingsPage)
+
+
+async def test_what_is_typed_for_a_key_goes_before_what_only_speaks_of_it(study: Path) -> None:
+    async with editor(study) as found:
+        await found.open("keys")
+        await found.press("a")
+        await found.type("7")
+        await found.press("enter")
+        await found.type("set person_name = 'Kim'")
+        await found.press("enter")
+        await found.until(lambda: "person_name = 'Kim'" in found.draft_text)
+
+
+async def test_a_way_out_of_a_state_that_starts_an_act_begins_with_its_end(study: Path) -> None:
+    async with editor(study) as found:
+        entry = StatementAddress("Course", "Start", "onEntry", path=(0,))
+        nod = AddStatement(entry, CallForm("startCommunicationRobotAct", "R_Nod"))
+        found.screen.make(AddRule("Course", "Start"), nod)
+        await found.until(lambda: "Course" in found.draft_text)
+        await found.open("rule", "Course")
+        page = found.screen.opened
+        assert isinstance(page, RulePage)
+        await found.press("a")
+        await found.until(lambda: page.editor.panel.is_open and not page.editor.panel.is_opening)
+        form = page.editor.panel.form
+        assert isinstance(form, TransitionRuleForm) and (form.draft.trigger, form.draft.act) == ("ended", "R_Nod")
+        await found.press("right")
+        form = page.editor.panel.form
+        assert isinstance(form, TransitionRuleForm) and form.draft.trigger == "event", "the choices are a ring"

@@ -153,7 +153,7 @@ def test_where_something_new_stands() -> None:
         assert isinstance(edit, AddStatement)
         return edit.at
 
-    assert new(part("WHEN IT IS ENTERED")) == at("onEntry", 0)
+    assert new(part("WHEN IT IS ENTERED")) == at("onEntry", 3)
     assert new(part("set step")) == at("onEntry", 1)
     assert new(part("if step")) == at("onEntry", 1, 0, 0)
     assert new(part("if step"), behind=True) == at("onEntry", 2)
@@ -167,7 +167,7 @@ def test_where_something_new_stands() -> None:
     assert new(part("one of these"), behind=True) == at("onEntry", 3)
     assert new(part("start the act R_Hello", 1)) == at("onEntry", 2, 1)
     assert new(part("start the act R_Hello", 1), behind=True) == at("onEntry", 3)
-    assert new(part("2 as soon as")) == at("transition", 0, way=1)
+    assert new(part("2 as soon as")) == at("transition", 1, way=1)
     assert new(part("stop the act")) == at("transition", 1, way=1)
     assert new(part("WHEN IT IS LEFT")) == at("onExit", 0)
     assert add_statement(part("WAYS OUT"), NOD) is None

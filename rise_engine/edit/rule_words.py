@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from rise_engine.edit.edits import CallForm, TransitionForm
 from rise_engine.edit.outline import WrittenBranch, WrittenStatement
+from rise_engine.edit.writing import one_line
 from rise_engine.scenario.model import FunctionName, normal_topic
 
 FUNCTION_WORDS: dict[FunctionName, str] = {
@@ -15,14 +16,8 @@ FUNCTION_WORDS: dict[FunctionName, str] = {
     "assignValue": "set",
 }
 """What a function does; behind it stands its name, its event, or `key = value`."""
-PLACE_WORDS = {"onEntry": "when it is entered", "onExit": "when it is left"}
 OTHERWISE = "otherwise"
 ONE_OF = "one of these, by chance"
-
-
-def one_line(text: str) -> str:
-    """A text that may be written over several lines, in one."""
-    return " ".join(text.split())
 
 
 def call_words(call: CallForm) -> str:
@@ -51,6 +46,8 @@ def statement_words(statement: WrittenStatement) -> str:
         return call_words(statement.call)
     if statement.branches:
         return branch_words(statement.branches[0], first=True)
+    if statement.template:
+        return f"what the template {statement.template} brings"
     return ONE_OF if statement.choices else "what a form cannot show"
 
 
