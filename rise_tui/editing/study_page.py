@@ -128,6 +128,8 @@ class StudyPage(EditPage):
             self.frame.say(f"{name} cannot be read as it is: e opens it in your editor", "wait")
         elif kind:
             self.frame.open_page(kind, name)
+            if self.leave():  # what was searched has been found
+                self._select(kind, name)
 
     def _ask_for_new(self) -> None:
         """A rule where the cursor is on a rule, else an act."""

@@ -31,12 +31,17 @@ def read_first(event: events.Key) -> bool:
     return event.__dict__.get(_FIRST, True) is True
 
 
-def mark_together(messages: Iterable[Message], together: bool, *, begins: bool = True) -> None:
-    """Mark the keys among some messages. `begins`: whether the first of them is the first of its piece."""
+def mark_together(messages: Iterable[Message], together: bool, *, begins: bool = True) -> bool:
+    """Mark the keys among some messages.
+
+    :param begins: whether the first of them begins something (`read_first`).
+    :returns: whether the next one would that comes in the same piece.
+    """
     for message in messages:
         if isinstance(message, events.Key):
             message.__dict__[_TOGETHER], message.__dict__[_FIRST] = together, begins
             begins = not message.is_printable
+    return begins
 
 
 class TerminalReader:
@@ -50,8 +55,8 @@ class TerminalReader:
         self._fileno, self._deliver, self._stop = fileno, deliver, stop
         self._parser = XTermParser()
         self._decode = getincrementaldecoder("utf-8")(errors="replace").decode
-        self._goes_on = False
-        """Whether what is read next belongs to the piece that was read last."""
+        self._begins = True
+        """Whether the key that is read next begins something."""
 
     def run(self) -> None:
         """Read and deliver; returns at the end."""
@@ -73,8 +78,7 @@ class TerminalReader:
         keys = sum(isinstance(message, events.Key) for message in messages)
         if keys:
             more = self._has_more(ALONE)
-            mark_together(messages, keys > 1 or more, begins=not self._goes_on)
-            self._goes_on = more
+            self._begins = mark_together(messages, keys > 1 or more, begins=self._begins) or not more
         for message in messages:
             self._deliver(message)
         return bool(data)

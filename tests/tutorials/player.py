@@ -84,13 +84,16 @@ def steps_of(page: str) -> Iterator[Step]:
             yield Step("command", command["command"].partition("  #")[0].rstrip(), number)
 
 
-def play(page: str, terminal: Terminal, show: Callable[[Step], None] = lambda step: None) -> None:
-    """Do what a page says, step by step; `show` is called after each, with the screen still.
+def play(page: str, terminal: Terminal, show: Callable[[Step], None] | None = None) -> None:
+    """Do what a page says, step by step, as fast as somebody types whose line joins the keys.
 
+    :param show: called after each step, with the screen still.
     :raises AssertionError: what should be seen is not there, with the page's line and the screen.
     """
     for step in steps_of(page):
         if step.kind in ("seen", "gone"):
+            if step.kind == "gone":
+                terminal.still()
             try:
                 terminal.until_screen(step.text, gone=step.kind == "gone")
             except AssertionError as error:
@@ -99,8 +102,10 @@ def play(page: str, terminal: Terminal, show: Callable[[Step], None] = lambda st
             terminal.press(key_bytes(step.text))
         else:
             terminal.press(step.text.encode())
-            terminal.still()
             if step.kind == "command":
+                terminal.still()
                 terminal.press(b"\r")
-        terminal.still()
-        show(step)
+        if show is not None or step.text == "esc":  # what came at once behind an Esc would be one key with it
+            terminal.still()
+        if show is not None:
+            show(step)
