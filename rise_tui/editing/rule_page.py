@@ -233,7 +233,7 @@ class RulePage(EditPage):
         event.stop()
         hint = "What is tested, in a few words. Saved with the study; `rise-engine test` plays it."
         self.frame.ask_text(
-            "Keep these steps as a test", self.shown_name, lambda title: self._keep(event.trial, title), hint=hint
+            "Keep these steps as a test", "", lambda title: self._keep(event.trial, title), hint=hint
         )
 
     def _keep(self, trial: Trial, title: str) -> None:

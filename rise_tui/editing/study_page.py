@@ -128,8 +128,7 @@ class StudyPage(EditPage):
             self.frame.say(f"{name} cannot be read as it is: e opens it in your editor", "wait")
         elif kind:
             self.frame.open_page(kind, name)
-            if self.leave():  # what was searched has been found
-                self._select(kind, name)
+            self._select(kind, name)
 
     def _ask_for_new(self) -> None:
         """A rule where the cursor is on a rule, else an act."""
@@ -193,6 +192,8 @@ class StudyPage(EditPage):
             self.frame.say(f"{name}: nobody uses it" if name else "nothing is selected", "info")
 
     def _select(self, kind: str, name: str) -> None:
+        """Go to a row; what was searched has been found then."""
+        self.leave()
         self.rows.select(row_id(kind, name))
         self._draw_beside()
         self.frame.draw_bars()

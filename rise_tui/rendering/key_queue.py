@@ -66,7 +66,7 @@ class KeyQueue:
         """Return when the last key, and what it has begun, is done."""
         for _ in range(ROUNDS):
             await self._go_round()
-            while not self._is_ready:  # noqa: ASYNC110 - a screen that opens is no event
+            while not self._is_ready:  # noqa: ASYNC110 - what is awaited here is no event
                 await asyncio.sleep(LOOK_SECONDS)
 
     async def _go_round(self) -> None:
@@ -81,8 +81,9 @@ class KeyQueue:
     @property
     def _is_ready(self) -> bool:
         stack = self._app.screen_stack
-        is_working = any(isinstance(screen, WorkingScreen) and screen.is_working for screen in stack)
-        return stack[-1]._is_mounted and not is_working
+        if not stack[-1]._is_mounted or any(isinstance(each, WorkingScreen) and each.is_working for each in stack):
+            return False
+        return all(not node.message_queue_size for node in (self._app, *stack[-1].walk_children(with_self=True)))
 
 
 def _set(done: asyncio.Future[None]) -> None:

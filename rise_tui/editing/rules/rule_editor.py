@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 
+from msgspec import structs
 from textual import on
 
 from rise_engine.edit.edits import (
@@ -222,7 +223,9 @@ class RuleEditor(RuleDisplay):
         elif part.reason:
             self._refuse(f"{part.reason}; e opens the file there")
         else:
-            self._change(RemoveStatement(part.at), AddStatement(part.at, OneOfForm((call,))))
+            first = structs.replace(part.at, path=(*part.at.path, 0))
+            edits = (RemoveStatement(part.at), AddStatement(part.at, OneOfForm((call,))))
+            self._change(*edits, then=lambda: self.parts.select(id_of_call(first)))
 
     def _make_first(self) -> None:
         rule, state = self.rule, self.state

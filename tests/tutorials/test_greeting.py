@@ -1,0 +1,42 @@
+"""The greeting from nothing: built key by key from the page, it does what the shipped study does."""
+
+from __future__ import annotations
+
+import json
+import subprocess
+import sys
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from tests.tutorials.player import play
+from tests.tutorials.shell import shell
+
+ROOT = Path(__file__).parents[2]
+PAGE = ROOT / "docs" / "tutorials" / "greeting-from-nothing.md"
+SHIPPED = ROOT / "scenarios" / "greeting"
+OTHER = {"scenario_hash", "priority", "expression"}
+"""What differs: the files, a priority that all rules share, and the words that count as a greeting."""
+
+
+def records(folder: Path) -> list[dict[str, Any]]:
+    """Of the shipped study's written session, played in this folder."""
+    command = [sys.executable, "-m", "rise_engine.cli", "run", str(folder), "--tasks", str(SHIPPED / "session.jsonl"),
+               "--speed", "max", "--seed", "1", "--json"]  # fmt: skip
+    lines = subprocess.run(command, capture_output=True, text=True, check=True).stdout.splitlines()
+    return [{key: value for key, value in json.loads(line).items() if key not in OTHER} for line in lines]
+
+
+@pytest.mark.slow
+@pytest.mark.pty
+@pytest.mark.parametrize("size", [(80, 24), (120, 40)], ids=str)
+def test_the_greeting_from_nothing(tmp_path: Path, size: tuple[int, int]) -> None:
+    with shell(tmp_path, size) as terminal:
+        play(PAGE.read_text(), terminal)
+    built = tmp_path / "work" / "greeting"
+    found, shipped = records(built), records(SHIPPED)
+    assert len(shipped) > 1000 and len(found) == len(shipped)
+    different = [(one, other) for one, other in zip(found, shipped, strict=True) if one != other]
+    assert different == []
+    assert len(list((built / "tests").glob("*.jsonl"))) == 1
