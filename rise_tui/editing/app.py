@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from textual import events
-from textual.widgets import Input
 
 from rise_tui.actions import bindings_in
 from rise_tui.config.keymap import KeyFile, textual_keymap
@@ -13,6 +12,7 @@ from rise_tui.editing.study import EditedStudy
 from rise_tui.key_labels import use_own_keys
 from rise_tui.rendering import themes
 from rise_tui.rendering.terminal_app import TerminalApp
+from rise_tui.rendering.typing_fields import takes_text
 
 ALWAYS_ADMITTED = frozenset({"f9", "ctrl+g", "ctrl+c"})
 """Keys that count also among others that came in one piece."""
@@ -58,7 +58,7 @@ class EditApp(TerminalApp):
 
     def admits(self, event: events.Event) -> bool:
         """A paste is no row of commands."""
-        if not isinstance(event, events.Key) or isinstance(self.focused, Input):
+        if not isinstance(event, events.Key) or takes_text(self.focused):
             return True
         return not self._keys_together or event.key in ALWAYS_ADMITTED
 

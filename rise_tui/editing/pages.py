@@ -9,8 +9,10 @@ from rise_tui.editing.data_pages import KeysPage, MemoryPage, SettingsPage, Tabl
 from rise_tui.editing.page import EditFrame, EditPage
 from rise_tui.editing.rule_page import RulePage
 from rise_tui.editing.study_page import StudyPage
+from rise_tui.editing.texts_page import TextsPage
 
 PAGES: dict[str, Callable[[EditFrame, str], EditPage]] = {
-    page.KIND: page for page in (StudyPage, ActPage, RulePage, MemoryPage, KeysPage, SettingsPage, TablesPage)
+    page.KIND: page
+    for page in (StudyPage, ActPage, RulePage, TextsPage, MemoryPage, KeysPage, SettingsPage, TablesPage)
 }
 """The first is what the editor opens with."""
