@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from rise_engine.edit.edits import AnyEdit, SetParameter, SetUseParameter
-from rise_engine.edit.outline import Outline, WrittenAct, WrittenValue
+from rise_engine.edit.outline import Outline, WrittenValue
 from rise_engine.edit.plan import EditRefused
 from rise_engine.scenario.spoken_texts import SpokenText
 
@@ -13,8 +13,7 @@ def edit_of_original(text: SpokenText, said: str, outline: Outline) -> AnyEdit:
 
     :raises EditRefused: it is written in a way in which it can be changed in its file only.
     """
-    act = outline.act(text.act)
-    written = _written_value(act, text) if act is not None else None
+    act, written = outline.act(text.act), written_original(text, outline)
     if act is None or written is None:
         raise EditRefused("it cannot be found in the files")
     if written.parameter:
@@ -26,8 +25,10 @@ def edit_of_original(text: SpokenText, said: str, outline: Outline) -> AnyEdit:
     return SetParameter(text.act, text.action.id, text.parameter, said, text.variant)
 
 
-def _written_value(act: WrittenAct, text: SpokenText) -> WrittenValue | None:
-    action = next((each for each in act.actions if each.id == text.action.id), None)
+def written_original(text: SpokenText, outline: Outline) -> WrittenValue | None:
+    """What stands in the file of its act for a text; None: it cannot be found there."""
+    act = outline.act(text.act)
+    action = next((each for each in act.actions if each.id == text.action.id), None) if act is not None else None
     if action is None or text.variant >= len(action.calls):
         return None
     return action.calls[text.variant].parameters.get(text.parameter)

@@ -12,7 +12,7 @@ from typing import Literal, NamedTuple, TypeAlias
 from msgspec.structs import replace
 
 from rise_engine.edit.edits import AnyEdit, SetTranslation
-from rise_engine.edit.originals import edit_of_original
+from rise_engine.edit.originals import edit_of_original, written_original
 from rise_engine.edit.plan import EditRefused
 from rise_engine.scenario import LoadResult, expected_seconds, fill_parameters
 from rise_engine.scenario.file_names import SCENARIO_FILE
@@ -260,7 +260,7 @@ def said_with(checked: LoadResult, text: SpokenText) -> str:
 
 def entry_head(draft: StudyDraft, entry: TextEntry, width: int) -> StyledLine:
     """Which text, when it is said and with what, and where it stands."""
-    text, where = entry.text, entry.text.action.location
+    text, where = entry.text, _place_of_original(draft, entry.text)
     beside = said_with(draft.checked, text)
     left: StyledLine = (
         (f" {clean(text.id)}", "accent"),
@@ -350,13 +350,23 @@ def said_seconds(checked: LoadResult, text: SpokenText, template: Template) -> f
 
 def place_of(draft: StudyDraft, entry: TextEntry, language: str, column: int) -> FilePlace:
     """Where a text, or its translation, stands; of one that is not there, where it will."""
-    where = entry.text.action.location
     if column == 1 and entry.translation is not None:
         where = entry.translation.location
-    elif column == 1 and (found := draft.checked.translations.get(language)) is not None and found.file in draft.files:
+        return FilePlace(where.file, where.line, where.line)
+    if column == 1 and (found := draft.checked.translations.get(language)) is not None and found.file in draft.files:
         section = found.acts.get(entry.text.act)
         return FilePlace(found.file, section.line if section else 1, section.line if section else 1)
-    return FilePlace(where.file, where.line, where.line)
+    return _place_of_original(draft, entry.text)
+
+
+def _place_of_original(draft: StudyDraft, text: SpokenText) -> FilePlace:
+    act, written = draft.outline.act(text.act), written_original(text, draft.outline)
+    if act is None or written is None:
+        where = text.action.location
+        return FilePlace(where.file, where.line, where.line)
+    data = draft.files.get(act.file, b"")
+    first = 1 + data.count(b"\n", 0, written.span.start)
+    return FilePlace(act.file, first, first + data.count(b"\n", written.span.start, written.span.end))
 
 
 def folder_from(here: Path, folder: str) -> str:
