@@ -369,7 +369,7 @@ ACTIONS: tuple[ConsoleAction, ...] = (
            "still right", _in_editor),
     ConsoleAction("edit.language", "Choose a language", ("L",), "edit",
            "Of texts: shows how far each language is, shows another one, and adds one.", "languages", _in_editor),
-    ConsoleAction("edit.go", "Go to the act", ("g",), "edit",
+    ConsoleAction("edit.go", "Jump to the act", ("j",), "edit",
            "Of texts: opens the act that says the text under the cursor; esc leads back.", "its act", _in_editor),
     ConsoleAction("edit.file", "Open in your editor", ("e",), "edit",
            "Opens the file at this line in the editor that $VISUAL or $EDITOR names, and reads it again afterwards.",

@@ -30,13 +30,13 @@ class SentenceField(TextArea, TakesText):
                                              Binding("end", "cursor_text_end", show=False)]  # fmt: skip
 
     @dataclass
-    class Taken(Message):
+    class TakeSentence(Message):
         """It is to be as typed; `step`: to which text it goes on, 0: to none."""
 
         text: str
         step: int
 
-    class Left(Message):
+    class LeaveSentence(Message):
         """It is to be as it was."""
 
     def __init__(self) -> None:
@@ -62,9 +62,9 @@ class SentenceField(TextArea, TakesText):
 
     async def _on_key(self, event: events.Key) -> None:
         if event.key in STEPS:
-            self.post_message(self.Taken(self.sentence, STEPS[event.key]))
+            self.post_message(self.TakeSentence(self.sentence, STEPS[event.key]))
         elif event.key == "escape":
-            self.post_message(self.Left())
+            self.post_message(self.LeaveSentence())
         else:
             return
         event.stop()

@@ -298,7 +298,7 @@ class TextsPage(EditPage):
     def _remove(self) -> None:
         """The translation goes."""
         if self.entry is None or self.column == 0 or self.entry.translation is None:
-            self.frame.say("only a translation is taken away here; a text goes with its action, on the act's page (g)",
+            self.frame.say("only a translation is taken away here; a text goes with its action, on the act's page (j)",
                            "wait")  # fmt: skip
             return
         self._make(lambda entry: translation_edits(entry, self.view.language, ""), self.entry)
@@ -400,13 +400,13 @@ class TextsPage(EditPage):
             return original_edits(self.draft, entry, said)
         return translation_edits(entry, self.view.language, said)
 
-    @on(SentenceField.Left)
-    def _left(self, event: SentenceField.Left) -> None:
+    @on(SentenceField.LeaveSentence)
+    def _left(self, event: SentenceField.LeaveSentence) -> None:
         event.stop()
         self._close_field()
 
-    @on(SentenceField.Taken)
-    def _taken(self, event: SentenceField.Taken) -> None:
+    @on(SentenceField.TakeSentence)
+    def _taken(self, event: SentenceField.TakeSentence) -> None:
         event.stop()
         entry = self._typing
         if entry is None:

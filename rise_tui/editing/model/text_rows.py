@@ -387,7 +387,7 @@ def original_edits(draft: StudyDraft, entry: TextEntry, said: str) -> tuple[AnyE
     if said == text.text:
         return ()
     if not said:
-        raise EditRefused("an act says something: an action or a wording is taken away on the act's page (g)")
+        raise EditRefused("an act says something: an action or a wording is taken away on the act's page (j)")
     try:
         return (edit_of_original(text, said, draft.outline),)
     except EditRefused as refused:

@@ -160,10 +160,10 @@ async def test_texts_are_found_by_typing_and_esc_shows_all(lab: Path) -> None:
         assert page.rows.count == every and it.screen.opened is page
 
 
-async def test_g_opens_the_act_at_its_action_and_esc_leads_back_to_the_text(lab: Path) -> None:
+async def test_j_opens_the_act_at_its_action_and_esc_leads_back_to_the_text(lab: Path) -> None:
     async with editor(lab) as it:
         await open_at(it, "R_Apology/5")
-        await it.press("g")
+        await it.press("j")
         await it.until(lambda: isinstance(it.screen.opened, ActPage))
         act = it.screen.opened
         assert isinstance(act, ActPage)
@@ -173,7 +173,7 @@ async def test_g_opens_the_act_at_its_action_and_esc_leads_back_to_the_text(lab:
         await it.until(lambda: isinstance(it.screen.opened, TextsPage))
         await it.until(lambda: page_of(it).entry is not None)
         assert page_of(it).entry.text.id == "R_Apology/5"  # type: ignore[union-attr]
-        await it.press("g")
+        await it.press("j")
         await it.until(lambda: isinstance(it.screen.opened, ActPage))
         await it.press("f2")
         await it.until(lambda: it.screen.opened is None)
@@ -281,7 +281,7 @@ async def test_a_study_that_says_nothing_and_one_that_cannot_be_read(tmp_path: P
     async with editor(empty) as it:
         await it.open("texts")
         assert "nothing is said in this study yet" in page_of(it).parting.text
-        await it.press("enter", "s", "g", "m", "delete", "tab", "right", "left", "space")
+        await it.press("enter", "s", "j", "m", "delete", "tab", "right", "left", "space")
         assert it.screen.opened is not None
     shutil.copytree(LABLINKING, tmp_path / "broken")
     (tmp_path / "broken" / "texts" / "de.toml").write_text("[R_Yes\n")
