@@ -15,18 +15,17 @@ from textual.message import Message
 from textual.widget import Widget
 from textual.widgets import TextArea
 
-from rise_engine.edit.edits import AddLanguage, AnyEdit, SetSetting
+from rise_engine.edit.edits import AnyEdit
 from rise_engine.edit.plan import EditRefused
 from rise_engine.text import clean
+from rise_tui.editing.language_choice import ask_for_language, choose_language
 from rise_tui.editing.model.draft import FilePlace, first_new_finding
-from rise_tui.editing.model.fields import FieldChoice
 from rise_tui.editing.model.text_rows import (
     LABEL,
     ORIGINAL,
     TextEntry,
     TextsView,
     column_line,
-    count_texts,
     entry_head,
     folder_from,
     head_line,
@@ -53,7 +52,6 @@ from rise_tui.widgets.static_lines import StaticLines
 
 LEAST_ROWS, LEAST_DETAIL, SAID = 3, 6, 2
 """Rows of the list, of the text that is shown whole, and of what is said of what is typed."""
-LANGUAGE_HINT = "Its tag: fr, pt-BR. Another way of speaking to people: de-x-sie."
 
 
 class TextList(RowList):
@@ -256,8 +254,8 @@ class TextsPage(EditPage):
             "edit.only": lambda: self._look_at(self.view._replace(only=not self.view.only)),
             "edit.still-right": self._still_right,
             "edit.go": self._go_to_act,
-            "edit.language": self._choose_language,
-            "edit.add": self._ask_for_language,
+            "edit.language": lambda: choose_language(self.frame, self.view.language, self._show_language),
+            "edit.add": lambda: ask_for_language(self.frame, self._show_language),
             "edit.remove": self._remove,
         }
         if action not in calls:
@@ -316,49 +314,9 @@ class TextsPage(EditPage):
             back = self.view._replace(id=entry.text.id)
             self.frame.open_page("act", f"{entry.text.act}\0{entry.text.action.id}", back=(self.KIND, back.name))
 
-    # --- languages --------------------------------------------------------------------------------------------------
-
-    def _choose_language(self) -> None:
-        languages = languages_of(self.draft)
-        if not languages:
-            self._ask_for_language()
-            return
-        choices = []
-        for language in languages:
-            counts = count_texts(text_entries(self.draft, language))
-            help = f"✓ {counts.there}  ▲ {counts.stale} changed since  ✗ {counts.missing} missing"
-            choices.append(FieldChoice(language, language, help))
-
-        def take(chosen: str) -> None:
-            if chosen in languages:
-                self.column = 1
-                self._look_at(self.view._replace(language=chosen))
-            else:
-                self._add_language(chosen)
-
-        title = f"From {own_language(self.draft) or 'the acts'} into; another tag adds a language"
-        self.frame.choose(title, choices, take, now=self.view.language, new="a new language")
-
-    def _ask_for_language(self) -> None:
-        self.frame.ask_text("Another language", "", self._add_language, hint=LANGUAGE_HINT)
-
-    def _add_language(self, language: str) -> None:
-        """With the first one, it is asked in which language the acts are."""
-
-        def make(*edits: AnyEdit) -> None:
-            self.frame.make(*edits, AddLanguage(language), then=show)
-
-        def show() -> None:
-            self.column = 1
-            self._look_at(self.view._replace(language=language))
-
-        if own_language(self.draft):
-            make()
-        else:
-            self.frame.ask_text(
-                "In which language are the acts?", "en", lambda own: make(SetSetting(("language",), own)),
-                hint="Its tag: en, de, pt-BR.",
-            )  # fmt: skip
+    def _show_language(self, language: str) -> None:
+        self.column = 1
+        self._look_at(self.view._replace(language=language))
 
     # --- changing a text ----------------------------------------------------------------------------------------------
 

@@ -17,6 +17,7 @@ from rise_tui.editing.chooser import AskText, Chooser
 from rise_tui.editing.model.draft import draft_of
 from rise_tui.editing.model.text_rows import TextsView, languages_of
 from rise_tui.editing.save_dialog import SaveDialog
+from rise_tui.editing.sessions import RunningHere
 from rise_tui.editing.study import EditedStudy
 from rise_tui.editing.texts_page import TextsPage
 from tests.console.editing.conftest import Editor, OneSession, editor
@@ -300,6 +301,19 @@ async def test_what_somebody_else_writes_meanwhile_is_taken_in(lab: Path) -> Non
         file.write_text(file.read_text("utf-8").replace("Sehr gut!", "Hervorragend!"), "utf-8")
         it.screen.look_outside()
         await it.until(lambda: "Hervorragend!" in page.rows.text)
+
+
+async def test_f9_stops_while_a_text_is_typed(lab: Path) -> None:
+    sessions = OneSession(RunningHere("/tmp/a.sock", "P07"))
+    async with editor(lab, sessions=sessions) as it:
+        it.screen.look_outside()
+        await it.until(lambda: "a session with P07 runs" in it.screen.banner.text)
+        await open_at(it, STALE)
+        await it.press("enter")
+        await it.type("x")
+        await it.press("f9")
+        await it.until(lambda: sessions.stopped == 1)
+        assert it.screen.page.is_typing
 
 
 @pytest.mark.parametrize("size", [(80, 24), (120, 40)], ids=["small", "wide"])
