@@ -39,8 +39,10 @@ class SentenceField(TextArea, TakesText):
     class LeaveSentence(Message):
         """It is to be as it was."""
 
-    def __init__(self) -> None:
+    def __init__(self, *, exact: bool = False) -> None:
+        """`exact`: whether blanks and line ends that stand there count."""
         super().__init__(compact=True, highlight_cursor_line=False)
+        self._is_exact = exact
 
     def begin(self, text: str) -> None:
         """Type in this."""
@@ -49,8 +51,8 @@ class SentenceField(TextArea, TakesText):
 
     @property
     def sentence(self) -> str:
-        """What is typed, on one line."""
-        return " ".join(self.text.split())
+        """What is typed; on one line, where nothing else counts."""
+        return self.text if self._is_exact else " ".join(self.text.split())
 
     def action_cursor_text_start(self) -> None:
         """To the first character."""

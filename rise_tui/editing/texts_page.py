@@ -10,18 +10,16 @@ from typing import ClassVar
 from textual import on
 from textual.app import ComposeResult
 from textual.binding import Binding, BindingType
-from textual.containers import Horizontal
 from textual.message import Message
 from textual.widget import Widget
-from textual.widgets import TextArea
 
 from rise_engine.edit.edits import AnyEdit
 from rise_engine.edit.plan import EditRefused
+from rise_engine.scenario import LoadResult
 from rise_engine.text import clean
 from rise_tui.editing.language_choice import ask_for_language, choose_language
 from rise_tui.editing.model.draft import FilePlace, first_new_finding
 from rise_tui.editing.model.text_rows import (
-    LABEL,
     ORIGINAL,
     TextEntry,
     TextsView,
@@ -43,15 +41,15 @@ from rise_tui.editing.model.text_rows import (
     translation_lines,
     view_named,
 )
-from rise_tui.editing.page import EditFrame, EditPage
-from rise_tui.editing.sentence_field import SentenceField
+from rise_tui.editing.page import EditFrame
+from rise_tui.editing.sentence_page import SAID, SentencePage
 from rise_tui.editing.study_page import StudyPage
-from rise_tui.rendering.text import ListRow, StyledLine, TextRole, crop, shorten, wrap
+from rise_tui.rendering.text import ListRow, StyledLine, TextRole
 from rise_tui.widgets.row_list import RowList, RowView
 from rise_tui.widgets.static_lines import StaticLines
 
-LEAST_ROWS, LEAST_DETAIL, SAID = 3, 6, 2
-"""Rows of the list, of the text that is shown whole, and of what is said of what is typed."""
+LEAST_ROWS, LEAST_DETAIL = 3, 6
+"""Rows of the list, and of the text that is shown whole."""
 
 
 class TextList(RowList):
@@ -72,7 +70,7 @@ class TextList(RowList):
         self.post_message(self.Turn(step))
 
 
-class TextsPage(EditPage):
+class TextsPage(SentencePage):
     """Every text of the acts. Column 0 is what the acts say, 1 what it is in the language that is shown."""
 
     KIND: ClassVar[str] = "texts"
@@ -80,10 +78,6 @@ class TextsPage(EditPage):
     TextsPage #head { background: $rise-bar; }
     TextsPage #parting { background: $rise-bar; }
     TextsPage #detail { height: 6; }
-    TextsPage #typed { display: none; height: auto; }
-    TextsPage #label { width: 8; }
-    TextsPage #said { display: none; height: 2; }
-    TextsPage.-typing #typed, TextsPage.-typing #said { display: block; }
     """
     BINDINGS: ClassVar[list[BindingType]] = [Binding("space", "read_on", show=False)]
 
@@ -94,12 +88,12 @@ class TextsPage(EditPage):
         self.rows = TextList(id="texts")
         self.parting, self.detail = StaticLines(id="parting"), RowList(id="detail")
         self.detail.can_focus = False
-        self.label, self.field, self.said = StaticLines(id="label"), SentenceField(), StaticLines(id="said")
         self.column = 1
         self._entries: list[TextEntry] = []
         self._shown: list[TextEntry] = []
         self._typing: TextEntry | None = None
-        self._finding: tuple[str, TextRole] = ("", "plain")
+        self._following = ""
+        """The id of the text that is opened when what was typed is made."""
 
     def compose(self) -> ComposeResult:
         yield self.head
@@ -107,18 +101,11 @@ class TextsPage(EditPage):
         yield self.rows
         yield self.parting
         yield self.detail
-        with Horizontal(id="typed"):
-            yield self.label
-            yield self.field
-        yield self.said
+        yield from self.compose_field()
 
     @property
     def first_focus(self) -> Widget | None:
         return self.rows
-
-    @property
-    def is_typing(self) -> bool:
-        return self._typing is not None
 
     @property
     def entry(self) -> TextEntry | None:
@@ -168,7 +155,7 @@ class TextsPage(EditPage):
         if self._typing is not None:
             self._typing = next((each for each in self._entries if each.text.id == self._typing.text.id), None)
             if self._typing is None:
-                self._close_field()
+                self.close_field()
         self._draw_detail()
 
     @on(RowView.CursorMoved)
@@ -181,7 +168,6 @@ class TextsPage(EditPage):
             return
         self.parting.show(entry_head(self.draft, entry, width))
         self._show_detail(self._detail_lines(entry, width))
-        self._draw_said()
 
     def _detail_lines(self, entry: TextEntry, width: int) -> list[StyledLine]:
         """The text whole; while it is changed, all but what is typed, which stands below."""
@@ -217,12 +203,6 @@ class TextsPage(EditPage):
         top, height = self.detail.scroll_offset.y, max(1, self.detail.size.height)
         following = top + height - 1 if top + height < self.detail.count else 0
         self.detail.scroll_to(y=following, animate=False)
-
-    def _draw_said(self) -> None:
-        sentence, role = self._finding
-        mark = {"fault": "✗ ", "wait": "▲ "}.get(role, "")
-        pieces = wrap(f"{mark}{sentence}", max(20, self.size.width - LABEL - 2))[:SAID] if sentence else []
-        self.said.show(*(crop(((" " * LABEL + piece, role),), self.size.width) for piece in pieces))
 
     def _make_room(self, alone: bool) -> None:
         """Two languages beside each other need the whole width: the list of the study gives its own."""
@@ -332,90 +312,45 @@ class TextsPage(EditPage):
                 self.frame.say(clean(str(refused)), "wait")
                 return
         self._typing = entry
-        self.add_class("-typing")
         name = self.view.language if self.column == 1 else own_language(self.draft) or ORIGINAL
-        self.label.show(((f" ▸{shorten(name, LABEL - 3)}", "accent"),))
-        with self.field.prevent(TextArea.Changed):
-            self.field.begin(entry.text.text if self.column == 0 else entry.said)
-        self.field.focus()
-        self._say("")
+        self.open_field(name, entry.text.text if self.column == 0 else entry.said)
         self._draw_detail()
-        self.frame.draw_bars()
 
-    def _close_field(self) -> None:
+    def focus_list(self) -> None:
         self._typing = None
-        self.remove_class("-typing")
         self.rows.focus()
         self._draw_detail()
-        self.frame.draw_bars()
 
-    def _say(self, sentence: str, role: TextRole = "muted") -> None:
-        self._finding = (sentence, role)
-        self._draw_said()
-
-    def _edits(self, entry: TextEntry, said: str) -> tuple[AnyEdit, ...]:
+    def edits_typed(self, said: str) -> tuple[AnyEdit, ...]:
+        entry = self._typing
+        if entry is None:
+            return ()
         if self.column == 0:
             return original_edits(self.draft, entry, said)
         return translation_edits(entry, self.view.language, said)
 
-    @on(SentenceField.LeaveSentence)
-    def _left(self, event: SentenceField.LeaveSentence) -> None:
-        event.stop()
-        self._close_field()
+    def step_over(self, step: int) -> int:
+        """Which text follows is found now: the one that was changed may be none of those that are shown then."""
+        at = self.rows.cursor + step
+        self._following = self._shown[at].text.id if step and 0 <= at < len(self._shown) else ""
+        return step
 
-    @on(SentenceField.TakeSentence)
-    def _taken(self, event: SentenceField.TakeSentence) -> None:
-        event.stop()
-        entry = self._typing
-        if entry is None:
-            return
-        try:
-            edits = self._edits(entry, event.text)
-        except EditRefused as refused:
-            self._say(clean(str(refused)), "fault")
-            return
-        at = self.rows.cursor + event.step
-        following = self._shown[at].text.id if event.step and 0 <= at < len(self._shown) else ""
-        self._close_field()
-
-        def go_on() -> None:
-            if following:
-                self.rows.select(following)
-                self.open_current()
-
-        if edits:
-            self.frame.make(*edits, then=go_on)
-            return
-        if entry.state == "stale" and self.column == 1:
+    def go_on(self, step: int, *, changed: bool) -> None:
+        entry = self.entry
+        if not changed and entry is not None and entry.state == "stale" and self.column == 1:
             self.frame.say("not changed, and of an earlier text: s says that it is right still")
-        go_on()
+        if self._following:
+            self.rows.select(self._following)
+            self.open_current()
 
-    @on(TextArea.Changed)
-    def _typed(self, event: TextArea.Changed) -> None:
-        event.stop()
-        if self._typing is not None:
-            work = self._preview(self._typing, self.field.sentence)
-            self.run_worker(work, group="preview", exclusive=True)
-
-    async def _preview(self, entry: TextEntry, said: str) -> None:
-        """Say what would be wrong with the files then that is not wrong now."""
-        try:
-            edits = self._edits(entry, said)
-            found = None
-            if edits:
-                checked = await self.frame.study.preview(*edits)
-                found = first_new_finding(self.draft, checked, but=("stale-translation", "untranslated"))
-        except EditRefused as refused:
-            self._say(clean(str(refused)), "fault")
-            return
-        if not self.is_typing:
-            return
+    def finding_of(self, checked: LoadResult, edits: tuple[AnyEdit, ...]) -> tuple[str, TextRole]:
+        found = first_new_finding(self.draft, checked, but=("stale-translation", "untranslated"))
         if found is not None:
-            self._say(clean(found.message), "fault" if found.severity == "error" else "wait")
-        elif self.column == 0 and edits and (languages := self._translated_into(entry)):
-            self._say(f"its translation into {', '.join(languages)} is of an earlier text then")
-        else:
-            self._say("")
+            return found.message, "fault" if found.severity == "error" else "wait"
+        languages = self._translated_into(self._typing) if self.column == 0 and self._typing is not None else []
+        if languages:
+            return f"its translation into {', '.join(languages)} is of an earlier text then", "muted"
+        return "", "muted"
 
     def _translated_into(self, entry: TextEntry) -> list[str]:
         return [tag for tag, found in self.draft.checked.translations.items() if entry.text.id in found.texts]
