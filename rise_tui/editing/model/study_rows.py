@@ -116,6 +116,8 @@ def find_at(draft: StudyDraft, file: str, line: int) -> tuple[str, str] | None:
             return "rule", rule.name
     if (view := find_text(draft, file, line)) is not None:
         return "texts", view.name
+    if file.startswith("tables/") and file.lower().endswith(".csv"):
+        return "tables", f"{file}:{line}"
     by_file = {"memory.json": "memory", "scenario.toml": "settings"}
     return (by_file[file], "") if file in by_file else None
 
