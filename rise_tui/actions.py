@@ -384,7 +384,8 @@ ACTIONS: tuple[ConsoleAction, ...] = (
            "Shows in words and line by line what changes in the files, and writes them, all or none. Refused while "
            "there is an error.", "save", _in_editor),
     ConsoleAction("edit.other", "The other part of the page", ("tab", "f3"), "edit",
-           "Goes from a list to the form below it, and back.", "", _in_editor),
+           "Goes from a list to the form below it, and back; of texts, from the original to its translation.", "",
+           _in_editor),
     ConsoleAction("edit.pages", "To the list of the study", ("f2", "ctrl+l"), "edit",
            "Goes back to the list of acts, rules, memory, keys and settings.", "list", _in_editor),
     ConsoleAction("edit.leave", "Back", ("escape",), "edit",

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import ClassVar
 
@@ -129,6 +129,10 @@ class TablesPage(SentencePage):
     @property
     def hints(self) -> Mapping[str, str]:
         return {"edit.open": "change", "edit.add": "row", "edit.remove": "remove row"}
+
+    @property
+    def own_hints(self) -> Sequence[tuple[str, str]]:
+        return (("←→", "column"),) if self.row is not None else ()
 
     @property
     def row(self) -> tuple[GridRow, WrittenCells] | None:

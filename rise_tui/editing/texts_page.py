@@ -129,7 +129,8 @@ class TextsPage(SentencePage):
 
     @property
     def own_hints(self) -> Sequence[tuple[str, str]]:
-        return (("space", "read on"),) if self._is_more else ()
+        more = [("space", "read on")] if self._is_more else []
+        return (*more, *([("←→", "language")] if self.view.language else []))
 
     # --- what is shown ----------------------------------------------------------------------------------------------
 

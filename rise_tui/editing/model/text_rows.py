@@ -33,11 +33,14 @@ from rise_tui.rendering.text import (
     wrap,
 )
 
-TextState: TypeAlias = Literal["there", "stale", "missing", "not needed"]
-"""Of a translation: of the text as it is, of an earlier text, not there, not there and not wanted."""
+TextState: TypeAlias = Literal["there", "stale", "wrong", "missing", "not needed"]
+"""Of a translation: of the text as it is, of an earlier text, with other memory values than the text, not there, not
+there and not wanted."""
+LACKING: tuple[TextState, ...] = ("stale", "wrong", "missing")
 MARKS: dict[TextState, StyledSpan] = {
     "there": ("✓ ", "muted"),
     "stale": ("▲ ", "wait"),
+    "wrong": ("✗ ", "fault"),
     "missing": ("✗ ", "fault"),
     "not needed": ("· ", "muted"),
 }
@@ -69,6 +72,7 @@ class TextCounts(NamedTuple):
 
     there: int
     stale: int
+    wrong: int
     missing: int
     of: int
     """All that need a translation."""
@@ -81,7 +85,7 @@ class TextsView(NamedTuple):
     id: str = ""
     """Of the text under the cursor."""
     only: bool = False
-    """Only what is missing or stale."""
+    """Only what is missing, stale or wrong."""
     wanted: str = ""
 
     @property
@@ -118,23 +122,25 @@ def languages_of(draft: StudyDraft) -> tuple[str, ...]:
 def text_entries(draft: StudyDraft, language: str) -> list[TextEntry]:
     """All texts in the order of the acts; without a language, none of them needs a translation."""
     found = draft.checked.translations.get(language)
-    entries = []
-    for text in draft.checked.texts:
-        given = found.texts.get(text.id) if found is not None else None
-        state: TextState = "not needed"
-        if given is not None:
-            state = "stale" if given.of != text.text else "there"
-        elif found is not None and text.is_needed:
-            state = "missing"
-        entries.append(TextEntry(text, given, state))
-    return entries
+    if found is None:
+        return [TextEntry(text, None, "not needed") for text in draft.checked.texts]
+    given = [(text, found.texts.get(text.id)) for text in draft.checked.texts]
+    return [TextEntry(text, translation, _state(text, translation)) for text, translation in given]
+
+
+def _state(text: SpokenText, translation: Translation | None) -> TextState:
+    if translation is None:
+        return "missing" if text.is_needed else "not needed"
+    if translation.of != text.text:
+        return "stale"
+    return "wrong" if slot_problem(text.template, translation.template) else "there"
 
 
 def count_texts(entries: Sequence[TextEntry]) -> TextCounts:
     """Over all texts of a study."""
     states = [each.state for each in entries]
-    there, stale, missing = (states.count(state) for state in ("there", "stale", "missing"))
-    return TextCounts(there, stale, missing, there + stale + missing)
+    there, stale, wrong, missing = (states.count(state) for state in ("there", *LACKING))
+    return TextCounts(there, stale, wrong, missing, there + stale + wrong + missing)
 
 
 def shown_entries(entries: Sequence[TextEntry], view: TextsView) -> list[TextEntry]:
@@ -143,7 +149,7 @@ def shown_entries(entries: Sequence[TextEntry], view: TextsView) -> list[TextEnt
     return [
         each
         for each in entries
-        if (not view.only or each.state in ("missing", "stale"))
+        if (not view.only or each.state in LACKING)
         and wanted in f"{each.text.id}\n{each.text.text}\n{each.said}".casefold()
     ]
 
@@ -188,6 +194,7 @@ def head_line(draft: StudyDraft, view: TextsView, entries: Sequence[TextEntry], 
         left.append((f" → {view.language}{at}", "accent"))
         left.append((f"   ✓ {counts.there}", "plain"))
         left.append((f"   ▲ {counts.stale} changed since", "wait" if counts.stale else "muted"))
+        left += [(f"   ✗ {counts.wrong} wrong", "fault")] if counts.wrong else []
         left.append((f"   ✗ {counts.missing} missing", "fault" if counts.missing else "muted"))
         left.append((f"   of {counts.of}", "muted"))
     else:
@@ -309,6 +316,8 @@ def note_lines(draft: StudyDraft, entry: TextEntry, language: str, folder: str, 
     if entry.state == "stale" and entry.translation is not None:
         was = clean(entry.translation.of)
         notes.append((f"▲ the text has changed since it was translated. It was “{was}”. s: it is right still", "wait"))
+    if entry.state == "wrong" and entry.translation is not None:
+        notes.append((f"✗ {slot_problem(entry.text.template, entry.translation.template)}", "fault"))
     slots = list(dict.fromkeys(f"{{{slot.key}}}" for slot in entry.text.template.slots))
     if slots:
         notes.append((f"{', '.join(slots)}: from the memory; a translation has the same, and words behind a | in its "
@@ -328,8 +337,10 @@ def session_note(draft: StudyDraft, language: str, folder: str) -> str:
     command = f"rise-tui --config {shlex.quote(folder)} --language {language}"
     if "study.toml" in draft.files:
         command = "the column `language` of participants.csv says it"
-    missing = count_texts(text_entries(draft, language)).missing
-    after = f"; refused while {count(missing, 'text is', 'texts are')} missing" if missing else ""
+    counts = count_texts(text_entries(draft, language))
+    lacking = [f"{count(counts.missing, 'text is', 'texts are')} missing"] if counts.missing else []
+    lacking += [f"{count(counts.wrong, 'text is', 'texts are')} wrong"] if counts.wrong else []
+    after = f"; refused while {' and '.join(lacking)}" if lacking else ""
     return f"a session in {language}: {command}{after}"
 
 

@@ -70,7 +70,7 @@ def test_a_text_says_what_its_translation_is(draft: StudyDraft, id: str, state: 
 
 def test_texts_are_counted_and_without_a_language_none_lacks_anything(draft: StudyDraft) -> None:
     entries = text_entries(draft, "de")
-    assert count_texts(entries) == (len(entries) - 2, 1, 1, len(entries))
+    assert count_texts(entries) == (len(entries) - 2, 1, 0, 1, len(entries))
     assert {each.state for each in text_entries(draft, "")} == {"not needed"}
     assert (own_language(draft), languages_of(draft)) == ("en", ("de",))
 
@@ -152,6 +152,17 @@ def test_a_longer_translation_takes_longer(draft: StudyDraft) -> None:
     assert found.translation is not None
     own = said_seconds(draft.checked, found.text, found.text.template)
     assert own < said_seconds(draft.checked, found.text, found.translation.template)
+
+
+def test_a_translation_with_other_memory_values_is_wrong(folder: Path) -> None:
+    replace(folder / "texts" / "de.toml", '"Gut gemacht!"', '"Gut gemacht, {person_name}!"')
+    draft = draft_of(Workspace(folder))
+    found = entry(draft, "R_Praise/2/2")
+    assert found.state == "wrong" and count_texts(text_entries(draft, "de"))[:4] == (69, 1, 1, 1)
+    assert found in shown_entries(text_entries(draft, "de"), TextsView("de", only=True))
+    said = " ".join(plain_text(line).strip() for line in note_lines(draft, found, "de", "lab", 100))
+    assert "✗ the translation has {person_name}, which the text has not" in said
+    assert "refused while 1 text is missing and 1 text is wrong" in said
 
 
 # --- edits ----------------------------------------------------------------------------------------------------------
