@@ -381,6 +381,13 @@ class SetTranslation(Edit, frozen=True):
     value: str | None
 
 
+class AddLanguage(Edit, frozen=True):
+    """Another language that the texts are to be translated into (`also`, in scenario.toml)."""
+
+    language: str
+    """Its tag: `de`, `pt-BR`, `de-x-sie`."""
+
+
 # --- names and whole files ------------------------------------------------------------------------------------------
 
 
@@ -406,6 +413,7 @@ AnyEdit: TypeAlias = (
     | AddVariant | RemoveVariant | AddRule | CopyRule | RemoveRule | SetInitial | SetPriority | AddState | RemoveState
     | AddTransition | SetTransition | RemoveTransition | MoveTransition | AddStatement | SetCall | RemoveStatement
     | MoveStatement | AddBranch | SetBranchCondition | SetStartValue | RemoveStartValue | SetSetting | RenameSetting
-    | SetCell | AddRow | RemoveRow | SetUseParameter | SetTranslation | Rename | ReplaceFile
+    | SetCell | AddRow | RemoveRow | SetUseParameter | SetTranslation | AddLanguage
+    | Rename | ReplaceFile
 )  # fmt: skip
 """Every edit that there is."""

@@ -6,7 +6,7 @@ another reader than the one that planned the edit by, so that a mistake in a spl
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from typing import Any, TypeAlias
 
 import msgspec
@@ -18,7 +18,9 @@ from rise_engine.edit.plan import EditRefused
 from rise_engine.edit.rename_guard import check_rename
 from rise_engine.edit.study_state import StudyState
 from rise_engine.edit.transitions import find_transition
+from rise_engine.edit.translations import existing_language
 from rise_engine.expression import Assignment, Expression
+from rise_engine.scenario.translations import LanguageTexts
 
 Path: TypeAlias = tuple[str | int, ...]
 """Where in a model something stands: `("acts", "R_Yes", "actions", "2", "wait_for")`."""
@@ -50,7 +52,13 @@ def check_guard(edits: Sequence[Edit], before: StudyState, after: StudyState) ->
 def path_in_words(path: Path) -> str:
     """`act R_Yes, actions, 2`."""
     kind, *rest = path
-    singular = {"acts": "act", "rules": "rule", "memory": "memory key", "tables": "table"}.get(str(kind), str(kind))
+    singular = {
+        "acts": "act",
+        "rules": "rule",
+        "memory": "memory key",
+        "tables": "table",
+        "translations": "translation",
+    }.get(str(kind), str(kind))
     return ", ".join([" ".join(map(str, (singular, *rest[:1]))), *map(str, rest[1:])])
 
 
@@ -60,7 +68,18 @@ def _is_within(path: Path, allowed: Path) -> bool:
 
 # --- the models ---------------------------------------------------------------------------------------------------
 
-_SETTINGS = ("title", "mode", "keys", "act_settings", "fillers", "study", "conditions", "private", "language")
+_SETTINGS = (
+    "title",
+    "mode",
+    "keys",
+    "act_settings",
+    "fillers",
+    "study",
+    "conditions",
+    "private",
+    "language",
+    "languages",
+)
 
 
 def model_of(study: StudyState) -> dict[str, Any]:
@@ -72,10 +91,21 @@ def model_of(study: StudyState) -> dict[str, Any]:
         "rules": draft.rules,
         "memory": draft.memory,
         "tables": {name: [table.columns, *table.rows] for name, table in draft.tables.items()},
+        "translations": _translations(checked.translations),
     }
     if checked.scenario is not None:
         model["settings"] = {name: getattr(checked.scenario, name) for name in _SETTINGS}
     return model
+
+
+def _translations(languages: Mapping[str, LanguageTexts]) -> dict[str, Any]:
+    """What is said in all languages, and of what it is the translation: `de/R_Yes/2/1`."""
+    said: dict[str, Any] = {}
+    for tag, found in languages.items():
+        for act, key in found.keys:
+            given = found.texts.get(f"{act}/{key}")
+            said[f"{tag}/{act}/{key}"] = (given.template.text, given.of) if given is not None else None
+    return said
 
 
 def changed_paths(before: StudyState, after: StudyState) -> Iterator[Path]:
@@ -126,15 +156,17 @@ def differences(one: Any, other: Any, path: Path = ()) -> Iterator[Path]:
 def allowed_paths(edit: Edit, before: StudyState, after: StudyState) -> Sequence[Path]:
     """Where the model may differ after an edit; `()`: anywhere."""
     match edit:
-        case of.AddAct(name=name) | of.CopyAct(name=name) | of.RemoveAct(act=name):
+        case of.RemoveAct(act=act):
+            return [("acts", act), *_of_translations(act, "", before)]
+        case of.AddAct(name=name) | of.CopyAct(name=name):
             return [("acts", name)]
         case of.AddAction(act=act):
             return [("acts", act, "actions", edit.id.strip() or _new_action(act, before, after))]
         case of.RemoveAction(act=act, action=action):
             waits = [("acts", act, "actions", each.id, "wait_for") for each in _actions(act, before)]
-            return [("acts", act, "actions", action), *waits]
+            return [("acts", act, "actions", action), *waits, *_of_translations(act, action, before)]
         case of.SetActionType(act=act, action=action):
-            return [("acts", act, "actions", action)]
+            return [("acts", act, "actions", action), *_of_translations(act, action, before)]
         case of.SetParameter(act=act, action=action):
             return [("acts", act, "actions", action, "calls", edit.variant, "parameters", edit.parameter)]
         case of.SetWaits(act=act, action=action):
@@ -142,7 +174,7 @@ def allowed_paths(edit: Edit, before: StudyState, after: StudyState) -> Sequence
         case of.SetActionFailure(act=act, action=action):
             return [("acts", act, "actions", action, "continue_on_failure")]
         case of.AddVariant(act=act, action=action) | of.RemoveVariant(act=act, action=action):
-            return [("acts", act, "actions", action, "calls")]
+            return [("acts", act, "actions", action, "calls"), *_of_translations(act, action, before, after)]
         case of.AddRule(name=name) | of.CopyRule(name=name) | of.RemoveRule(rule=name):
             return [("rules", name)]
         case of.SetInitial(rule=rule):
@@ -170,14 +202,30 @@ def _of_statement_or_data(edit: Edit, before: StudyState, after: StudyState) -> 
         case of.SetSetting() | of.RenameSetting():
             if edit.file != "scenario.toml":
                 return []
-            return _EVERYTHING if edit.path[:1] in _FAR_REACHING else [("settings",), ("tables",)]
+            if edit.path[:1] in _FAR_REACHING:
+                return _EVERYTHING
+            translated: list[Path] = [("translations",)] if edit.path[0] == "language" else []
+            return [("settings",), ("tables",), *translated]
         case of.SetCell(table=table) | of.AddRow(table=table) | of.RemoveRow(table=table):
             return [("tables", table)]
         case of.SetUseParameter():
             return [*_of_use(edit, before), *_of_use(edit, after)]
-        case of.SetTranslation():
-            return []
+        case of.SetTranslation(language=language, act=act, text=text):
+            tag, file = existing_language(before, language)
+            first: list[Path] = [] if file in before.files else [("settings", "languages")]
+            return [("translations", f"{tag}/{act}/{text}"), *first]
+        case of.AddLanguage():
+            return [("settings", "languages")]
     return _EVERYTHING  # a name everywhere, a whole file
+
+
+def _of_translations(act: str, action: str, *studies: StudyState) -> Iterator[Path]:
+    """The translations of an act's texts, which go with them; `action`: of this one alone."""
+    for study in studies:
+        for tag, found in study.checked.translations.items():
+            for name, key in found.keys:
+                if name == act and (not action or key.partition("/")[0] == action):
+                    yield "translations", f"{tag}/{act}/{key}"
 
 
 def _actions(act: str, study: StudyState) -> Sequence[Any]:

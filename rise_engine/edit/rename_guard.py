@@ -19,7 +19,8 @@ _NAME = "\0"
 def check_rename(edit: Rename, before: Mapping[str, Any], after: Mapping[str, Any]) -> None:
     """Compare the models of a study before and after (`guard.model_of`), the old and the new name taken for the same.
 
-    What acts do, what they say above all, may differ only where a memory key or an actionID stands in it.
+    What acts do, what they say above all, may differ only where a memory key or an actionID stands in it; so may what
+    they say in other languages.
 
     :raises EditRefused: something else differs.
     """
@@ -32,7 +33,7 @@ def check_rename(edit: Rename, before: Mapping[str, Any], after: Mapping[str, An
         return text.replace(longer, _NAME).replace(shorter, _NAME)
 
     for part in before:
-        inner = either if part != "acts" or edit.kind in ("key", "action") else _as_it_is
+        inner = either if part not in ("acts", "translations") or edit.kind in ("key", "action") else _as_it_is
         one, other = before[part], after.get(part)
         if not (isinstance(other, dict) and _is_same_dict(one, other, either, inner)):
             what = {"acts": "what acts do", "rules": "what rules do"}.get(part, part)

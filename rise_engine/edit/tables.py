@@ -8,7 +8,7 @@ from typing import Any
 from msgspec import Struct
 
 from rise_engine.edit.edits import AddRow, Edit, RemoveRow, SetCell
-from rise_engine.edit.plan import EditRefused, Plan
+from rise_engine.edit.plan import EditRefused, Files, Plan
 from rise_engine.edit.study_state import StudyState
 from rise_engine.edit.text_edits import EditedText, TextEdit, changed_text
 from rise_engine.nearest_name import did_you_mean
@@ -56,9 +56,38 @@ class _WrittenTable(Struct):
         return '"' + value.replace('"', '""') + '"' if quoted or odd else value
 
 
+class WrittenCells(Struct, frozen=True):
+    """A table as people see it in a spreadsheet: every value as it is written."""
+
+    file: str
+    columns: tuple[str, ...]
+    rows: tuple[tuple[str, ...], ...]
+    lines: tuple[int, ...]
+    """Where each row begins in the file, from 1."""
+
+
+def written_cells(files: Files, name: str) -> WrittenCells:
+    """The table of this name as it is written. :raises EditRefused: there is none, or it cannot be read."""
+    table = _read(name, files)
+    width = len(table.columns)
+    lines = tuple(table.file.line(row.start) for row in table.rows)
+    return WrittenCells(
+        table.file.name, tuple(table.columns), tuple(tuple(row.values[:width]) for row in table.rows), lines
+    )
+
+
+def table_names(files: Files) -> tuple[str, ...]:
+    """All tables of a study, also those that cannot be read, in the order of their names."""
+    return tuple(sorted(file[len(TABLES_FOLDER) + 1 : -4] for file in _table_files(files)))
+
+
+def _table_files(files: Files) -> list[str]:
+    return [file for file in files if file.startswith(f"{TABLES_FOLDER}/") and file.lower().endswith(".csv")]
+
+
 def plan_set_cell(edit: SetCell, study: StudyState) -> Plan:
     """A value of a table. :raises EditRefused: there is no such table, row or column, or the row would be empty."""
-    table = _read(edit.table, study)
+    table = _read(edit.table, study.files)
     at, row = table.column(edit.column), table.row(edit.row)
     value = _value(edit.value)
     _check_row([*row.values[:at], value, *row.values[at + 1 :]], table)
@@ -78,7 +107,7 @@ def plan_set_cell(edit: SetCell, study: StudyState) -> Plan:
 
 def plan_add_row(edit: AddRow, study: StudyState) -> Plan:
     """A row more; columns that are not given stay empty. :raises EditRefused: a column is unknown, or all are empty."""
-    table = _read(edit.table, study)
+    table = _read(edit.table, study.files)
     given = {table.column(name): _value(value) for name, value in edit.values.items()}
     values = [given.get(at, "") for at in range(len(table.columns))]
     _check_row(values, table)
@@ -97,7 +126,7 @@ def plan_add_row(edit: AddRow, study: StudyState) -> Plan:
 
 def plan_remove_row(edit: RemoveRow, study: StudyState) -> Plan:
     """A row less. :raises EditRefused: there is no such table or row."""
-    table = _read(edit.table, study)
+    table = _read(edit.table, study.files)
     row = table.row(edit.row)
     text = table.file.text
     start, end = row.start, min(row.end, len(text))
@@ -118,16 +147,16 @@ def _plan(table: _WrittenTable, edits: list[TextEdit], rows: list[list[str]], sa
     return Plan(splices=table.file.splices(edits), says=(says,))
 
 
-def _read(name: str, study: StudyState) -> _WrittenTable:
+def _read(name: str, files: Files) -> _WrittenTable:
     """:raises EditRefused: there is no such table, or something is wrong with its form."""
-    tables = [file for file in study.files if file.startswith(f"{TABLES_FOLDER}/") and file.lower().endswith(".csv")]
+    tables = _table_files(files)
     file = next((file for file in tables if file[len(TABLES_FOLDER) + 1 : -4] == name), None)
     if file is None:
         known = [each[len(TABLES_FOLDER) + 1 : -4] for each in tables]
         near = did_you_mean(name, known)
         raise EditRefused(f"there is no table `{name}`{near}" if known else f"this study has no table `{name}`")
-    settings = _settings(f"{file[:-4]}.toml", study)
-    text = EditedText(file, study.files[file], settings.encoding)
+    settings = _settings(f"{file[:-4]}.toml", files)
+    text = EditedText(file, files[file], settings.encoding)
     found = _records(file, text.text, settings.separator)
     if found is None or not found[1]:
         raise EditRefused(f"{file} cannot be read as a table; `rise-engine check` says why")
@@ -138,8 +167,8 @@ def _read(name: str, study: StudyState) -> _WrittenTable:
     return _WrittenTable(text, reader.separator, columns, header, rows)
 
 
-def _settings(file: str, study: StudyState) -> TableSettings:
-    source = SourceFile(file, b"", study.files.get(file, b"").decode("utf-8-sig", "replace"))
+def _settings(file: str, files: Files) -> TableSettings:
+    source = SourceFile(file, b"", files.get(file, b"").decode("utf-8-sig", "replace"))
     found = read_toml(source, Diagnostics()) or TomlFile(source, {})
     return TableSettings(TomlTable(found, (), found.values, Diagnostics()))
 

@@ -9,12 +9,13 @@ from typing import Any
 
 from msgspec import Struct
 
-from rise_engine.edit.edits import Edit, SetTranslation
+from rise_engine.edit.edits import AddLanguage, Edit, SetSetting, SetTranslation
 from rise_engine.edit.plan import EditRefused, Plan, Splice
+from rise_engine.edit.settings import plan_set_setting
 from rise_engine.edit.study_state import StudyState
 from rise_engine.edit.text_edits import EditedText, TextEdit, changed_text, file_of
 from rise_engine.nearest_name import did_you_mean
-from rise_engine.scenario.file_names import TEXTS_FOLDER
+from rise_engine.scenario.file_names import SCENARIO_FILE, TEXTS_FOLDER
 from rise_engine.scenario.languages import language_problem
 from rise_engine.scenario.spoken_texts import SpokenText
 from rise_engine.scenario.toml_syntax import KeyPath, TomlPair, TomlSection, TomlValue, read_sections
@@ -53,6 +54,36 @@ def plan_set_translation(edit: SetTranslation, study: StudyState) -> Plan:
         edits, before = file.replacements(found, entries), file.string(found.values.get("text"))
         was = ": it is right still" if before == value else f" (was “{_short(before)}”)"
     return Plan(splices=file.splices(edits), says=(says + was,))
+
+
+def plan_add_language(edit: AddLanguage, study: StudyState) -> Plan:
+    """A language that texts are to be translated into; its file is made with the first translation.
+
+    :raises EditRefused: it is no language, the study has it already, or the acts are in it.
+    """
+    language = edit.language.strip()
+    if problem := language_problem(language):
+        raise EditRefused(problem)
+    checked = study.checked
+    own = checked.scenario.language if checked.scenario is not None else ""
+    if language.lower() == own.lower():
+        raise EditRefused(f"the acts are in `{own}` themselves")
+    known = {each.lower(): each for each in checked.translations}
+    if language.lower() in known:
+        raise EditRefused(f"the study is translated into `{known[language.lower()]}` already")
+    also = _also(study)
+    plan = plan_set_setting(SetSetting(("languages", "also"), [*also, language]), study)
+    return Plan(plan.splices, plan.written, (f"texts can be translated into {language}",), plan.noticed)
+
+
+def _also(study: StudyState) -> list[str]:
+    """What `[languages]` lists now; nothing, where it cannot be read."""
+    try:
+        table = tomllib.loads(file_of(study.files, SCENARIO_FILE).text).get("languages", {})
+    except (EditRefused, ValueError, RecursionError):
+        return []
+    found = table.get("also", []) if isinstance(table, dict) else []
+    return [each for each in found if isinstance(each, str)] if isinstance(found, list) else []
 
 
 def existing_language(study: StudyState, language: str) -> tuple[str, str]:
@@ -290,4 +321,7 @@ def _short(text: str) -> str:
     return text if len(text) <= _SHOWN else f"{text[: _SHOWN - 1]}…"
 
 
-PLANNERS: dict[type[Edit], Callable[[Any, StudyState], Plan]] = {SetTranslation: plan_set_translation}
+PLANNERS: dict[type[Edit], Callable[[Any, StudyState], Plan]] = {
+    SetTranslation: plan_set_translation,
+    AddLanguage: plan_add_language,
+}

@@ -10,8 +10,10 @@ from collections.abc import Iterator, Sequence
 
 from msgspec import Struct
 
-from rise_engine.edit.edits import AddAct, AnyEdit, SetParameter, SetTranslation, SetUseParameter
-from rise_engine.edit.outline import Outline, WrittenAct, WrittenValue
+from rise_engine.edit.edits import AddAct, AnyEdit, SetTranslation
+from rise_engine.edit.originals import edit_of_original
+from rise_engine.edit.outline import Outline
+from rise_engine.edit.plan import EditRefused
 from rise_engine.nearest_name import did_you_mean
 from rise_engine.scenario import LoadResult
 from rise_engine.scenario.spoken_texts import SpokenText
@@ -171,28 +173,14 @@ class _Importer:
         if template is None:
             self._refuse(row, text.id, problem)
             return None
-        edit = self._text_edit(text, said)
-        if isinstance(edit, str):
-            self._refuse(
-                row, text.id, f"{edit}; change it in {text.action.location.file}, line {text.action.location.line}"
-            )
+        try:
+            edit = edit_of_original(text, said, self.outline)
+        except EditRefused as refused:
+            where = text.action.location
+            self._refuse(row, text.id, f"{refused}; change it in {where.file}, line {where.line}")
             return None
         self.edits.append(edit)
         return template
-
-    def _text_edit(self, text: SpokenText, said: str) -> AnyEdit | str:
-        """The edit that changes a text; or why there is none."""
-        act = self.outline.act(text.act)
-        written = _written_value(act, text) if act is not None else None
-        if act is None or written is None:
-            return "it cannot be found in the files"
-        if written.parameter:
-            use = next((each for each in self.outline.uses if (each.file, each.span) == (act.file, written.span)), None)
-            if use is not None:
-                return SetUseParameter(use.file, use.line, use.template, written.parameter, said)
-        if written.reason or act.reason:
-            return written.reason or act.reason
-        return SetParameter(text.act, text.action.id, text.parameter, said, text.variant)
 
     def _change_translation(
         self, row: ReadRow, text: SpokenText, template: Template, column: str, language: str, check: str | None
@@ -244,13 +232,6 @@ class _Importer:
             for column, language in self.languages.items():
                 if given := _normal(row.values.get(column, "")):
                     self.translated.append(SetTranslation(language, act, "1", given))
-
-
-def _written_value(act: WrittenAct, text: SpokenText) -> WrittenValue | None:
-    action = next((each for each in act.actions if each.id == text.action.id), None)
-    if action is None or text.variant >= len(action.calls):
-        return None
-    return action.calls[text.variant].parameters.get(text.parameter)
 
 
 def _read_template(text: str) -> tuple[Template | None, str]:

@@ -10,7 +10,6 @@ from types import FrameType
 from typing import Any, Literal
 
 from textual import events, on
-from textual.widgets import Input
 
 from rise_engine.protocol.client import Client, EndRefused, EngineGone
 from rise_engine.protocol.registry import RegistryError
@@ -35,6 +34,7 @@ from rise_tui.key_labels import use_own_keys, why_blocked
 from rise_tui.model.notice import Notice
 from rise_tui.rendering import themes
 from rise_tui.rendering.terminal_app import TerminalApp
+from rise_tui.rendering.typing_fields import takes_text
 from rise_tui.screens.end_session import end_session_dialog
 from rise_tui.screens.report import ReportScreen
 from rise_tui.screens.settings import SettingsScreen
@@ -324,7 +324,7 @@ class ConsoleApp(TerminalApp):
         if is_editing(self):
             return typed_ahead.admits(self, event)
         # On the screen of a study a paste is no row of commands either (console.md 2.3).
-        if not isinstance(event, events.Key) or isinstance(self.focused, Input):
+        if not isinstance(event, events.Key) or takes_text(self.focused):
             return True
         return not self._keys_together or event.key in ALWAYS_ADMITTED
 

@@ -39,6 +39,7 @@ from rise_tui.model.key_action import MARK_CUE, NEXT_FILLER, UNDO_CUE, KeyAction
 from rise_tui.model.notice import Level, Notice
 from rise_tui.model.store import Store, StorePart
 from rise_tui.rendering.terminal_app import TerminalApp
+from rise_tui.rendering.typing_fields import takes_text
 from rise_tui.screens.tour import is_tour_due
 from rise_tui.widgets.mistake_line import MistakeLine, is_mark_key
 from rise_tui.widgets.note_line import NoteLine
@@ -119,7 +120,7 @@ class ConsoleScreen(Screen[None]):
     @property
     def _is_typing(self) -> bool:
         """Whether keys are letters, or commands of the editor, which start nothing on a robot."""
-        return isinstance(self.app.focused, Input) or is_editing(self.app)
+        return takes_text(self.app.focused) or is_editing(self.app)
 
     def observe_key(self, event: events.Key, together: bool) -> None:
         """Every key, whatever has the focus, before anything acts on it. `together`: whether it came with others."""

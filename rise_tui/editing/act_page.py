@@ -40,11 +40,13 @@ class ActPage(FormPage):
     """
 
     def __init__(self, frame: EditFrame, name: str = "") -> None:
-        super().__init__(frame, name)
+        """`name`: the act's; behind a zero character, the action on which the cursor begins."""
+        act, _, action = name.partition("\0")
+        super().__init__(frame, act)
         self.head, self.scale = StaticLines(id="head"), StaticLines(id="scale")
         self.actions = RowList(id="actions")
         self.parting, self.file = StaticLines(id="parting"), StaticLines(id="file")
-        self._goes_to = ""
+        self._goes_to = action
         """The action on which the cursor is to be put when it is there."""
 
     def compose(self) -> ComposeResult:

@@ -1,4 +1,4 @@
-"""Memory, keys, settings and tables: one form each, in which rows are added, renamed and taken away."""
+"""Memory, keys and settings: one form each, in which rows are added, renamed and taken away."""
 
 from __future__ import annotations
 
@@ -9,9 +9,8 @@ from typing import ClassVar
 from textual.app import ComposeResult
 from textual.widget import Widget
 
-from rise_engine.edit.edits import AddRow, RemoveRow, RemoveStartValue, Rename, RenameSetting, SetSetting, SetStartValue
+from rise_engine.edit.edits import RemoveStartValue, Rename, RenameSetting, SetSetting, SetStartValue
 from rise_engine.edit.plan import EditRefused
-from rise_engine.scenario.model import Table
 from rise_tui.editing.form_page import FormPage
 from rise_tui.editing.model.data_fields import (
     SCENARIO_FILE,
@@ -21,9 +20,7 @@ from rise_tui.editing.model.data_fields import (
     key_fields,
     memory_fields,
     new_key_edits,
-    new_row,
     setting_fields,
-    table_fields,
 )
 from rise_tui.editing.model.draft import FilePlace, count
 from rise_tui.editing.model.fields import EditField
@@ -249,55 +246,3 @@ class SettingsPage(DataPage):
         field = self.form.current
         file = field.id.partition("\0")[0] if field is not None and "\0" in field.id else SCENARIO_FILE
         return FilePlace(file, 1, 1)
-
-
-class TablesPage(DataPage):
-    """The tables of a study, cell by cell."""
-
-    KIND: ClassVar[str] = "tables"
-    TITLE, EMPTY = "TABLES", "this study has no tables (tables/NAME.csv)"
-
-    def count_text(self, fields: Sequence[EditField]) -> str:
-        return count(sum(field.kind == "fixed" for field in fields), "row")
-
-    @property
-    def hints(self) -> Mapping[str, str]:
-        return {"edit.open": "change", "edit.add": "add a row", "edit.remove": "remove row"}
-
-    def make_fields(self) -> Sequence[EditField]:
-        return table_fields(self.draft)
-
-    @property
-    def _row(self) -> tuple[str, int]:
-        """Table and number of the row under the cursor."""
-        field = self.form.current
-        if field is None:
-            return "", -1
-        table, number, _ = field.id.split("\0", 2)
-        return table, int(number)
-
-    @property
-    def _table(self) -> Table | None:
-        return self.draft.checked.draft.tables.get(self._row[0])
-
-    @property
-    def place(self) -> FilePlace | None:
-        table, (_, row) = self._table, self._row
-        return FilePlace(table.location.file, row + 2, row + 2) if table is not None else None
-
-    def add(self) -> None:
-        table, (name, row) = self._table, self._row
-        if table is None:
-            self.frame.say(self.EMPTY, "wait")
-            return
-        at = row + 1
-        self.frame.make(
-            AddRow(name, new_row(table.columns, table.rows, row), at),
-            then=lambda: self.go_to(f"{name}\0{at}\0{table.columns[0]}"),
-        )
-
-    def remove_field(self) -> bool:
-        name, row = self._row
-        if name:
-            self.frame.make(RemoveRow(name, row))
-        return True

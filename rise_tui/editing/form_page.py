@@ -8,6 +8,7 @@ from rise_engine.edit.edits import AnyEdit
 from rise_engine.edit.plan import EditRefused
 from rise_engine.text import clean
 from rise_tui.editing.field_list import FieldList
+from rise_tui.editing.model.draft import first_new_finding
 from rise_tui.editing.model.fields import EditField, FieldChoice
 from rise_tui.editing.page import EditFrame, EditPage
 
@@ -90,9 +91,7 @@ class FormPage(EditPage):
         except EditRefused as refused:
             self.form.say(clean(str(refused)), is_error=True)
             return
-        known = {(each.code, each.message) for each in self.draft.checked.diagnostics}
-        new = [each for each in checked.diagnostics if (each.code, each.message) not in known]
-        first = next((each for each in new if each.severity == "error"), new[0] if new else None)
+        first = first_new_finding(self.draft, checked)
         if not self.is_typing:
             return
         self.form.say(clean(first.message) if first is not None else "",

@@ -33,8 +33,8 @@ class EditFrame(Protocol):
         What cannot be made is said. Nothing is to be made without edits.
         """
 
-    def open_page(self, kind: str, name: str = "") -> None:
-        """Open the page of this kind, of what has this name."""
+    def open_page(self, kind: str, name: str = "", *, back: tuple[str, str] | None = None) -> None:
+        """Open the page of this kind, of what has this name; `esc` leads to the page `back`, or to the list."""
 
     def close_page(self) -> None:
         """Go back to the page before."""
@@ -69,6 +69,8 @@ class EditPage(Vertical):
     def __init__(self, frame: EditFrame, name: str = "") -> None:
         super().__init__()
         self.frame, self.shown_name = frame, name
+        self.back: tuple[str, str] | None = None
+        """Kind and name of the page that opened it, to which `esc` leads; None: to the list of the study."""
 
     @property
     def draft(self) -> StudyDraft:

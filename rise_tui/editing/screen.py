@@ -145,12 +145,14 @@ class EditScreen(Screen[None]):
         if then is not None:
             then()
 
-    def open_page(self, kind: str, name: str = "") -> None:
+    def open_page(self, kind: str, name: str = "", *, back: tuple[str, str] | None = None) -> None:
         make = PAGES.get(kind)
         if make is None:
             self.say(f"a {kind} is changed in its file: e opens it in your editor", "wait")
             return
-        self._work(self._show_page(make(self, name)))
+        page = make(self, name)
+        page.back = back
+        self._work(self._show_page(page))
 
     async def _show_page(self, page: EditPage) -> None:
         before, self.opened = self.opened, page
@@ -163,7 +165,10 @@ class EditScreen(Screen[None]):
         self.draw_bars()
 
     def close_page(self) -> None:
-        self._work(self._close_page())
+        if self.opened is not None and self.opened.back is not None:
+            self.open_page(*self.opened.back)
+        else:
+            self._work(self._close_page())
 
     async def _close_page(self) -> None:
         page, self.opened = self.opened, None
@@ -326,7 +331,7 @@ class EditScreen(Screen[None]):
 
     def _go_home(self) -> None:
         if self.opened is not None:
-            self.close_page()
+            self._work(self._close_page())
 
     async def _undo(self) -> None:
         change = await self.study.undo()

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from textual import events
 from textual.app import App
-from textual.widgets import Input
 
 from rise_tui.actions import BY_ID
 from rise_tui.editing.screen import EditScreen
 from rise_tui.key_labels import keys_of
 from rise_tui.rendering.terminal_reader import read_first
+from rise_tui.rendering.typing_fields import takes_text
 
 AT_ONCE = ("stop", "quit")
 """Actions whose keys wait for nothing."""
@@ -27,6 +27,6 @@ def waits(app: App[object], event: events.Key) -> bool:
 
 def admits(app: App[object], event: events.Event) -> bool:
     """A paste is no row of commands: of letters that came in one piece, without a field, only the first is one."""
-    if not isinstance(event, events.Key) or isinstance(app.focused, Input):
+    if not isinstance(event, events.Key) or takes_text(app.focused):
         return True
     return read_first(event) or not event.is_printable

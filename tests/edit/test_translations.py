@@ -8,12 +8,25 @@ from pathlib import Path
 
 import pytest
 
-from rise_engine.edit.edits import SetTranslation
+from rise_engine.edit.edits import (
+    AddLanguage,
+    AnyEdit,
+    RemoveAct,
+    RemoveAction,
+    RemoveVariant,
+    Rename,
+    SetParameter,
+    SetSetting,
+    SetTranslation,
+)
+from rise_engine.edit.guard import check_guard
 from rise_engine.edit.outline import Outline
 from rise_engine.edit.plan import EditRefused, Files, Plan, apply_plan
 from rise_engine.edit.planning import StudyState, plan
 from rise_engine.edit.translations import follow_texts
 from rise_engine.scenario import load
+from tests.edit.samples import after, state_of, study_state
+from tests.edit.samples import changed_lines as count_changed_lines
 
 LABLINKING = Path(__file__).parents[2] / "scenarios" / "lablinking"
 GERMAN = "texts/de.toml"
@@ -152,3 +165,63 @@ def test_translations_follow_texts_that_get_another_number_or_go(spelling: str) 
     assert found["R_Break"] == {"2/1": before["R_Break"]["2"]}
     others = set(before) - {"R_Praise", "R_Yes", "R_Break"}
     assert set(found) == {*others, "R_Praise", "R_Break"} and all(found[act] == before[act] for act in others)
+
+
+# --- the guard, and languages ---------------------------------------------------------------------------------------
+
+YES, NO = b'"Ja, genau."', b'"Ja, das stimmt."'
+
+
+@pytest.mark.parametrize(
+    "edit",
+    [
+        SetTranslation("de", "R_Praise", "2/1", "Sehr gut!"),
+        SetParameter("R_Praise", "2", "message", "Very good!", 0),
+        RemoveAct("R_Praise"),
+        RemoveVariant("R_Praise", "2", 0),
+        Rename("act", "R_Praise", "R_Laud"),
+        SetSetting(("title",), "x"),
+        AddLanguage("fr"),
+    ],
+)
+def test_no_edit_may_change_the_translation_of_another_text(edit: AnyEdit) -> None:
+    before = study_state("lablinking")
+    files = apply_plan(before.files, plan(edit, before))
+    check_guard([edit], before, state_of(files, "lablinking"))
+    assert YES in files[GERMAN]
+    files = {**files, GERMAN: files[GERMAN].replace(YES, NO, 1)}
+    with pytest.raises(EditRefused, match=r"de/R_Yes/2/1|translations would change"):
+        check_guard([edit], before, state_of(files, "lablinking"))
+
+
+@pytest.mark.parametrize(
+    "edit", [RemoveAct("R_Praise"), RemoveAction("R_Praise", "2"), RemoveVariant("R_Praise", "2", 1)]
+)
+def test_translations_that_go_with_their_text_are_no_surprise(edit: AnyEdit) -> None:
+    study = after(study_state("lablinking"), edit)
+    assert "unknown-text" not in {each.code for each in study.checked.errors}
+
+
+def test_a_language_is_one_line_and_its_first_translation_makes_the_file() -> None:
+    before = study_state("lablinking")
+    one = after(before, AddLanguage("fr"))
+    assert count_changed_lines(before.files, one.files)[1] == 0
+    assert tomllib.loads(one.files["scenario.toml"].decode())["languages"] == {"also": ["fr"]}
+    assert one.checked.translations["fr"].texts == {}
+    two = after(one, AddLanguage("de-x-sie"), SetTranslation("fr", "R_Praise", "2/1", "Très bien !"))
+    assert tomllib.loads(two.files["scenario.toml"].decode())["languages"] == {"also": ["fr", "de-x-sie"]}
+    assert two.files["texts/fr.toml"].decode().count("Très bien !") == 1
+
+
+@pytest.mark.parametrize(
+    ("language", "sentence"),
+    [
+        ("german", "`german` is no language tag; write de"),
+        ("DE", "the study is translated into `de` already"),
+        (" en ", "the acts are in `en` themselves"),
+    ],
+)
+def test_a_language_that_cannot_be_added_is_refused(language: str, sentence: str) -> None:
+    with pytest.raises(EditRefused) as refused:
+        plan(AddLanguage(language), study_state("lablinking"))
+    assert sentence in str(refused.value)

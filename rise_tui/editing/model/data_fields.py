@@ -1,15 +1,15 @@
-"""Memory, keys, settings and tables as fields of a form."""
+"""Memory, keys and settings as fields of a form."""
 
 from __future__ import annotations
 
 import json
 import tomllib
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping
 from functools import partial
 from pathlib import Path
 from typing import Any
 
-from rise_engine.edit.edits import AnyEdit, SetCell, SetSetting, SetStartValue
+from rise_engine.edit.edits import AnyEdit, SetSetting, SetStartValue
 from rise_engine.edit.plan import EditRefused
 from rise_engine.scenario.model import Json
 from rise_engine.scenario.robot_profiles import robot_names
@@ -209,33 +209,3 @@ def _setting(file: str, path: tuple[str, ...], kind: type, text: str | None) -> 
 
 
 # --- tables -----------------------------------------------------------------------------------------------------------
-
-
-def table_fields(draft: StudyDraft) -> list[EditField]:
-    """Each cell of each table, row by row."""
-    fields: list[EditField] = []
-    for name, table in draft.checked.draft.tables.items():
-        for number, row in enumerate(table.rows):
-            fields.append(EditField(f"{name}\0{number}\0", f"{name} {number + 1}", shown=" ", note=""))
-            fields += [
-                EditField(f"{name}\0{number}\0{column}", f"  {column}", "text", _cell(value),
-                          edits=partial(_cell_edits, name, number, column))
-                for column, value in zip(table.columns, row, strict=False)
-            ]  # fmt: skip
-    return fields
-
-
-def _cell(value: Json) -> str:
-    return "" if value is None else value if isinstance(value, str) else format_value(value)
-
-
-def _cell_edits(table: str, row: int, column: str, text: str | None) -> tuple[AnyEdit, ...]:
-    return (SetCell(table, row, column, text or ""),)
-
-
-def new_row(columns: Sequence[str], rows: Sequence[Sequence[Json]], after: int) -> dict[str, str]:
-    """What a new row begins with: what the one before it says."""
-    if not rows:
-        return dict.fromkeys(columns, "…")
-    before = rows[min(after, len(rows) - 1)]
-    return {column: _cell(value) for column, value in zip(columns, before, strict=False)}

@@ -44,6 +44,16 @@ class StudyDraft(Struct, frozen=True):
         return sorted(name for name in names if self.files.get(name) != self.saved.get(name))
 
 
+def first_new_finding(draft: StudyDraft, checked: LoadResult, *, but: Sequence[str] = ()) -> Diagnostic | None:
+    """What would be wrong with a study that is not wrong now: an error before a warning. None: nothing.
+
+    :param checked: as the study would be. :param but: codes of findings that are not meant.
+    """
+    known = {(each.code, each.message) for each in draft.checked.diagnostics}
+    new = [each for each in checked.diagnostics if (each.code, each.message) not in known and each.code not in but]
+    return next((each for each in new if each.severity == "error"), new[0] if new else None)
+
+
 class FilePlace(NamedTuple):
     """A stretch of lines of a file, from 1."""
 

@@ -9,9 +9,11 @@ from rise_engine.scenario.model import KeyBinding
 from rise_tui.editing.model.act_rows import action_type, what_text, when_text
 from rise_tui.editing.model.act_times import act_seconds
 from rise_tui.editing.model.draft import StudyDraft, count
+from rise_tui.editing.model.text_rows import find_text
 from rise_tui.rendering.text import ListRow, StyledLine, StyledSpan, clean, crop, fixed_span, format_seconds, wrap
 
 ALSO = (
+    ("texts", "Texts", "what is said, in each language"),
     ("memory", "Memory", "start values"),
     ("keys", "Keys", "what each key does"),
     ("settings", "Settings", "title, robot, fillers, conditions"),
@@ -127,6 +129,10 @@ def find_at(draft: StudyDraft, file: str, line: int) -> tuple[str, str] | None:
         last = rule.line + draft.files.get(rule.file, b"").count(b"\n", rule.span.start, rule.span.end)
         if rule.file == file and rule.line <= line <= last:
             return "rule", rule.name
+    if (view := find_text(draft, file, line)) is not None:
+        return "texts", view.name
+    if file.startswith("tables/") and file.lower().endswith(".csv"):
+        return "tables", f"{file}:{line}"
     by_file = {"memory.json": "memory", "scenario.toml": "settings"}
     return (by_file[file], "") if file in by_file else None
 

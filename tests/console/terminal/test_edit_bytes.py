@@ -14,7 +14,7 @@ pytestmark = pytest.mark.pty
 LETTER, CURSOR = 300, 2_500
 """Bytes: the echo of a letter, and a cursor that goes to another act, beside which all that it does is shown anew."""
 STUDY = Path(__file__).parents[3] / "scenarios" / "greeting"
-DOWN, ESCAPE, ENTER, TAB = b"\x1b[B", b"\x1b", b"\r", b"\t"
+UP, DOWN, ESCAPE, ENTER, TAB = b"\x1b[A", b"\x1b[B", b"\x1b", b"\r", b"\t"
 
 
 def press(it: Terminal, *keys: bytes) -> None:
@@ -59,3 +59,20 @@ def test_a_letter_and_a_cursor_cost_little_and_a_hang_up_loses_nothing(tmp_path:
             again.until_screen("Leave the editor?")
             again.press(b"l")
             assert again.ended() == 0
+
+
+@pytest.mark.parametrize("size", [(80, 24), (120, 40)], ids=["80x24", "120x40"])
+def test_a_letter_in_a_text_costs_little(tmp_path: Path, size: tuple[int, int]) -> None:
+    folder = tmp_path / "study"
+    shutil.copytree(STUDY.parent / "lablinking", folder)
+    with terminal("edit", str(folder), size=size) as it:
+        it.until_screen("ACTS")
+        it.still()
+        press(it, b"\x1b[F", UP, UP, UP, UP, ENTER)
+        it.until_screen("TEXTS")
+        press(it, ENTER)
+        it.until_screen("as it was")
+        press(it, b"\x1b[200~Noch ein Satz, der nicht mehr in eine Zeile passt, sondern zwei braucht.\x1b[201~")
+        it.until_screen("sondern")
+        for letter in (b"y", b"z", b"a"):
+            assert 0 < it.cost(letter) <= LETTER
