@@ -232,9 +232,7 @@ class RulePage(EditPage):
     def _ask_to_keep(self, event: TrialView.KeepAsked) -> None:
         event.stop()
         hint = "What is tested, in a few words. Saved with the study; `rise-engine test` plays it."
-        self.frame.ask_text(
-            "Keep these steps as a test", "", lambda title: self._keep(event.trial, title), hint=hint
-        )
+        self.frame.ask_text("Keep these steps as a test", "", lambda title: self._keep(event.trial, title), hint=hint)
 
     def _keep(self, trial: Trial, title: str) -> None:
         self.run_worker(self._write_test(trial, title), group="keep")

@@ -22,8 +22,8 @@ OTHER = {"scenario_hash", "priority", "expression"}
 
 def records(folder: Path) -> list[dict[str, Any]]:
     """Of the shipped study's written session, played in this folder."""
-    command = [sys.executable, "-m", "rise_engine.cli", "run", str(folder), "--tasks", str(SHIPPED / "session.jsonl"),
-               "--speed", "max", "--seed", "1", "--json"]  # fmt: skip
+    command = [str(Path(sys.executable).parent / "rise-engine"), "run", str(folder),
+               "--tasks", str(SHIPPED / "session.jsonl"), "--speed", "max", "--seed", "1", "--json"]  # fmt: skip
     lines = subprocess.run(command, capture_output=True, text=True, check=True).stdout.splitlines()
     return [{key: value for key, value in json.loads(line).items() if key not in OTHER} for line in lines]
 
