@@ -4,12 +4,16 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 
+from rise_engine.edit.documents import NotXmlError, XmlDocument
 from rise_engine.edit.edits import Edit, ResolveConflict
 from rise_engine.edit.plan import EditRefused, Files, Plan
 from rise_engine.edit.study_state import StudyState
 from rise_engine.edit.text_edits import EditedText, TextEdit
 from rise_engine.scenario.merge_conflicts import Keep, MergeConflict, find_conflicts
 from rise_engine.text import pluralize
+
+_LONGEST_END = 60
+"""Lines behind a conflict that are looked at for an end that both versions have."""
 
 
 def conflict_files(files: Files) -> dict[str, int]:
@@ -39,9 +43,50 @@ def plan_resolve_conflict(edit: ResolveConflict, study: StudyState) -> Plan:
         has = pluralize(len(conflicts), "conflict") if conflicts else "no conflict"
         raise EditRefused(f"{edit.file} has {has} that git has left; there is no conflict {edit.conflict + 1}")
     conflict = conflicts[edit.conflict]
-    splices = file.splices([TextEdit(conflict.start, conflict.end, conflict.kept(file.text, edit.keep))])
+    splices = file.splices([TextEdit(conflict.start, conflict.end, _kept(file, conflict, edit.keep))])
     says = f"{edit.file}, line {file.line(conflict.start)}: {kept_in_words(conflict, edit.keep)}"
     return Plan(splices=splices, says=(says,))
+
+
+def _kept(file: EditedText, conflict: MergeConflict, keep: Keep) -> str:
+    """What takes the place of a conflict. :raises EditRefused: both do not fit behind one another."""
+    text = file.text
+    yours, theirs = text[slice(*conflict.yours)], text[slice(*conflict.theirs)]
+    if keep != "both":
+        return yours if keep == "yours" else theirs
+    if not file.name.lower().endswith(".xml"):
+        return yours + theirs
+    between = _end_of_both(yours, theirs, text[conflict.end :])
+    if between is None:
+        raise EditRefused(
+            f"{file.name}, line {file.line(conflict.start)}: yours and the other's are not whole elements, so they do "
+            "not fit behind one another; keep one of them, or open the file in your editor"
+        )
+    return yours + between + theirs
+
+
+def _end_of_both(yours: str, theirs: str, behind: str) -> str | None:
+    """The lines that end both versions, and that git has left behind the conflict, once; None: there are none.
+
+    Two acts that were added in the same place often end alike, `</Dialog>`: to keep both, that end is needed twice.
+    """
+    end = ""
+    for line in ["", *behind.splitlines(keepends=True)[:_LONGEST_END]]:
+        if line.startswith("<<<<<<<"):
+            return None
+        end += line
+        if _is_whole(yours + end) and _is_whole(theirs + end):
+            return end
+    return None
+
+
+def _is_whole(text: str) -> bool:
+    """Whether all elements that begin in a text end in it."""
+    try:
+        XmlDocument(f"<all>{text}</all>".encode())
+    except NotXmlError:
+        return False
+    return True
 
 
 def kept_in_words(conflict: MergeConflict, keep: Keep) -> str:

@@ -6,7 +6,7 @@
     as the other has it
     >>>>>>> branch
 
-With git's setting `merge.conflictStyle diff3` there is a third part between `|||||||` and `=======`: as it was before both.
+With git's setting `merge.conflictStyle diff3` there is a third part between `|||||||` and `=======`: as it was before.
 """
 
 from __future__ import annotations
@@ -40,17 +40,12 @@ class MergeConflict(NamedTuple):
     their_name: str
     """What git calls the other one: a branch, a commit."""
 
-    def kept(self, text: str, keep: Keep) -> str:
-        """What takes the place of the conflict."""
-        yours, theirs = text[slice(*self.yours)], text[slice(*self.theirs)]
-        return {"yours": yours, "theirs": theirs, "both": yours + theirs}[keep]
-
 
 def find_conflicts(text: str) -> list[MergeConflict]:
     """The conflicts of a text, in order. Marks that are no whole conflict are none.
 
     >>> text = "a\\n<<<<<<< HEAD\\nb\\n=======\\nc\\n>>>>>>> anna\\n"
-    >>> [(each.kept(text, "theirs"), each.their_name) for each in find_conflicts(text)]
+    >>> [(text[slice(*each.theirs)], each.their_name) for each in find_conflicts(text)]
     [('c\\n', 'anna')]
     """
     return list(_find(text)) if "<<<<<<<" in text else []

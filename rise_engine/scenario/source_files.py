@@ -126,9 +126,9 @@ def _has_conflicts(source: SourceFile, diagnostics: Diagnostics) -> bool:
     diagnostics.error(
         "merge-conflict",
         source.location(first.start),
-        "a merge of git was not resolved here: this file holds two versions; keep one of them, and delete the lines with "
-        f"the marks (`<<<<<<<` in line {begin}, `=======`, and `>>>>>>>` in line {end}), or let `rise-tui edit` show both "
-        "and choose" + (f"; it has more of them, in line {more}" if others else ""),
+        "a merge of git was not resolved here: this file holds two versions; keep one of them, and delete the lines "
+        f"with the marks (`<<<<<<<` in line {begin}, `=======`, and `>>>>>>>` in line {end}), or let `rise-tui edit` "
+        "show both and choose" + (f"; it has more of them, in line {more}" if others else ""),
     )
     return True
 

@@ -53,16 +53,16 @@ def test_each_version_is_kept_byte_for_byte(spelling: str) -> None:
     marked, kept = conflicted(files[SPEECH], Random(spelling))
     number = marked.count(b"<<<<<<<")
     assert number > 3
-    broken = state_of({**files, SPEECH: marked}, "greeting")
+    broken = state_of({**files, SPEECH: marked, "notes.md": marked}, "greeting")
     assert [each.code for each in broken.checked.errors] == ["merge-conflict"]
-    assert conflict_files(broken.files) == {SPEECH: number}
-    keeps: tuple[Keep, ...] = ("yours", "theirs", "both")
-    for keep in keeps:
+    assert conflict_files(broken.files) == {SPEECH: number, "notes.md": number}
+    keeps: tuple[tuple[str, Keep], ...] = ((SPEECH, "yours"), (SPEECH, "theirs"), ("notes.md", "both"))
+    for file, keep in keeps:
         now = broken
         for at in reversed(range(number)):
-            now = after(now, ResolveConflict(SPEECH, at, keep))
-        assert now.files == {**files, SPEECH: kept[keep]}
-        assert conflict_files(now.files) == {}
+            now = after(now, ResolveConflict(file, at, keep))
+        assert now.files == {**broken.files, file: kept[keep]}
+        assert file not in conflict_files(now.files)
 
 
 @pytest.mark.parametrize(
@@ -103,6 +103,19 @@ def test_a_table_that_is_not_utf_8(tmp_path: Path) -> None:
     assert len(conflicts) == 1 and file.text.startswith("<<<")
     resolved = after(state_of(files, "greeting"), ResolveConflict("tables/colours.csv", 0, "yours"))
     assert resolved.files["tables/colours.csv"] == b"Gr\xfcn\n"
+
+
+def test_both_of_what_is_no_whole_element_is_refused() -> None:
+    files = dict(study_files("greeting"))
+    line = b"<<<<<<< a\n<Dialog name='A'>\n=======\n<Dialog name='B'>\n>>>>>>> b\n"
+    files["acts/new.xml"] = b"<Dialogs>\n" + line + b"<Speech/>\n</Dialog>\n</Dialogs>\n"
+    both = after(state_of(files, "greeting"), ResolveConflict("acts/new.xml", 0, "both"))
+    assert both.files["acts/new.xml"] == (
+        b"<Dialogs>\n<Dialog name='A'>\n<Speech/>\n</Dialog>\n<Dialog name='B'>\n<Speech/>\n</Dialog>\n</Dialogs>\n"
+    ), "what git has left once for both is there twice"
+    files["acts/new.xml"] = line.replace(b"<Dialog name='B'>", b"</Dialog>")
+    with pytest.raises(EditRefused, match=r"acts/new\.xml, line 1: yours and the other's are not whole elements"):
+        after(state_of(files, "greeting"), ResolveConflict("acts/new.xml", 0, "both"))
 
 
 @pytest.mark.slow
@@ -151,4 +164,4 @@ def test_what_git_leaves_is_resolved_undone_and_saved(tmp_path: Path) -> None:
     scenario = load(folder).scenario
     assert scenario is not None
     assert {"R_Anna", "R_Mine"} <= scenario.acts.keys()
-    assert scenario.acts["R_Introduction"].actions[0].calls[0].parameters["message"] == "Anna wrote this."
+    assert scenario.acts["R_Introduction"].actions[0].calls[0].parameters["message"].text == "Anna wrote this."  # type: ignore[union-attr]
