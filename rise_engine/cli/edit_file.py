@@ -189,9 +189,7 @@ def _propose(workspace: Workspace, edits: list[AnyEdit], name: str, *, as_json: 
         _tell(change, refused, state.checked, name, problem)
         return exit_status.REFUSED
     if known := sum(bool(each.says) for each in changes) - len(proposed):
-        print(
-            f"{pluralize(known, 'change')} of them {'was' if known == 1 else 'were'} proposed already", file=sys.stderr
-        )
+        print(f"{known} of them {'was' if known == 1 else 'were'} proposed already", file=sys.stderr)
     if proposed:
         print(f"rise-tui edit {workspace.folder} shows them (p); nothing is written before a person accepts it there")
     else:
