@@ -9,7 +9,7 @@ from textual.app import ComposeResult
 from textual.widget import Widget
 
 from rise_engine.edit.edits import ResolveConflict
-from rise_tui.editing.model.conflict_rows import conflict_place, conflict_rows, split_conflict_id
+from rise_tui.editing.model.conflict_rows import conflict_id, conflict_place, conflict_rows, split_conflict_id
 from rise_tui.editing.model.draft import FilePlace, count
 from rise_tui.editing.page import EditFrame, EditPage
 from rise_tui.rendering.text import crop
@@ -62,5 +62,11 @@ class ConflictPage(EditPage):
         chosen = split_conflict_id(self.rows.current_id)
         if action != "edit.open" or chosen is None:
             return False
-        self.frame.make(ResolveConflict(self.shown_name, *chosen))
+        self.frame.make(ResolveConflict(self.shown_name, *chosen), then=self._go_to_next)
         return True
+
+    def _go_to_next(self) -> None:
+        """No second press on what was chosen last chooses the same of the next."""
+        chosen = split_conflict_id(self.rows.current_id)
+        if chosen is not None:
+            self.rows.select(conflict_id(chosen[0], "yours"))

@@ -81,7 +81,7 @@ def set_aside_dialog(outside: OutsideChange) -> Dialog:
     """Own changes in whose way somebody else's stand: they are kept, and compared now or later."""
     number = len(outside.lost)
     what = "A change of yours is" if number == 1 else f"{number} changes of yours are"
-    lines = [f"Somebody has changed {', '.join(outside.files)}, and the same as you."] if outside.files else []
+    lines = [f"Somebody has changed {', '.join(outside.files)}, in the same place as you."] if outside.files else []
     lines += [f"{what} set aside, and nothing is lost: choose which is to stay."]
     says = [clean(sentence) for change in outside.lost for sentence in change.says]
     lines += [f"· {each}" for each in says[:_SHOWN]]

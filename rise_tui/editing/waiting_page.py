@@ -35,6 +35,8 @@ class WaitingPage(EditPage):
         self.head = StaticLines(id="head")
         self.rows, self.beside = RowList(id="list"), RowList(id="beside")
         self.beside.can_focus = False
+        self._next = ""
+        """Where the cursor goes when the list is drawn next: one that was given up is not followed to its end."""
         self.rows.continuation = self.beside
 
     def compose(self) -> ComposeResult:
@@ -78,6 +80,9 @@ class WaitingPage(EditPage):
         what = waiting_text(self.draft) or "everything is decided: esc leads back"
         self.head.show(crop(((" CHANGES THAT WAIT", "strong"), (f"  {what}", "muted")), width))
         self.rows.show(waiting_rows(self.draft, max(20, self.rows.row_width)))
+        if self._next:
+            self.rows.select(self._next)
+            self._next = ""
         if not self.rows.current_id:
             self.rows.action_edge(-1)
         self._draw_beside()
@@ -118,8 +123,11 @@ class WaitingPage(EditPage):
 
     async def _decline(self, found: Outlook) -> str:
         waiting = found.waiting
+        ids = [str(each.waiting.number) for each in self.draft.waiting if each.waiting.given_up == waiting.given_up]
+        at = ids.index(str(waiting.number))
+        self._next = (ids[at + 1 :] or ids[:at][-1:] or [""])[0]
         await self.frame.study.give_up(waiting.number, given_up=not waiting.given_up)
         if waiting.given_up:
             return "it waits again"
-        whose = "theirs stays" if waiting.origin == "yours" else "refused"
-        return f"{whose}; until you leave the editor it can still be made, at the end of this list"
+        what = "the other's stays; yours" if waiting.origin == "yours" else "refused; it"
+        return f"{what} can still be made until you leave the editor: it is at the end of this list"

@@ -7,7 +7,7 @@ import re
 from rise_engine.edit.conflicts import conflicts_of
 from rise_engine.scenario.merge_conflicts import Keep, MergeConflict
 from rise_tui.editing.model.draft import FilePlace, StudyDraft, count
-from rise_tui.rendering.text import ListRow, TextRole, clean, crop
+from rise_tui.rendering.text import ListRow, TextRole, clean, crop, wrap
 
 MOST_LINES = 12
 """Lines of one version that are shown."""
@@ -33,7 +33,8 @@ def conflict_rows(draft: StudyDraft, file: str, width: int) -> list[ListRow]:
             if keep != "both":
                 lines = text.text[slice(*(each.yours if keep == "yours" else each.theirs))].splitlines()
                 for line in lines[:MOST_LINES] or ["(nothing)"]:
-                    add(f"     │ {clean(line.expandtabs(2))}", "plain" if lines else "muted")
+                    for piece in wrap(clean(line.expandtabs(2)).strip(), max(20, width - 8)) or [""]:
+                        add(f"     │ {piece}", "plain" if lines else "muted")
                 if len(lines) > MOST_LINES:
                     add(f"     │ … {count(len(lines) - MOST_LINES, 'more line')}: e opens the file", "muted")
     return rows

@@ -69,7 +69,7 @@ def study_rows(draft: StudyDraft, width: int, wanted: str = "") -> list[ListRow]
         rows.append(ListRow("", ((" ALSO", "accent"),), selectable=False))
         rows += [ListRow(row_id(kind), _line("", title, help, width, bad=False)) for kind, title, help in ALSO]
     for file, places in draft.conflicts.items():
-        text = f" ✗ {file}: two versions that git could not join, in {count(places, 'place')}: enter chooses"
+        text = f" ✗ {file}: {places} to choose, of two versions (git)"
         rows.append(ListRow(row_id("merge", file), crop(((text, "fault"),), width)))
     for file, why in draft.outline.unreadable.items():
         if file in draft.conflicts:
