@@ -23,6 +23,7 @@ from rise_engine.edit.planning import StudyState, plan
 from rise_engine.edit.proposals import ProposalFiles
 from rise_engine.edit.read_outline import read_outline
 from rise_engine.edit.saving import finish_interrupted, refuse_shipped, write_files
+from rise_engine.edit.study_above import read_study_above
 from rise_engine.edit.study_folder import read_study_files, scenario_paths
 from rise_engine.edit.waiting import Outlook, WaitingChange, WaitingChanges, kept_change, outlook_of
 from rise_engine.scenario import LoadResult
@@ -68,6 +69,8 @@ class Workspace:
             self.finished = finish_interrupted(self.folder) if not self.read_only else ()
             """Files of an earlier save that was killed, and has come to its end now."""
             self.files = self.saved = read_study_files(self.folder)
+            self.above = read_study_above(self.folder)
+            """The study.toml of a folder above, by its path. It is known, and not edited here."""
         except BaseException:
             self._lock.release()
             raise
@@ -122,7 +125,11 @@ class Workspace:
     def _state_of(self, files: Files) -> StudyState:
         gone = dict.fromkeys(self.saved.keys() - files.keys())
         return StudyState(
-            files, read_outline(files, scenario_paths(files)), self._checker.check({**gone, **files}), self.folder
+            files,
+            read_outline(files, scenario_paths(files)),
+            self._checker.check({**gone, **files}),
+            self.folder,
+            self.above,
         )
 
     # --- changing -------------------------------------------------------------------------------------------------
@@ -281,7 +288,9 @@ class Workspace:
         """
         if self._lock.holder:
             self._take_over()
-        now = read_study_files(self.folder)
+        now, above = read_study_files(self.folder), read_study_above(self.folder)
+        if above != self.above:
+            self.above, self._state = above, None
         outside = changed_names(self.saved, now)
         if not outside:
             return None

@@ -29,6 +29,8 @@ class StudyDraft(Struct, frozen=True):
     changes: Sequence[Change]
     waiting: Sequence[Outlook] = ()
     """Changes that wait for the author: set aside, or proposed."""
+    above: Files = {}
+    """The study.toml of a folder above, by its path: shown, and not changed here."""
     conflicts: Mapping[str, int] = {}
     """Files that git could not join, and in how many places."""
 
@@ -69,6 +71,7 @@ def draft_of(workspace: Workspace) -> StudyDraft:
         workspace.uses,
         tuple(workspace.changes),
         workspace.outlooks,
+        workspace.above,
         conflict_files(workspace.files),
     )
 
