@@ -34,6 +34,8 @@ class DraftChange(Struct, frozen=True):
     noticed: tuple[str, ...] = ()
     replaced: tuple[bytes, ...] = ()
     """What each edit took away, so that it is seen when somebody else has changed just that."""
+    waited: str = ""
+    """Of a step that was made of a change that waited: `yours`, or the name of the file of proposals."""
     given_up: bool = False
     """Of one that was set aside or proposed: whether it is not to be made, and is kept until the editor is closed."""
 

@@ -67,10 +67,13 @@ class WaitingChanges:
         """The steps that were made of some."""
         self._next = 0
 
-    def add(self, change: Change, origin: Origin = "yours", batch: str = "", *, given_up: bool = False) -> None:
-        """One more, at the end."""
-        self._all[self._next] = WaitingChange(self._next, change, origin, batch, given_up)
-        self._next += 1
+    def add(self, change: Change, origin: Origin = "yours", batch: str = "", *, given_up: bool = False) -> int:
+        """One more, at the end; gives its number."""
+        number, self._next = self._next, self._next + 1
+        self._all[number] = WaitingChange(number, change, origin, batch, given_up)
+        if batch:
+            self._kept.setdefault(batch, ())
+        return number
 
     def left(self, done: Iterable[Change]) -> tuple[WaitingChange, ...]:
         """Those that still wait, and those that were given up.
@@ -95,9 +98,27 @@ class WaitingChanges:
             self._all.pop(number, None)
             self._made.pop(number, None)
 
-    def drop_made(self) -> None:
-        """What was made waits no more, also when it is taken back: nobody knows its step any more."""
-        self.drop(self._made)
+    def forget_steps(self, done: Iterable[Change]) -> None:
+        """The steps from before can no longer be taken back: what they have made waits no more.
+
+        :param done: the changes of those whose work stands in the files; what was taken back goes on waiting.
+        """
+        made = {id(change) for change in done}
+        self.drop([number for number, change in self._made.items() if id(change) in made])
+
+    def follow(self, before: Change, after: Change) -> None:
+        """A step that was made of one is another now: it was made again on files that somebody has changed."""
+        self._made = {number: after if change is before else change for number, change in self._made.items()}
+
+    def source_of(self, change: Change) -> str:
+        """Of which one a step was made: `yours`, or the name of a file of proposals; empty: of none."""
+        found = next((self._all[number] for number, made in self._made.items() if made is change), None)
+        return (found.batch or "yours") if found is not None else ""
+
+    def restore(self, change: Change, source: str) -> None:
+        """A step of a draft was made of one, as `source_of` has said."""
+        number = self.add(change, "yours") if source == "yours" else self.add(change, "proposed", source)
+        self.note_made(number, change)
 
     def notice_proposals(self) -> int:
         """Look whether changes were proposed meanwhile; how many."""

@@ -305,10 +305,11 @@ class Workspace:
             return OutsideChange(tuple(sorted(outside)))
         back, made = self._history.unsaved
         self.files = self.saved = now
+        done = [*self._history.done, *(step for step in back if not self._can_take_back(step))]
         steps, lost = self._make_again(back, made)
+        self._waiting.forget_steps(map(_change, done))
         forgotten = len(self._history.done) > len(made) or bool(self._history.undone)
         self._history.begin_anew(steps)
-        self._waiting.drop_made()
         for change in lost:
             self._waiting.add(change)
         self._keep_draft()
@@ -327,7 +328,7 @@ class Workspace:
         steps: list[Step] = []
         lost: list[Change] = []
         for step in back:  # a saved step taken back has no edits: it is made where its files are as it left them
-            if all(self.files.get(name) == step.after.get(name) for name in step.files):
+            if self._can_take_back(step):
                 files = {**self.files, **{name: step.before[name] for name in step.files & step.before.keys()}}
                 files = {name: data for name, data in files.items() if name not in step.files - step.before.keys()}
                 says = tuple(f"taken back: {sentence}" for sentence in _change(step).says)
@@ -342,7 +343,12 @@ class Workspace:
             elif again.files:
                 steps.append(again)
                 self.files = again.after
+                self._waiting.follow(_change(step), _change(again))
         return steps, lost
+
+    def _can_take_back(self, step: Step) -> bool:
+        """Whether the files are as a step has left them."""
+        return all(self.files.get(name) == step.after.get(name) for name in step.files)
 
     def _step_again(self, change: Change, replaced: tuple[bytes, ...]) -> Step | None:
         """An own step on what the files are now; None: it cannot be made, or somebody else has changed the same."""
@@ -386,7 +392,8 @@ class Workspace:
         changes = [DraftChange(each.edits, each.says) for each in self.changes[: len(back)]]
         for step in made:
             change = _change(step)
-            changes.append(DraftChange(change.edits, change.says, change.noticed, step.replaced))
+            waited = self._waiting.source_of(change)
+            changes.append(DraftChange(change.edits, change.says, change.noticed, step.replaced, waited))
         waiting = self.waiting
         aside = tuple(map(kept_change, (each for each in waiting if each.origin == "yours")))
         with suppress(OSError):
@@ -419,6 +426,8 @@ class Workspace:
             elif step.files:
                 self._history.add(step)
                 self.files = step.after
+                if kept.waited:
+                    self._waiting.restore(_change(step), kept.waited)
         if not changed:  # also steps that were taken back over a save, which have no edits
             wanted = {**self.saved, **{name: data for name, data in draft.files.items() if data is not None}}
             wanted = {name: data for name, data in wanted.items() if draft.files.get(name, b"") is not None}
