@@ -85,6 +85,14 @@ class DraftFile:
         found = self._find()
         return None if found is None else found[1]
 
+    def read_given_up(self) -> tuple[DraftChange, ...]:
+        """What was given up in an editor that was killed, if that is all that it has left."""
+        with suppress(OSError, msgspec.DecodeError, UnicodeError):
+            draft = msgspec.json.decode(self.path.read_bytes(), type=Draft)
+            if draft.format == FORMAT and not draft.is_to_be_offered:
+                return draft.set_aside
+        return ()
+
     def _find(self) -> tuple[Path, Draft] | None:
         earlier = sorted(self.path.parent.glob(f"{glob.escape(self.path.stem)}.earlier-*.json"), reverse=True)
         for path in (self.path, *earlier):

@@ -82,6 +82,8 @@ class Workspace:
         self._waiting = WaitingChanges(ProposalFiles(self.folder))
         self._outlooks: tuple[Files, tuple[WaitingChange, ...], tuple[Outlook, ...]] = {}, (), ()
         self._state: StudyState | None = None
+        for kept in () if self._lock.holder else self._draft.read_given_up():
+            self._waiting.add(Change(kept.edits, kept.says, kept.noticed), given_up=True)
         self.notice_proposals()
 
     @property
@@ -305,9 +307,8 @@ class Workspace:
             return OutsideChange(tuple(sorted(outside)))
         back, made = self._history.unsaved
         self.files = self.saved = now
-        done = [*self._history.done, *(step for step in back if not self._can_take_back(step))]
-        steps, lost = self._make_again(back, made)
-        self._waiting.forget_steps(map(_change, done))
+        steps, lost, stuck = self._make_again(back, made)
+        self._waiting.forget_steps(map(_change, (*self._history.done, *stuck)))
         forgotten = len(self._history.done) > len(made) or bool(self._history.undone)
         self._history.begin_anew(steps)
         for change in lost:
@@ -323,32 +324,36 @@ class Workspace:
             self._is_draft_open = self._draft.read() is not None
             self.notice_proposals()
 
-    def _make_again(self, back: list[Step], made: list[Step]) -> tuple[list[Step], list[Change]]:
-        """Own steps on what the files are now; what cannot be made any more."""
+    def _make_again(self, back: list[Step], made: list[Step]) -> tuple[list[Step], list[Change], list[Step]]:
+        """Own steps on what the files are now; what cannot be made any more; saved steps that cannot be taken back.
+
+        What was made where a step is not taken back, was made on other files than there are: it waits to be looked at.
+        """
         steps: list[Step] = []
         lost: list[Change] = []
+        stuck: list[Step] = []
         for step in back:  # a saved step taken back has no edits: it is made where its files are as it left them
-            if self._can_take_back(step):
+            if all(self.files.get(name) == step.after.get(name) for name in step.files):
                 files = {**self.files, **{name: step.before[name] for name in step.files & step.before.keys()}}
                 files = {name: data for name, data in files.items() if name not in step.files - step.before.keys()}
                 says = tuple(f"taken back: {sentence}" for sentence in _change(step).says)
                 steps.append(Step(Change((), says), self.files, files))
                 self.files = files
             else:
+                stuck.append(step)
                 lost.append(taken_back(_change(step), step.before, step.files))
+        other_files = {name for step in stuck for name in step.files}
         for step in made:
-            again = self._step_again(_change(step), step.replaced) if _change(step).edits else None
+            again = None
+            if _change(step).edits and not step.files & other_files:
+                again = self._step_again(_change(step), step.replaced)
             if again is None:
                 lost.append(_change(step))
             elif again.files:
                 steps.append(again)
                 self.files = again.after
                 self._waiting.follow(_change(step), _change(again))
-        return steps, lost
-
-    def _can_take_back(self, step: Step) -> bool:
-        """Whether the files are as a step has left them."""
-        return all(self.files.get(name) == step.after.get(name) for name in step.files)
+        return steps, lost, stuck
 
     def _step_again(self, change: Change, replaced: tuple[bytes, ...]) -> Step | None:
         """An own step on what the files are now; None: it cannot be made, or somebody else has changed the same."""
