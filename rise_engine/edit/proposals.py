@@ -21,7 +21,7 @@ from rise_engine.edit.drafts import DraftChange, DraftFile, write_durably
 FORMAT = 1
 
 
-class Proposal(Struct, frozen=True):
+class ProposedChanges(Struct, frozen=True):
     """What was proposed at once."""
 
     folder: str
@@ -40,14 +40,14 @@ class ProposalFiles:
         draft = DraftFile(folder)
         self.folder, self._stem, self._parent = draft.folder, draft.path.stem, draft.path.parent
 
-    def _found(self) -> Iterator[tuple[str, Proposal]]:
+    def _found(self) -> Iterator[tuple[str, ProposedChanges]]:
         for path in sorted(self._parent.glob(f"{glob.escape(self._stem)}.proposed-*.json")):
             with suppress(OSError, msgspec.DecodeError, UnicodeError):
-                proposal = msgspec.json.decode(path.read_bytes(), type=Proposal)
+                proposal = msgspec.json.decode(path.read_bytes(), type=ProposedChanges)
                 if proposal.format == FORMAT:
                     yield path.name, proposal
 
-    def read(self, known: Sequence[str] = ()) -> dict[str, Proposal]:
+    def read(self, known: Sequence[str] = ()) -> dict[str, ProposedChanges]:
         """All that can be read, by the names of their files, in the order in which they were proposed.
 
         :param known: names of files that are left out.
@@ -67,16 +67,16 @@ class ProposalFiles:
         if fresh:
             now = datetime.now().astimezone()
             name = f"{self._stem}.proposed-{now:%Y%m%d-%H%M%S-%f}-{os.getpid()}.json"
-            self._write(name, Proposal(str(self.folder), now.isoformat(timespec="seconds"), fresh))
+            self._write(name, ProposedChanges(str(self.folder), now.isoformat(timespec="seconds"), fresh))
         return fresh
 
     def keep(self, name: str, changes: Sequence[DraftChange]) -> None:
         """What is left of a file of proposals; nothing: it goes. Raises OSError."""
         if changes:
             now = datetime.now().astimezone().isoformat(timespec="seconds")
-            self._write(name, Proposal(str(self.folder), now, tuple(changes)))
+            self._write(name, ProposedChanges(str(self.folder), now, tuple(changes)))
         else:
             (self._parent / name).unlink(missing_ok=True)
 
-    def _write(self, name: str, proposal: Proposal) -> None:
+    def _write(self, name: str, proposal: ProposedChanges) -> None:
         write_durably(self._parent / name, msgspec.json.encode(proposal))
