@@ -51,7 +51,7 @@ def _paths(folder: Path) -> Iterator[Path]:
             yield path
 
 
-def scenario_paths(files: Files) -> Mapping[str, str]:
+def part_paths(files: Files) -> Mapping[str, str]:
     """Where acts, rules and the memory lie, as far as scenario.toml can be read."""
     try:
         values = tomllib.loads(files.get(SCENARIO_FILE, b"").decode("utf-8-sig"))

@@ -24,7 +24,7 @@ from rise_engine.edit.proposals import ProposalFiles
 from rise_engine.edit.read_outline import read_outline
 from rise_engine.edit.saving import finish_interrupted, refuse_shipped, write_files
 from rise_engine.edit.study_above import read_study_above
-from rise_engine.edit.study_folder import read_study_files, scenario_paths
+from rise_engine.edit.study_folder import part_paths, read_study_files
 from rise_engine.edit.waiting import Outlook, WaitingChange, WaitingChanges, kept_change, outlook_of
 from rise_engine.scenario import LoadResult
 from rise_engine.scenario.checker import ScenarioChecker
@@ -128,7 +128,7 @@ class Workspace:
         gone = dict.fromkeys(self.saved.keys() - files.keys())
         return StudyState(
             files,
-            read_outline(files, scenario_paths(files)),
+            read_outline(files, part_paths(files)),
             self._checker.check({**gone, **files}),
             self.folder,
             self.above,
