@@ -116,8 +116,14 @@ class WaitingChanges:
         return (found.batch or "yours") if found is not None else ""
 
     def restore(self, change: Change, source: str) -> None:
-        """A step of a draft was made of one, as `source_of` has said."""
-        number = self.add(change, "yours") if source == "yours" else self.add(change, "proposed", source)
+        """A step of a draft was made of one, as `source_of` has said.
+
+        It may still stand in its file of proposals, when the editor was killed before it was taken out.
+        """
+        known = (each for each in self._all.values() if each.batch == source and each.change.edits == change.edits)
+        number = next((each.number for each in known if each.number not in self._made), None)
+        if number is None:
+            number = self.add(change, "yours") if source == "yours" else self.add(change, "proposed", source)
         self.note_made(number, change)
 
     def notice_proposals(self) -> int:

@@ -216,6 +216,27 @@ def test_an_accepted_one_that_is_taken_back_waits_again_also_on_the_disk(folder:
     assert Workspace(folder).waiting == ()
 
 
+def test_killed_between_the_draft_and_the_proposals_nothing_is_made_twice(folder: Path) -> None:
+    propose(folder, BYE, SEE_YOU)
+    (file,) = state_folder().glob("*.proposed-*.json")
+    data = file.read_bytes()
+    study = Workspace(folder)
+    bye, see_you = study.waiting
+    study.make_waiting(bye.number)
+    study.make_waiting(see_you.number)
+    file.write_bytes(data)  # the draft has them, and they are not out of their file yet
+    study._lock.release()  # as the process that ends gives it back
+    again = Workspace(folder)
+    assert len(again.waiting) == 2
+    draft = again.draft
+    assert draft is not None
+    again.take_up_draft(draft)
+    assert again.waiting == ()
+    assert proposed_on_disk() == []
+    again.undo()
+    assert [each.change.edits for each in again.waiting] == [(SEE_YOU,)]
+
+
 def test_what_was_proposed_already_is_not_proposed_twice(folder: Path) -> None:
     assert propose(folder, SAY, BYE) == 2
     assert propose(folder, BYE, NAMED) == 1

@@ -162,7 +162,7 @@ def _shown_only(path: str, data: bytes) -> Iterator[EditField]:
         yield EditField(f"{path}\0", "study", shown="it cannot be read", note="rise-engine study check says why")
         return
     for field in _leaves(path, values):
-        yield field._replace(kind="fixed", edits=no_edits, note="study.toml above: changed there")
+        yield field._replace(kind="fixed", edits=no_edits, note=f"{field.label}; study.toml above")
 
 
 def act_setting_choices(draft: StudyDraft) -> list[FieldChoice]:
