@@ -48,7 +48,7 @@ class OutsideChange(Struct, frozen=True):
     files: tuple[str, ...]
     """Those that differ."""
     lost: tuple[Change, ...] = ()
-    """Own changes that cannot be made any more on what the files are now."""
+    """Own changes that cannot be made again on what the files are now: they are set aside (`Workspace.waiting`)."""
     forgotten: bool = False
     """Whether steps from before can no longer be taken back."""
 

@@ -1,7 +1,7 @@
 """What git leaves in a file whose two versions it could not join: conflicts, each with both versions of some lines.
 
-A line with `<<<<<<<` and a name, the lines as they are here, a line with `=======`, the lines as the other has them, and
-a line with `>>>>>>>` and the other's name.
+A line with `<<<<<<<` and a name, the lines as they are here, a line with `=======`, the lines as the other has
+them, and a line with `>>>>>>>` and the other's name.
 
 With git's setting `merge.conflictStyle diff3` there is a third part between `|||||||` and `=======`: as it was before.
 """
