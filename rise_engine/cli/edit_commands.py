@@ -19,9 +19,8 @@ from rise_engine.edit.guard import check_guard
 from rise_engine.edit.plan import EditRefused, Files, Plan, apply_plan
 from rise_engine.edit.planning import plan
 from rise_engine.edit.read_outline import read_outline
-from rise_engine.edit.rename_data import data_splices
-from rise_engine.edit.renaming import Renaming
 from rise_engine.edit.saving import refuse_shipped, write_files
+from rise_engine.edit.study_above import read_study_above, sets_key
 from rise_engine.edit.study_folder import read_study_files
 from rise_engine.edit.study_state import StudyState
 from rise_engine.edit.workspace import Workspace, diff_of
@@ -69,6 +68,8 @@ def uses(folder: str, kind: NameKind, name: str, as_json: bool) -> None:
         for use in found:
             what = " (defines it)" if use.defines else ""
             print(f"{use.location.file}:{use.location.line}:{use.location.column}: {use.where or kind}{what}")
+    if kind == "key" and (above := sets_key(read_study_above(_scenario_folder(folder)), name)):
+        print(f"{above}, too", file=sys.stderr)
     if loaded.draft.unreadable_parts and not as_json:
         print("a file cannot be read (rise-engine check says which); there may be more", file=sys.stderr)
     sys.exit(exit_status.OK if found else exit_status.REFUSED)
@@ -95,10 +96,8 @@ def rename(folder: str, kind: NameKind, old: str, new: str, as_diff: bool, as_js
         sys.exit(exit_status.REFUSED)
     try:
         files = read_study_files(path)
-        state = StudyState(files, read_outline(files, loaded.scenario.paths), loaded, path)
+        state = StudyState(files, read_outline(files, loaded.scenario.paths), loaded, path, read_study_above(path))
         edit = Rename(kind, old, new)
-        if kind == "key":
-            _check_study_above(path, old)
         planned = plan(edit, state)
         after = apply_plan(files, planned)
         _check_after(edit, state, after)
@@ -147,27 +146,16 @@ def _words(kind: NameKind) -> str:
     return {"key": "memory key"}.get(kind, kind)
 
 
-def _study_folder(folder: str) -> Path:
+def _scenario_folder(folder: str) -> Path:
     path = Path(resolve_scenario(folder))
-    path = path.parent if path.is_file() else path
+    return path.parent if path.is_file() else path
+
+
+def _study_folder(folder: str) -> Path:
+    path = _scenario_folder(folder)
     if not path.is_dir():
         exit_with_usage(f"there is no folder {folder}")
     return path
-
-
-def _check_study_above(path: Path, key: str) -> None:
-    """:raises EditRefused: the study.toml of the folder in which the scenario lies sets this memory key, too."""
-    file = path.resolve().parent / "study.toml"
-    try:
-        data = file.read_bytes()
-    except OSError:
-        return
-    renaming = Renaming("key", "", key, f"{key}_", {})
-    if any(data_splices({file.name: data}, renaming)):
-        raise EditRefused(
-            f"{file} sets `{key}`, too; change it there by hand first (a plan that was made from it has to fit), and "
-            "then rename it here"
-        )
 
 
 def _check_after(edit: Rename, before: StudyState, after: Files) -> None:

@@ -34,6 +34,10 @@ class DraftChange(Struct, frozen=True):
     noticed: tuple[str, ...] = ()
     replaced: tuple[bytes, ...] = ()
     """What each edit took away, so that it is seen when somebody else has changed just that."""
+    waited: str = ""
+    """Of a step that was made of a change that waited: `yours`, or the name of the file of proposals."""
+    given_up: bool = False
+    """Of one that was set aside or proposed: whether it is not to be made, and is kept until the editor is closed."""
 
 
 class Draft(Struct, frozen=True):
@@ -50,6 +54,11 @@ class Draft(Struct, frozen=True):
     set_aside: tuple[DraftChange, ...] = ()
     """Changes that could not be made again on what somebody else had written meanwhile."""
     format: int = FORMAT
+
+    @property
+    def is_to_be_offered(self) -> bool:
+        """Whether there is anything in it that nobody has decided."""
+        return bool(self.files or self.changes) or any(not each.given_up for each in self.set_aside)
 
 
 def state_folder() -> Path:
@@ -72,16 +81,24 @@ class DraftFile:
         self.path = state_folder() / f"{self.folder.name}-{name}.json"
 
     def read(self) -> Draft | None:
-        """What was kept last; None: nothing, or nothing that can be read."""
+        """What was kept last; None: nothing that is to be offered, or nothing that can be read."""
         found = self._find()
         return None if found is None else found[1]
+
+    def read_given_up(self) -> tuple[DraftChange, ...]:
+        """What was given up in an editor that was killed, if that is all that it has left."""
+        with suppress(OSError, msgspec.DecodeError, UnicodeError):
+            draft = msgspec.json.decode(self.path.read_bytes(), type=Draft)
+            if draft.format == FORMAT and not draft.is_to_be_offered:
+                return draft.set_aside
+        return ()
 
     def _find(self) -> tuple[Path, Draft] | None:
         earlier = sorted(self.path.parent.glob(f"{glob.escape(self.path.stem)}.earlier-*.json"), reverse=True)
         for path in (self.path, *earlier):
             with suppress(OSError, msgspec.DecodeError, UnicodeError):
                 draft = msgspec.json.decode(path.read_bytes(), type=Draft)
-                if draft.format == FORMAT:
+                if draft.format == FORMAT and draft.is_to_be_offered:
                     return path, draft
         return None
 
@@ -110,14 +127,19 @@ class DraftFile:
             return
         now = datetime.now().astimezone().isoformat(timespec="seconds")
         draft = Draft(str(self.folder), now, hashes(base), dict(files), changes, set_aside)
-        self.path.parent.mkdir(0o700, parents=True, exist_ok=True)
-        fresh = self.path.with_suffix(f".{os.getpid()}.new")
-        descriptor = os.open(fresh, os.O_WRONLY | os.O_CREAT | os.O_TRUNC | os.O_CLOEXEC, 0o600)
-        with os.fdopen(descriptor, "wb") as file:
-            file.write(msgspec.json.encode(draft))
-            file.flush()
-            os.fsync(descriptor)
-        fresh.replace(self.path)
+        write_durably(self.path, msgspec.json.encode(draft))
+
+
+def write_durably(path: Path, data: bytes) -> None:
+    """Write a file of the state folder: whole or not at all, for this account alone. Raises OSError."""
+    path.parent.mkdir(0o700, parents=True, exist_ok=True)
+    fresh = path.with_suffix(f".{os.getpid()}.new")
+    descriptor = os.open(fresh, os.O_WRONLY | os.O_CREAT | os.O_TRUNC | os.O_CLOEXEC, 0o600)
+    with os.fdopen(descriptor, "wb") as file:
+        file.write(data)
+        file.flush()
+        os.fsync(descriptor)
+    fresh.replace(path)
 
 
 class EditorLock:

@@ -10,6 +10,7 @@ from typing import Any
 from rise_engine.edit.edits import Edit, RemoveStartValue, SetStartValue
 from rise_engine.edit.json_edits import memory_file_text, memory_text_edits, memory_values
 from rise_engine.edit.plan import EditRefused, Files, Plan
+from rise_engine.edit.study_above import sets_key
 from rise_engine.edit.study_state import StudyState
 from rise_engine.edit.text_edits import file_of
 from rise_engine.json_codec import JsonError, decode
@@ -75,6 +76,7 @@ def plan_remove_start_value(edit: RemoveStartValue, study: StudyState) -> Plan:
     return Plan(
         splices=file.splices(memory_text_edits(file.text, {edit.key: None}, {})),
         says=(f"{edit.key} has no start value any more (was {value_text(before[edit.key])})",),
+        noticed=(above,) if (above := sets_key(study.above, edit.key)) else (),
     )
 
 

@@ -7,6 +7,7 @@ from typing import Any, TypeAlias
 
 from rise_engine.edit import (
     acts,
+    conflicts,
     memory,
     new_files,
     parts,
@@ -28,6 +29,7 @@ Planner: TypeAlias = Callable[[Any, StudyState], Plan]
 
 _OF_MODULES: tuple[Mapping[type[Edit], Planner], ...] = (
     acts.PLANNERS,
+    conflicts.PLANNERS,
     memory.PLANNERS,
     new_files.PLANNERS,
     parts.PLANNERS,

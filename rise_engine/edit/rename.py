@@ -17,6 +17,7 @@ from rise_engine.edit.name_places import NamePlace, NamePlaces
 from rise_engine.edit.plan import EditRefused, Plan, Splice
 from rise_engine.edit.rename_data import data_splices
 from rise_engine.edit.renaming import Renaming
+from rise_engine.edit.study_above import sets_key
 from rise_engine.edit.study_state import StudyState
 from rise_engine.edit.toml_writing import toml_key
 from rise_engine.nearest_name import did_you_mean
@@ -105,6 +106,11 @@ def plan_rename(edit: Rename, study: StudyState) -> Plan:
         raise EditRefused(f"{file} cannot be read ({problem}), so nobody knows what names it has; mend it first")
     names = _RenamedName(edit, study)
     _check_new_name(names)
+    if edit.kind == "key" and (above := sets_key(study.above, names.old)):
+        raise EditRefused(
+            f"{above}, too; change it there by hand first (a plan that was made from it has to fit), "
+            "and then rename it here"
+        )
     _check_collisions(names, study)
     places = NamePlaces(study.files)
     found: dict[NamePlace, tuple[str, str]] = {}

@@ -19,3 +19,5 @@ class StudyState(Struct, frozen=True):
     checked: LoadResult
     folder: Path
     """Where the study lies. Nothing of it is read while an edit is planned."""
+    above: Files = {}
+    """The study.toml of a folder above, by its path (`read_study_above`): what it names is known, and not changed."""

@@ -2,84 +2,34 @@
 
 from __future__ import annotations
 
-import difflib
 import os
-import re
-import tomllib
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from contextlib import suppress
-from hashlib import sha256
 from pathlib import Path
 
-from msgspec import Struct
-
+from rise_engine.edit.changes import Change as Change
+from rise_engine.edit.changes import OutsideChange as OutsideChange
+from rise_engine.edit.changes import Refusal as Refusal
+from rise_engine.edit.changes import SaveReport as SaveReport
+from rise_engine.edit.changes import diff_of as diff_of
+from rise_engine.edit.changes import replaced_by, taken_back
 from rise_engine.edit.drafts import Draft, DraftChange, DraftFile, EditorLock, hashes
-from rise_engine.edit.edits import (
-    AddAct,
-    AddAction,
-    AddBranch,
-    AddRow,
-    AddRule,
-    AddState,
-    AddStatement,
-    AddTransition,
-    AddVariant,
-    AnyEdit,
-    CopyAct,
-    CopyRule,
-    Rename,
-)
+from rise_engine.edit.edits import AnyEdit, Rename
 from rise_engine.edit.guard import check_guard
 from rise_engine.edit.history import History, Step, changed_names
 from rise_engine.edit.outline import Outline
-from rise_engine.edit.plan import EditRefused, Files, Plan, apply_plan
+from rise_engine.edit.plan import EditRefused, Files, apply_plan
 from rise_engine.edit.planning import StudyState, plan
+from rise_engine.edit.proposals import ProposalFiles
 from rise_engine.edit.read_outline import read_outline
 from rise_engine.edit.saving import finish_interrupted, refuse_shipped, write_files
-from rise_engine.edit.study_folder import read_study_files
+from rise_engine.edit.study_above import read_study_above
+from rise_engine.edit.study_folder import part_paths, read_study_files
+from rise_engine.edit.waiting import Outlook, WaitingChange, WaitingChanges, kept_change, outlook_of
 from rise_engine.scenario import LoadResult
 from rise_engine.scenario.checker import ScenarioChecker
-from rise_engine.scenario.file_names import DEFAULT_PATHS, SCENARIO_FILE
 from rise_engine.scenario.uses import Uses
 from rise_engine.text import pluralize
-
-_ADDING = (
-    AddAct, AddAction, AddBranch, AddRow, AddRule, AddState, AddStatement, AddTransition, AddVariant, CopyAct, CopyRule
-)  # fmt: skip
-_LINE = re.compile(r"[^\r\n]*(?:\r\n|\r|\n)|[^\r\n]+")
-
-
-class Change(Struct, frozen=True):
-    """One step that can be undone: an edit, or several that belong together."""
-
-    edits: tuple[AnyEdit, ...]
-    says: tuple[str, ...]
-    """What it does, in words."""
-    noticed: tuple[str, ...] = ()
-
-
-class OutsideChange(Struct, frozen=True):
-    """What somebody else has done to the files meanwhile."""
-
-    files: tuple[str, ...]
-    """Those that differ."""
-    lost: tuple[Change, ...] = ()
-    """Own changes that cannot be made any more on what the files are now."""
-    forgotten: bool = False
-    """Whether steps from before can no longer be taken back."""
-
-
-class Refusal(Struct, frozen=True):
-    """An edit that cannot be made."""
-
-    edit: int
-    """Which one, from 0."""
-    why: str
-
-
-class SaveReport(Struct, frozen=True):
-    files: tuple[str, ...]
-    """What was written, made or deleted; empty: nothing was to be saved."""
 
 
 class Workspace:
@@ -119,6 +69,8 @@ class Workspace:
             self.finished = finish_interrupted(self.folder) if not self.read_only else ()
             """Files of an earlier save that was killed, and has come to its end now."""
             self.files = self.saved = read_study_files(self.folder)
+            self.above = read_study_above(self.folder)
+            """The study.toml of a folder above, by its path. It is known, and not edited here."""
         except BaseException:
             self._lock.release()
             raise
@@ -127,10 +79,12 @@ class Workspace:
         self._draft = DraftFile(self.folder)
         self._is_draft_open = not self._lock.holder and self._draft.read() is not None
         """Whether what an earlier editor has left was neither taken up nor given up yet."""
-        self.set_aside: tuple[Change, ...] = ()
-        """Own changes that somebody else's stand in the way of. `apply(*change.edits)` makes one all the same;
-        `forget_set_aside` gives them up. Until then they are in the draft."""
+        self._waiting = WaitingChanges(ProposalFiles(self.folder))
+        self._outlooks: tuple[Files, tuple[WaitingChange, ...], tuple[Outlook, ...]] = {}, (), ()
         self._state: StudyState | None = None
+        for kept in () if self._lock.holder else self._draft.read_given_up():
+            self._waiting.add(Change(kept.edits, kept.says, kept.noticed), given_up=True)
+        self.notice_proposals()
 
     @property
     def read_only(self) -> str:
@@ -173,7 +127,11 @@ class Workspace:
     def _state_of(self, files: Files) -> StudyState:
         gone = dict.fromkeys(self.saved.keys() - files.keys())
         return StudyState(
-            files, read_outline(files, _paths(files)), self._checker.check({**gone, **files}), self.folder
+            files,
+            read_outline(files, part_paths(files)),
+            self._checker.check({**gone, **files}),
+            self.folder,
+            self.above,
         )
 
     # --- changing -------------------------------------------------------------------------------------------------
@@ -184,9 +142,16 @@ class Workspace:
 
     def foresee(self, *edits: AnyEdit) -> tuple[StudyState, Change, tuple[Refusal, ...]]:
         """What edits would come to, changing nothing; those that cannot be made are left out, and say why."""
+        state, changes, refused = self.foresee_each(*edits)
+        made = tuple(edit for change in changes for edit in change.edits)
+        says = tuple(sentence for change in changes for sentence in change.says)
+        noticed = tuple(sentence for change in changes for sentence in change.noticed)
+        return state, Change(made, says, noticed), refused
+
+    def foresee_each(self, *edits: AnyEdit) -> tuple[StudyState, list[Change], tuple[Refusal, ...]]:
+        """The same, with a change for each of those that can be made."""
         now = self.files, self._state
-        says: list[str] = []
-        noticed: list[str] = []
+        changes: list[Change] = []
         refused: list[Refusal] = []
         state = self.state
         try:
@@ -197,27 +162,26 @@ class Workspace:
                     refused.append(Refusal(number, str(why)))
                     continue
                 self.files, self._state = state.files, state
-                says += change.says
-                noticed += change.noticed
+                changes.append(change)
         finally:
             self.files, self._state = now
-        made = tuple(edit for number, edit in enumerate(edits) if number not in {each.edit for each in refused})
-        return state, Change(made, tuple(says), tuple(noticed)), tuple(refused)
+        return state, changes, tuple(refused)
 
     def apply(self, *edits: AnyEdit) -> Change:
         """Make edits as one step. :raises EditRefused: one cannot be made; then none is."""
+        change = self._apply(edits)
+        own = (each for each in self.waiting if each.origin == "yours" and each.change.edits == change.edits)
+        if (waited := next(own, None)) is not None:
+            self._no_longer_waits(waited.number, change)
+        return change
+
+    def _apply(self, edits: Sequence[AnyEdit]) -> Change:
         after, change, replaced = self._plan(edits)
-        self.set_aside = tuple(each for each in self.set_aside if each.edits != change.edits)
         if changed_names(self.files, after.files):
             self._history.add(Step(change, self.files, after.files, replaced))
             self.files, self._state = after.files, after
             self._keep_draft()
         return change
-
-    def forget_set_aside(self) -> None:
-        """Give up the changes that were set aside."""
-        self.set_aside = ()
-        self._keep_draft()
 
     def _plan(self, edits: Sequence[AnyEdit]) -> tuple[StudyState, Change, tuple[bytes, ...]]:
         """What edits come to, in words too, and what each of them takes away."""
@@ -254,6 +218,69 @@ class Workspace:
         """What saving would change, as `diff -u` has it."""
         return diff_of(self.saved, self.files)
 
+    # --- what waits until somebody chooses --------------------------------------------------------------------------
+
+    @property
+    def waiting(self) -> tuple[WaitingChange, ...]:
+        """Own changes that somebody else's stand in the way of, and proposed ones, in the order in which they came."""
+        return self._waiting.left(_change(step) for step in self._history.done)
+
+    @property
+    def set_aside(self) -> tuple[Change, ...]:
+        """Own changes that somebody else's stand in the way of, and that nobody has given up."""
+        return tuple(each.change for each in self.waiting if each.origin == "yours" and not each.given_up)
+
+    @property
+    def outlooks(self) -> tuple[Outlook, ...]:
+        """What would come of each of `waiting` as the files are now."""
+        waiting = self.waiting
+        if self._outlooks[0] is not self.files or self._outlooks[1] != waiting:
+            self._outlooks = self.files, waiting, tuple(map(self._outlook, waiting))
+        return self._outlooks[2]
+
+    def _outlook(self, waiting: WaitingChange) -> Outlook:
+        def plan_all() -> tuple[Files, Change]:
+            state, change, _ = self._plan(waiting.change.edits)
+            return state.files, change
+
+        return outlook_of(waiting, self.state, plan_all)
+
+    def make_waiting(self, number: int) -> Change:
+        """Make a change that waits, also one that was given up, as one step.
+
+        :raises EditRefused: it cannot be made as the files are now.
+        """
+        waited = self._find_waiting(number)
+        if not waited.change.edits:
+            raise EditRefused(self._outlook(waited).why_not)
+        change = self._apply(waited.change.edits)
+        self._no_longer_waits(number, change)
+        return change
+
+    def _no_longer_waits(self, number: int, change: Change) -> None:
+        if any(_change(step) is change for step in self._history.done):
+            self._waiting.note_made(number, change)
+        else:  # the files say so already
+            self._waiting.drop([number])
+        self._keep_draft()
+
+    def give_up(self, number: int, *, given_up: bool = True) -> WaitingChange:
+        """A change that waits is not to be made; until the editor is closed it still can be. False: it waits again."""
+        self._find_waiting(number)
+        self._waiting.give_up(number, given_up=given_up)
+        self._keep_draft()
+        return self._find_waiting(number)
+
+    def _find_waiting(self, number: int) -> WaitingChange:
+        found = next((each for each in self.waiting if each.number == number), None)
+        if found is None:
+            raise EditRefused("this change does not wait any more")
+        return found
+
+    def notice_proposals(self) -> int:
+        """Look whether changes were proposed meanwhile (`rise-engine edit --propose`); how many."""
+        return 0 if self._lock.holder else self._waiting.notice_proposals()
+
     # --- what others do -------------------------------------------------------------------------------------------
 
     def notice_outside(self) -> OutsideChange | None:
@@ -263,7 +290,9 @@ class Workspace:
         """
         if self._lock.holder:
             self._take_over()
-        now = read_study_files(self.folder)
+        now, above = read_study_files(self.folder), read_study_above(self.folder)
+        if above != self.above:
+            self.above, self._state = above, None
         outside = changed_names(self.saved, now)
         if not outside:
             return None
@@ -278,10 +307,12 @@ class Workspace:
             return OutsideChange(tuple(sorted(outside)))
         back, made = self._history.unsaved
         self.files = self.saved = now
-        steps, lost = self._make_again(back, made)
+        steps, lost, stuck = self._make_again(back, made)
+        self._waiting.forget_steps(map(_change, (*self._history.done, *stuck)))
         forgotten = len(self._history.done) > len(made) or bool(self._history.undone)
         self._history.begin_anew(steps)
-        self.set_aside += tuple(lost)
+        for change in lost:
+            self._waiting.add(change)
         self._keep_draft()
         return OutsideChange(tuple(sorted(outside)), tuple(lost), forgotten)
 
@@ -291,11 +322,16 @@ class Workspace:
         if not self._lock.holder:
             self.finished = finish_interrupted(self.folder)
             self._is_draft_open = self._draft.read() is not None
+            self.notice_proposals()
 
-    def _make_again(self, back: list[Step], made: list[Step]) -> tuple[list[Step], list[Change]]:
-        """Own steps on what the files are now; what cannot be made any more."""
+    def _make_again(self, back: list[Step], made: list[Step]) -> tuple[list[Step], list[Change], list[Step]]:
+        """Own steps on what the files are now; what cannot be made any more; saved steps that cannot be taken back.
+
+        What was made where a step is not taken back, was made on other files than there are: it waits to be looked at.
+        """
         steps: list[Step] = []
         lost: list[Change] = []
+        stuck: list[Step] = []
         for step in back:  # a saved step taken back has no edits: it is made where its files are as it left them
             if all(self.files.get(name) == step.after.get(name) for name in step.files):
                 files = {**self.files, **{name: step.before[name] for name in step.files & step.before.keys()}}
@@ -304,15 +340,20 @@ class Workspace:
                 steps.append(Step(Change((), says), self.files, files))
                 self.files = files
             else:
-                lost.append(_change(step))
+                stuck.append(step)
+                lost.append(taken_back(_change(step), step.before, step.files))
+        other_files = {name for step in stuck for name in step.files}
         for step in made:
-            again = self._step_again(_change(step), step.replaced) if _change(step).edits else None
+            again = None
+            if _change(step).edits and not step.files & other_files:
+                again = self._step_again(_change(step), step.replaced)
             if again is None:
                 lost.append(_change(step))
             elif again.files:
                 steps.append(again)
                 self.files = again.after
-        return steps, lost
+                self._waiting.follow(_change(step), _change(again))
+        return steps, lost, stuck
 
     def _step_again(self, change: Change, replaced: tuple[bytes, ...]) -> Step | None:
         """An own step on what the files are now; None: it cannot be made, or somebody else has changed the same."""
@@ -356,14 +397,17 @@ class Workspace:
         changes = [DraftChange(each.edits, each.says) for each in self.changes[: len(back)]]
         for step in made:
             change = _change(step)
-            changes.append(DraftChange(change.edits, change.says, change.noticed, step.replaced))
-        aside = tuple(DraftChange(each.edits, each.says, each.noticed) for each in self.set_aside)
+            waited = self._waiting.source_of(change)
+            changes.append(DraftChange(change.edits, change.says, change.noticed, step.replaced, waited))
+        waiting = self.waiting
+        aside = tuple(map(kept_change, (each for each in waiting if each.origin == "yours")))
         with suppress(OSError):
             if self._is_draft_open and (changed or aside):
                 self._draft.put_aside()
                 self._is_draft_open = False
             if not self._is_draft_open:
                 self._draft.keep(self.saved, changed, tuple(changes), aside)
+        self._waiting.keep_proposals(waiting)
 
     @property
     def draft(self) -> Draft | None:
@@ -387,6 +431,8 @@ class Workspace:
             elif step.files:
                 self._history.add(step)
                 self.files = step.after
+                if kept.waited:
+                    self._waiting.restore(_change(step), kept.waited)
         if not changed:  # also steps that were taken back over a save, which have no edits
             wanted = {**self.saved, **{name: data for name, data in draft.files.items() if data is not None}}
             wanted = {name: data for name, data in wanted.items() if draft.files.get(name, b"") is not None}
@@ -395,7 +441,10 @@ class Workspace:
                 self._history.add(Step(Change((), says), self.files, wanted))
                 self.files = wanted
             lost = []
-        self.set_aside += (*lost, *(Change(kept.edits, kept.says, kept.noticed) for kept in draft.set_aside))
+        for change in lost:
+            self._waiting.add(change)
+        for kept in draft.set_aside:
+            self._waiting.add(Change(kept.edits, kept.says, kept.noticed), given_up=kept.given_up)
         self._keep_draft()
         return OutsideChange(changed, self.set_aside)
 
@@ -410,50 +459,14 @@ class Workspace:
             self._is_draft_open = False
 
     def close(self) -> None:
-        """Give up the lock; a draft with unsaved changes stays for the next time."""
+        """Give up the lock; a draft with unsaved changes stays for the next time, without what was given up."""
+        given_up = [each.number for each in self.waiting if each.given_up]
+        if given_up:
+            self._waiting.drop(given_up)
+            self._keep_draft()
         self._lock.release()
 
 
 def _change(step: Step) -> Change:
     assert isinstance(step.change, Change)
     return step.change
-
-
-def _paths(files: Files) -> Mapping[str, str]:
-    """Where acts, rules and the memory lie, as far as scenario.toml can be read."""
-    try:
-        values = tomllib.loads(files.get(SCENARIO_FILE, b"").decode("utf-8-sig"))
-    except ValueError:
-        return {}
-    return {kind: values[kind] for kind in DEFAULT_PATHS if isinstance(values.get(kind), str) and values[kind]}
-
-
-def diff_of(before: Files, after: Files) -> str:
-    """The lines that differ between two states of files, as `diff -u` has them; CR alone ends a line too."""
-    pieces: list[str] = []
-    for name in sorted(changed_names(before, after)):
-        old, new = (side.get(name) for side in (before, after))
-        one, other = (_LINE.findall((data or b"").decode("utf-8", "replace")) for data in (old, new))
-        from_name = f"a/{name}" if old is not None else "/dev/null"
-        to_name = f"b/{name}" if new is not None else "/dev/null"
-        for line in difflib.unified_diff(one, other, from_name, to_name):
-            if line.endswith("\r"):
-                line = f"{line[:-1]}\n"
-            pieces.append(line if line.endswith("\n") else f"{line}\n\\ No newline at end of file\n")
-    return "".join(pieces)
-
-
-def replaced_by(edit: AnyEdit, planned: Plan, files: Files) -> bytes:
-    """What a plan takes away, as a sum; the same for the same, wherever it stands. Of what only adds: nothing.
-
-    An edit that is made again on files that somebody else has changed, and then takes away something else than it did
-    before, would overwrite what they wrote.
-    """
-    if isinstance(edit, _ADDING):
-        return b""
-    gone = {files[each.file][each.start : each.end] for each in planned.splices}
-    gone |= {files.get(name) or b"" for name in planned.written}
-    total = sha256()
-    for piece in sorted(gone):
-        total.update(b"%d:" % len(piece) + piece)
-    return total.digest()[:8]

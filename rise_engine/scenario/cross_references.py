@@ -37,10 +37,10 @@ def check_cross_references(draft: ScenarioDraft, diagnostics: Diagnostics) -> No
                 f"the act in {draft.acts[name].location.file} is called `{name}` too, and the ends of both raise "
                 f"the event `{name}_end`",
             )
-    if not unread & {"acts", "rules"}:
+    if not unread & {"acts", "rules", "settings"}:
         _check_topics(draft, diagnostics)
     add_session_keys(draft, diagnostics)
-    if not unread & {"rules", "memory", "tables"}:
+    if not unread & {"rules", "memory", "tables", "settings"}:
         _check_memory(draft, diagnostics)
         if "acts" not in unread:
             check_parts(draft, diagnostics)

@@ -81,8 +81,8 @@ class ScenarioDraft:
         """Where the memory's keys, the tables and their columns stand that there may be a warning about."""
         self.tables: dict[str, Table] = {}
         self.unreadable_parts: set[str] = set()
-        """Of acts, rules, memory and tables, what could not be read whole: then nothing can be said to be missing
-        there."""
+        """Of acts, rules, memory, tables and settings (scenario.toml), what could not be read whole: then nothing can
+        be said to be missing there."""
         self.act_mentions: list[Mention] = []
         self.rule_mentions: list[Mention] = []
         self.state_mentions: list[StateMention] = []

@@ -277,6 +277,8 @@ class ScenarioLoader:
         path = self.folder / (self.path.name if self.path.suffix == ".toml" else SCENARIO_FILE)
         source = self.files.read(path, MAX_TOML_BYTES) if self.tree.exists(path) else None
         file = toml_of(source, self.files) if source is not None else None
+        if file is None and self.tree.exists(path):
+            self.draft.unreadable_parts.add("settings")
         self.file = file or self.file
 
     def read_robot_profile(self, name: str, *, asked: bool) -> RobotProfile:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 from bisect import bisect_right
 from functools import cached_property
 from itertools import accumulate
@@ -10,6 +9,7 @@ from pathlib import Path
 
 from rise_engine.scenario.diagnostics import Diagnostics
 from rise_engine.scenario.memo import Memo
+from rise_engine.scenario.merge_conflicts import find_conflicts
 from rise_engine.scenario.model import SourceLocation
 from rise_engine.scenario.tree import FileTree, UnreadableError
 
@@ -19,8 +19,8 @@ MAX_TOML_BYTES = 1_000_000
 """The same for settings and robot profiles, which people write by hand."""
 ENCODING_REMEDY = "open it with the encoding it has (often Windows-1252 or Latin-1) and save it as UTF-8"
 _BYTE_ORDER_MARK = b"\xef\xbb\xbf"
-_CONFLICT = re.compile(r"^(?:<{7}|={7}|>{7})(?=[ \r\n]|\Z)", re.MULTILINE)
-"""What git writes into a file whose two versions it could not join."""
+_NAMED_CONFLICTS = 5
+"""Further conflicts of a file whose lines are named."""
 
 
 class SourceFile:
@@ -115,28 +115,22 @@ def _decode(name: str, data: bytes, diagnostics: Diagnostics, encoding: str, rem
 
 
 def _has_conflicts(source: SourceFile, diagnostics: Diagnostics) -> bool:
-    """Whether a merge of git was never resolved in a file: a finding for each conflict, and no other about it."""
-    if "<<<<<<<" not in source.text:
+    """Whether a merge of git was never resolved in a file: one finding, at its first mark, and no other about it."""
+    conflicts = find_conflicts(source.text)
+    if not conflicts:
         return False
-    opening: re.Match[str] | None = None
-    middle = found = False
-    for mark in _CONFLICT.finditer(source.text):
-        kind = mark.group()[0]
-        if kind == "<":
-            opening, middle = mark, False
-        elif kind == "=":
-            middle = opening is not None
-        elif opening is not None and middle:
-            found = True
-            line, end = source.location(opening.start()).line, source.location(mark.start()).line
-            diagnostics.error(
-                "merge-conflict",
-                source.location(opening.start()),
-                "a merge of git was not resolved here: this file holds two versions; keep one of them, and delete the "
-                f"lines with the marks (`<<<<<<<` in line {line}, `=======`, and `>>>>>>>` in line {end})",
-            )
-            opening = None
-    return found
+    first, *others = conflicts
+    begin, end = (source.location(offset).line for offset in (first.start, first.closing))
+    more = ", ".join(str(source.location(each.start).line) for each in others[:_NAMED_CONFLICTS])
+    more += ", ..." if len(others) > _NAMED_CONFLICTS else ""
+    diagnostics.error(
+        "merge-conflict",
+        source.location(first.start),
+        "a merge of git was not resolved here: this file holds two versions; keep one of them, and delete the lines "
+        f"with the marks (`<<<<<<<` in line {begin}, `=======`, and `>>>>>>>` in line {end}), or let `rise-tui edit` "
+        "show both and choose" + (f"; it has more of them, in line {more}" if others else ""),
+    )
+    return True
 
 
 def decode_text(

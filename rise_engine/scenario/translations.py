@@ -99,6 +99,8 @@ class TranslationReader:
         self.texts: dict[str, SpokenText] = {}
         self.found: dict[str, LanguageTexts] = {}
         """By language, in the order of their names."""
+        self.unread: set[str] = set()
+        """The languages whose file cannot be read: nobody knows what it lacks."""
 
     def read(self, files: FileReader, wanted: Iterable[str]) -> None:
         """Read the files of the folder `texts`.
@@ -116,7 +118,7 @@ class TranslationReader:
         if not by_tag:
             return
         self._index_texts()
-        if not self.language:
+        if not self.language and "settings" not in self.draft.unreadable_parts:
             message = "the study has translations, and nobody knows of what: say at the top of scenario.toml in which "
             message += 'language the acts are, language = "en"'
             first = min(by_tag.values(), key=lambda path: path.name)
@@ -158,6 +160,8 @@ class TranslationReader:
         if file is not None:
             key = ("texts", source, path.stem)
             found = files.memo.read(key, self.diagnostics, partial(_read_texts, file, path.stem))
+        elif files.tree.exists(path):
+            self.unread.add(path.stem)
         self.found[path.stem] = found
         if self.is_whole:
             self._compare(found)
@@ -195,6 +199,8 @@ class TranslationReader:
         if not self.is_whole:
             return
         for tag, found in self.found.items():
+            if tag in self.unread:
+                continue
             by_act: dict[str, list[SpokenText]] = {}
             for text in found.missing(self.texts.values()):
                 by_act.setdefault(text.act, []).append(text)

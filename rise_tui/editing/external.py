@@ -54,6 +54,9 @@ async def edit_file(app: App[Any], frame: EditFrame, place: FilePlace) -> None:
     """
     draft = frame.study.draft
     content = draft.files.get(place.file)
+    if place.file in draft.above:  # of the study that this scenario is of: it lies outside, and is no part of the draft
+        await _run(app, frame, place.file, place.line)
+        return
     if content is None:
         frame.say(f"{place.file} is not there any more", "wait")
         return

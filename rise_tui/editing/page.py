@@ -6,8 +6,8 @@ by `frame.open_page(KIND, NAME)`. Top line, findings, save, undo, `e`, drafts an
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
-from typing import ClassVar, Protocol
+from collections.abc import Callable, Coroutine, Mapping, Sequence
+from typing import Any, ClassVar, Protocol
 
 from textual.containers import Vertical
 from textual.widget import Widget
@@ -31,6 +31,12 @@ class EditFrame(Protocol):
         """Make edits as one step, and draw everything anew; `then` is called when they are made.
 
         What cannot be made is said. Nothing is to be made without edits.
+        """
+
+    def work(self, work: Coroutine[Any, Any, str]) -> None:
+        """Do something beside the loop, draw everything anew, and say the sentence that it gives.
+
+        What is refused is said.
         """
 
     def open_page(self, kind: str, name: str = "", *, back: tuple[str, str] | None = None) -> None:

@@ -101,14 +101,15 @@ class EditScreen(Screen[None]):
     async def _offer_draft(self) -> None:
         """What an earlier editor has not saved is offered before anything is changed."""
         draft = await self.study.read_draft()
-        if draft is None or not (draft.changes or draft.files):
+        if draft is None:
+            overlays.say_what_waits(self)
             return
 
         def answer(key: str | None) -> None:
             if key == "t":
                 self._work(self._take_up(draft))
             elif key == "d":
-                self._work(self.study.discard_draft())
+                self._work(self._discard_draft())
             else:
                 self.close()
 
@@ -119,7 +120,11 @@ class EditScreen(Screen[None]):
         self.say("the draft is here again: ctrl+o saves it")
         self.draw()
         if outside.lost:
-            self.app.push_screen(overlays.lost_changes_dialog(outside))
+            overlays.ask_about_set_aside(self.app, self, outside)
+
+    async def _discard_draft(self) -> None:
+        await self.study.discard_draft()
+        overlays.say_what_waits(self)
 
     async def on_unmount(self) -> None:
         await self.study.close()
@@ -137,6 +142,14 @@ class EditScreen(Screen[None]):
     def make(self, *edits: AnyEdit, then: Callable[[], None] | None = None) -> None:
         if edits:
             self._work(self._make(edits, then))
+
+    def work(self, work: Coroutine[Any, Any, str]) -> None:
+        self._work(self._and_say(work))
+
+    async def _and_say(self, work: Coroutine[Any, Any, str]) -> None:
+        sentence = await work
+        self.say(sentence)
+        self.draw()
 
     async def _make(self, edits: Sequence[AnyEdit], then: Callable[[], None] | None) -> None:
         change = await self.study.apply(*edits)
@@ -272,6 +285,9 @@ class EditScreen(Screen[None]):
             self.running = found
             self.draw_bars()
         await self._look_outside()
+        if await self.study.notice_proposals():
+            self.draw()
+            overlays.say_what_waits(self)
 
     def look_outside(self) -> None:
         """Look now whether files have changed."""
@@ -289,7 +305,7 @@ class EditScreen(Screen[None]):
         files = ", ".join(outside.files)
         self.draw()
         if outside.lost:
-            self.app.push_screen(overlays.lost_changes_dialog(outside))
+            overlays.ask_about_set_aside(self.app, self, outside)
         else:
             self.say(f"{files} changed outside: taken in", "wait")
         return bool(outside.lost)
@@ -309,6 +325,7 @@ class EditScreen(Screen[None]):
             "edit.redo": lambda: self._work(self._redo()),
             "edit.save": lambda: self._work(self._ask_to_save()),
             "edit.findings": lambda: overlays.choose_finding(self),
+            "edit.waiting": lambda: overlays.open_waiting(self),
             "edit.file": lambda: self._work(self._open_file()),
             "edit.pages": self._go_home,
             "edit.leave": self._leave,

@@ -52,6 +52,18 @@ class EditedStudy:
         """Look whether somebody else has changed the files, and take it in."""
         return await self._do("", self._workspace.notice_outside)
 
+    async def notice_proposals(self) -> int:
+        """Look whether changes were proposed meanwhile; how many."""
+        return await self._do("", self._workspace.notice_proposals)
+
+    async def make_waiting(self, number: int) -> Change:
+        """Make a change that waits, as one step. :raises EditRefused: it cannot be made as the files are now."""
+        return await self._do("changing", lambda: self._workspace.make_waiting(number))
+
+    async def give_up(self, number: int, *, given_up: bool = True) -> None:
+        """A change that waits is not to be made, or after all waits again."""
+        await self._do("", lambda: self._workspace.give_up(number, given_up=given_up))
+
     async def save(self) -> SaveReport:
         """Write all changed files or none. :raises EditRefused: it cannot be."""
         return await self._do("saving", self._workspace.save)

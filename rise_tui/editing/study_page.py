@@ -76,7 +76,13 @@ class StudyPage(EditPage):
         if found is not None:
             last = found.line + self.draft.files.get(found.file, b"").count(b"\n", found.span.start, found.span.end)
             return FilePlace(found.file, found.line, last)
-        file = {"file": name, "memory": "memory.json", "keys": "scenario.toml", "settings": "scenario.toml"}.get(kind)
+        file = {
+            "file": name,
+            "merge": name,
+            "memory": "memory.json",
+            "keys": "scenario.toml",
+            "settings": "scenario.toml",
+        }.get(kind)
         return FilePlace(file, 1, 1) if file else None
 
     def draw(self) -> None:

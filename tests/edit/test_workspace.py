@@ -10,7 +10,15 @@ from pathlib import Path
 
 import pytest
 
-from rise_engine.edit.edits import AddAction, RemoveAct, Rename, ReplaceFile, SetParameter, SetStartValue
+from rise_engine.edit.edits import (
+    AddAction,
+    RemoveAct,
+    RemoveStartValue,
+    Rename,
+    ReplaceFile,
+    SetParameter,
+    SetStartValue,
+)
 from rise_engine.edit.plan import EditRefused, Files
 from rise_engine.edit.workspace import Workspace, diff_of
 from rise_engine.scenario import load
@@ -386,6 +394,32 @@ def test_a_study_with_an_unreadable_file_stays_editable(folder: Path) -> None:
     study.apply(ReplaceFile("rules/broken.xml", None))
     assert set(study.save().files) == {SPEECH, "rules/broken.xml"}
     assert load(folder).scenario is not None
+
+
+def test_the_study_of_a_folder_above_is_known(folder: Path) -> None:
+    """A study whose scenario is one of its folders: its study.toml is seen, also when it is written later."""
+    study = Workspace(folder)
+    assert study.above == {}
+    above = folder.parent / "study.toml"
+    levels = "levels.near.memory = { person_near = true }\nlevels.other.scenario = 'elsewhere'\n"
+    above.write_text(f"scenario = '{folder.name}'\n[factors.place]\n{levels}")
+    assert study.notice_outside() is None
+    assert study.above == {str(above.resolve()): above.read_bytes()}
+    with pytest.raises(EditRefused, match=r"study\.toml sets `person_near`, too; change it there by hand first"):
+        study.apply(Rename("key", "person_near", "near"))
+    assert study.apply(RemoveStartValue("person_near")).noticed == (f"{above.resolve()} sets `person_near`",)
+    study.apply(Rename("key", "person_name", "name"))
+    above.write_text("scenario = ")  # cannot be read: nobody knows
+    study.notice_outside()
+    with pytest.raises(EditRefused, match=r"study\.toml cannot be read, and may set `person_x`, too"):
+        study.apply(Rename("key", "person_x", "x"))
+    (folder.parent / "deep").mkdir()
+    above.write_text("[factors.place]\nlevels.near = { scenario = 'deep/one' }\n")
+    assert study.notice_outside() is None
+    assert study.above == {}, "it has other scenarios"
+    deep = folder.parent / "deep" / "one"
+    shutil.copytree(folder, deep)
+    assert list(Workspace(deep).above) == [str(above.resolve())]
 
 
 # --- two processes ------------------------------------------------------------------------------------------------

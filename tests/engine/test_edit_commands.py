@@ -90,10 +90,20 @@ def test_a_key_that_the_study_above_sets_is_changed_there_first(
     study: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     above, before = study.parent / "study.toml", contents(study)
-    above.write_text("[factors.f]\nlevels.yes.memory = { person_near = true }\n", "utf-8")
+    head = f'scenario = "{study.name}"\n[factors.f]\n'
+    above.write_text(f"{head}levels.yes.memory = {{ person_near = true }}\n", "utf-8")
+    assert f"{above.resolve()} sets `person_near`, too" in call(capsys, "uses", study, "key", "person_near")[2]
     status, _, err = call(capsys, "rename", study, "key", "person_near", "near")
     assert status == 1 and f"{above.resolve()} sets `person_near`, too" in err and contents(study) == before
-    above.write_text("[factors.f]\nlevels.yes.memory = { near = true }\n", "utf-8")
+    above.write_text(f"{head}levels.yes.memory = {{ near = true }}\n", "utf-8")
+    assert call(capsys, "rename", study, "key", "person_near", "near")[0] == 0
+
+
+def test_a_study_above_that_has_another_scenario_stands_in_no_way(
+    study: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    text = 'scenario = "another"\n[factors.f]\nlevels.yes.memory = { person_near = true }\n'
+    (study.parent / "study.toml").write_text(text, "utf-8")
     assert call(capsys, "rename", study, "key", "person_near", "near")[0] == 0
 
 

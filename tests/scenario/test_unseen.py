@@ -126,6 +126,29 @@ def test_a_merge_that_was_not_resolved(tmp_path: Path, file: str, text: str, lin
     assert ">>>>>>>" in result.diagnostics[0].message and "keep one" in result.diagnostics[0].message
 
 
+@pytest.mark.parametrize("file", ["rules/r.xml", "acts/a.xml", "memory.json", "scenario.toml", "texts/de.toml"])
+def test_several_conflicts_are_one_finding_and_nothing_follows_from_it(tmp_path: Path, file: str) -> None:
+    files = {
+        "acts/a.xml": act(SPEECH, "R_Hello"),
+        "rules/r.xml": RULE.format('<onEntry><function startCommunicationRobotAct="R_Hello"/>'
+                                   '<function assignValue="score = score + 1"/></onEntry>'
+                                   '<transition eventTopic="/go"/>'),
+        "memory.json": '{"score": 1}',
+        "scenario.toml": 'language = "en"\n[keys]\ng = { event = "/go" }\nh = { act = "R_Hello" }\n',
+        "texts/de.toml": '[R_Hello]\n1 = { text = "Hallo", of = "Hello" }\n',
+    }  # fmt: skip
+    before = loaded(tmp_path / "before", files)
+    assert before.errors == []
+    files[file] = "\n" + CONFLICT.format("a", "b") + files[file] + "\n" + CONFLICT.format("c", "d") * 7
+    result = loaded(tmp_path / "after", files)
+    new = [each for each in found(result) if each not in found(before)]
+    assert new == [f"{file}:2:1 merge-conflict"]
+    lines = files[file][: files[file].index("\nc\n")].count("\n") + 1
+    message = result.errors[0].message
+    assert f"it has more of them, in line {lines}, {lines + 5}, {lines + 10}," in message
+    assert message.endswith(", ...")
+
+
 def test_only_the_first_mark_is_left(tmp_path: Path) -> None:
     result = loaded(tmp_path, {"rules/r.xml": RULE.format("\n<<<<<<< HEAD\n<onEntry/>")})
     assert found(result) == ["rules/r.xml:3:1 merge-conflict"]

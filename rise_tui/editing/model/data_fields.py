@@ -15,7 +15,7 @@ from rise_engine.scenario.model import Json
 from rise_engine.scenario.robot_profiles import robot_names
 from rise_tui.editing.model.act_rows import said_text
 from rise_tui.editing.model.draft import StudyDraft, count
-from rise_tui.editing.model.fields import EditField, FieldChoice
+from rise_tui.editing.model.fields import EditField, FieldChoice, no_edits
 from rise_tui.rendering.text import format_value, json_type_name, parse_typed_value
 
 SCENARIO_FILE, STUDY_FILE = "scenario.toml", "study.toml"
@@ -148,7 +148,21 @@ def setting_fields(draft: StudyDraft) -> list[EditField]:
     fields += _leaves(SCENARIO_FILE, rest)
     if STUDY_FILE in draft.files:
         fields += _leaves(STUDY_FILE, toml_values(draft, STUDY_FILE))
+    for path, data in draft.above.items():
+        fields += _shown_only(path, data)
     return fields
+
+
+def _shown_only(path: str, data: bytes) -> Iterator[EditField]:
+    """What the study.toml of a folder above says: it belongs to the whole study, and a plan may be made from it."""
+    yield EditField(path, "study", shown=path, note="of which this scenario is a part; e opens it")
+    try:
+        values = tomllib.loads(data.decode("utf-8-sig"))
+    except (ValueError, RecursionError):
+        yield EditField(f"{path}\0", "study", shown="it cannot be read", note="rise-engine study check says why")
+        return
+    for field in _leaves(path, values):
+        yield field._replace(kind="fixed", edits=no_edits, note=f"{field.label}; study.toml above")
 
 
 def act_setting_choices(draft: StudyDraft) -> list[FieldChoice]:

@@ -1,0 +1,70 @@
+"""Two real processes and one study: an editor at a terminal, and somebody who writes the same file meanwhile."""
+
+from __future__ import annotations
+
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from tests.console.terminals import Terminal, terminal
+
+pytestmark = pytest.mark.pty
+
+STUDY = Path(__file__).parents[3] / "scenarios" / "greeting"
+DOWN, ESCAPE, ENTER, TAB, DELETE = b"\x1b[B", b"\x1b", b"\r", b"\t", b"\x1b[3~"
+OLD, THEIRS = "My name is Floka, and I am a robot. Well, the head of one.", "Call me Floka."
+REWRITE = """import sys
+from pathlib import Path
+path = Path(sys.argv[1])
+path.write_text(path.read_text("utf-8").replace(*sys.argv[2:]), "utf-8")
+"""
+
+
+def press(it: Terminal, *keys: bytes) -> None:
+    """Like a person: what came of a key is seen before the next one."""
+    for key in keys:
+        it.press(key)
+        it.still()
+
+
+@pytest.mark.parametrize(("choice", "stays"), [(ENTER, "I am Floka."), (DELETE, THEIRS)], ids=["mine", "theirs"])
+def test_one_changes_what_the_other_has_changed_and_chooses(tmp_path: Path, choice: bytes, stays: str) -> None:
+    folder = tmp_path / "study"
+    shutil.copytree(STUDY, folder)
+    file = folder / "acts" / "greeting.xml"
+    before = file.read_text("utf-8")
+    with terminal("edit", str(folder), size=(80, 24)) as it:
+        it.until_screen("ACTS")
+        press(it, b"/", b"R_Introduction", ENTER, b"\x1b[H", ENTER)
+        it.until_screen("waits for")
+        press(it, TAB)
+        for _ in range(8):
+            if "What is said" in it.text:
+                break
+            press(it, DOWN)
+        press(it, ENTER)
+        it.until_screen("as it was")
+        press(it, b"\x15", b"I am Floka.")
+        press(it, ENTER)
+        it.until_screen("1 change unsaved")
+        subprocess.run([sys.executable, "-c", REWRITE, str(file), OLD, THEIRS], check=True)
+        it.until_screen("set aside, and nothing is lost")
+        press(it, ENTER)
+        it.until_screen("YOURS, SET ASIDE")
+        assert f"the other's │ <message>{THEIRS}</message>" in it.text
+        assert "yours       │ <message>I am Floka.</message>" in it.text
+        press(it, choice)
+        if choice == ENTER:
+            it.until_screen("1 change unsaved")
+            press(it, b"\x0f")
+            it.until_screen("enter saves")
+            press(it, ENTER)
+            it.until_screen("saved: acts/greeting.xml")
+        else:
+            it.until_screen("the other's stays; yours can still be made")
+        press(it, ESCAPE, ESCAPE, ESCAPE)
+        assert it.ended() == 0
+    assert file.read_text("utf-8") == before.replace(OLD, stays)
