@@ -26,6 +26,7 @@ from rise_tui.editing.bars import BannerLine, EditHints, EditTopLine, FindingLin
 from rise_tui.editing.chooser import AskText, Chooser, ManyChooser
 from rise_tui.editing.model.draft import count
 from rise_tui.editing.model.fields import FieldChoice
+from rise_tui.editing.model.study_rows import row_id
 from rise_tui.editing.page import EditPage
 from rise_tui.editing.pages import PAGES
 from rise_tui.editing.save_dialog import SaveDialog
@@ -157,6 +158,7 @@ class EditScreen(Screen[None]):
         if before is not None:
             await before.remove()
         self.set_focus(page.first_focus)
+        self.home.rows.select(row_id(page.KIND, page.shown_name))  # also where a finding has led here
         page.draw()
         self.draw_bars()
 
