@@ -1,7 +1,7 @@
 """The codes of styles as a terminal needs them: only what changes from one piece of text to the next. Pure.
 
-Rich writes all of a style before each piece and takes all of it back behind it. Of a list's moved cursor that is half of
-what goes over the wire.
+Rich writes all of a style before each piece and takes all of it back behind it: of a list's moved cursor that is half
+of what goes over the wire.
 """
 
 from __future__ import annotations
