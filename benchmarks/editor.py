@@ -23,9 +23,11 @@ ROOT = Path(__file__).parents[1]
 sys.path.insert(0, str(ROOT))
 LETTERS, STARTS, MOVES = 60, 7, 8
 ECHO_MS, ECHO_BYTES, MOVE_BYTES = 16.0, 300, 1500
+TIMES_FIELD = 4.0
+"""Of the slowest letters, against the bare field's: both meet what else the machine does."""
 TIMES_BARE = 3.0
-"""The aim was 2. The bare app is Textual's import and little else (150 ms of processor time); what the editor imports of
-the engine to read a study is 90 ms, its own modules 60, the study itself 30."""
+"""The aim was 2. The bare app is Textual's import and little else (150 ms of processor time); what the editor imports
+of the engine to read a study is 90 ms, its own modules 60, the study itself 30."""
 GAP = 0.15
 """Seconds between two letters: what one of them starts beside the loop has ended."""
 
@@ -131,7 +133,9 @@ def main() -> bool:
         report.row(
             name, f"{statistics.median(values) * 1000:.1f} ms", f"95 of 100 {percentile(values, 0.95) * 1000:.1f}"
         )
-    report.target("ms, 95 of 100 letters", percentile(ours, 0.95) * 1000, ECHO_MS, at_least=False)
+    report.target("ms, half of the letters", statistics.median(ours) * 1000, ECHO_MS, at_least=False)
+    slowest = percentile(ours, 0.95) / percentile(floor, 0.95)
+    report.target("times the bare field, 95 of 100 letters", slowest, TIMES_FIELD, at_least=False)
     report.target("bytes of a letter", statistics.median(sizes), ECHO_BYTES, at_least=False)
     for name, each in (("list", moved), ("graph", walked)):
         report.row(

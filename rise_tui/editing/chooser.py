@@ -66,7 +66,7 @@ class Chooser(SearchDialog[str]):
         room = width - self._title_width(width) - 4
         self._whole.display = any(cell_width(each.help) > room for each in self._choices)
         chosen = next((each.help for each in self._choices if each.value == self.list.current_id), "")
-        lines = wrap(chosen, max(20, width - 4))[:WHOLE]
+        lines = wrap(chosen, max(20, width - 4))[:WHOLE] if cell_width(chosen) > room else []
         self._whole.show(*(((f"   {line}", "plain"),) for line in [*lines, *[""] * (WHOLE - len(lines))]))
 
     def _line(self, choice: FieldChoice, width: int) -> tuple[StyledSpan, ...]:

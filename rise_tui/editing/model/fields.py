@@ -57,15 +57,15 @@ class FormColumns(NamedTuple):
     value: int
     """Cells before the values."""
     note: int
-    """Cells before the notes, of values that are not longer."""
+    """Cells before the notes of values that are not longer."""
 
 
 def form_columns(fields: Sequence[EditField], width: int) -> FormColumns:
-    """As wide as the longest label and value, within what leaves room for the others."""
+    """As wide as the longest label and value; one that is longer than most pushes its own note away, not all."""
     label = max((cell_width(_label(each)) for each in fields), default=0) + 1
     value = min(max(LEAST_LABEL + 3, label), max(LEAST_LABEL + 3, width // 3))
-    longest = max((cell_width(_value(each)) for each in fields), default=0)
-    return FormColumns(value, value + min(longest, MOST_VALUE) + 2)
+    values = [cell_width(_value(each)) for each in fields if each.reason or each.note]
+    return FormColumns(value, value + max((each for each in values if each <= MOST_VALUE), default=0) + 2)
 
 
 def field_rows(fields: Sequence[EditField], width: int) -> list[ListRow]:
