@@ -110,7 +110,7 @@ def main() -> bool:
         ours, floor, sizes = echoes(editor, bare)
         editor.close()
         rule = opened([*command, str(long_study)], b"R_Welcome")
-        press(rule, b"\x1b[F", *[UP] * 4, b"\r")
+        press(rule, b"/", b"Course", b"\r", b"\r")
         rule.until(b"Red cubes")
         walked = [cost(rule, DOWN) for _ in range(5 * MOVES)]
         starts: dict[str, list[float]] = {"the editor": [], "a bare app with five panes": []}
