@@ -37,11 +37,13 @@ class FindingLine(StaticLines):
     """The first thing that is wrong."""
 
     def draw(self, draft: StudyDraft, about: str) -> None:
-        number = len(draft.checked.diagnostics)
+        line, number = finding_line(draft, about), len(draft.checked.diagnostics)
+        if number < 2 and line_width(line) <= self.size.width:
+            self.show(line)
+            return
         key = first_key_label(BY_ID["edit.findings"])
         tail: StyledLine = ((f"  {key}", "key"), (f" all {number} " if number > 1 else " all of it ", "plain"))
-        line = finding_line(draft, about)
-        self.show((*crop(line, self.size.width - line_width(tail)), *tail) if line else ())
+        self.show((*crop(line, self.size.width - line_width(tail)), *tail))
 
 
 class BannerLine(StaticLines):
