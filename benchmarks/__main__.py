@@ -9,9 +9,19 @@ from pathlib import Path
 sys.path.insert(0, str(Path(__file__).parent))
 
 ALL = (
-    *("kernel_events", "many_rules", "guards", "rule_file", "check_edit", "rename", "lsp_typing", "check_start"),
+    *(
+        "kernel_events",
+        "many_rules",
+        "guards",
+        "rule_file",
+        "check_edit",
+        "rename",
+        "edit_steps",
+        "lsp_typing",
+        "check_start",
+    ),
     *("journal", "acknowledge", "commands_under_load", "attach", "start_console", "ros", "log"),
-    *("console_keys", "console_bytes", "console_day", "exports", "marks"),
+    *("console_keys", "console_bytes", "console_day", "editor", "exports", "marks"),
 )
 
 names = sys.argv[1:] or ALL

@@ -1,13 +1,15 @@
 """Makes the pictures of the console for README and docs: `.venv/bin/python docs/captures.py`.
 
 The real console over the real engine, at ten times the speed, in the middle of the LabLinking study; and the screen of
-a study that was made by the real commands, with sessions that were really begun.
+a study that was made by the real commands, with sessions that were really begun; and the editor on a copy of
+LabLinking.
 """
 
 from __future__ import annotations
 
 import asyncio
 import os
+import shutil
 import subprocess
 import sys
 from collections.abc import Callable, Mapping
@@ -16,6 +18,7 @@ from tempfile import TemporaryDirectory
 
 from rise_engine.client import connect
 from rise_engine.client.socket import SocketClient
+from rise_engine.edit.workspace import Workspace
 from rise_engine.kernel.inputs import CheckReport
 from rise_engine.kernel.records import OutcomeStatus, RecordingStatus
 from rise_engine.ports.bridge import RosConnection
@@ -27,6 +30,12 @@ from rise_engine.study.study_toml import load_study
 from rise_tui.cli.study_folder import open_study
 from rise_tui.config.launch import Launcher, load_scenario
 from rise_tui.console.app import ConsoleApp
+from rise_tui.editing.app import EditApp
+from rise_tui.editing.model.draft import draft_of
+from rise_tui.editing.model.study_rows import row_id
+from rise_tui.editing.rule_page import RulePage
+from rise_tui.editing.sessions import NoSessions
+from rise_tui.editing.study import EditedStudy
 
 IMAGES = Path(__file__).parent / "images"
 SPEED = 10
@@ -158,6 +167,39 @@ async def capture_study(place: str) -> None:
             console.save_screenshot(f"{name}.svg", path=str(IMAGES))
 
 
+async def capture_editor(place: str) -> None:
+    """The editor on a copy of LabLinking: the list, an act, a rule, and its trial."""
+    folder = Path(shutil.copytree(STUDY, Path(place, "my-study")))
+
+    async def show(name: str, size: tuple[int, int], opened: tuple[str, str], state: str = "", *keys: str) -> None:
+        workspace = Workspace(folder)
+        editor = EditApp(EditedStudy(workspace, draft_of(workspace)), sessions=NoSessions())
+        async with editor.run_test(size=size) as pilot:
+            screen = editor.edit_screen
+            while screen.home.rows.cursor < 0:
+                await pilot.pause(0.05)
+            screen.home.rows.select(row_id(*opened))
+            screen.draw()
+            if keys:
+                await pilot.press("enter")
+                while screen.opened is None or not screen.opened.is_mounted:
+                    await pilot.pause(0.05)
+                await pilot.pause(0.3)
+            if isinstance(screen.opened, RulePage):
+                screen.opened.editor.go_to_state(state)
+            for key in keys[1:]:
+                await pilot.press(key)
+                await pilot.pause(0.2)
+            await pilot.pause(0.3)
+            editor.save_screenshot(f"{name}.svg", path=str(IMAGES))
+
+    step = "After task 1, step 1"
+    await show("edit-list-80x24", (80, 24), ("act", "R_Apology"))
+    await show("edit-act-80x24", (80, 24), ("act", "R_Apology"), "", "enter", *["down"] * 4, "tab", "down", "enter")
+    await show("edit-rule-80x24", (80, 24), ("rule", "Table setting"), step, "enter", "a")
+    await show("edit-trial-120x40", (120, 40), ("rule", "Table setting"), step, "enter", "t", "n", "enter")
+
+
 async def main() -> None:
     await capture("console-120x40", (120, 40))
     await capture("console-80x24", (80, 24))
@@ -173,5 +215,7 @@ async def main() -> None:
 if __name__ == "__main__":
     with TemporaryDirectory() as place:
         os.environ |= {"RISE_SESSIONS": f"{place}/sessions", "RISE_RUNTIME": f"{place}/run"}
+        os.environ["XDG_STATE_HOME"] = f"{place}/state"
+        asyncio.run(capture_editor(place))
         asyncio.run(main())
         asyncio.run(capture_study(place))

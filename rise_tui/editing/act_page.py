@@ -121,7 +121,8 @@ class ActPage(FormPage):
         if scenario is not None and act.name in scenario.acts:
             settings = scenario.settings_of(act.name)
             notes += [*(["hold"] if settings.hold else []), *(["filler"] if settings.filler else [])]
-        left: StyledLine = ((f" {act.name}", "strong"), (f"  {act.reason or ' · '.join(notes)}", "muted"))
+        notes += [f"from the template {act.template}"] if act.template else [act.reason] if act.reason else []
+        left: StyledLine = ((f" {act.name}", "strong"), (f"  {' · '.join(notes)}", "muted"))
         seconds = format_seconds(act_seconds(act, self.draft.checked))
         right: StyledLine = ((f"{act.file}:{act.line}  ~{seconds} s ", "muted"),)
         self.head.show(align_at_both_ends(left, right, width))

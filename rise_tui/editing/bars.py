@@ -8,7 +8,7 @@ from rise_tui.actions import BY_ID
 from rise_tui.editing.model.draft import StudyDraft
 from rise_tui.editing.model.top_line import finding_line, top_line
 from rise_tui.key_labels import first_key_label
-from rise_tui.rendering.text import StyledSpan, TextRole, crop
+from rise_tui.rendering.text import StyledLine, StyledSpan, TextRole, crop, line_width
 from rise_tui.widgets.bars import KeyHints
 from rise_tui.widgets.static_lines import StaticLines
 
@@ -37,7 +37,13 @@ class FindingLine(StaticLines):
     """The first thing that is wrong."""
 
     def draw(self, draft: StudyDraft, about: str) -> None:
-        self.show(crop(finding_line(draft, about), self.size.width))
+        line, number = finding_line(draft, about), len(draft.checked.diagnostics)
+        if number < 2 and line_width(line) <= self.size.width:
+            self.show(line)
+            return
+        key = first_key_label(BY_ID["edit.findings"])
+        tail: StyledLine = ((f"  {key}", "key"), (f" all {number} " if number > 1 else " all of it ", "plain"))
+        self.show((*crop(line, self.size.width - line_width(tail)), *tail))
 
 
 class BannerLine(StaticLines):

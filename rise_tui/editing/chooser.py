@@ -10,14 +10,17 @@ from textual.widgets import Input
 
 from rise_tui.editing.model.fields import FieldChoice
 from rise_tui.rendering.modal import SingleDismissModal
-from rise_tui.rendering.text import ListRow, StyledSpan, cell_width, crop, fixed_span
+from rise_tui.rendering.text import ListRow, StyledSpan, cell_width, crop, fixed_span, wrap
 from rise_tui.screens.search_dialog import SearchDialog
 from rise_tui.widgets.memory_editor import TextField
+from rise_tui.widgets.row_list import RowView
 from rise_tui.widgets.static_lines import StaticLines
 from rise_tui.widgets.titled_box import TitledBox
 
 NEW = "\0new"
 """The id of the row that makes what was typed."""
+WHOLE = 3
+"""Lines for all that is said of a choice."""
 
 
 IN_WORDS = 2
@@ -34,13 +37,15 @@ class Chooser(SearchDialog[str]):
 
     DEFAULT_CSS = """
     Chooser #box { max-width: 92; height: auto; }
-    Chooser FoundList { height: auto; max-height: 16; min-height: 4; }
+    Chooser FoundList { height: auto; max-height: 14; min-height: 4; }
+    Chooser StaticLines { height: 3; background: $panel; margin: 1 0 0 0; }
     """
 
     def __init__(self, title: str, choices: Sequence[FieldChoice], *, now: str = "", new: str = "") -> None:
         """`now`: the value on which the cursor stands first. `new`: what is made of a name that is not there yet."""
         super().__init__(title, "type to filter · ↑↓ · enter takes it · esc closes", "type to filter")
         self._choices, self._now, self._new = choices, now, new
+        self._whole = StaticLines()
 
     def draw(self) -> None:
         typed, wanted = self.search.value.strip(), self.typed_filter()
@@ -56,6 +61,23 @@ class Chooser(SearchDialog[str]):
         self.list.move_cursor(0 if rows else -1, by_wizard=False)
         if not typed:
             self.list.select(self._now)
+        self._show_whole()
+
+    def compose(self) -> ComposeResult:
+        with TitledBox(self._title, self._keys):
+            yield self.search
+            yield self.list
+            yield self._whole
+
+    @on(RowView.CursorMoved)
+    def _show_whole(self) -> None:
+        """All that is said of the row under the cursor, in a list that has no room for what is said."""
+        width = self.list.row_width
+        room = width - self._title_width(width) - 4
+        self._whole.display = any(cell_width(each.help) > room for each in self._choices)
+        chosen = next((each.help for each in self._choices if each.value == self.list.current_id), "")
+        lines = wrap(chosen, max(20, width - 4))[:WHOLE] if cell_width(chosen) > room else []
+        self._whole.show(*(((f"   {line}", "plain"),) for line in [*lines, *[""] * (WHOLE - len(lines))]))
 
     def _line(self, choice: FieldChoice, width: int) -> tuple[StyledSpan, ...]:
         mark: StyledSpan = (" • " if choice.value == self._now else "   ", "accent")

@@ -13,8 +13,8 @@ from textual.containers import Vertical
 from textual.message import Message
 from textual.widgets import Input
 
-from rise_tui.editing.model.fields import EditField, field_rows, label_width
-from rise_tui.rendering.text import StyledLine, TextRole, crop, wrap
+from rise_tui.editing.model.fields import EditField, FormColumns, field_line, field_rows, form_columns
+from rise_tui.rendering.text import StyledLine, TextRole, crop, line_width, wrap
 from rise_tui.widgets.memory_editor import TextField
 from rise_tui.widgets.row_list import RowList, RowView
 from rise_tui.widgets.static_lines import StaticLines
@@ -106,6 +106,10 @@ class FieldList(Vertical):
         return self._fields.get(self.rows.current_id)
 
     @property
+    def _columns(self) -> FormColumns:
+        return form_columns(tuple(self._fields.values()), max(20, self.rows.row_width))
+
+    @property
     def text(self) -> str:
         """The characters of all rows and of what is said below."""
         return f"{self.rows.text}\n{self._said.text}"
@@ -135,9 +139,13 @@ class FieldList(Vertical):
             pieces = wrap(finding, width - 6)
             lines = [crop(((f"   {'✗' if is_error else '▲'} {piece}" if not at else f"     {piece}", role),), width)
                      for at, piece in enumerate(pieces[:2])]  # fmt: skip
-        elif field is not None and (note := field.reason or field.note):
+        elif field is not None and (note := field.reason or field.note) and (self.is_typing or self._is_cut(field)):
             lines = [((f"   {piece}", "muted"),) for piece in wrap(note, width - 4)[:2]]
         self._said.show(*lines)
+
+    def _is_cut(self, field: EditField) -> bool:
+        """Whether its row has no room for all of its note."""
+        return line_width(field_line(field, self._columns)) > self.rows.row_width
 
     # --- changing -----------------------------------------------------------------------------------------------------
 
@@ -152,7 +160,7 @@ class FieldList(Vertical):
         if field.kind != "text":
             self.post_message(self.OpenField(field))
             return
-        self._typing, left = field, label_width(self.rows.row_width) + 3
+        self._typing, left = field, self._columns.value
         self._input.styles.offset = (left, self.rows.cursor - self.rows.scroll_offset.y)
         self._input.styles.width = max(10, self.rows.row_width - left)
         with self._input.prevent(Input.Changed):

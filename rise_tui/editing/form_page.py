@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import asyncio
+
 from textual import on
 
 from rise_engine.edit.edits import AnyEdit
@@ -12,7 +14,8 @@ from rise_tui.editing.model.draft import first_new_finding
 from rise_tui.editing.model.fields import EditField, FieldChoice
 from rise_tui.editing.page import EditFrame, EditPage
 
-TYPE_ANOTHER = "\0type"
+PAINTED = 0.02
+"""Seconds until a letter has been painted: a check beside it, in another thread, would hold it up."""
 
 
 class FormPage(EditPage):
@@ -82,7 +85,8 @@ class FormPage(EditPage):
         self.run_worker(self._preview(event.field, event.text), group="preview", exclusive=True)
 
     async def _preview(self, field: EditField, text: str) -> None:
-        """Say what would be wrong with the files then that is not wrong now."""
+        """Say what would be wrong with the files then that is not wrong now, once the letter itself is shown."""
+        await asyncio.sleep(PAINTED)
         try:
             edits = self._edits(field, text or None)
             if not edits:

@@ -26,11 +26,13 @@ from rise_tui.editing.bars import BannerLine, EditHints, EditTopLine, FindingLin
 from rise_tui.editing.chooser import AskText, Chooser, ManyChooser
 from rise_tui.editing.model.draft import count
 from rise_tui.editing.model.fields import FieldChoice
+from rise_tui.editing.model.study_rows import row_id
 from rise_tui.editing.page import EditPage
 from rise_tui.editing.pages import PAGES
 from rise_tui.editing.save_dialog import SaveDialog
 from rise_tui.editing.sessions import NoSessions, RunningHere, SessionWatch
 from rise_tui.editing.study import EditedStudy
+from rise_tui.editing.study_page import StudyPage
 from rise_tui.messages import RunAction
 from rise_tui.model.notice import Level
 from rise_tui.rendering.terminal_app import TerminalApp
@@ -70,7 +72,7 @@ class EditScreen(Screen[None]):
         self._may_suspend, self._first_notice = may_suspend, notice
         self.running: RunningHere | None = None
         self._has_stop = sessions is not None
-        self.home = next(iter(PAGES.values()))(self, "")
+        self.home = StudyPage(self)
         self.opened: EditPage | None = None
         """The page over, or beside, the list of the study."""
         self.top, self.findings, self.banner = EditTopLine(), FindingLine(), BannerLine()
@@ -174,6 +176,7 @@ class EditScreen(Screen[None]):
         if before is not None:
             await before.remove()
         self.set_focus(page.first_focus)
+        self.home.rows.select(row_id(page.KIND, page.shown_name))  # also where a finding has led here
         page.draw()
         self.draw_bars()
 

@@ -11,6 +11,7 @@ from textual.geometry import Size
 from textual.strip import Strip
 
 from rise_tui.rendering.cell_buffer import CellBuffer, CellRun
+from rise_tui.rendering.style_codes import shorten_styles
 
 
 class DiffUpdate(CompositorUpdate):
@@ -33,7 +34,9 @@ class DiffUpdate(CompositorUpdate):
             if isinstance(update, LayoutUpdate)
             else _runs_of_chops(update, self._cells)
         )
-        return "".join(Control.move_to(run.x, run.y).segment.text + run.strip.render(console) for run in runs)
+        return shorten_styles(
+            "".join(Control.move_to(run.x, run.y).segment.text + run.strip.render(console) for run in runs)
+        )
 
 
 def _runs_of_lines(update: LayoutUpdate, cells: CellBuffer) -> Iterator[CellRun]:

@@ -20,6 +20,8 @@ ALSO = (
     ("tables", "Tables", "lists of items"),
 )
 """Pages besides acts and rules, by their kinds."""
+NAME = 4
+"""Cells around a name: the key before it, the mark behind it."""
 
 
 def row_id(kind: str, name: str = "") -> str:
@@ -59,7 +61,8 @@ def study_rows(draft: StudyDraft, width: int, wanted: str = "") -> list[ListRow]
         said = " ".join(what_text(action) for action in act.actions)
         if fits(act.name, said):
             bad = any(act.line <= line <= _last_line(draft, act) for line in wrong.get(act.file, ()))
-            note = f"{format_seconds(act_seconds(act, draft.checked)):>5} s  {_act_note(draft, act)}"
+            note = f"{format_seconds(act_seconds(act, draft.checked)):>5} s  "
+            note += _act_note(draft, act, width - NAME - _name_width(width) - len(note))
             key = keys[("act", act.name)].label if ("act", act.name) in keys else ""
             rows.append(ListRow(row_id("act", act.name), _line(key, act.name, note, width, bad=bad)))
     rows.append(heading("RULES", len(draft.outline.rules)))
@@ -72,7 +75,7 @@ def study_rows(draft: StudyDraft, width: int, wanted: str = "") -> list[ListRow]
     also = [(kind, title, help) for kind, title, help in ALSO if fits(title, help)]
     if also:
         rows.append(ListRow("", ((" ALSO", "accent"),), selectable=False))
-    rows += [ListRow(row_id(kind), _line("", title, help, width, bad=False)) for kind, title, help in also]
+    rows += [ListRow(row_id(kind), _also_line(title, help, width)) for kind, title, help in also]
     for file, places in draft.conflicts.items():
         text = f" ✗ {file}: {places} to choose, of two versions (git)"
         rows.append(ListRow(row_id("merge", file), crop(((text, "fault"),), width)))
@@ -97,19 +100,31 @@ def best_row(rows: Sequence[ListRow], wanted: str) -> str:
 
 
 def _line(key: str, name: str, note: str, width: int, *, bad: bool) -> StyledLine:
-    room = max(10, min(26, width - 20))
     mark: StyledSpan = ("✗", "fault") if bad else (" ", "plain")
-    return crop(((f" {key[:1] or ' '} ", "key"), fixed_span(name, room), mark, (note, "muted")), width)
+    return crop(((f" {key[:1] or ' '} ", "key"), fixed_span(name, _name_width(width)), mark, (note, "muted")), width)
 
 
-def _act_note(draft: StudyDraft, act: WrittenAct) -> str:
+def _name_width(width: int) -> int:
+    return max(10, min(26, width - 20))
+
+
+def _also_line(title: str, help: str, width: int) -> StyledLine:
+    """Its names are short, so that what is said of them has room."""
+    return crop((("   ", "plain"), fixed_span(title, 10), (help, "muted")), width)
+
+
+def _act_note(draft: StudyDraft, act: WrittenAct, room: int) -> str:
+    """How it is treated and how many wordings it has, as much of that as there is room for."""
     most = max((len(action.calls) for action in act.actions), default=0)
     scenario = draft.checked.scenario
-    notes = [f"{most} var."] if most > 1 else []
+    notes: list[str] = []
     if scenario is not None and act.name in scenario.acts:
         settings = scenario.settings_of(act.name)
         notes += ["hold"] if settings.hold else []
         notes += ["filler"] if settings.filler else []
+    notes += [f"{most} var."] if most > 1 else []
+    while notes and len(" ".join(notes)) > room:
+        notes.pop()
     return " ".join(notes)
 
 

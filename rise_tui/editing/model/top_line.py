@@ -3,17 +3,17 @@
 from __future__ import annotations
 
 from rise_tui.editing.model.draft import StudyDraft, count
-from rise_tui.rendering.text import StyledLine, StyledSpan, TextRole, align_at_both_ends, clean, shorten
+from rise_tui.rendering.text import StyledLine, StyledSpan, TextRole, align_at_both_ends, clean, line_width, shorten
 
-NARROW = 100
+LEAST_TITLE, MOST_TITLE = 8, 34
+"""Cells of the study's title, which has what the rest leaves."""
 
 
 def top_line(draft: StudyDraft, width: int, *, busy: str = "") -> StyledLine:
     """Which study, that this is EDIT, its robot, errors and warnings, unsaved changes."""
     errors = len(draft.checked.errors)
     warnings = len(draft.checked.diagnostics) - errors
-    title = shorten(clean(draft.title), 12 if width < NARROW else 34)
-    left: list[StyledSpan] = [(f" {title}", "strong"), ("  EDIT", "accent")]
+    left: list[StyledSpan] = [("  EDIT", "accent")]
     left.append((f"  {clean(draft.checked.robot.name)}", "muted"))
     left.append((f"  ✗ {count(errors, 'error')}", "fault") if errors else ("  ✓ no errors", "plain"))
     if warnings:
@@ -25,7 +25,9 @@ def top_line(draft: StudyDraft, width: int, *, busy: str = "") -> StyledLine:
     if draft.changed_files:
         unsaved = (f"● {count(number, 'change')} unsaved ", "wait") if number else ("● not saved ", "wait")
     right: StyledLine = ((f"{busy} … ", "muted"), unsaved) if busy else (unsaved,)
-    return align_at_both_ends(tuple(left), right, width)
+    room = width - line_width(left) - line_width(right) - 3
+    title: StyledSpan = (f" {shorten(clean(draft.title), max(LEAST_TITLE, min(MOST_TITLE, room)))}", "strong")
+    return align_at_both_ends((title, *left), right, width)
 
 
 def finding_line(draft: StudyDraft, about: str) -> StyledLine:

@@ -37,7 +37,7 @@ from rise_tui.editing.model.study_names import StudyNames
 from rise_tui.editing.rules.form_panel import FormPanel
 from rise_tui.editing.rules.rule_lists import PartList, RuleGraphList
 from rise_tui.model.notice import Level
-from rise_tui.rendering.text import ListRow, StyledLine, StyledSpan, align_at_both_ends, crop
+from rise_tui.rendering.text import ListRow, StyledLine, StyledSpan, align_at_both_ends, cell_width, crop
 from rise_tui.widgets.row_list import RowView
 from rise_tui.widgets.static_lines import StaticLines
 
@@ -72,7 +72,7 @@ class RuleDisplay(Vertical):
     DEFAULT_CSS = """
     RuleDisplay { height: 1fr; }
     RuleDisplay #rule-graph-list { height: 1fr; min-height: 4; }
-    RuleDisplay #rule-parts { height: 1fr; min-height: 3; }
+    RuleDisplay #rule-parts { height: 1fr; min-height: 3; max-height: 12; }
     RuleDisplay.-form #rule-parts, RuleDisplay.-form #state-heading { display: none; }
     """
 
@@ -177,12 +177,16 @@ class RuleDisplay(Vertical):
 
     def _heading_line(self, rule: WrittenRule) -> StyledLine:
         ways = sum(len(state.transitions) for state in rule.states)
-        priority = f"priority {rule.priority} · " if rule.priority is not None else ""
+        notes = [f"{pluralize(len(rule.states), 'state')} {pluralize(ways, 'way')}"]
         keys = [key for key, what in self._study.names.keyboard.items() if _starts(what, rule.name)]
-        key = f"key {', '.join(keys)} · " if keys else ""
-        middle = f"   {key}{priority}{pluralize(len(rule.states), 'state')} {pluralize(ways, 'way')}"
-        right: StyledLine = ((f"{rule.file}:{rule.line} ", "muted"),)
-        return align_at_both_ends(((f" {rule.name}", "strong"), (middle, "muted")), right, max(20, self.size.width))
+        notes += [f"key {', '.join(keys)}"] if keys else []
+        notes += [f"priority {rule.priority}"] if rule.priority is not None else []
+        name, right = f" {rule.name}", f"{rule.file}:{rule.line} "
+        width = max(20, self.size.width)
+        while notes and cell_width(f"{name}   {' · '.join(notes)} {right}") > width:
+            notes.pop()  # the last one matters least, and half a word is none
+        left: StyledLine = ((name, "strong"), (f"   {' · '.join(notes)}", "muted"))
+        return align_at_both_ends(left, ((right, "muted"),), width)
 
     def _state_line(self, rule: WrittenRule, state: WrittenState, width: int) -> StyledLine:
         first = "  it begins here" if state.id == rule.initial else ""

@@ -28,6 +28,15 @@ class RuleGraphList(RowList):
 
         step: int
 
+    def move_cursor(self, index: int, *, by_wizard: bool = True) -> None:
+        """Out of view it goes on by a third of it: what follows is seen, and not each row more paints all rows anew."""
+        top, height = self.scroll_offset.y, self.size.height
+        super().move_cursor(index, by_wizard=by_wizard)
+        if height and self.cursor >= top + height:
+            self.scroll_to(y=self.cursor - 2 * height // 3, animate=False)
+        elif height and 0 <= self.cursor < top:
+            self.scroll_to(y=self.cursor - height // 3, animate=False)
+
     def action_beside(self, step: int) -> None:
         self.post_message(self.GoBeside(step))
 

@@ -11,7 +11,7 @@ from tests.console.terminals import Terminal, terminal
 
 pytestmark = pytest.mark.pty
 
-LETTER, CURSOR = 300, 2_500
+LETTER, CURSOR = 300, 1_500
 """Bytes: the echo of a letter, and a cursor that goes to another act, beside which all that it does is shown anew."""
 STUDY = Path(__file__).parents[3] / "scenarios" / "greeting"
 UP, DOWN, ESCAPE, ENTER, TAB = b"\x1b[A", b"\x1b[B", b"\x1b", b"\r", b"\t"
