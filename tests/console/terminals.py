@@ -47,6 +47,7 @@ class Terminal:
         program: Sequence[str] = (sys.executable, "-m", "rise_tui"),
         folder: Path = ROOT,
         environment: Mapping[str, str] | None = None,
+        screen: type[pyte.Screen] = pyte.Screen,
     ) -> None:
         # Not pytest's folder: the path of a socket has to be short.
         self.home = home or tempfile.mkdtemp(prefix="rise-", dir="/tmp")
@@ -68,7 +69,7 @@ class Terminal:
         """What came since the last `until` or `press`."""
         self.count = 0
         """Bytes that came in all."""
-        self._screen = pyte.Screen(*size)
+        self._screen = screen(*size)
         self._stream = pyte.Stream(self._screen)
         self._decode = getincrementaldecoder("utf-8")(errors="replace").decode
         self._unread = ""

@@ -44,6 +44,9 @@ KEYS = {
     "F9": b"\x1b[20~",
 }
 """Keys that are more than their character, as xterm sends them."""
+QUIET = 0.15
+"""Seconds without a byte after which the next key is pressed: longer than a console waits for the rest of an escape
+sequence, so that `esc` and the next key stay two."""
 
 
 @dataclass(frozen=True)
@@ -99,8 +102,8 @@ def play(page: str, terminal: Terminal, show: Callable[[Step], None] = lambda st
             terminal.press(key_bytes(step.text))
         else:
             terminal.press(step.text.encode())
-            terminal.still()
+            terminal.still(QUIET)
             if step.kind == "command":
                 terminal.press(b"\r")
-        terminal.still()
+        terminal.still(QUIET)
         show(step)

@@ -7,10 +7,40 @@ import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
+from typing import Any
+
+import pyte
 
 from tests.console.terminals import Terminal, kill_engines
 
 PROMPT = "$ "
+ALTERNATE = 1049
+"""The screen that a full-screen program has for itself
+(https://invisible-island.net/xterm/ctlseqs/ctlseqs.html#h3-The-Alternate-Screen-Buffer)."""
+
+
+class TwoScreens(pyte.Screen):
+    """A screen that shows what stood there before, when a full-screen program has ended, as terminals do; pyte's does
+    not."""
+
+    _before: tuple[dict[int, dict[int, Any]], int, int] | None = None
+
+    def set_mode(self, *modes: int, **options: Any) -> None:
+        super().set_mode(*modes, **options)
+        if ALTERNATE in modes and self._before is None:
+            rows = {row: dict(cells) for row, cells in self.buffer.items()}
+            self._before = rows, self.cursor.y, self.cursor.x
+            self.erase_in_display(2)
+
+    def reset_mode(self, *modes: int, **options: Any) -> None:
+        super().reset_mode(*modes, **options)
+        if ALTERNATE in modes and self._before is not None:
+            rows, line, column = self._before
+            self._before = None
+            self.erase_in_display(2)
+            for row, cells in rows.items():
+                self.buffer[row].update(cells)
+            self.cursor_position(line + 1, column + 1)
 
 
 @contextmanager
@@ -25,6 +55,7 @@ def shell(folder: Path, size: tuple[int, int] = (80, 24)) -> Iterator[Terminal]:
         "PATH": programs,
         "HOME": str(home),
         "EDITOR": "true",
+        "PYTHON_BASIC_REPL": "1",
         "BASH_SILENCE_DEPRECATION_WARNING": "1",
     }
     found = Terminal(
@@ -33,6 +64,7 @@ def shell(folder: Path, size: tuple[int, int] = (80, 24)) -> Iterator[Terminal]:
         program=("bash", "--norc", "--noprofile", "-i"),
         folder=folder / "work",
         environment=own,
+        screen=TwoScreens,
     )
     try:
         found.until_screen(PROMPT.strip())
