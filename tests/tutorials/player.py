@@ -5,7 +5,8 @@ What a page says, in a numbered step or in a line that begins with "Press" or "T
 - ``**a**``, ``**enter**``, ``**ctrl+o**`` is a key that is pressed;
 - ``type `Hello!` `` is a text that is typed;
 - ``you see `Hello!` `` is what must be on the screen then, and ``you see no `x` `` what must not;
-- a line of an indented block is a command that is typed into the shell.
+- a line of an indented block is a command that is typed into the shell;
+- ``**close the window**`` closes the terminal with all that runs in it, and opens another one.
 """
 
 from __future__ import annotations
@@ -44,6 +45,7 @@ KEYS = {
     "F9": b"\x1b[20~",
 }
 """Keys that are more than their character, as xterm sends them."""
+CLOSE = "close the window"
 QUIET = 0.15
 """Seconds without a byte after which the next key is pressed: longer than a console waits for the rest of an escape
 sequence, so that `esc` and the next key stay two."""
@@ -98,6 +100,8 @@ def play(page: str, terminal: Terminal, show: Callable[[Step], None] = lambda st
                 terminal.until_screen(step.text, gone=step.kind == "gone")
             except AssertionError as error:
                 raise AssertionError(f"line {step.line} of the page: {error}") from None
+        elif step.text == CLOSE:
+            terminal.close_and_open()
         elif step.kind == "key":
             terminal.press(key_bytes(step.text))
         else:

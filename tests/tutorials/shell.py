@@ -14,6 +14,11 @@ import pyte
 from tests.console.terminals import Terminal, kill_engines
 
 PROMPT = "$ "
+SHELL = ("bash", "--norc", "--noprofile", "-i")
+SSH = f"""#!/bin/sh
+# Stands for a login on the computer $1, which is this one: a test has no server to log in to.
+PS1="$1$ " exec {" ".join(SHELL)}
+"""
 ALTERNATE = 1049
 """The screen that a full-screen program has for itself
 (https://invisible-island.net/xterm/ctlseqs/ctlseqs.html#h3-The-Alternate-Screen-Buffer)."""
@@ -45,15 +50,18 @@ class TwoScreens(pyte.Screen):
 
 @contextmanager
 def shell(folder: Path, size: tuple[int, int] = (80, 24)) -> Iterator[Terminal]:
-    """A shell in an empty folder, with the commands of this checkout."""
-    home = folder / "home"
-    home.mkdir()
-    (folder / "work").mkdir()
-    programs = f"{Path(sys.executable).parent}{os.pathsep}{os.environ['PATH']}"
+    """A shell in an empty folder, with the commands of this checkout, and an `ssh` that leads to the same computer."""
+    home, programs = folder / "home", folder / "bin"
+    for new in (home, programs, folder / "work"):
+        new.mkdir()
+    ssh = programs / "ssh"
+    ssh.write_text(SSH, encoding="utf-8")
+    ssh.chmod(0o700)
     own = {
         "PS1": PROMPT,
-        "PATH": programs,
+        "PATH": os.pathsep.join((str(programs), str(Path(sys.executable).parent), os.environ["PATH"])),
         "HOME": str(home),
+        "RISE_SESSIONS": str(home / "rise-sessions"),  # where they are when nobody says otherwise
         "EDITOR": "true",
         "PYTHON_BASIC_REPL": "1",
         "BASH_SILENCE_DEPRECATION_WARNING": "1",
@@ -61,7 +69,7 @@ def shell(folder: Path, size: tuple[int, int] = (80, 24)) -> Iterator[Terminal]:
     found = Terminal(
         home=str(home),
         size=size,
-        program=("bash", "--norc", "--noprofile", "-i"),
+        program=SHELL,
         folder=folder / "work",
         environment=own,
         screen=TwoScreens,
