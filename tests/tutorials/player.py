@@ -89,7 +89,7 @@ def steps_of(page: str) -> Iterator[Step]:
             yield Step("command", command["command"].partition("  #")[0].rstrip(), number)
 
 
-def play(page: str, terminal: Terminal, show: Callable[[Step], None] = lambda step: None) -> None:
+def play(page: str, terminal: Terminal, show: Callable[[Step], None] | None = None) -> None:
     """Do what a page says, step by step; `show` is called after each, with the screen still.
 
     :raises AssertionError: what should be seen is not there, with the page's line and the screen.
@@ -109,5 +109,7 @@ def play(page: str, terminal: Terminal, show: Callable[[Step], None] = lambda st
             terminal.still(QUIET)
             if step.kind == "command":
                 terminal.press(b"\r")
-        terminal.still(QUIET)
-        show(step)
+        if show is not None or step.kind not in ("seen", "gone"):
+            terminal.still(QUIET)
+        if show is not None:
+            show(step)
