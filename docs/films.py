@@ -111,7 +111,8 @@ def svg(frames: Sequence[Frame], title: str) -> str:
         styles.append(f"{min(end + 0.001, 100):.3f}%,100%{{visibility:hidden}}}}" if end < 99.999 else "}")
     definitions = "".join(f'<g id="{name}">{drawn}</g>' for drawn, name in known.items())
     return (
-        f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 {width:.0f} {height:.0f}" role="img">'
+        f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 {width:.0f} {height:.0f}" role="img" '
+        'xml:space="preserve">'
         f"<title>{escape(title)}</title>"
         f"<style>text{{font:14px 'DejaVu Sans Mono',Menlo,Consolas,monospace;white-space:pre}}"
         f".f{{visibility:hidden;animation:{total:.1f}s step-end infinite}}{''.join(styles)}</style>"

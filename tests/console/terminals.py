@@ -47,14 +47,20 @@ class Terminal:
         program: Sequence[str] = (sys.executable, "-m", "rise_tui"),
         folder: Path = ROOT,
         environment: Mapping[str, str] | None = None,
+        screen: type[pyte.Screen] = pyte.Screen,
     ) -> None:
         # Not pytest's folder: the path of a socket has to be short.
         self.home = home or tempfile.mkdtemp(prefix="rise-", dir="/tmp")
         self.environment = {**environment_of(self.home), **(environment or {})}
+        self._start, self._size, self._make_screen = ([*program, *arguments], folder), size, screen
+        self._open()
+
+    def _open(self) -> None:
         self.master, slave = pty.openpty()
-        self._resize(slave, *size)
+        self._resize(slave, *self._size)
+        command, folder = self._start
         self.process = subprocess.Popen(
-            [*program, *arguments],
+            command,
             stdin=slave,
             stdout=slave,
             stderr=slave,
@@ -68,11 +74,17 @@ class Terminal:
         """What came since the last `until` or `press`."""
         self.count = 0
         """Bytes that came in all."""
-        self._screen = pyte.Screen(*size)
+        self._screen = self._make_screen(*self._size)
         self._stream = pyte.Stream(self._screen)
         self._decode = getincrementaldecoder("utf-8")(errors="replace").decode
         self._unread = ""
         self._question = b""
+
+    def close_and_open(self) -> None:
+        """Close the window, whatever runs in it, and open a new one with the same program."""
+        os.close(self.master)
+        self.process.wait(PATIENCE)
+        self._open()
 
     def read(self, seconds: float) -> bool:
         """Take in what comes; False at the end."""

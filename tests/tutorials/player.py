@@ -5,7 +5,8 @@ What a page says, in a numbered step or in a line that begins with "Press" or "T
 - ``**a**``, ``**enter**``, ``**ctrl+o**`` is a key that is pressed;
 - ``type `Hello!` `` is a text that is typed;
 - ``you see `Hello!` `` is what must be on the screen then, and ``you see no `x` `` what must not;
-- a line of an indented block is a command that is typed into the shell.
+- a line of an indented block is a command that is typed into the shell;
+- ``**close the window**`` closes the terminal with all that runs in it, and opens another one.
 """
 
 from __future__ import annotations
@@ -44,6 +45,10 @@ KEYS = {
     "F9": b"\x1b[20~",
 }
 """Keys that are more than their character, as xterm sends them."""
+CLOSE = "close the window"
+QUIET = 0.15
+"""Seconds without a byte after which the next key is pressed: longer than a console waits for the rest of an escape
+sequence, so that `esc` and the next key stay two."""
 
 
 @dataclass(frozen=True)
@@ -84,10 +89,14 @@ def steps_of(page: str) -> Iterator[Step]:
             yield Step("command", command["command"].partition("  #")[0].rstrip(), number)
 
 
-def play(page: str, terminal: Terminal, show: Callable[[Step], None] | None = None) -> None:
-    """Do what a page says, step by step, as fast as somebody types whose line joins the keys.
+def play(
+    page: str, terminal: Terminal, show: Callable[[Step], None] | None = None, *, between: float = QUIET
+) -> None:
+    """Do what a page says, step by step.
 
     :param show: called after each step, with the screen still.
+    :param between: seconds without a byte that are waited for between two keys. 0: they come as over a slow line, many
+        in one piece, which the editor takes in their order; a console that starts something would take them for a paste.
     :raises AssertionError: what should be seen is not there, with the page's line and the screen.
     """
     for step in steps_of(page):
@@ -98,14 +107,20 @@ def play(page: str, terminal: Terminal, show: Callable[[Step], None] | None = No
                 terminal.until_screen(step.text, gone=step.kind == "gone")
             except AssertionError as error:
                 raise AssertionError(f"line {step.line} of the page: {error}") from None
+        elif step.text == CLOSE:
+            terminal.close_and_open()
         elif step.kind == "key":
             terminal.press(key_bytes(step.text))
         else:
             terminal.press(step.text.encode())
             if step.kind == "command":
-                terminal.still()
+                terminal.still(QUIET)
                 terminal.press(b"\r")
-        if show is not None or step.text == "esc":  # what came at once behind an Esc would be one key with it
+        if show is not None:
             terminal.still()
+        elif step.text == "esc":  # what came at once behind an Esc would be one key with it
+            terminal.still(QUIET)
+        elif between and step.kind not in ("seen", "gone"):
+            terminal.still(between)
         if show is not None:
             show(step)

@@ -33,7 +33,7 @@ def records(folder: Path) -> list[dict[str, Any]]:
 @pytest.mark.parametrize("size", [(80, 24), (120, 40)], ids=str)
 def test_the_greeting_from_nothing(tmp_path: Path, size: tuple[int, int]) -> None:
     with shell(tmp_path, size) as terminal:
-        play(PAGE.read_text(), terminal)
+        play(PAGE.read_text(), terminal, between=0)
     built = tmp_path / "work" / "greeting"
     found, shipped = records(built), records(SHIPPED)
     assert len(shipped) > 1000 and len(found) == len(shipped)

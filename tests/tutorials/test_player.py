@@ -57,3 +57,32 @@ def test_what_is_not_there_is_told_with_its_line(tmp_path: Path, monkeypatch: py
     page = "    echo one two\n\n1. You see `one two`.\n2. You see `three`.\n"
     with shell(tmp_path) as terminal, pytest.raises(AssertionError, match=r"line 4 of the page.*'three' is not"):
         play(page, terminal)
+
+
+@pytest.mark.pty
+def test_a_window_that_is_closed_is_gone_and_its_computer_is_not(tmp_path: Path) -> None:
+    page = """
+    ssh lab
+    echo here > left; echo one''two
+
+1. You see `onetwo`.
+2. **close the window**
+
+    cat left
+
+3. You see `here`; you see no `onetwo`.
+"""
+    with shell(tmp_path) as terminal:
+        play(page, terminal)
+
+
+@pytest.mark.pty
+def test_what_stood_before_a_full_screen_program_stands_there_after_it(tmp_path: Path) -> None:
+    page = """
+    echo be''fore; printf '\\033[?1049h'; echo with''in; read; printf '\\033[?1049l'; echo af''ter
+
+1. You see `within`; you see no `before`.
+2. Press **enter**. You see `before`; you see `after`; you see no `within`.
+"""
+    with shell(tmp_path) as terminal:
+        play(page, terminal)
