@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+import tomllib
+from collections.abc import Iterator, Mapping
 from contextlib import suppress
 from pathlib import Path
 
 from rise_engine.edit.plan import EditRefused, Files
+from rise_engine.scenario.file_names import DEFAULT_PATHS, SCENARIO_FILE
 from rise_engine.scenario.interrupted_save import contents_of_interrupted_save
 from rise_engine.scenario.source_files import MAX_BYTES
 
@@ -47,3 +49,12 @@ def _paths(folder: Path) -> Iterator[Path]:
             yield from _paths(path)
         elif path.suffix.lower() in _SUFFIXES and path.is_file():
             yield path
+
+
+def part_paths(files: Files) -> Mapping[str, str]:
+    """Where acts, rules and the memory lie, as far as scenario.toml can be read."""
+    try:
+        values = tomllib.loads(files.get(SCENARIO_FILE, b"").decode("utf-8-sig"))
+    except ValueError:
+        return {}
+    return {kind: values[kind] for kind in DEFAULT_PATHS if isinstance(values.get(kind), str) and values[kind]}

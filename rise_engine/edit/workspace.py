@@ -5,8 +5,7 @@ from __future__ import annotations
 import difflib
 import os
 import re
-import tomllib
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from contextlib import suppress
 from hashlib import sha256
 from pathlib import Path
@@ -36,10 +35,9 @@ from rise_engine.edit.plan import EditRefused, Files, Plan, apply_plan
 from rise_engine.edit.planning import StudyState, plan
 from rise_engine.edit.read_outline import read_outline
 from rise_engine.edit.saving import finish_interrupted, refuse_shipped, write_files
-from rise_engine.edit.study_folder import read_study_files
+from rise_engine.edit.study_folder import part_paths, read_study_files
 from rise_engine.scenario import LoadResult
 from rise_engine.scenario.checker import ScenarioChecker
-from rise_engine.scenario.file_names import DEFAULT_PATHS, SCENARIO_FILE
 from rise_engine.scenario.uses import Uses
 from rise_engine.text import pluralize
 
@@ -173,7 +171,7 @@ class Workspace:
     def _state_of(self, files: Files) -> StudyState:
         gone = dict.fromkeys(self.saved.keys() - files.keys())
         return StudyState(
-            files, read_outline(files, _paths(files)), self._checker.check({**gone, **files}), self.folder
+            files, read_outline(files, part_paths(files)), self._checker.check({**gone, **files}), self.folder
         )
 
     # --- changing -------------------------------------------------------------------------------------------------
@@ -417,15 +415,6 @@ class Workspace:
 def _change(step: Step) -> Change:
     assert isinstance(step.change, Change)
     return step.change
-
-
-def _paths(files: Files) -> Mapping[str, str]:
-    """Where acts, rules and the memory lie, as far as scenario.toml can be read."""
-    try:
-        values = tomllib.loads(files.get(SCENARIO_FILE, b"").decode("utf-8-sig"))
-    except ValueError:
-        return {}
-    return {kind: values[kind] for kind in DEFAULT_PATHS if isinstance(values.get(kind), str) and values[kind]}
 
 
 def diff_of(before: Files, after: Files) -> str:

@@ -5,7 +5,6 @@ https://microsoft.github.io/language-server-protocol/specifications/lsp/3.17/spe
 
 from __future__ import annotations
 
-import re
 from pathlib import Path
 from typing import Any
 from xml.sax.saxutils import escape
@@ -13,7 +12,7 @@ from xml.sax.saxutils import escape
 from lsprotocol import types as lsp
 from msgspec import UNSET
 from pygls import uris
-from pygls.exceptions import JsonRpcInvalidParams
+from pygls.exceptions import JsonRpcException
 from pygls.lsp.server import LanguageServer
 
 from rise_engine import __version__
@@ -21,7 +20,8 @@ from rise_engine.edit.plan import EditRefused
 from rise_engine.lsp.completion import proposals
 from rise_engine.lsp.hover import hover_text
 from rise_engine.lsp.positions import PositionEncoding, TextPositions
-from rise_engine.lsp.served_study import ServedStudy, splice_offsets, study_folder
+from rise_engine.lsp.served_study import ServedStudy, study_folder
+from rise_engine.lsp.workspace_edits import workspace_edit
 from rise_engine.scenario.diagnostics import Diagnostic
 from rise_engine.scenario.model import SourceLocation
 from rise_engine.scenario.source_files import SourceFile
@@ -29,7 +29,7 @@ from rise_engine.scenario.uses import Use
 
 SOURCE = "rise"
 """Who says a finding, for editors."""
-_MEANT = re.compile(r"did you mean `([^`]+)`")
+_QUICK_FIX = lsp.CodeActionKind.QuickFix.value
 _KINDS = {
     "act": lsp.CompletionItemKind.Function,
     "rule": lsp.CompletionItemKind.Class,
@@ -135,6 +135,11 @@ class StudyServer(LanguageServer):
         )
 
 
+def _refusal(why: str) -> JsonRpcException:
+    """What cannot be done, said to the person at the editor."""
+    return JsonRpcException(why, lsp.LSPErrorCodes.RequestFailed.value)
+
+
 def make_server() -> StudyServer:
     """The server with its answers."""
     server = StudyServer()
@@ -212,24 +217,28 @@ def _answer_about_names(server: StudyServer) -> None:
         text = hover_text(place[0], place[1], place[3]) if place is not None else ""
         return lsp.Hover(lsp.MarkupContent(lsp.MarkupKind.Markdown, text)) if text else None
 
+    @server.feature(lsp.TEXT_DOCUMENT_PREPARE_RENAME)
+    def prepare_rename(params: lsp.PrepareRenameParams) -> lsp.PrepareRenamePlaceholder | None:
+        """Names have blanks, which editors take for the end of one."""
+        found = server.use_at(params)
+        place = server.place_of_use(*found) if found is not None else None
+        if found is None or place is None:
+            return None
+        name = found[1].name
+        alone = name.rpartition("/")[2] if found[1].kind in ("state", "action") else name
+        return lsp.PrepareRenamePlaceholder(place.range, alone)
+
     @server.feature(lsp.TEXT_DOCUMENT_RENAME)
     def rename(params: lsp.RenameParams) -> lsp.WorkspaceEdit:
         if (found := server.use_at(params)) is None:
-            raise JsonRpcInvalidParams("here stands no name of an act, rule, state, event, action or memory key")
+            raise _refusal("here stands no name of an act, rule, state, event, action or memory key")
         study, use = found
         try:
-            splices = study.rename(use, params.new_name)
+            changed = workspace_edit(server, study, study.rename(use, params.new_name))
         except EditRefused as refused:
-            raise JsonRpcInvalidParams(str(refused)) from None
-        changes: dict[str, list[lsp.TextEdit]] = {}
-        for name, those in splices.items():
-            source = study.source(name)
-            assert source is not None  # it was read to plan this
-            changes[server.uri(study, name)] = [
-                lsp.TextEdit(server.range_of(source, *splice_offsets(source, each)), each.data.decode())
-                for each in those
-            ]
-        return lsp.WorkspaceEdit(changes=changes)
+            raise _refusal(str(refused)) from None
+        assert changed is not None  # a rename makes no files
+        return changed
 
 
 def _answer_about_files(server: StudyServer) -> None:
@@ -259,30 +268,27 @@ def _answer_about_files(server: StudyServer) -> None:
         acts = symbols("act", uses.names("act"), str, lsp.SymbolKind.Function)
         return acts + symbols("rule", uses.names("rule"), str, lsp.SymbolKind.Class)
 
-    @server.feature(lsp.TEXT_DOCUMENT_CODE_ACTION)
+    @server.feature(
+        lsp.TEXT_DOCUMENT_CODE_ACTION, lsp.CodeActionOptions(code_action_kinds=[lsp.CodeActionKind.QuickFix])
+    )
     def offer_remedies(params: lsp.CodeActionParams) -> list[lsp.CodeAction]:
-        if (found := server.study_of(params.text_document.uri)) is None or (
-            source := found[0].source(found[1])
-        ) is None:
+        """Of the findings that the place touches, whether or not the editor names them."""
+        wanted, found = params.context.only, server.study_of(params.text_document.uri)
+        is_wanted = wanted is None or any(_QUICK_FIX.startswith(str(getattr(each, "value", each))) for each in wanted)
+        source = found[0].source(found[1]) if found is not None else None
+        if found is None or source is None or not is_wanted:
             return []
-        positions, actions = server.positions(source), []
-        for finding in params.context.diagnostics:
-            meant = _MEANT.search(finding.message)
-            if finding.source != SOURCE or meant is None:
-                continue
-            start, end = (positions.offset(at.line, at.character) for at in (finding.range.start, finding.range.end))
-            written = source.text[start:end]
-            new = meant.group(1)
-            if written.startswith("<"):
-                new = "<" + new
-            elif written[:1] in "\"'" and written[:1] == written[-1:]:
-                new = written[0] + new + written[0]
-            elif found[1].lower().endswith(".xml"):
-                new = escape(new, {'"': "&quot;"})
-            edit = lsp.WorkspaceEdit(changes={params.text_document.uri: [lsp.TextEdit(finding.range, new)]})
-            title = f"write {meant.group(1)}"
-            actions.append(lsp.CodeAction(title, lsp.CodeActionKind.QuickFix, [finding], edit=edit, is_preferred=True))
-        return actions
+        (study, name), positions, actions = found, server.positions(source), dict[str, lsp.CodeAction]()
+        start, end = (positions.offset(at.line, at.character) for at in (params.range.start, params.range.end))
+        for finding in study.findings(name, start, end):
+            shown = server.diagnostic(finding, source)
+            for remedy, planned in study.remedies(finding):
+                edit = workspace_edit(server, study, planned)
+                if edit is not None and remedy.title not in actions:
+                    actions[remedy.title] = lsp.CodeAction(
+                        remedy.title, lsp.CodeActionKind.QuickFix, [shown], remedy.is_likely or None, edit=edit
+                    )
+        return list(actions.values())
 
     @server.feature(lsp.TEXT_DOCUMENT_FORMATTING)
     def lay_out(params: lsp.DocumentFormattingParams) -> list[lsp.TextEdit]:
@@ -293,7 +299,7 @@ def _answer_about_files(server: StudyServer) -> None:
         try:
             after = found[0].formatted(found[1])
         except EditRefused as refused:
-            raise JsonRpcInvalidParams(str(refused)) from None
+            raise _refusal(str(refused)) from None
         if after == source.text:
             return []
         return [lsp.TextEdit(server.range_of(source, 0, len(source.text)), after)]
