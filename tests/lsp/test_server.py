@@ -90,19 +90,73 @@ async def test_a_name_is_changed_everywhere_as_the_engine_does(tmp_path: Path) -
             await editor.client.text_document_rename_async(lsp.RenameParams(new_name="R_FollowGaze", **place))
 
 
-async def test_remedies_symbols_and_layout(tmp_path: Path) -> None:
+async def test_remedies(tmp_path: Path) -> None:
+    """At the place of a finding, behind its last letter too, whether or not the editor names the finding."""
     async with editing(tmp_path, "greeting") as editor:
         editor.open("rules/gaze.xml")
         editor.replace("rules/gaze.xml", '"R_FollowGaze"', '"R_FolowGaze"')
         await editor.until("rules/gaze.xml", ["unknown-act", *["unreachable-transition"] * 3])
-        document = lsp.TextDocumentIdentifier(editor.uri("rules/gaze.xml"))
         finding = editor.findings[editor.uri("rules/gaze.xml")][0]
-        context = lsp.CodeActionContext([finding])
-        asked = lsp.CodeActionParams(document, finding.range, context)
-        (action,) = await editor.client.text_document_code_action_async(asked) or []
-        assert isinstance(action, lsp.CodeAction) and action.edit is not None and action.edit.changes is not None
-        ((edit,),) = action.edit.changes.values()
-        assert (action.title, edit.new_text, edit.range) == ("write R_FollowGaze", "R_FollowGaze", finding.range)
+        for into, context in ((1, {"diagnostics": [finding]}), (len("R_FolowGaze"), {"only": ["quickfix"]})):
+            found = await editor.remedies("rules/gaze.xml", "R_FolowGaze", into, **context)
+            assert list(found) == ["write R_FollowGaze", "make the act R_FolowGaze"]
+        action = found["write R_FollowGaze"]
+        assert action.is_preferred and list(action.diagnostics or ()) == [finding]
+        assert action.edit is not None and action.edit.changes is not None
+        ((uri, (edit,)),) = action.edit.changes.items()
+        assert uri == editor.uri("rules/gaze.xml")
+        assert edit.range.start.line == finding.range.start.line and edit.new_text == "l"  # nothing else is touched
+        made = found["make the act R_FolowGaze"].edit
+        assert made is not None and made.changes is not None
+        ((uri, (edit,)),) = made.changes.items()
+        assert uri == editor.uri("acts/signals.xml") and '<Dialog name="R_FolowGaze">' in edit.new_text
+        assert not await editor.remedies("rules/gaze.xml", "R_FolowGaze", 1, only=["refactor"])
+        assert not await editor.remedies("rules/gaze.xml", "<onEntry>")
+
+
+async def test_a_remedy_may_make_a_file(tmp_path: Path) -> None:
+    """An editor that cannot make one is not offered that."""
+    operations = [lsp.ResourceOperationKind.Create]
+    edits = lsp.WorkspaceEditClientCapabilities(document_changes=True, resource_operations=operations)
+    able = lsp.ClientCapabilities(workspace=lsp.WorkspaceClientCapabilities(workspace_edit=edits))
+    for capabilities, folder in ((able, tmp_path / "able"), (None, tmp_path / "not")):
+        async with editing(folder, "greeting", capabilities) as editor:
+            editor.open("scenario.toml")
+            editor.replace("scenario.toml", 'rule = "Greeting"', 'rule = "Zzz"')
+            await editor.until("scenario.toml", ["unknown-rule"])
+            found = await editor.remedies("scenario.toml", '"Zzz"', 2)
+            assert list(found) == (["make the rule Zzz"] if capabilities else [])
+            for action in found.values():
+                assert action.edit is not None and action.edit.document_changes is not None
+                create, change = action.edit.document_changes
+                assert isinstance(create, lsp.CreateFile) and create.uri == editor.uri("rules/zzz.xml")
+                assert isinstance(change, lsp.TextDocumentEdit) and change.text_document.uri == create.uri
+                (text,) = change.edits
+                assert isinstance(text, lsp.TextEdit)
+                (editor.folder / "rules" / "zzz.xml").write_text(text.new_text)
+                editor.client.workspace_did_change_watched_files(
+                    lsp.DidChangeWatchedFilesParams([lsp.FileEvent(create.uri, lsp.FileChangeType.Created)])
+                )
+                await editor.until("scenario.toml", [])
+
+
+async def test_a_name_of_several_words_is_renamed_as_a_whole(tmp_path: Path) -> None:
+    rename = lsp.TextDocumentClientCapabilities(rename=lsp.RenameClientCapabilities(prepare_support=True))
+    async with editing(tmp_path, "greeting", lsp.ClientCapabilities(text_document=rename)) as editor:
+        editor.open("rules/gaze.xml")
+        place = editor.place("rules/gaze.xml", "Back to default", 6)
+        found = await editor.client.text_document_prepare_rename_async(lsp.PrepareRenameParams(**place))
+        assert isinstance(found, lsp.PrepareRenamePlaceholder) and found.placeholder == "Back to default"
+        line = editor.texts["rules/gaze.xml"].splitlines()[found.range.start.line]
+        assert line[found.range.start.character : found.range.end.character] == "Back to default"
+        nothing = editor.place("rules/gaze.xml", "<onEntry>", 2)
+        assert await editor.client.text_document_prepare_rename_async(lsp.PrepareRenameParams(**nothing)) is None
+
+
+async def test_symbols_and_layout(tmp_path: Path) -> None:
+    async with editing(tmp_path, "greeting") as editor:
+        editor.open("rules/gaze.xml")
+        document = lsp.TextDocumentIdentifier(editor.uri("rules/gaze.xml"))
         symbols = await editor.client.text_document_document_symbol_async(lsp.DocumentSymbolParams(document)) or []
         (rule,) = (each for each in symbols if isinstance(each, lsp.DocumentSymbol))
         assert rule.name == "Gaze" and [each.name for each in rule.children or ()][:1] != []
