@@ -103,12 +103,14 @@ def _proposed(place: FindingPlace) -> Iterator[Remedy]:
 
 
 def _make_act(place: FindingPlace) -> Iterator[Remedy]:
-    if (use := place.use("act")) is not None:
+    use = place.use("act")
+    if use is not None and use.name not in place.study.checked.draft.rules:
         yield Remedy(f"make the act {use.name}", AddAct(use.name))
 
 
 def _make_rule(place: FindingPlace) -> Iterator[Remedy]:
-    if (use := place.use("rule")) is not None:
+    use = place.use("rule")
+    if use is not None and use.name not in place.study.checked.draft.acts:
         yield Remedy(f"make the rule {use.name}", AddRule(use.name, _FIRST_STATE))
 
 

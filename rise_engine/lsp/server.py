@@ -19,6 +19,7 @@ from rise_engine import __version__
 from rise_engine.edit.plan import EditRefused
 from rise_engine.lsp.completion import proposals
 from rise_engine.lsp.hover import hover_text
+from rise_engine.lsp.open_files import OpenFilesProtocol
 from rise_engine.lsp.positions import PositionEncoding, TextPositions
 from rise_engine.lsp.served_study import ServedStudy, study_folder
 from rise_engine.lsp.workspace_edits import workspace_edit
@@ -51,7 +52,7 @@ class StudyServer(LanguageServer):
     """A language server with the studies that files are open of."""
 
     def __init__(self) -> None:
-        super().__init__("rise-engine", __version__)
+        super().__init__("rise-engine", __version__, protocol_cls=OpenFilesProtocol)
         self.studies: dict[Path, ServedStudy] = {}
         self.told: dict[Path, set[str]] = {}
         """By study, the files of which the editor has findings."""

@@ -109,7 +109,7 @@ async def test_remedies(tmp_path: Path) -> None:
         made = found["make the act R_FolowGaze"].edit
         assert made is not None and made.changes is not None
         ((uri, (edit,)),) = made.changes.items()
-        assert uri == editor.uri("acts/signals.xml") and '<Dialog name="R_FolowGaze">' in edit.new_text
+        assert uri == editor.uri("acts/signals.xml") and '<Dialog name="R_FolowGaze"/>' in edit.new_text
         assert not await editor.remedies("rules/gaze.xml", "R_FolowGaze", 1, only=["refactor"])
         assert not await editor.remedies("rules/gaze.xml", "<onEntry>")
 
@@ -138,6 +138,24 @@ async def test_a_remedy_may_make_a_file(tmp_path: Path) -> None:
                     lsp.DidChangeWatchedFilesParams([lsp.FileEvent(create.uri, lsp.FileChangeType.Created)])
                 )
                 await editor.until("scenario.toml", [])
+
+
+async def test_a_file_that_is_changed_before_it_is_opened(tmp_path: Path) -> None:
+    """As Helix does with one that a quick fix has made; what it says of it when it opens it is older."""
+    async with editing(tmp_path, "greeting") as editor:
+        editor.open("scenario.toml")
+        editor.replace("scenario.toml", 'rule = "Greeting"', 'rule = "Zzz"')
+        await editor.until("scenario.toml", ["unknown-rule"])
+        (editor.folder / "rules" / "zzz.xml").touch()
+        editor.texts["rules/zzz.xml"] = ""
+        editor.replace("rules/zzz.xml", "", '<InteractionRule name="Zzz" initial="A"><State id="A"/></InteractionRule>')
+        await editor.until("scenario.toml", [])
+        item = lsp.TextDocumentItem(editor.uri("rules/zzz.xml"), "xml", 0, "")
+        editor.client.text_document_did_open(lsp.DidOpenTextDocumentParams(item))
+        editor.replace("rules/zzz.xml", 'name="Zzz"', 'name="Yyy"')
+        await editor.until("scenario.toml", ["unknown-rule"])
+        editor.replace("rules/zzz.xml", 'name="Yyy"', 'name="Zzz"')
+        await editor.until("scenario.toml", [])
 
 
 async def test_a_name_of_several_words_is_renamed_as_a_whole(tmp_path: Path) -> None:
