@@ -52,7 +52,8 @@ class StudyServer(LanguageServer):
     """A language server with the studies that files are open of."""
 
     def __init__(self) -> None:
-        super().__init__("rise-engine", __version__, protocol_cls=OpenFilesProtocol)
+        whole = lsp.TextDocumentSyncKind.Full
+        super().__init__("rise-engine", __version__, whole, protocol_cls=OpenFilesProtocol)
         self.studies: dict[Path, ServedStudy] = {}
         self.told: dict[Path, set[str]] = {}
         """By study, the files of which the editor has findings."""

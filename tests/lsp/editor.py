@@ -62,12 +62,10 @@ class Editor:
         """Type something in the place of the first such text."""
         text = self.texts[name]
         at = text.index(old)
-        positions = TextPositions(text)
-        stretch = lsp.Range(lsp.Position(*positions.place(at)), lsp.Position(*positions.place(at + len(old))))
         self._version += 1
         self.texts[name] = text[:at] + new + text[at + len(old) :]
         document = lsp.VersionedTextDocumentIdentifier(self._version, self.uri(name))
-        change = lsp.TextDocumentContentChangePartial(stretch, new)
+        change = lsp.TextDocumentContentChangeWholeDocument(self.texts[name])
         self.client.text_document_did_change(lsp.DidChangeTextDocumentParams(document, [change]))
 
     def place(self, name: str, text: str, into: int = 0) -> dict[str, Any]:

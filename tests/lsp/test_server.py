@@ -158,6 +158,20 @@ async def test_a_file_that_is_changed_before_it_is_opened(tmp_path: Path) -> Non
         await editor.until("scenario.toml", [])
 
 
+async def test_changes_that_come_in_another_order(tmp_path: Path) -> None:
+    """As quick ones of Helix do: the newest counts."""
+    async with editing(tmp_path, "greeting") as editor:
+        editor.open("scenario.toml")
+        document = lsp.VersionedTextDocumentIdentifier(9, editor.uri("scenario.toml"))
+        for version, rule, codes in ((9, "Zzz", ["unknown-rule"]), (8, "Greeting", ["unknown-rule"]), (10, "Gaze", [])):
+            text = editor.texts["scenario.toml"].replace('rule = "Greeting"', f'rule = "{rule}"')
+            document = lsp.VersionedTextDocumentIdentifier(version, document.uri)
+            change = lsp.TextDocumentContentChangeWholeDocument(text)
+            editor.client.text_document_did_change(lsp.DidChangeTextDocumentParams(document, [change]))
+            assert await editor.definitions("scenario.toml", "R_Greeting", 2)  # what came before is taken in
+            await editor.until("scenario.toml", codes)
+
+
 async def test_a_name_of_several_words_is_renamed_as_a_whole(tmp_path: Path) -> None:
     rename = lsp.TextDocumentClientCapabilities(rename=lsp.RenameClientCapabilities(prepare_support=True))
     async with editing(tmp_path, "greeting", lsp.ClientCapabilities(text_document=rename)) as editor:
