@@ -38,6 +38,8 @@ CASES = (
          ("write R_LookAhead", "make the act R_LokAhead"), 'act="R_LookAhead"', likely=True),
     Case(GAZE, 'target="Pausing"', 'target="Waiting"', "unknown-state", ("make the state Waiting in the rule Gaze",),
          '<State id="Waiting"'),
+    Case(GAZE, 'initial="Nobody"', 'initial="Waiting"', "unknown-state", ("make the state Waiting in the rule Gaze",),
+         '<State id="Waiting"'),
     Case(SETTINGS, 'event = "/W_close"', 'rule = "Zzz"', "unknown-rule", ("make the rule Zzz",)),
     Case(SETTINGS, 'event = "/W_close"', 'act = "R_Close"', "unknown-act", ("make the act R_Close",)),
     Case(GAZE, WAY, WAY.replace("person_near", "score"), "unset-key",
