@@ -1,4 +1,4 @@
-"""What opens over the editor: help, palette, findings, what was lost to a change outside."""
+"""What opens over the editor: help, palette, a draft, what was lost to a change outside."""
 
 from __future__ import annotations
 
@@ -11,8 +11,6 @@ from textual.app import App
 from rise_engine.edit.drafts import Draft
 from rise_engine.edit.workspace import OutsideChange
 from rise_engine.text import clean
-from rise_tui.editing.model.fields import FieldChoice
-from rise_tui.editing.model.study_rows import find_at
 from rise_tui.editing.study import EditedStudy
 from rise_tui.screens.dialog import Dialog, DialogChoice
 from rise_tui.screens.help import HelpScreen, edit_help_entries
@@ -20,7 +18,7 @@ from rise_tui.screens.palette import Palette
 from rise_tui.screens.palette_commands import PaletteCommand, edit_commands, theme_commands
 
 if TYPE_CHECKING:
-    from rise_tui.editing.page import EditFrame
+    pass
 
 
 def folder_of(study: EditedStudy) -> Path:
@@ -45,32 +43,6 @@ def open_palette(app: App[object], run: Callable[[str], None] | None) -> None:
 
     commands = [*(edit_commands(run) if run is not None else ()), *theme_commands(use_theme)]
     app.push_screen(Palette(commands, "command or theme" if run is not None else "theme"), run_chosen)
-
-
-def choose_finding(frame: EditFrame) -> None:
-    """All that is wrong; the page of the one that is chosen opens."""
-    findings = frame.study.draft.findings
-    if not findings:
-        frame.say("nothing is wrong: no errors and no warnings")
-        return
-    choices = [
-        FieldChoice(
-            str(number),
-            f"{'✗' if each.severity == 'error' else '▲'} {each.location.file}:{each.location.line}",
-            clean(each.message),
-        )
-        for number, each in enumerate(findings)
-    ]
-
-    def go(chosen: str) -> None:
-        where = findings[int(chosen)].location
-        found = find_at(frame.study.draft, where.file, where.line)
-        if found is None:
-            frame.say(clean(str(findings[int(chosen)])), "wait")
-        else:
-            frame.open_page(*found)
-
-    frame.choose("What is wrong", choices, go)
 
 
 def lost_changes_dialog(outside: OutsideChange) -> Dialog:
