@@ -5,8 +5,9 @@ from __future__ import annotations
 from pathlib import Path
 
 from msgspec import UNSET
+from msgspec.structs import replace
 
-from rise_engine.edit.edits import Rename
+from rise_engine.edit.edits import AddRule, Rename
 from rise_engine.edit.formatting import format_file
 from rise_engine.edit.plan import EditRefused, Files, Plan, Splice
 from rise_engine.edit.planning import plan
@@ -126,12 +127,22 @@ class ServedStudy:
         """What gives a thing another name everywhere. Raises EditRefused."""
         return plan(Rename(use.kind, use.name, new), self.state)
 
-    def remedies(self, finding: Diagnostic) -> list[tuple[Remedy, Plan]]:
-        """What can be done about a finding, and what that changes."""
+    def remedies(self, finding: Diagnostic, *, with_new_files: bool) -> list[tuple[Remedy, Plan]]:
+        """What can be done about a finding, and what that changes.
+
+        :param with_new_files: whether files may be made; else new parts stand in those that there are.
+        """
         try:
-            return [(each, plan(each.edit, self.state)) for each in remedies(finding, self.state)]
+            found = [(each, plan(each.edit, self.state)) for each in remedies(finding, self.state)]
+            rules = self.state.outline.rules
+            for at, (remedy, planned) in enumerate(found):
+                if planned.written and isinstance(remedy.edit, AddRule) and rules and not with_new_files:
+                    edit = replace(remedy.edit, after=rules[-1].name)
+                    remedy = replace(remedy, title=f"{remedy.title} in {rules[-1].file}", edit=edit)
+                    found[at] = remedy, plan(edit, self.state)
         except EditRefused:  # the folder cannot be read
             return []
+        return found
 
     @property
     def files(self) -> Files:

@@ -22,7 +22,7 @@ from rise_engine.lsp.hover import hover_text
 from rise_engine.lsp.open_files import OpenFilesProtocol
 from rise_engine.lsp.positions import PositionEncoding, TextPositions
 from rise_engine.lsp.served_study import ServedStudy, study_folder
-from rise_engine.lsp.workspace_edits import workspace_edit
+from rise_engine.lsp.workspace_edits import file_operations, workspace_edit
 from rise_engine.scenario.diagnostics import Diagnostic
 from rise_engine.scenario.model import SourceLocation
 from rise_engine.scenario.source_files import SourceFile
@@ -284,7 +284,7 @@ def _answer_about_files(server: StudyServer) -> None:
         start, end = (positions.offset(at.line, at.character) for at in (params.range.start, params.range.end))
         for finding in study.findings(name, start, end):
             shown = server.diagnostic(finding, source)
-            for remedy, planned in study.remedies(finding):
+            for remedy, planned in study.remedies(finding, with_new_files="create" in file_operations(server)):
                 edit = workspace_edit(server, study, planned)
                 if edit is not None and remedy.title not in actions:
                     actions[remedy.title] = lsp.CodeAction(

@@ -37,7 +37,7 @@ def workspace_edit(server: StudyServer, study: ServedStudy, plan: Plan) -> lsp.W
             changes[uri] = _rewritten(server, source, content.decode("utf-8-sig"))
     if not steps:
         return lsp.WorkspaceEdit(changes=changes)
-    if not {each.kind for each in steps} <= _operations(server):
+    if not {each.kind for each in steps} <= file_operations(server):
         return None
     edited = [
         lsp.TextDocumentEdit(lsp.OptionalVersionedTextDocumentIdentifier(uri, None), those)
@@ -54,7 +54,7 @@ def _rewritten(server: StudyServer, source: SourceFile, after: str) -> list[lsp.
     ]
 
 
-def _operations(server: StudyServer) -> set[str]:
+def file_operations(server: StudyServer) -> set[str]:
     """What the editor can do with files beside changing them: "create", "delete"."""
     workspace = server.client_capabilities.workspace
     edits = workspace.workspace_edit if workspace is not None else None

@@ -41,6 +41,9 @@ class Editor:
     def uri(self, name: str) -> str:
         return (self.folder / name).as_uri()
 
+    def document(self, name: str) -> lsp.TextDocumentIdentifier:
+        return lsp.TextDocumentIdentifier(self.uri(name))
+
     def codes(self, name: str) -> list[Any]:
         return [each.code for each in self.findings.get(self.uri(name), [])]
 

@@ -115,7 +115,7 @@ async def test_remedies(tmp_path: Path) -> None:
 
 
 async def test_a_remedy_may_make_a_file(tmp_path: Path) -> None:
-    """An editor that cannot make one is not offered that."""
+    """An editor that cannot make one gets it in a file that there is."""
     operations = [lsp.ResourceOperationKind.Create]
     edits = lsp.WorkspaceEditClientCapabilities(document_changes=True, resource_operations=operations)
     able = lsp.ClientCapabilities(workspace=lsp.WorkspaceClientCapabilities(workspace_edit=edits))
@@ -125,7 +125,15 @@ async def test_a_remedy_may_make_a_file(tmp_path: Path) -> None:
             editor.replace("scenario.toml", 'rule = "Greeting"', 'rule = "Zzz"')
             await editor.until("scenario.toml", ["unknown-rule"])
             found = await editor.remedies("scenario.toml", '"Zzz"', 2)
-            assert list(found) == (["make the rule Zzz"] if capabilities else [])
+            if capabilities is None:
+                written = found["make the rule Zzz in rules/listening.xml"].edit
+                assert written is not None and written.changes is not None
+                assert list(written.changes) == [editor.uri("rules/listening.xml")]
+                editor.apply({uri: list(edits) for uri, edits in written.changes.items()})
+                editor.client.text_document_did_save(lsp.DidSaveTextDocumentParams(editor.document("scenario.toml")))
+                await editor.until("scenario.toml", [])
+                continue
+            assert list(found) == ["make the rule Zzz"]
             for action in found.values():
                 assert action.edit is not None and action.edit.document_changes is not None
                 create, change = action.edit.document_changes
