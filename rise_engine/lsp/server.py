@@ -5,6 +5,7 @@ https://microsoft.github.io/language-server-protocol/specifications/lsp/3.17/spe
 
 from __future__ import annotations
 
+from functools import lru_cache
 from pathlib import Path
 from typing import Any
 from xml.sax.saxutils import escape
@@ -22,6 +23,7 @@ from rise_engine.lsp.hover import hover_text
 from rise_engine.lsp.open_files import OpenFilesProtocol
 from rise_engine.lsp.positions import PositionEncoding, TextPositions
 from rise_engine.lsp.served_study import ServedStudy, study_folder
+from rise_engine.lsp.symbols import file_symbols
 from rise_engine.lsp.workspace_edits import file_operations, workspace_edit
 from rise_engine.scenario.diagnostics import Diagnostic
 from rise_engine.scenario.model import SourceLocation
@@ -46,6 +48,12 @@ _ENCODINGS: dict[str, PositionEncoding] = {
     lsp.PositionEncodingKind.Utf16: "utf-16",
     lsp.PositionEncodingKind.Utf32: "utf-32",
 }
+
+
+@lru_cache(maxsize=32)
+def _positions(text: str, encoding: PositionEncoding) -> TextPositions:
+    """Kept, since an answer asks for hundreds of places of a file."""
+    return TextPositions(text, encoding)
 
 
 class StudyServer(LanguageServer):
@@ -73,9 +81,7 @@ class StudyServer(LanguageServer):
         return study, study.name_of(path)
 
     def positions(self, source: SourceFile) -> TextPositions:
-        return TextPositions(
-            source.text, _ENCODINGS[self.workspace.position_encoding or lsp.PositionEncodingKind.Utf16]
-        )
+        return _positions(source.text, _ENCODINGS[self.workspace.position_encoding or lsp.PositionEncodingKind.Utf16])
 
     def range_of(self, source: SourceFile, start: int, end: int) -> lsp.Range:
         """A stretch of a file's text."""
@@ -250,25 +256,7 @@ def _answer_about_files(server: StudyServer) -> None:
             source := found[0].source(found[1])
         ) is None:
             return []
-        study, name = found
-        uses = study.checked.uses
-
-        def symbols(kind: Any, names: list[str], shown: Any, symbol: lsp.SymbolKind) -> list[lsp.DocumentSymbol]:
-            found = []
-            for each in names:
-                for use in uses.of(kind, each):
-                    if use.defines and use.length and use.place.file == name:
-                        start = source.offset(use.place.line, use.place.column)
-                        stretch = server.range_of(source, start, start + use.length)
-                        inner = [
-                            state for state in uses.names("state") if kind == "rule" and state.startswith(f"{each}/")
-                        ]
-                        states = symbols("state", inner, lambda name: name.partition("/")[2], lsp.SymbolKind.EnumMember)
-                        found.append(lsp.DocumentSymbol(shown(each), symbol, stretch, stretch, children=states))
-            return sorted(found, key=lambda each: (each.range.start.line, each.range.start.character))
-
-        acts = symbols("act", uses.names("act"), str, lsp.SymbolKind.Function)
-        return acts + symbols("rule", uses.names("rule"), str, lsp.SymbolKind.Class)
+        return file_symbols(server, *found, source)
 
     @server.feature(
         lsp.TEXT_DOCUMENT_CODE_ACTION, lsp.CodeActionOptions(code_action_kinds=[lsp.CodeActionKind.QuickFix])

@@ -199,7 +199,14 @@ async def test_symbols_and_layout(tmp_path: Path) -> None:
         document = lsp.TextDocumentIdentifier(editor.uri("rules/gaze.xml"))
         symbols = await editor.client.text_document_document_symbol_async(lsp.DocumentSymbolParams(document)) or []
         (rule,) = (each for each in symbols if isinstance(each, lsp.DocumentSymbol))
-        assert rule.name == "Gaze" and [each.name for each in rule.children or ()][:1] != []
+        assert rule.name == "Gaze"
+        assert [each.name for each in rule.children or ()] == ["Nobody", "Following", "Pausing", "Back to default"]
+        lines = editor.texts["rules/gaze.xml"].splitlines()
+        for each in (rule, *(rule.children or ())):
+            named, whole = each.selection_range, each.range
+            assert lines[named.start.line][named.start.character : named.end.character] == each.name
+            assert lines[whole.start.line].lstrip().startswith("<") and lines[whole.end.line].endswith(">")
+            assert whole.start.line <= named.start.line <= whole.end.line
         editor.replace("rules/gaze.xml", "<State ", "<State\n\n\n      ")
         options = lsp.FormattingOptions(tab_size=2, insert_spaces=True)
         laid = await editor.client.text_document_formatting_async(lsp.DocumentFormattingParams(document, options)) or []
