@@ -1,7 +1,7 @@
 """What can be done about a finding, as edits: for quick fixes of editors and the list of findings in the terminal.
 
 A remedy is one edit, as a form would make it. Which there are depends on the code of the finding (`_REMEDIES`, and
-`written_remedies.REMEDIES` for those that write something else at the place itself); only those that can be made are
+`written_remedies.WRITTEN` for those that write something else at the place itself); only those that can be made are
 given. Nothing is invented: where a remedy would need an author's answer, there is none.
 """
 

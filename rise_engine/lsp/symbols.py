@@ -3,18 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
-from typing import TYPE_CHECKING
 
 from lsprotocol import types as lsp
 
 from rise_engine.edit.outline import Span
 from rise_engine.edit.plan import EditRefused, Splice
 from rise_engine.lsp.served_study import ServedStudy, splice_offsets
+from rise_engine.lsp.study_server import StudyServer
 from rise_engine.scenario.source_files import SourceFile
 from rise_engine.scenario.uses import UsedKind
-
-if TYPE_CHECKING:
-    from rise_engine.lsp.server import StudyServer
 
 
 def file_symbols(server: StudyServer, study: ServedStudy, name: str, source: SourceFile) -> list[lsp.DocumentSymbol]:

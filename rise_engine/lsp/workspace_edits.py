@@ -2,17 +2,13 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 from lsprotocol import types as lsp
 
 from rise_engine.edit.plan import Plan
 from rise_engine.edit.text_edits import edits_between
 from rise_engine.lsp.served_study import ServedStudy, splice_offsets
+from rise_engine.lsp.study_server import StudyServer
 from rise_engine.scenario.source_files import SourceFile
-
-if TYPE_CHECKING:
-    from rise_engine.lsp.server import StudyServer
 
 _BEGINNING = lsp.Range(lsp.Position(0, 0), lsp.Position(0, 0))
 
