@@ -67,7 +67,7 @@ def plan_add_action(edit: AddAction, study: StudyState) -> Plan:
     """A new action behind another, or at the end of the act."""
     act, spec = act_of(study, edit.act), spec_of(study, edit.type)
     check_changeable(f"the act {edit.act}", act.reason, act.file, act.line)
-    name = edit.id.strip() or _next_id(act)
+    name = edit.id.strip() or next_id(act)
     if not _ID.fullmatch(name):
         raise EditRefused(f"an actionID is one word or number, not `{name}`")
     if any(each.id == name for each in act.actions):
@@ -96,7 +96,8 @@ def _in_words(parameters: Mapping[str, str]) -> str:
     return "".join(f", {name} “{one_line(value)}”" for name, value in parameters.items())
 
 
-def _next_id(act: WrittenAct) -> str:
+def next_id(act: WrittenAct) -> str:
+    """The next free number for an action."""
     numbers = [int(each.id) for each in act.actions if each.id.isascii() and each.id.isdigit()]
     return str(max(numbers, default=0) + 1)
 

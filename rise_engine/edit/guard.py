@@ -182,7 +182,9 @@ def allowed_paths(edit: Edit, before: StudyState, after: StudyState) -> Sequence
         case of.SetPriority(rule=rule):
             return [("rules", rule, "priority")]
         case of.AddState(rule=rule, state=state) | of.RemoveState(rule=rule, state=state):
-            return [("rules", rule, "states", state.strip())]
+            begins = before.outline.rule(rule)
+            waited_for = begins is not None and begins.initial == state.strip()  # without it, the rule begins nowhere
+            return [("rules", rule, "states", state.strip()), *([("rules", rule, "initial")] if waited_for else [])]
         case of.AddTransition(rule=rule, state=state):
             return [("rules", rule, "states", state, "transitions")]
         case of.SetTransition() | of.RemoveTransition() | of.MoveTransition():

@@ -11,6 +11,8 @@ from rise_engine.edit.study_state import StudyState
 from rise_engine.scenario.source_files import MAX_BYTES
 
 _BOM = b"\xef\xbb\xbf"
+_SHOWN = 90
+"""Characters of a line that a sentence shows."""
 
 
 def plan_replace_file(edit: ReplaceFile, study: StudyState) -> Plan:
@@ -33,7 +35,21 @@ def plan_replace_file(edit: ReplaceFile, study: StudyState) -> Plan:
         data = _BOM + data
     if data == old:
         return Plan()
-    return Plan(written={file: data}, says=(f"{file} is made" if old is None else f"{file} is written anew",))
+    return Plan(written={file: data}, says=(f"{file} is made" if old is None else _what_differs(file, old, edit.text),))
+
+
+def _what_differs(file: str, old: bytes, new: str) -> str:
+    """In words; of a single line, what it is and was."""
+    before, after = (text.removeprefix("\ufeff").splitlines() for text in (old.decode(errors="replace"), new))
+    changed = [number for number, (one, other) in enumerate(zip(before, after, strict=False)) if one != other]
+    if len(changed) != 1 or len(before) != len(after):
+        return f"{file} is written anew"
+    was, is_now = (_short(" ".join(lines[changed[0]].split())) for lines in (before, after))
+    return f"{file}, line {changed[0] + 1}, is “{is_now}” (was “{was}”)"
+
+
+def _short(text: str) -> str:
+    return text if len(text) <= _SHOWN else f"{text[: _SHOWN - 1]}…"
 
 
 PLANNERS: Mapping[type[Edit], Callable[..., Plan]] = {ReplaceFile: plan_replace_file}

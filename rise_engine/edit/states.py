@@ -60,7 +60,7 @@ def plan_add_state(edit: AddState, study: StudyState) -> Plan:
         behind = node_of(study, rule.file, rule.states[-1].span) if rule.states else None
     if behind is None and node.children:
         behind = node.children[-1]
-    gap = gap_in(node) if behind is None else gap_behind(behind, blank_line=True, alone_apart=True)
+    gap = gap_in(node) if behind is None else gap_behind(behind)
     splice = insert(rule.file, gap, [NewElement("State", {"id": name})])
     return Plan((splice,), says=(f"{edit.rule} gets the state {name}",))
 

@@ -10,8 +10,9 @@ from msgspec import Struct
 from rise_engine.scenario import LoadResult
 from rise_engine.scenario.blocks import FUNCTIONS
 from rise_engine.scenario.cross_references import engine_topics
-from rise_engine.scenario.model import ActionSpec
+from rise_engine.scenario.model import ActionSpec, SourceLocation
 from rise_engine.scenario.parameters import listed_names
+from rise_engine.scenario.source_files import SourceFile
 
 _TAG = re.compile(r"<!--.*?-->|<!\[CDATA\[.*?\]\]>|<(/?)([\w.:-]+)((?:[^<>\"']|\"[^\"]*\"|'[^']*')*?)(/?)>", re.DOTALL)
 _NAME = re.compile(r"""\s(?:name|id)\s*=\s*["']([^"']*)["']""")
@@ -61,10 +62,24 @@ class _OpenElement(Struct, frozen=True):
 def proposals(checked: LoadResult, name: str, text: str, offset: int) -> tuple[int, list[Proposal]]:
     """From where the text before `offset` is replaced, and by what."""
     if name.lower().endswith(".toml"):
-        return _in_toml(checked, text[:offset])
-    if not name.lower().endswith(".xml"):
+        start, found = _in_toml(checked, text[:offset])
+    elif name.lower().endswith(".xml"):
+        start, found = _XmlPlace(checked, text, offset).find()
+    else:
         return offset, []
-    return _XmlPlace(checked, text, offset).find()
+    place = SourceFile(name, b"", text).location(start)
+    return start, [each for each in found if not _is_being_written(checked, each, place)]
+
+
+def _is_being_written(checked: LoadResult, proposal: Proposal, place: SourceLocation) -> bool:
+    """Whether a memory key or an event is known only from the place at which it is just being typed."""
+    if proposal.kind not in ("key", "event"):
+        return False
+    name = proposal.text.removeprefix("/")
+    uses = checked.uses.of("key" if proposal.kind == "key" else "event", name)
+    columns = {place.column + slash for slash in range(1 + (proposal.kind == "event"))}
+    known = {(each.place.file, each.place.line, each.place.column in columns) for each in uses}
+    return known == {(place.file, place.line, True)}
 
 
 def _in_toml(checked: LoadResult, before: str) -> tuple[int, list[Proposal]]:

@@ -4,16 +4,21 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from rise_engine.edit.edits import Rename
+from msgspec import UNSET
+from msgspec.structs import replace
+
+from rise_engine.edit.edits import AddRule, Rename
 from rise_engine.edit.formatting import format_file
-from rise_engine.edit.plan import Files, Splice
+from rise_engine.edit.plan import EditRefused, Files, Plan, Splice
 from rise_engine.edit.planning import plan
 from rise_engine.edit.read_outline import read_outline
-from rise_engine.edit.study_folder import read_study_files
+from rise_engine.edit.remedies import Remedy, remedies
+from rise_engine.edit.study_folder import part_paths, read_study_files
 from rise_engine.edit.study_state import StudyState
 from rise_engine.lsp.positions import PositionEncoding, TextPositions
 from rise_engine.scenario import LoadResult
 from rise_engine.scenario.checker import ScenarioChecker
+from rise_engine.scenario.diagnostics import Diagnostic
 from rise_engine.scenario.file_names import SCENARIO_FILE
 from rise_engine.scenario.model import SourceLocation
 from rise_engine.scenario.source_files import SourceFile
@@ -46,6 +51,7 @@ class ServedStudy:
         """The contents of open files."""
         self._checker = ScenarioChecker(folder)
         self._checked: LoadResult | None = None
+        self._state: StudyState | None = None
 
     def name_of(self, path: Path) -> str:
         """How findings name a file."""
@@ -103,13 +109,39 @@ class ServedStudy:
                 found = [each for kind in ("act", "rule") for each in self.checked.uses.of(kind, head) if each.defines]
         return found or [each for each in self.uses_like(use) if each.length and each.place != use.place]
 
-    def rename(self, use: Use, new: str) -> dict[str, list[Splice]]:
-        """The changes that give a thing another name everywhere. Raises EditRefused."""
-        files = self.files
-        state = StudyState(files, read_outline(files), self.checked, self.folder)
-        found: dict[str, list[Splice]] = {}
-        for splice in plan(Rename(use.kind, use.name, new), state).splices:
-            found.setdefault(splice.file, []).append(splice)
+    @property
+    def state(self) -> StudyState:
+        """What edits are planned on. Raises EditRefused: the folder cannot be read."""
+        if self._state is None or self._state.checked is not self.checked:
+            files = self.files
+            self._state = StudyState(files, read_outline(files, part_paths(files)), self.checked, self.folder)
+        return self._state
+
+    def findings(self, name: str, start: int, end: int) -> list[Diagnostic]:
+        """The findings in a stretch of a file, also those that it only touches."""
+        source = self.source(name)
+        found = [each for each in self.checked.diagnostics if each.location.file == name and source is not None]
+        return [each for each in found if source is not None and _touches(source, each, start, end)]
+
+    def rename(self, use: Use, new: str) -> Plan:
+        """What gives a thing another name everywhere. Raises EditRefused."""
+        return plan(Rename(use.kind, use.name, new), self.state)
+
+    def remedies(self, finding: Diagnostic, *, with_new_files: bool) -> list[tuple[Remedy, Plan]]:
+        """What can be done about a finding, and what that changes.
+
+        :param with_new_files: whether files may be made; else new parts stand in those that there are.
+        """
+        try:
+            found = [(each, plan(each.edit, self.state)) for each in remedies(finding, self.state)]
+            rules = self.state.outline.rules
+            for at, (remedy, planned) in enumerate(found):
+                if planned.written and isinstance(remedy.edit, AddRule) and rules and not with_new_files:
+                    edit = replace(remedy.edit, after=rules[-1].name)
+                    remedy = replace(remedy, title=f"{remedy.title} in {rules[-1].file}", edit=edit)
+                    found[at] = remedy, plan(edit, self.state)
+        except EditRefused:  # the folder cannot be read
+            return []
         return found
 
     @property
@@ -125,6 +157,12 @@ class ServedStudy:
 def place_of(positions: TextPositions, source: SourceFile, location: SourceLocation) -> tuple[int, int]:
     """A place of a finding as the protocol has it."""
     return positions.place(source.offset(location.line, location.column))
+
+
+def _touches(source: SourceFile, found: Diagnostic, start: int, end: int) -> bool:
+    first = source.offset(found.location.line, found.location.column)
+    last = first if found.end is UNSET else source.offset(found.end.line, found.end.column)
+    return first <= end and start <= last
 
 
 def splice_offsets(source: SourceFile, splice: Splice) -> tuple[int, int]:

@@ -5,31 +5,20 @@ https://microsoft.github.io/language-server-protocol/specifications/lsp/3.17/spe
 
 from __future__ import annotations
 
-import re
-from pathlib import Path
 from typing import Any
 from xml.sax.saxutils import escape
 
 from lsprotocol import types as lsp
-from msgspec import UNSET
-from pygls import uris
-from pygls.exceptions import JsonRpcInvalidParams
-from pygls.lsp.server import LanguageServer
+from pygls.exceptions import JsonRpcException
 
-from rise_engine import __version__
 from rise_engine.edit.plan import EditRefused
 from rise_engine.lsp.completion import proposals
 from rise_engine.lsp.hover import hover_text
-from rise_engine.lsp.positions import PositionEncoding, TextPositions
-from rise_engine.lsp.served_study import ServedStudy, splice_offsets, study_folder
-from rise_engine.scenario.diagnostics import Diagnostic
-from rise_engine.scenario.model import SourceLocation
-from rise_engine.scenario.source_files import SourceFile
-from rise_engine.scenario.uses import Use
+from rise_engine.lsp.study_server import StudyServer
+from rise_engine.lsp.symbols import file_symbols
+from rise_engine.lsp.workspace_edits import file_operations, workspace_edit
 
-SOURCE = "rise"
-"""Who says a finding, for editors."""
-_MEANT = re.compile(r"did you mean `([^`]+)`")
+_QUICK_FIX = lsp.CodeActionKind.QuickFix.value
 _KINDS = {
     "act": lsp.CompletionItemKind.Function,
     "rule": lsp.CompletionItemKind.Class,
@@ -40,99 +29,11 @@ _KINDS = {
     "element": lsp.CompletionItemKind.Struct,
     "attribute": lsp.CompletionItemKind.Property,
 }
-_ENCODINGS: dict[str, PositionEncoding] = {
-    lsp.PositionEncodingKind.Utf8: "utf-8",
-    lsp.PositionEncodingKind.Utf16: "utf-16",
-    lsp.PositionEncodingKind.Utf32: "utf-32",
-}
 
 
-class StudyServer(LanguageServer):
-    """A language server with the studies that files are open of."""
-
-    def __init__(self) -> None:
-        super().__init__("rise-engine", __version__)
-        self.studies: dict[Path, ServedStudy] = {}
-        self.told: dict[Path, set[str]] = {}
-        """By study, the files of which the editor has findings."""
-
-    # --- studies and places -------------------------------------------------------------------------------------------
-
-    def study_of(self, uri: str) -> tuple[ServedStudy, str] | None:
-        """The study that a file belongs to, and the file's name in it; None: it is none of a study's files."""
-        written = uris.to_fs_path(uri)
-        if written is None:
-            return None
-        path = Path(written)
-        folder = study_folder(path)
-        if folder is None:
-            return None
-        study = self.studies.setdefault(folder, ServedStudy(folder))
-        return study, study.name_of(path)
-
-    def positions(self, source: SourceFile) -> TextPositions:
-        return TextPositions(
-            source.text, _ENCODINGS[self.workspace.position_encoding or lsp.PositionEncodingKind.Utf16]
-        )
-
-    def range_of(self, source: SourceFile, start: int, end: int) -> lsp.Range:
-        """A stretch of a file's text."""
-        positions = self.positions(source)
-        return lsp.Range(lsp.Position(*positions.place(start)), lsp.Position(*positions.place(end)))
-
-    def place_of_use(self, study: ServedStudy, use: Use) -> lsp.Location | None:
-        source = study.source(use.place.file)
-        if source is None:
-            return None
-        start = source.offset(use.place.line, use.place.column)
-        return lsp.Location(self.uri(study, use.place.file), self.range_of(source, start, start + use.length))
-
-    def uri(self, study: ServedStudy, name: str) -> str:
-        return uris.from_fs_path(str(study.folder / name)) or ""
-
-    def at(self, params: Any) -> tuple[ServedStudy, str, SourceFile, int] | None:
-        """Study, file, and the offset that a request is about."""
-        found = self.study_of(params.text_document.uri)
-        source = found[0].source(found[1]) if found is not None else None
-        if found is None or source is None:
-            return None
-        offset = self.positions(source).offset(params.position.line, params.position.character)
-        return found[0], found[1], source, offset
-
-    def use_at(self, params: Any) -> tuple[ServedStudy, Use] | None:
-        place = self.at(params)
-        use = place[0].use_at(place[1], place[3]) if place is not None else None
-        return (place[0], use) if place is not None and use is not None else None
-
-    # --- findings -----------------------------------------------------------------------------------------------------
-
-    def tell(self, study: ServedStudy) -> None:
-        """Send the findings of a study; files that have none any more are told so."""
-        by_file: dict[str, list[Diagnostic]] = {name: [] for name in study.held}
-        for found in study.checked.diagnostics:
-            by_file.setdefault(found.location.file, []).append(found)
-        for name in self.told.get(study.folder, set()) - by_file.keys():
-            by_file[name] = []
-        self.told[study.folder] = {name for name, found in by_file.items() if found}
-        for name, findings in by_file.items():
-            source = study.source(name)
-            shown = [self.diagnostic(each, source) for each in findings]
-            self.text_document_publish_diagnostics(lsp.PublishDiagnosticsParams(self.uri(study, name), shown))
-
-    def diagnostic(self, found: Diagnostic, source: SourceFile | None) -> lsp.Diagnostic:
-        def offset(location: SourceLocation) -> int:
-            return source.offset(location.line, location.column) if source is not None else 0
-
-        start = offset(found.location)
-        end = offset(found.end) if found.end is not UNSET else start
-        is_error = found.severity == "error"
-        return lsp.Diagnostic(
-            range=self.range_of(source or SourceFile("", b"", ""), start, end),
-            message=found.message,
-            severity=lsp.DiagnosticSeverity.Error if is_error else lsp.DiagnosticSeverity.Warning,
-            code=found.code,
-            source=SOURCE,
-        )
+def _refusal(why: str) -> JsonRpcException:
+    """What cannot be done, said to the person at the editor."""
+    return JsonRpcException(why, lsp.LSPErrorCodes.RequestFailed.value)
 
 
 def make_server() -> StudyServer:
@@ -212,24 +113,28 @@ def _answer_about_names(server: StudyServer) -> None:
         text = hover_text(place[0], place[1], place[3]) if place is not None else ""
         return lsp.Hover(lsp.MarkupContent(lsp.MarkupKind.Markdown, text)) if text else None
 
+    @server.feature(lsp.TEXT_DOCUMENT_PREPARE_RENAME)
+    def prepare_rename(params: lsp.PrepareRenameParams) -> lsp.PrepareRenamePlaceholder | None:
+        """Names have blanks, which editors take for the end of one."""
+        found = server.use_at(params)
+        place = server.place_of_use(*found) if found is not None else None
+        if found is None or place is None:
+            return None
+        name = found[1].name
+        alone = name.rpartition("/")[2] if found[1].kind in ("state", "action") else name
+        return lsp.PrepareRenamePlaceholder(place.range, alone)
+
     @server.feature(lsp.TEXT_DOCUMENT_RENAME)
     def rename(params: lsp.RenameParams) -> lsp.WorkspaceEdit:
         if (found := server.use_at(params)) is None:
-            raise JsonRpcInvalidParams("here stands no name of an act, rule, state, event, action or memory key")
+            raise _refusal("here stands no name of an act, rule, state, event, action or memory key")
         study, use = found
         try:
-            splices = study.rename(use, params.new_name)
+            changed = workspace_edit(server, study, study.rename(use, params.new_name))
         except EditRefused as refused:
-            raise JsonRpcInvalidParams(str(refused)) from None
-        changes: dict[str, list[lsp.TextEdit]] = {}
-        for name, those in splices.items():
-            source = study.source(name)
-            assert source is not None  # it was read to plan this
-            changes[server.uri(study, name)] = [
-                lsp.TextEdit(server.range_of(source, *splice_offsets(source, each)), each.data.decode())
-                for each in those
-            ]
-        return lsp.WorkspaceEdit(changes=changes)
+            raise _refusal(str(refused)) from None
+        assert changed is not None  # a rename makes no files
+        return changed
 
 
 def _answer_about_files(server: StudyServer) -> None:
@@ -239,50 +144,29 @@ def _answer_about_files(server: StudyServer) -> None:
             source := found[0].source(found[1])
         ) is None:
             return []
-        study, name = found
-        uses = study.checked.uses
+        return file_symbols(server, *found, source)
 
-        def symbols(kind: Any, names: list[str], shown: Any, symbol: lsp.SymbolKind) -> list[lsp.DocumentSymbol]:
-            found = []
-            for each in names:
-                for use in uses.of(kind, each):
-                    if use.defines and use.length and use.place.file == name:
-                        start = source.offset(use.place.line, use.place.column)
-                        stretch = server.range_of(source, start, start + use.length)
-                        inner = [
-                            state for state in uses.names("state") if kind == "rule" and state.startswith(f"{each}/")
-                        ]
-                        states = symbols("state", inner, lambda name: name.partition("/")[2], lsp.SymbolKind.EnumMember)
-                        found.append(lsp.DocumentSymbol(shown(each), symbol, stretch, stretch, children=states))
-            return sorted(found, key=lambda each: (each.range.start.line, each.range.start.character))
-
-        acts = symbols("act", uses.names("act"), str, lsp.SymbolKind.Function)
-        return acts + symbols("rule", uses.names("rule"), str, lsp.SymbolKind.Class)
-
-    @server.feature(lsp.TEXT_DOCUMENT_CODE_ACTION)
+    @server.feature(
+        lsp.TEXT_DOCUMENT_CODE_ACTION, lsp.CodeActionOptions(code_action_kinds=[lsp.CodeActionKind.QuickFix])
+    )
     def offer_remedies(params: lsp.CodeActionParams) -> list[lsp.CodeAction]:
-        if (found := server.study_of(params.text_document.uri)) is None or (
-            source := found[0].source(found[1])
-        ) is None:
+        """Of the findings that the place touches, whether or not the editor names them."""
+        wanted, found = params.context.only, server.study_of(params.text_document.uri)
+        is_wanted = wanted is None or any(_QUICK_FIX.startswith(str(getattr(each, "value", each))) for each in wanted)
+        source = found[0].source(found[1]) if found is not None else None
+        if found is None or source is None or not is_wanted:
             return []
-        positions, actions = server.positions(source), []
-        for finding in params.context.diagnostics:
-            meant = _MEANT.search(finding.message)
-            if finding.source != SOURCE or meant is None:
-                continue
-            start, end = (positions.offset(at.line, at.character) for at in (finding.range.start, finding.range.end))
-            written = source.text[start:end]
-            new = meant.group(1)
-            if written.startswith("<"):
-                new = "<" + new
-            elif written[:1] in "\"'" and written[:1] == written[-1:]:
-                new = written[0] + new + written[0]
-            elif found[1].lower().endswith(".xml"):
-                new = escape(new, {'"': "&quot;"})
-            edit = lsp.WorkspaceEdit(changes={params.text_document.uri: [lsp.TextEdit(finding.range, new)]})
-            title = f"write {meant.group(1)}"
-            actions.append(lsp.CodeAction(title, lsp.CodeActionKind.QuickFix, [finding], edit=edit, is_preferred=True))
-        return actions
+        (study, name), positions, actions = found, server.positions(source), dict[str, lsp.CodeAction]()
+        start, end = (positions.offset(at.line, at.character) for at in (params.range.start, params.range.end))
+        for finding in study.findings(name, start, end):
+            shown = server.diagnostic(finding, source)
+            for remedy, planned in study.remedies(finding, with_new_files="create" in file_operations(server)):
+                edit = workspace_edit(server, study, planned)
+                if edit is not None and remedy.title not in actions:
+                    actions[remedy.title] = lsp.CodeAction(
+                        remedy.title, lsp.CodeActionKind.QuickFix, [shown], remedy.is_likely or None, edit=edit
+                    )
+        return list(actions.values())
 
     @server.feature(lsp.TEXT_DOCUMENT_FORMATTING)
     def lay_out(params: lsp.DocumentFormattingParams) -> list[lsp.TextEdit]:
@@ -293,7 +177,7 @@ def _answer_about_files(server: StudyServer) -> None:
         try:
             after = found[0].formatted(found[1])
         except EditRefused as refused:
-            raise JsonRpcInvalidParams(str(refused)) from None
+            raise _refusal(str(refused)) from None
         if after == source.text:
             return []
         return [lsp.TextEdit(server.range_of(source, 0, len(source.text)), after)]

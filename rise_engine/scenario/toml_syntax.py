@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import re
 import tomllib
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 
 from msgspec import Struct
 
@@ -83,6 +83,38 @@ class TomlSection(Struct):
 def read_sections(text: str) -> list[TomlSection]:
     """The sections of a text that is valid TOML, in order; the first is what stands before any header."""
     return list(_SyntaxReader(text).read())
+
+
+def toml_path_at(text: str, at: int) -> KeyPath | None:
+    """The path of the entry or the table in whose name or value the character `at` of a valid TOML text stands.
+
+    >>> toml_path_at('[keys]\\nb = { act = "R_Yes" }', 16)
+    ('keys', 'b', 'act')
+    """
+    for section in read_sections(text):
+        for part, place in zip(section.parts, section.places, strict=True):
+            if part.start <= at < part.end:
+                return section.path[: place + 1]
+        if section.start <= at < section.end:
+            return _path_in_pairs(section.pairs, section.path, at)
+    return None
+
+
+def _path_in_pairs(pairs: Iterable[TomlPair], path: KeyPath, at: int) -> KeyPath | None:
+    for pair in pairs:
+        for number, part in enumerate(pair.parts, 1):
+            if part.start <= at < part.end:
+                return (*path, *pair.names[:number])
+        if pair.value.start <= at < pair.value.end:
+            return _path_in_value(pair.value, (*path, *pair.names), at)
+    return None
+
+
+def _path_in_value(value: TomlValue, path: KeyPath, at: int) -> KeyPath:
+    for number, item in enumerate(value.items):
+        if item.start <= at < item.end:
+            return _path_in_value(item, (*path, str(number)), at)
+    return _path_in_pairs(value.pairs, path, at) or path
 
 
 class _SyntaxReader:

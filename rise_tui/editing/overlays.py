@@ -1,4 +1,4 @@
-"""What opens over the editor: help, palette, findings, what was lost to a change outside."""
+"""What opens over the editor: help, palette, a draft, what was lost to a change outside."""
 
 from __future__ import annotations
 
@@ -11,8 +11,6 @@ from textual.app import App
 from rise_engine.edit.drafts import Draft
 from rise_engine.edit.workspace import OutsideChange
 from rise_engine.text import clean
-from rise_tui.editing.model.fields import FieldChoice
-from rise_tui.editing.model.study_rows import find_at
 from rise_tui.editing.model.waiting_rows import waiting_text
 from rise_tui.editing.study import EditedStudy
 from rise_tui.screens.dialog import Dialog, DialogChoice
@@ -49,32 +47,6 @@ def open_palette(app: App[object], run: Callable[[str], None] | None) -> None:
 
     commands = [*(edit_commands(run) if run is not None else ()), *theme_commands(use_theme)]
     app.push_screen(Palette(commands, "command or theme" if run is not None else "theme"), run_chosen)
-
-
-def choose_finding(frame: EditFrame) -> None:
-    """All that is wrong; the page of the one that is chosen opens."""
-    findings = frame.study.draft.findings
-    if not findings:
-        frame.say("nothing is wrong: no errors and no warnings")
-        return
-    choices = [
-        FieldChoice(
-            str(number),
-            f"{'✗' if each.severity == 'error' else '▲'} {each.location.file}:{each.location.line}",
-            clean(each.message),
-        )
-        for number, each in enumerate(findings)
-    ]
-
-    def go(chosen: str) -> None:
-        where = findings[int(chosen)].location
-        found = find_at(frame.study.draft, where.file, where.line)
-        if found is None:
-            frame.say(clean(str(findings[int(chosen)])), "wait")
-        else:
-            frame.open_page(*found)
-
-    frame.choose("What is wrong", choices, go)
 
 
 def set_aside_dialog(outside: OutsideChange) -> Dialog:

@@ -24,6 +24,7 @@ from rise_tui.actions import IN_EDITOR, bindings_in, bindings_of
 from rise_tui.editing import external, overlays
 from rise_tui.editing.bars import BannerLine, EditHints, EditTopLine, FindingLine
 from rise_tui.editing.chooser import AskText, Chooser, ManyChooser
+from rise_tui.editing.finding_list import choose_finding
 from rise_tui.editing.model.draft import count
 from rise_tui.editing.model.fields import FieldChoice
 from rise_tui.editing.model.study_rows import row_id
@@ -327,7 +328,7 @@ class EditScreen(Screen[None]):
             "edit.undo": lambda: self._work(self._undo()),
             "edit.redo": lambda: self._work(self._redo()),
             "edit.save": lambda: self._work(self._ask_to_save()),
-            "edit.findings": lambda: overlays.choose_finding(self),
+            "edit.findings": lambda: choose_finding(self, self.app),
             "edit.waiting": lambda: overlays.open_waiting(self),
             "edit.file": lambda: self._work(self._open_file()),
             "edit.pages": self._go_home,

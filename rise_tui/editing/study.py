@@ -9,8 +9,10 @@ from typing import TypeVar
 from rise_engine.edit.drafts import Draft
 from rise_engine.edit.edits import AnyEdit
 from rise_engine.edit.plan import EditRefused
+from rise_engine.edit.remedies import Remedy, remedies
 from rise_engine.edit.workspace import Change, OutsideChange, SaveReport, Workspace
 from rise_engine.scenario import LoadResult
+from rise_engine.scenario.diagnostics import Diagnostic
 from rise_tui.editing.model.draft import StudyDraft, draft_of
 
 Result = TypeVar("Result")
@@ -42,6 +44,11 @@ class EditedStudy:
         """The check of what the files would be. :raises EditRefused: an edit cannot be made."""
         async with self._turn:
             return await asyncio.to_thread(self._workspace.preview, *edits)
+
+    async def remedies(self, finding: Diagnostic) -> list[Remedy]:
+        """What can be done about a finding."""
+        async with self._turn:
+            return await asyncio.to_thread(lambda: remedies(finding, self._workspace.state))
 
     async def diff(self) -> str:
         """What saving would change, line by line."""

@@ -41,6 +41,9 @@ class Editor:
     def uri(self, name: str) -> str:
         return (self.folder / name).as_uri()
 
+    def document(self, name: str) -> lsp.TextDocumentIdentifier:
+        return lsp.TextDocumentIdentifier(self.uri(name))
+
     def codes(self, name: str) -> list[Any]:
         return [each.code for each in self.findings.get(self.uri(name), [])]
 
@@ -62,12 +65,10 @@ class Editor:
         """Type something in the place of the first such text."""
         text = self.texts[name]
         at = text.index(old)
-        positions = TextPositions(text)
-        stretch = lsp.Range(lsp.Position(*positions.place(at)), lsp.Position(*positions.place(at + len(old))))
         self._version += 1
         self.texts[name] = text[:at] + new + text[at + len(old) :]
         document = lsp.VersionedTextDocumentIdentifier(self._version, self.uri(name))
-        change = lsp.TextDocumentContentChangePartial(stretch, new)
+        change = lsp.TextDocumentContentChangeWholeDocument(self.texts[name])
         self.client.text_document_did_change(lsp.DidChangeTextDocumentParams(document, [change]))
 
     def place(self, name: str, text: str, into: int = 0) -> dict[str, Any]:
@@ -80,6 +81,16 @@ class Editor:
         asked = lsp.DefinitionParams(**self.place(name, text, into))
         found = await self.client.text_document_definition_async(asked)
         return [each for each in found if isinstance(each, lsp.Location)] if isinstance(found, (list, tuple)) else []
+
+    async def remedies(self, name: str, text: str, into: int = 0, **context: Any) -> dict[str, lsp.CodeAction]:
+        """What is offered at a character of the first such text, by what it is called."""
+        place = self.place(name, text, into)
+        at = lsp.Range(place["position"], place["position"])
+        asked = lsp.CodeActionParams(
+            place["text_document"], at, lsp.CodeActionContext(**{"diagnostics": [], **context})
+        )
+        found = await self.client.text_document_code_action_async(asked) or []
+        return {each.title: each for each in found if isinstance(each, lsp.CodeAction)}
 
     def apply(self, edits: dict[str, list[lsp.TextEdit]]) -> None:
         """Write changes to the files, as an editor does."""
@@ -95,14 +106,16 @@ class Editor:
 
 
 @asynccontextmanager
-async def editing(tmp_path: Path, study: str) -> AsyncIterator[Editor]:
-    """An editor with a copy of a shipped study."""
+async def editing(
+    tmp_path: Path, study: str, capabilities: lsp.ClientCapabilities | None = None
+) -> AsyncIterator[Editor]:
+    """An editor with a copy of a shipped study; without `capabilities`, one that can only what all can."""
     folder = tmp_path / study
     shutil.copytree(SCENARIOS / study, folder)
     client = LanguageClient("editor", "1")
     await client.start_io(sys.executable, "-m", "rise_engine", "lsp")
     editor = Editor(client, folder)
-    await client.initialize_async(lsp.InitializeParams(lsp.ClientCapabilities()))
+    await client.initialize_async(lsp.InitializeParams(capabilities or lsp.ClientCapabilities()))
     client.initialized(lsp.InitializedParams())
     try:
         yield editor

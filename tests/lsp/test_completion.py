@@ -78,6 +78,24 @@ def test_proposals_in_toml(text: str, replaced: str, expected: list[str]) -> Non
     assert proposed("scenario.toml", text) == (replaced, expected)
 
 
+@pytest.mark.parametrize(
+    ("written", "left_out"),
+    [('cond="wh|" target="T"/>', "wh"), ('eventTopic="/lat|" target="T"/>', "/lat"), ('cond="n|" target="T"/>', "")],
+)
+def test_what_is_just_being_typed_is_no_proposal(written: str, left_out: str) -> None:
+    """A name is known from where it stands alone, but not from where somebody is still writing it."""
+    rule = f'<InteractionRule name="R" initial="S">\n<State id="S"><transition {written}</State>\n<State id="T"/>'
+    at = rule.index("|")
+    text = rule.replace("|", "") + "</InteractionRule>"
+    held = {**HELD, "rules/r.xml": text.encode()}
+    _, found = proposals(load("/nowhere", held=held), "rules/r.xml", text, at)
+    names = [each.text for each in found]
+    assert left_out not in names and names
+    again = {**held, "rules/s.xml": text.replace('name="R"', 'name="Q"').encode()}
+    _, found = proposals(load("/nowhere", held=again), "rules/r.xml", text, at)
+    assert not left_out or left_out in [each.text for each in found]
+
+
 @pytest.mark.parametrize("encoding", ["utf-8", "utf-16", "utf-32"])
 def test_places_in_all_encodings(encoding: PositionEncoding) -> None:
     text = "ä\r\n\r😀x\n\n<é/>"

@@ -90,22 +90,123 @@ async def test_a_name_is_changed_everywhere_as_the_engine_does(tmp_path: Path) -
             await editor.client.text_document_rename_async(lsp.RenameParams(new_name="R_FollowGaze", **place))
 
 
-async def test_remedies_symbols_and_layout(tmp_path: Path) -> None:
+async def test_remedies(tmp_path: Path) -> None:
+    """At the place of a finding, behind its last letter too, whether or not the editor names the finding."""
     async with editing(tmp_path, "greeting") as editor:
         editor.open("rules/gaze.xml")
         editor.replace("rules/gaze.xml", '"R_FollowGaze"', '"R_FolowGaze"')
         await editor.until("rules/gaze.xml", ["unknown-act", *["unreachable-transition"] * 3])
-        document = lsp.TextDocumentIdentifier(editor.uri("rules/gaze.xml"))
         finding = editor.findings[editor.uri("rules/gaze.xml")][0]
-        context = lsp.CodeActionContext([finding])
-        asked = lsp.CodeActionParams(document, finding.range, context)
-        (action,) = await editor.client.text_document_code_action_async(asked) or []
-        assert isinstance(action, lsp.CodeAction) and action.edit is not None and action.edit.changes is not None
-        ((edit,),) = action.edit.changes.values()
-        assert (action.title, edit.new_text, edit.range) == ("write R_FollowGaze", "R_FollowGaze", finding.range)
+        for into, context in ((1, {"diagnostics": [finding]}), (len("R_FolowGaze"), {"only": ["quickfix"]})):
+            found = await editor.remedies("rules/gaze.xml", "R_FolowGaze", into, **context)
+            assert list(found) == ["write R_FollowGaze", "make the act R_FolowGaze"]
+        action = found["write R_FollowGaze"]
+        assert action.is_preferred and list(action.diagnostics or ()) == [finding]
+        assert action.edit is not None and action.edit.changes is not None
+        ((uri, (edit,)),) = action.edit.changes.items()
+        assert uri == editor.uri("rules/gaze.xml")
+        assert edit.range.start.line == finding.range.start.line and edit.new_text == "l"  # nothing else is touched
+        made = found["make the act R_FolowGaze"].edit
+        assert made is not None and made.changes is not None
+        ((uri, (edit,)),) = made.changes.items()
+        assert uri == editor.uri("acts/signals.xml") and '<Dialog name="R_FolowGaze"/>' in edit.new_text
+        assert not await editor.remedies("rules/gaze.xml", "R_FolowGaze", 1, only=["refactor"])
+        assert not await editor.remedies("rules/gaze.xml", "<onEntry>")
+
+
+async def test_a_remedy_may_make_a_file(tmp_path: Path) -> None:
+    """An editor that cannot make one gets it in a file that there is."""
+    operations = [lsp.ResourceOperationKind.Create]
+    edits = lsp.WorkspaceEditClientCapabilities(document_changes=True, resource_operations=operations)
+    able = lsp.ClientCapabilities(workspace=lsp.WorkspaceClientCapabilities(workspace_edit=edits))
+    for capabilities, folder in ((able, tmp_path / "able"), (None, tmp_path / "not")):
+        async with editing(folder, "greeting", capabilities) as editor:
+            editor.open("scenario.toml")
+            editor.replace("scenario.toml", 'rule = "Greeting"', 'rule = "Zzz"')
+            await editor.until("scenario.toml", ["unknown-rule"])
+            found = await editor.remedies("scenario.toml", '"Zzz"', 2)
+            if capabilities is None:
+                written = found["make the rule Zzz in rules/listening.xml"].edit
+                assert written is not None and written.changes is not None
+                assert list(written.changes) == [editor.uri("rules/listening.xml")]
+                editor.apply({uri: list(edits) for uri, edits in written.changes.items()})
+                editor.client.text_document_did_save(lsp.DidSaveTextDocumentParams(editor.document("scenario.toml")))
+                await editor.until("scenario.toml", [])
+                continue
+            assert list(found) == ["make the rule Zzz"]
+            for action in found.values():
+                assert action.edit is not None and action.edit.document_changes is not None
+                create, change = action.edit.document_changes
+                assert isinstance(create, lsp.CreateFile) and create.uri == editor.uri("rules/zzz.xml")
+                assert isinstance(change, lsp.TextDocumentEdit) and change.text_document.uri == create.uri
+                (text,) = change.edits
+                assert isinstance(text, lsp.TextEdit)
+                (editor.folder / "rules" / "zzz.xml").write_text(text.new_text)
+                editor.client.workspace_did_change_watched_files(
+                    lsp.DidChangeWatchedFilesParams([lsp.FileEvent(create.uri, lsp.FileChangeType.Created)])
+                )
+                await editor.until("scenario.toml", [])
+
+
+async def test_a_file_that_is_changed_before_it_is_opened(tmp_path: Path) -> None:
+    """As Helix does with one that a quick fix has made; what it says of it when it opens it is older."""
+    async with editing(tmp_path, "greeting") as editor:
+        editor.open("scenario.toml")
+        editor.replace("scenario.toml", 'rule = "Greeting"', 'rule = "Zzz"')
+        await editor.until("scenario.toml", ["unknown-rule"])
+        (editor.folder / "rules" / "zzz.xml").touch()
+        editor.texts["rules/zzz.xml"] = ""
+        editor.replace("rules/zzz.xml", "", '<InteractionRule name="Zzz" initial="A"><State id="A"/></InteractionRule>')
+        await editor.until("scenario.toml", [])
+        item = lsp.TextDocumentItem(editor.uri("rules/zzz.xml"), "xml", 0, "")
+        editor.client.text_document_did_open(lsp.DidOpenTextDocumentParams(item))
+        editor.replace("rules/zzz.xml", 'name="Zzz"', 'name="Yyy"')
+        await editor.until("scenario.toml", ["unknown-rule"])
+        editor.replace("rules/zzz.xml", 'name="Yyy"', 'name="Zzz"')
+        await editor.until("scenario.toml", [])
+
+
+async def test_changes_that_come_in_another_order(tmp_path: Path) -> None:
+    """As quick ones of Helix do: the newest counts."""
+    async with editing(tmp_path, "greeting") as editor:
+        editor.open("scenario.toml")
+        document = lsp.VersionedTextDocumentIdentifier(9, editor.uri("scenario.toml"))
+        for version, rule, codes in ((9, "Zzz", ["unknown-rule"]), (8, "Greeting", ["unknown-rule"]), (10, "Gaze", [])):
+            text = editor.texts["scenario.toml"].replace('rule = "Greeting"', f'rule = "{rule}"')
+            document = lsp.VersionedTextDocumentIdentifier(version, document.uri)
+            change = lsp.TextDocumentContentChangeWholeDocument(text)
+            editor.client.text_document_did_change(lsp.DidChangeTextDocumentParams(document, [change]))
+            assert await editor.definitions("scenario.toml", "R_Greeting", 2)  # what came before is taken in
+            await editor.until("scenario.toml", codes)
+
+
+async def test_a_name_of_several_words_is_renamed_as_a_whole(tmp_path: Path) -> None:
+    rename = lsp.TextDocumentClientCapabilities(rename=lsp.RenameClientCapabilities(prepare_support=True))
+    async with editing(tmp_path, "greeting", lsp.ClientCapabilities(text_document=rename)) as editor:
+        editor.open("rules/gaze.xml")
+        place = editor.place("rules/gaze.xml", "Back to default", 6)
+        found = await editor.client.text_document_prepare_rename_async(lsp.PrepareRenameParams(**place))
+        assert isinstance(found, lsp.PrepareRenamePlaceholder) and found.placeholder == "Back to default"
+        line = editor.texts["rules/gaze.xml"].splitlines()[found.range.start.line]
+        assert line[found.range.start.character : found.range.end.character] == "Back to default"
+        nothing = editor.place("rules/gaze.xml", "<onEntry>", 2)
+        assert await editor.client.text_document_prepare_rename_async(lsp.PrepareRenameParams(**nothing)) is None
+
+
+async def test_symbols_and_layout(tmp_path: Path) -> None:
+    async with editing(tmp_path, "greeting") as editor:
+        editor.open("rules/gaze.xml")
+        document = lsp.TextDocumentIdentifier(editor.uri("rules/gaze.xml"))
         symbols = await editor.client.text_document_document_symbol_async(lsp.DocumentSymbolParams(document)) or []
         (rule,) = (each for each in symbols if isinstance(each, lsp.DocumentSymbol))
-        assert rule.name == "Gaze" and [each.name for each in rule.children or ()][:1] != []
+        assert rule.name == "Gaze"
+        assert [each.name for each in rule.children or ()] == ["Nobody", "Following", "Pausing", "Back to default"]
+        lines = editor.texts["rules/gaze.xml"].splitlines()
+        for each in (rule, *(rule.children or ())):
+            named, whole = each.selection_range, each.range
+            assert lines[named.start.line][named.start.character : named.end.character] == each.name
+            assert lines[whole.start.line].lstrip().startswith("<") and lines[whole.end.line].endswith(">")
+            assert whole.start.line <= named.start.line <= whole.end.line
         editor.replace("rules/gaze.xml", "<State ", "<State\n\n\n      ")
         options = lsp.FormattingOptions(tab_size=2, insert_spaces=True)
         laid = await editor.client.text_document_formatting_async(lsp.DocumentFormattingParams(document, options)) or []

@@ -89,14 +89,12 @@ def steps_of(page: str) -> Iterator[Step]:
             yield Step("command", command["command"].partition("  #")[0].rstrip(), number)
 
 
-def play(
-    page: str, terminal: Terminal, show: Callable[[Step], None] | None = None, *, between: float = QUIET
-) -> None:
+def play(page: str, terminal: Terminal, show: Callable[[Step], None] | None = None, *, between: float = QUIET) -> None:
     """Do what a page says, step by step.
 
     :param show: called after each step, with the screen still.
-    :param between: seconds without a byte that are waited for between two keys. 0: they come as over a slow line, many
-        in one piece, which the editor takes in their order; a console that starts something would take them for a paste.
+    :param between: seconds without a byte that are waited for between two keys. 0: many come in one piece, as over a
+        slow line, which the editor takes in their order; a console that starts something would take them for a paste.
     :raises AssertionError: what should be seen is not there, with the page's line and the screen.
     """
     for step in steps_of(page):

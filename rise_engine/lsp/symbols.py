@@ -1,0 +1,76 @@
+"""What is in a file: acts, rules and their states, for outlines of editors."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator
+
+from lsprotocol import types as lsp
+
+from rise_engine.edit.outline import Span
+from rise_engine.edit.plan import EditRefused, Splice
+from rise_engine.lsp.served_study import ServedStudy, splice_offsets
+from rise_engine.lsp.study_server import StudyServer
+from rise_engine.scenario.source_files import SourceFile
+from rise_engine.scenario.uses import UsedKind
+
+
+def file_symbols(server: StudyServer, study: ServedStudy, name: str, source: SourceFile) -> list[lsp.DocumentSymbol]:
+    """The acts and rules of a file, in its order; the states of a rule below it."""
+    return _FileSymbols(server, study, name, source).find()
+
+
+class _FileSymbols:
+    def __init__(self, server: StudyServer, study: ServedStudy, name: str, source: SourceFile) -> None:
+        self.server, self.name, self.source = server, name, source
+        self.uses = study.checked.uses
+        self.states = self.uses.names("state")
+        self.spans = dict(_spans(study, name))
+
+    def find(self) -> list[lsp.DocumentSymbol]:
+        acts = self.symbols("act", self.uses.names("act"), lsp.SymbolKind.Function)
+        return acts + self.symbols("rule", self.uses.names("rule"), lsp.SymbolKind.Class)
+
+    def symbols(self, kind: UsedKind, names: Iterable[str], symbol: lsp.SymbolKind) -> list[lsp.DocumentSymbol]:
+        found = []
+        for each in names:
+            for use in self.uses.of(kind, each):
+                if not (use.defines and use.length and use.place.file == self.name):
+                    continue
+                start = self.source.offset(use.place.line, use.place.column)
+                end = start + use.length
+                first, last = self.spans.get((kind, each), (start, end))
+                states = [
+                    state for state in self.uses.names("state") if kind == "rule" and state.startswith(f"{each}/")
+                ]
+                found.append(
+                    lsp.DocumentSymbol(
+                        each.partition("/")[2] if kind == "state" else each,
+                        symbol,
+                        self.server.range_of(self.source, min(first, start), max(last, end)),
+                        self.server.range_of(self.source, start, end),
+                        children=self.symbols("state", states, lsp.SymbolKind.EnumMember),
+                    )
+                )
+        return sorted(found, key=lambda each: (each.range.start.line, each.range.start.character))
+
+
+def _spans(study: ServedStudy, name: str) -> Iterator[tuple[tuple[str, str], tuple[int, int]]]:
+    """From where to where acts, rules and states stand in a file: by that an editor knows in which the cursor is."""
+    try:
+        outline = study.state.outline
+    except EditRefused:  # the folder cannot be read
+        return
+    source = study.source(name)
+    assert source is not None  # its names were read
+
+    def offsets(span: Span) -> tuple[int, int]:
+        return splice_offsets(source, Splice(name, span.start, span.end, b""))
+
+    for act in outline.acts:
+        if act.file == name:
+            yield ("act", act.name), offsets(act.span)
+    for rule in outline.rules:
+        if rule.file == name:
+            yield ("rule", rule.name), offsets(rule.span)
+            for state in rule.states:
+                yield ("state", f"{rule.name}/{state.id}"), offsets(state.span)
