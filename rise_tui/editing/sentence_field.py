@@ -62,7 +62,7 @@ class SentenceField(TextArea, TakesText):
         """Behind the last character."""
         self.move_cursor(self.document.end)
 
-    async def _on_key(self, event: events.Key) -> None:
+    async def on_key(self, event: events.Key) -> None:
         if event.key in STEPS:
             self.post_message(self.TakeSentence(self.sentence, STEPS[event.key]))
         elif event.key == "escape":
@@ -72,7 +72,7 @@ class SentenceField(TextArea, TakesText):
         event.stop()
         event.prevent_default()
 
-    async def _on_paste(self, event: events.Paste) -> None:
+    async def on_paste(self, event: events.Paste) -> None:
         event.prevent_default()
         event.stop()
         self.replace(clean(" ".join(event.text.split())), *self.selection, maintain_selection_offset=False)

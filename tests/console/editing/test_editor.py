@@ -357,7 +357,7 @@ async def test_keys_that_come_in_one_piece_go_to_what_the_one_before_opens(study
         await found.send_together("slash", *"R_Introd", "enter", "enter")
         await found.until(lambda: found.screen.opened is not None)
         assert found.screen.opened is not None and found.screen.opened.shown_name == "R_Introduction"
-        await found.press("escape", "escape")
+        await found.press("escape")
         await found.send_together("a", *"R_Aa", "enter", "a", *"Speech", "enter", *"Welcome", "enter")
         await found.until(lambda: ">Welcome<" in found.draft_text)
         assert 'R_Aa"' in found.draft_text

@@ -100,7 +100,7 @@ async def test_a_trial_goes_with_the_changes_and_is_kept_as_a_test(greeting: Pat
         assert state_of(page) == "Visitor comes"
         await press(pilot, "left")
         assert state_of(page) == "Nobody"
-        await press(pilot, "a", "ctrl+k", "enter")
+        await press(pilot, "a", "ctrl+k", *"Greeting", "enter")
         assert [name for name in page.draft.files if name.startswith("tests/")] == ["tests/greeting.jsonl"]
         await press(pilot, "escape")
         assert not page.is_trying and page.editor.graph.has_focus

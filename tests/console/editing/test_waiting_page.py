@@ -282,7 +282,7 @@ async def test_what_the_study_above_says_is_shown_and_not_changed(study: Path) -
         opened = it.screen.opened
         assert isinstance(opened, SettingsPage)
         rows = text_of(opened.form.rows)
-        assert "factors.f.levels.yes.memory.person_near; study.toml above" in rows
+        assert "study.toml above" in rows, rows
         opened.form.rows.action_edge(1)
         assert opened.place is not None and opened.place.file == str(above.resolve())
         await it.press("enter")
