@@ -28,6 +28,8 @@ SIZE = (80, 24)
 SECONDS = {"key": 1.0, "typed": 1.4, "seen": 1.6, "gone": 0.4, "command": 1.6}
 """How long the screen stands after a step."""
 LAST = 4.0
+NOT_FILMED, FILMED = "<!-- not filmed -->", "<!-- filmed -->"
+"""Lines of a page between which a film would only repeat itself."""
 WIDTH, HEIGHT = 8.4, 17.0
 """Of a cell, in pixels."""
 FOREGROUND, BACKGROUND = "#d8dee9", "#101418"
@@ -149,13 +151,26 @@ def asciicast(frames: Sequence[Frame], title: str) -> str:
     return "\n".join(lines) + "\n"
 
 
+def left_out(page: str) -> set[int]:
+    """The lines of a page that are played and not filmed: from `<!-- not filmed -->` to `<!-- filmed -->`."""
+    found, is_out = set(), False
+    for number, line in enumerate(page.splitlines(), 1):
+        is_out = (is_out or line.strip() == NOT_FILMED) and line.strip() != FILMED
+        if is_out:
+            found.add(number)
+    return found
+
+
 def film(page: Path) -> list[Frame]:
     """Play a tutorial, and take a picture after each step."""
     frames: list[Frame] = []
+    out = left_out(page.read_text(encoding="utf-8"))
 
     with TemporaryDirectory() as folder, shell(Path(folder), SIZE) as terminal:
 
         def take(step: Step) -> None:
+            if step.line in out:
+                return
             cells = tuple(tuple(row) for row in terminal.cells)
             if frames and frames[-1].cells == cells:
                 frames[-1] = Frame(cells, frames[-1].seconds + SECONDS[step.kind] / 2)
