@@ -163,7 +163,12 @@ class TextsPage(SentencePage):
     def _draw_detail(self) -> None:
         width, entry = max(40, self.size.width), self._typing or self.entry
         if entry is None:
-            nothing = "nothing is said in this study yet" if not self._entries else "no such text: esc shows all"
+            if not self._entries:
+                nothing = "nothing is said in this study yet"
+            elif self.view.only and not self.view.wanted:
+                nothing = f"all is there in {self.view.language}, and of the text as it is now: m shows all"
+            else:
+                nothing = "no such text: esc shows all"
             self.parting.show(((f" {nothing}", "muted"),))
             self._show_detail([])
             return
