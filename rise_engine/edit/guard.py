@@ -203,7 +203,7 @@ def _of_statement_or_data(edit: Edit, before: StudyState, after: StudyState) -> 
             return [("memory", key)]
         case of.SetSetting() | of.RenameSetting():
             if edit.file != "scenario.toml":
-                return []
+                return [*_of_texts_file(edit.file, edit.path, before, after)]
             if edit.path[:1] in _FAR_REACHING:
                 return _EVERYTHING
             translated: list[Path] = [("translations",)] if edit.path[0] == "language" else []
@@ -219,6 +219,15 @@ def _of_statement_or_data(edit: Edit, before: StudyState, after: StudyState) -> 
         case of.AddLanguage():
             return [("settings", "languages")]
     return _EVERYTHING  # a name everywhere, a whole file
+
+
+def _of_texts_file(file: str, path: tuple[str, ...], *studies: StudyState) -> Iterator[Path]:
+    """The translations that an entry of `texts/LANG.toml` is, or those of a whole act; other files have none."""
+    for study in studies:
+        for name in _translations(study.checked.translations):
+            language, act, text = name.split("/", 2)
+            if file == f"texts/{language}.toml" and path[:2] in ((act,), (act, text)):
+                yield "translations", name
 
 
 def _of_translations(act: str, action: str, *studies: StudyState) -> Iterator[Path]:

@@ -88,7 +88,7 @@ def read_sections(text: str) -> list[TomlSection]:
 def toml_path_at(text: str, at: int) -> KeyPath | None:
     """The path of the entry or the table in whose name or value the character `at` of a valid TOML text stands.
 
-    >>> toml_path_at('[keys]\\nb = { act = "R_Yes" }', 16)
+    >>> toml_path_at('[keys]\\nb = { act = "R_Yes" }', 14)
     ('keys', 'b', 'act')
     """
     for section in read_sections(text):

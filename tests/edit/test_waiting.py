@@ -165,7 +165,7 @@ def test_a_step_back_over_a_save_that_is_in_the_way_can_be_made(folder: Path) ->
     outside = study.notice_outside()
     assert outside is not None
     (outlook,) = study.outlooks
-    assert outlook.says[0].startswith(f"{SPEECH} is written anew")
+    assert outlook.says[0].startswith(f"{SPEECH}, line ")
     assert study.waiting[0].change.says[0].startswith("taken back: R_Introduction 1 says “I am Floka.”")
     study.make_waiting(study.waiting[0].number)
     assert OLD.encode() in study.files[SPEECH]

@@ -26,7 +26,7 @@ from tests.sources import ROOT, parsed
 
 NOT_HERE = re.compile(
     r"adapters/rise_adapters/ros2/|rise_engine/ports/|rise_engine/server/process\.py|"
-    r"rise_tui/rendering/(terminal_(reader|driver|writer)|diff|cell_buffer)"
+    r"rise_tui/rendering/(terminal_(reader|driver|writer)|diff|cell_buffer|style_codes)"
 )
 """What a session in this process, with a simulated robot and without a terminal, does not come by."""
 STEP = re.compile(r"^\| \d+ \|.*", re.MULTILINE)
