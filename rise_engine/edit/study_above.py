@@ -13,6 +13,7 @@ from typing import Any
 from rise_engine.edit.plan import EditRefused, Files
 from rise_engine.edit.rename_data import data_splices
 from rise_engine.edit.renaming import Renaming
+from rise_engine.scenario.file_names import SCENARIO_FILE
 
 STUDY_FILE = "study.toml"
 _USUAL_SCENARIO = "scenario"
@@ -32,6 +33,22 @@ def read_study_above(folder: Path) -> Files:
             continue
         return {str(above / STUDY_FILE): data} if _may_name(data, above, folder) else {}
     return {}
+
+
+def scenarios_below(folder: Path) -> list[Path]:
+    """The scenarios of a study, where a study's folder has none in itself: those that are there, its own first.
+
+    :param folder: with a study.toml. Empty where it has none, or is a scenario, too.
+    """
+    if (folder / SCENARIO_FILE).exists():
+        return []
+    try:
+        values = tomllib.loads((folder / STUDY_FILE).read_text("utf-8-sig"))
+    except (OSError, ValueError, RecursionError):
+        return []
+    own = str(values.get("scenario", _USUAL_SCENARIO))
+    names = [own, *sorted({str(name) for name in _scenarios(values)} - {own})]
+    return [folder / name for name in names if (folder / name / SCENARIO_FILE).is_file()]
 
 
 def sets_key(above: Files, key: str) -> str:

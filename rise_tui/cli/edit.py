@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import asyncio
 import os
+import shlex
 from pathlib import Path
 
 import click
 
 from rise_engine.client import connect
 from rise_engine.edit.plan import EditRefused
+from rise_engine.edit.study_above import scenarios_below
 from rise_engine.edit.workspace import Workspace
 from rise_engine.errors import RiseError
 from rise_engine.exit_status import REFUSED, USAGE
@@ -67,6 +69,13 @@ def edit(folder: str, *, robot: str | None, keys: str | None, display: DisplayOp
         return USAGE
     path = expand_home(folder)
     path = path.parent if path.name in ("scenario.toml", "study.toml") else path
+    below = scenarios_below(path)
+    if len(below) > 1:
+        click.echo(f"{folder} is a study of several scenarios. Which one? Type one of:", err=True)
+        for each in below:
+            click.echo(f"  rise-tui edit {shlex.quote(os.path.normpath(each))}", err=True)
+        return USAGE
+    path = Path(os.path.normpath(below[0])) if below else path
     try:
         workspace = Workspace(path, robot=robot)
     except EditRefused as refused:

@@ -156,6 +156,9 @@ class ActPage(FormPage):
         if action == "edit.other":
             self.set_form_focus(on_form=not self.form.rows.has_focus)
             return True
+        if self.form.rows.has_focus and action in ("edit.open", "edit.remove") and (why := self._why_fixed()):
+            self.frame.say(why, "wait")
+            return True
         if self.form.rows.has_focus and self.carry_out_in_form(action):
             return True
         calls = {
@@ -178,6 +181,14 @@ class ActPage(FormPage):
             self.set_form_focus(on_form=False)
             return True
         return False
+
+    def _why_fixed(self) -> str:
+        """Why the field under the cursor cannot be changed here, and where it can; empty: it can."""
+        act, action, field = self.act, self.action, self.form.current
+        if act is None or action is None or field is None:
+            return ""
+        why = field.reason or (action.reason if field.kind == "fixed" else "")
+        return f"{field.label} cannot be changed here: {why}; e opens the file at this line" if why else ""
 
     def set_form_focus(self, *, on_form: bool) -> None:
         """To the form, or to the actions."""

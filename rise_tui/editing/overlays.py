@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from datetime import datetime
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -87,12 +88,23 @@ def open_waiting(frame: EditFrame) -> None:
         frame.say("nothing waits: no change was proposed, and none of yours was set aside")
 
 
+def _local_time(kept: str) -> str:
+    """A moment as clocks on the wall here show it; as it is written where it is none."""
+    try:
+        return datetime.fromisoformat(kept).astimezone().strftime("%Y-%m-%d %H:%M")
+    except ValueError:
+        return clean(kept)
+
+
 def draft_dialog(draft: Draft) -> Dialog:
     """What an earlier editor has not saved: it is taken up or forgotten; esc leaves the editor, so that it is kept."""
     says = [clean(sentence) for change in draft.changes for sentence in change.says]
     aside = [each for each in draft.set_aside if not each.given_up]
     says += [f"set aside: {clean(sentence)}" for change in aside for sentence in change.says]
-    lines = [f"An editor has ended without saving ({clean(draft.kept)}):", *(f"· {each}" for each in says[:_SHOWN])]
+    lines = [
+        f"An editor has ended without saving ({_local_time(draft.kept)}):",
+        *(f"· {each}" for each in says[:_SHOWN]),
+    ]
     lines += [f"· and {len(says) - _SHOWN} more"] if len(says) > _SHOWN else []
     return Dialog("A draft is there", lines, DialogChoice("d", "Forget it"), DialogChoice("t", "Take it up"),
                   no="Leave the editor", default="t")  # fmt: skip

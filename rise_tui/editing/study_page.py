@@ -11,6 +11,7 @@ from textual.containers import Horizontal
 from textual.widget import Widget
 
 from rise_engine.edit.edits import AddAct, AddRule, AnyEdit, CopyAct, CopyRule, RemoveAct, RemoveRule, Rename
+from rise_tui.editing.model.act_rows import action_with
 from rise_tui.editing.model.draft import FilePlace
 from rise_tui.editing.model.fields import FieldChoice
 from rise_tui.editing.model.study_rows import (
@@ -133,8 +134,14 @@ class StudyPage(EditPage):
         if kind == "file":
             self.frame.say(f"{name} cannot be read as it is: e opens it in your editor", "wait")
         elif kind:
-            self.frame.open_page(kind, name)
+            self.frame.open_page(kind, self._found_in(kind, name))
             self._select(kind, name)
+
+    def _found_in(self, kind: str, name: str) -> str:
+        """What is opened: of an act that was found by its words, the action that has them."""
+        act = self.draft.outline.act(name) if kind == "act" else None
+        found = action_with(act, self._wanted) if act is not None and self._wanted else ""
+        return f"{name}\0{found}" if found else name
 
     def _ask_for_new(self) -> None:
         """A rule where the cursor is on a rule, else an act."""

@@ -37,6 +37,17 @@ def what_text(action: WrittenAction) -> str:
     return clean(text) + more
 
 
+def all_texts(action: WrittenAction) -> str:
+    """Every value of it, of all its wordings: what is searched."""
+    return "\n".join(value.text for call in action.calls for value in call.parameters.values())
+
+
+def action_with(act: WrittenAct, wanted: str) -> str:
+    """Number of the first action with this text in it; empty: none has it."""
+    sought = wanted.casefold()
+    return next((each.id for each in act.actions if sought in all_texts(each).casefold()), "")
+
+
 def said_text(act: WrittenAct) -> str:
     """What is said in an act; of one in which nothing is, what is done."""
     said = [what_text(each) for each in act.actions if each.calls and "message" in each.calls[0].parameters]

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import tomllib
 from collections.abc import Mapping, Sequence
+from functools import lru_cache
 from typing import NamedTuple
 
 from msgspec import Struct
@@ -14,7 +16,18 @@ from rise_engine.edit.waiting import Outlook
 from rise_engine.edit.workspace import Change, Workspace
 from rise_engine.scenario import LoadResult
 from rise_engine.scenario.diagnostics import Diagnostic
+from rise_engine.scenario.file_names import SCENARIO_FILE
 from rise_engine.scenario.uses import Uses
+
+
+@lru_cache(maxsize=4)
+def written_title(data: bytes) -> str:
+    """The title in a scenario.toml: also while there is an error elsewhere. Empty: it has none, or cannot be read."""
+    try:
+        title = tomllib.loads(data.decode("utf-8-sig")).get("title")
+    except (ValueError, RecursionError):
+        return ""
+    return title if isinstance(title, str) else ""
 
 
 class StudyDraft(Struct, frozen=True):
@@ -38,7 +51,8 @@ class StudyDraft(Struct, frozen=True):
     def title(self) -> str:
         """What the study is called."""
         scenario = self.checked.scenario
-        return scenario.title if scenario is not None and scenario.title else self.folder.rstrip("/").rpartition("/")[2]
+        title = scenario.title if scenario is not None else written_title(self.files.get(SCENARIO_FILE, b""))
+        return title or self.folder.rstrip("/").rpartition("/")[2]
 
     @property
     def findings(self) -> list[Diagnostic]:

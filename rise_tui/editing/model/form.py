@@ -42,6 +42,11 @@ class RuleForm:
     title: str
 
     @property
+    def is_new(self) -> bool:
+        """Whether what it is about is only being made: then an empty field is not wrong before it was filled in."""
+        return False
+
+    @property
     @abstractmethod
     def fields(self) -> tuple[RuleField, ...]:
         """The fields, in their order."""

@@ -52,6 +52,10 @@ class TransitionRuleForm(RuleForm):
     """How many the state has."""
 
     @property
+    def is_new(self) -> bool:
+        return self.was is None
+
+    @property
     def title(self) -> str:  # type: ignore[override]
         which = f"way {self.index + 1} of {self.ways}" if self.index is not None else "a new way out"
         return f"{self.state}: {which}"

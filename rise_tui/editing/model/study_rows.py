@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Sequence
 
 from rise_engine.edit.outline import WrittenAct
 from rise_engine.scenario.model import KeyBinding
-from rise_tui.editing.model.act_rows import action_type, what_text, when_text
+from rise_tui.editing.model.act_rows import action_type, all_texts, what_text, when_text
 from rise_tui.editing.model.act_times import act_seconds
 from rise_tui.editing.model.draft import StudyDraft, count
 from rise_tui.editing.model.text_rows import find_text
@@ -58,8 +59,7 @@ def study_rows(draft: StudyDraft, width: int, wanted: str = "") -> list[ListRow]
     rows = [ListRow("", ((f" find {wanted}: esc shows all", "wait"),), selectable=False)] if wanted else []
     rows.append(heading("ACTS", len(draft.outline.acts)))
     for act in draft.outline.acts:
-        said = " ".join(what_text(action) for action in act.actions)
-        if fits(act.name, said):
+        if fits(act.name, *(all_texts(action) for action in act.actions)):
             bad = any(act.line <= line <= _last_line(draft, act) for line in wrong.get(act.file, ()))
             note = f"{format_seconds(act_seconds(act, draft.checked)):>5} s  "
             note += _act_note(draft, act, width - NAME - _name_width(width) - len(note))
@@ -165,7 +165,13 @@ def used_by(draft: StudyDraft, kind: str, name: str) -> list[str]:
     if known is None:
         return []
     found = (use for use in draft.uses.of(known, name) if not use.defines)  # type: ignore[arg-type]
-    return list(dict.fromkeys(f"{use.where}  {use.location.file}:{use.location.line}" for use in found))
+    return list(dict.fromkeys(f"{_in_words(use.where)}  {use.location.file}:{use.location.line}" for use in found))
+
+
+def _in_words(where: str) -> str:
+    """With the words of the editor, where the check names the elements of the file."""
+    where = where.replace(", transitions of several states", ", ways out of several states")
+    return re.sub(r", transition (\d+)", r", way \1", where)
 
 
 def act_preview(draft: StudyDraft, act: WrittenAct, width: int) -> list[StyledLine]:

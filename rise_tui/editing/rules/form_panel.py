@@ -13,6 +13,7 @@ from textual.message import Message
 from textual.widgets import Input
 
 from rise_tui.editing.chooser import Chooser
+from rise_tui.editing.model.condition_reading import FieldNote
 from rise_tui.editing.model.fields import FieldChoice
 from rise_tui.editing.model.form import RuleForm
 from rise_tui.editing.rules.form_fields import FieldControl, FieldRow, WrittenField
@@ -57,6 +58,8 @@ class FormPanel(Vertical, can_focus=True):
         super().__init__(id="form")
         self.form: RuleForm | None = None
         self.rows: list[FieldRow] = []
+        self._visited: set[str] = set()
+        """Fields that were typed in, or left. Only then is it wrong that one of something new is empty."""
         self.is_opening = False
         """Whether its fields are just being made."""
         self.is_waiting = False
@@ -80,6 +83,7 @@ class FormPanel(Vertical, can_focus=True):
         The keys go to the panel at once, so that none is taken for a command; `is_opening` says that they must wait.
         """
         self.form, self.is_waiting, self.is_opening = form, False, True
+        self._visited = set()
         self.add_class("-open")
         self.screen.set_focus(self)
         self.say("")
@@ -122,7 +126,10 @@ class FormPanel(Vertical, can_focus=True):
         assert form is not None
         notes = form.notes()
         for row, field in zip(self.rows, form.fields, strict=True):
-            row.update_row(field, notes.get(field.name, []))
+            found = notes.get(field.name, [])
+            if form.is_new and not field.value.strip() and field.name not in self._visited:
+                found = [FieldNote("info", note.text) for note in found]
+            row.update_row(field, found)
 
     def _ending_of(self, field: str):  # type: ignore[no-untyped-def]
         return lambda text: self.form.ending(field, text) if self.form is not None else ""
@@ -142,6 +149,7 @@ class FormPanel(Vertical, can_focus=True):
         if form is None or all(row.field.name != event.field for row in self.rows):
             return
         self.form, self.is_waiting = form.with_value(event.field, event.value), False
+        self._visited.add(event.field)
         self.say("")
         before = [row.field.name for row in self.rows]
         after = [field.name for field in self.form.fields]
@@ -160,6 +168,8 @@ class FormPanel(Vertical, can_focus=True):
         event.stop()
         rows = self.rows
         at = next((index for index, row in enumerate(rows) if row.is_focused), 0)
+        self._visited.add(rows[at].field.name)
+        self._update_rows()
         rows[(at + event.step) % len(rows)].control.focus()
 
     @on(FieldControl.ListNames)
@@ -194,6 +204,8 @@ class FormPanel(Vertical, can_focus=True):
         if self.form is None:
             return
         if problem := self.form.missing():
+            self._visited |= {row.field.name for row in self.rows}
+            self._update_rows()
             self.say(problem)
         elif not self.is_waiting:
             self.is_waiting = True

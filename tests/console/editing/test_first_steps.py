@@ -1,0 +1,125 @@
+"""What a new user of the editor stumbled over: found words, fields of templates, forms not yet filled in."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from rise_engine.edit.edits import AddRule, AddState, AddTransition, TransitionForm
+from rise_engine.edit.study_above import scenarios_below
+from rise_engine.edit.workspace import Workspace
+from rise_tui.editing.act_page import ActPage
+from rise_tui.editing.model.draft import draft_of, written_title
+from rise_tui.editing.model.study_rows import study_rows, used_by
+from rise_tui.editing.rule_page import RulePage
+from tests.console.editing.conftest import editor
+
+ACTS = """<Dialogs>
+  <Template name="Look"><parameter name="id"/><LookAt><actionID>${id}</actionID>
+    <pointx>1</pointx><pointy>0</pointy><pointz>1</pointz></LookAt></Template>
+  <Dialog name="R_Riddle">
+    <use template="Look" id="1"/>
+    <Variants><actionID>2</actionID>
+      <Speech><message>Guess.</message></Speech>
+      <Speech><message>What has teeth and bites nobody?</message></Speech>
+    </Variants>
+  </Dialog>
+</Dialogs>
+"""
+
+
+@pytest.fixture
+def riddle(study: Path) -> Path:
+    (study / "acts" / "riddle.xml").write_text(ACTS)
+    return study
+
+
+async def test_an_act_found_by_its_words_opens_on_them_also_in_a_later_wording(riddle: Path) -> None:
+    async with editor(riddle) as it:
+        await it.press("slash")
+        await it.type("bites nobody")
+        await it.until(lambda: it.screen.home.current == ("act", "R_Riddle"))
+        await it.press("enter", "enter")
+        await it.until(lambda: isinstance(it.screen.opened, ActPage))
+        page = it.screen.opened
+        assert isinstance(page, ActPage)
+        await it.until(lambda: page.action is not None and page.action.id == "2")
+
+
+async def test_a_field_from_a_template_says_that_it_is_not_changed_here(riddle: Path) -> None:
+    before = (riddle / "acts" / "riddle.xml").read_bytes()
+    async with editor(riddle) as it:
+        await it.open("act", "R_Riddle")
+        page = it.screen.opened
+        assert isinstance(page, ActPage)
+        await it.press("enter", "down", "enter")
+        await it.until(lambda: "pointx" in it.notice and "`Look`" in it.notice)
+        assert not page.is_typing
+    assert (riddle / "acts" / "riddle.xml").read_bytes() == before
+
+
+async def test_what_is_not_filled_in_yet_is_wrong_only_when_it_was_left(study: Path) -> None:
+    async with editor(study) as it:
+        it.screen.make(AddRule("Riddle", "Start"))
+        await it.until(lambda: "Riddle" in it.draft_text)
+        await it.open("rule", "Riddle")
+        page = it.screen.opened
+        assert isinstance(page, RulePage)
+        panel = page.editor.panel
+        await it.press("a")
+        await it.until(lambda: panel.is_open and not panel.is_opening)
+
+        def mark(field: str) -> str:
+            return next(row._mark.text.strip() for row in panel.rows if row.field.name == field)
+
+        assert mark("event") == mark("target") == ""
+        await it.press("tab", "tab")
+        await it.until(lambda: mark("event") == "✗")
+        assert mark("target") == ""
+        await it.press("enter")
+        await it.until(lambda: mark("target") == "▲")
+        assert "waits for nothing yet" in panel.answer.text
+
+
+def test_the_title_stays_while_there_is_an_error(study: Path) -> None:
+    workspace = Workspace(study)
+    title = draft_of(workspace).title
+    assert title == written_title((study / "scenario.toml").read_bytes()) != study.name
+    (study / "memory.json").write_text("{")
+    workspace.notice_outside()
+    assert workspace.checked.scenario is None and draft_of(workspace).title == title
+    assert written_title(b"title = ") == written_title(b"title = 3") == ""
+    workspace.close()
+
+
+def test_a_use_is_told_with_the_word_of_the_editor(study: Path) -> None:
+    workspace = Workspace(study)
+    workspace.apply(
+        AddRule("Riddle", "Start"),
+        AddState("Riddle", "Guessed"),
+        AddTransition("Riddle", "Start", TransitionForm(event="/riddle_solved", target="Guessed")),
+    )
+    (use,) = used_by(draft_of(workspace), "event", "riddle_solved")
+    assert "way 1" in use and "transition" not in use
+    workspace.close()
+
+
+def test_all_wordings_are_searched(riddle: Path) -> None:
+    workspace = Workspace(riddle)
+    found = [row.id for row in study_rows(draft_of(workspace), 80, "BITES nobody") if row.selectable]
+    assert found == ["act\0R_Riddle"]
+    workspace.close()
+
+
+def test_the_folder_of_a_study_leads_to_its_scenarios(study: Path, tmp_path: Path) -> None:
+    assert scenarios_below(study) == [], "it is a scenario itself"
+    above = tmp_path / "trial"
+    above.mkdir()
+    assert scenarios_below(above) == []
+    (above / "study.toml").write_text('scenario = "../study"\n')
+    assert [each.resolve() for each in scenarios_below(above)] == [study]
+    (above / "study.toml").write_text('scenario = "gone"\n[factors.f.levels.a]\nscenario = "../study"\n')
+    assert [each.resolve() for each in scenarios_below(above)] == [study]
+    (above / "study.toml").write_text("scenario = ")
+    assert scenarios_below(above) == []
