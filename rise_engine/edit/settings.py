@@ -33,7 +33,7 @@ def plan_set_setting(edit: SetSetting, study: StudyState) -> Plan:
     else:
         after = _changed(file, lambda text: set_value(text, edit.path, edit.value))
         wanted = _with(before.values, edit.path, edit.value)
-        says = f"{_label(edit)} is {value_text(edit.value)} ({f'was {value_text(old)}' if found else 'new'})"
+        says = f"{_label(edit)} {_is_in_words(edit, edit.value)} ({f'was {value_text(old)}' if found else 'new'})"
     _check_outcome(file, after, wanted)
     noticed = _comments_gone(file, after)
     if edit.file not in study.files:
@@ -165,6 +165,19 @@ def _without(values: dict[str, Any], path: KeyPath) -> dict[str, Any]:
     else:
         del holder[path[-1]]
     return wanted
+
+
+_KEY_WORDS = {"act": "starts the act", "rule": "starts the rule", "event": "raises the event", "set": "sets"}
+
+
+def _is_in_words(edit: SetSetting, value: Any) -> str:
+    """What an entry is then: `is "Greeting"`; of a key of the keyboard what it does: `starts the act R_Nod`."""
+    if edit.file == SCENARIO_FILE and edit.path[:1] == ("keys",) and len(edit.path) == 2 and isinstance(value, dict):
+        kind = next((each for each in _KEY_WORDS if each in value), "")
+        if kind:
+            label = f", called “{value['label']}”" if "label" in value else ""
+            return f"{_KEY_WORDS[kind]} {value[kind]}{label}"
+    return f"is {value_text(value)}"
 
 
 def _label(edit: SetSetting | RenameSetting) -> str:

@@ -115,8 +115,8 @@ class ActPage(FormPage):
 
     def _draw_head(self, act: WrittenAct, width: int) -> None:
         notes = []
-        if (key := keys_by_name(self.draft).get(("act", act.name))) is not None:
-            notes.append(f"key {key.label}")
+        if keys := keys_by_name(self.draft).get(("act", act.name)):
+            notes.append(f"key{'s' if len(keys) > 1 else ''} {' '.join(key.label for key in keys)}")
         scenario = self.draft.checked.scenario
         if scenario is not None and act.name in scenario.acts:
             settings = scenario.settings_of(act.name)

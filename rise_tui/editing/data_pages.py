@@ -188,8 +188,9 @@ class KeysPage(DataPage):
                 else:
                     self.frame.make(*edits, then=lambda: self.go_to(key))
 
-            if any(each.id == key for each in key_fields(self.draft)):
-                self.frame.say(f"the key {key} does something already", "wait")
+            taken = next((each for each in key_fields(self.draft) if each.id == key), None)
+            if taken is not None:
+                self.frame.say(f"the key {key} is taken: {taken.text}; enter changes what it does", "wait")
                 self.go_to(key)
             else:
                 title = f"What does {key} do? A name, or: set score = 1"

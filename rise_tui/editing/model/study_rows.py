@@ -36,13 +36,17 @@ def split_row_id(id: str) -> tuple[str, str]:
     return kind, name
 
 
-def keys_by_name(draft: StudyDraft) -> dict[tuple[str, str], KeyBinding]:
+def keys_by_name(draft: StudyDraft) -> dict[tuple[str, str], list[KeyBinding]]:
     """The study's keys by what they start: `("act", "R_Yes")`. Empty while there is an error."""
     scenario = draft.checked.scenario
     kinds = {"startCommunicationRobotAct": "act", "startInteractionRule": "rule"}
     if scenario is None:
         return {}
-    return {(kinds[key.function], key.behavior): key for key in scenario.keys.values() if key.function in kinds}
+    found: dict[tuple[str, str], list[KeyBinding]] = {}
+    for key in scenario.keys.values():
+        if key.function in kinds:
+            found.setdefault((kinds[key.function], key.behavior), []).append(key)
+    return found
 
 
 def study_rows(draft: StudyDraft, width: int, wanted: str = "") -> list[ListRow]:
@@ -57,21 +61,21 @@ def study_rows(draft: StudyDraft, width: int, wanted: str = "") -> list[ListRow]
         return ListRow("", line, selectable=False)
 
     rows = [ListRow("", ((f" find {wanted}: esc shows all", "wait"),), selectable=False)] if wanted else []
-    rows.append(heading("ACTS", len(draft.outline.acts)))
-    for act in draft.outline.acts:
-        if fits(act.name, *(all_texts(action) for action in act.actions)):
-            bad = any(act.line <= line <= _last_line(draft, act) for line in wrong.get(act.file, ()))
-            note = f"{format_seconds(act_seconds(act, draft.checked)):>5} s  "
-            note += _act_note(draft, act, width - NAME - _name_width(width) - len(note))
-            key = keys[("act", act.name)].label if ("act", act.name) in keys else ""
-            rows.append(ListRow(row_id("act", act.name), _line(key, act.name, note, width, bad=bad)))
-    rows.append(heading("RULES", len(draft.outline.rules)))
-    for rule in draft.outline.rules:
-        if fits(rule.name, *(state.id for state in rule.states)):
-            ways = sum(len(state.transitions) for state in rule.states)
-            note = f"{count(len(rule.states), 'state'):>9}" + (f" {count(ways, 'way')}" if width >= 50 else "")
-            key = keys[("rule", rule.name)].label if ("rule", rule.name) in keys else ""
-            rows.append(ListRow(row_id("rule", rule.name), _line(key, rule.name, note, width, bad=False)))
+    acts = [act for act in draft.outline.acts if fits(act.name, *(all_texts(action) for action in act.actions))]
+    rows.append(heading("ACTS", len(acts)))
+    for act in acts:
+        bad = any(act.line <= line <= _last_line(draft, act) for line in wrong.get(act.file, ()))
+        note = f"{format_seconds(act_seconds(act, draft.checked)):>5} s  "
+        note += _act_note(draft, act, width - NAME - _name_width(width) - len(note))
+        key = keys[("act", act.name)][0].label if ("act", act.name) in keys else ""
+        rows.append(ListRow(row_id("act", act.name), _line(key, act.name, note, width, bad=bad)))
+    rules = [rule for rule in draft.outline.rules if fits(rule.name, *(state.id for state in rule.states))]
+    rows.append(heading("RULES", len(rules)))
+    for rule in rules:
+        ways = sum(len(state.transitions) for state in rule.states)
+        note = f"{count(len(rule.states), 'state'):>9}" + (f" {count(ways, 'way')}" if width >= 50 else "")
+        key = keys[("rule", rule.name)][0].label if ("rule", rule.name) in keys else ""
+        rows.append(ListRow(row_id("rule", rule.name), _line(key, rule.name, note, width, bad=False)))
     also = [(kind, title, help) for kind, title, help in ALSO if fits(title, help)]
     if also:
         rows.append(ListRow("", ((" ALSO", "accent"),), selectable=False))

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from rise_engine.edit.edits import AddRule, AddState, AddTransition, TransitionForm
+from rise_engine.edit.edits import AddRule, AddState, AddTransition, SetSetting, TransitionForm
 from rise_engine.edit.study_above import scenarios_below
 from rise_engine.edit.workspace import Workspace
 from rise_tui.editing.act_page import ActPage
@@ -123,3 +123,27 @@ def test_the_folder_of_a_study_leads_to_its_scenarios(study: Path, tmp_path: Pat
     assert [each.resolve() for each in scenarios_below(above)] == [study]
     (above / "study.toml").write_text("scenario = ")
     assert scenarios_below(above) == []
+
+
+async def test_what_a_key_does_is_said_in_words_and_a_taken_one_says_by_what(study: Path) -> None:
+    async with editor(study) as found:
+        await found.open("keys")
+        await found.press("a")
+        await found.type("7")
+        await found.press("enter")
+        await found.type("act R_Nod")
+        await found.press("enter")
+        await found.until(lambda: "key 7 starts the act R_Nod (new)" in found.notice)
+        await found.press("a")
+        await found.type("b")
+        await found.press("enter")
+        await found.until(lambda: "the key b is taken: rule Greeting" in found.notice)
+
+
+async def test_an_act_with_two_keys_names_both(study: Path) -> None:
+    async with editor(study) as found:
+        found.screen.make(SetSetting(("keys", "7"), {"act": "R_Nod"}))
+        await found.until(lambda: "key 7 starts" in found.notice)
+        await found.open("act", "R_Nod")
+        page = found.screen.opened
+        assert isinstance(page, ActPage) and "keys n 7" in page.head.text
