@@ -193,8 +193,8 @@ class ActPage(FormPage):
     def set_form_focus(self, *, on_form: bool) -> None:
         """To the form, or to the actions."""
         if on_form and self.action is not None:
-            if self.form.rows.cursor < 0:
-                self.form.rows.move_cursor(0, by_wizard=False)
+            if self.form.current is None or self.form.current.id == "type":  # what is changed is what is in it
+                self.form.rows.move_cursor(min(1, self.form.rows.count - 1), by_wizard=False)
             self.screen.set_focus(self.form.rows)
         else:
             self.screen.set_focus(self.actions)

@@ -333,7 +333,7 @@ class EditScreen(Screen[None]):
             "edit.file": lambda: self._work(self._open_file()),
             "edit.pages": self._go_home,
             "edit.leave": self._leave,
-            "filter": lambda: self.find_bar.open(""),
+            "filter": self._open_find,
             "help": lambda: overlays.open_help(self.app),
             "palette": lambda: overlays.open_palette(self.app, self.action_do),
             "theme": lambda: overlays.open_palette(self.app, None),
@@ -371,6 +371,17 @@ class EditScreen(Screen[None]):
         self.draw()
 
     # --- find ---------------------------------------------------------------------------------------------------------
+
+    def _open_find(self) -> None:
+        """Search the page, or the list of the study where a page has nothing to search."""
+        if self.opened is not None and type(self.opened).filter is EditPage.filter:
+            self._work(self._find_in_list())
+        else:
+            self.find_bar.open("")
+
+    async def _find_in_list(self) -> None:
+        await self._close_page()
+        self.find_bar.open("")
 
     @on(PromptBar.Edited)
     def _find(self, event: PromptBar.Edited) -> None:

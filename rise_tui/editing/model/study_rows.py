@@ -80,6 +80,8 @@ def study_rows(draft: StudyDraft, width: int, wanted: str = "") -> list[ListRow]
     if also:
         rows.append(ListRow("", ((" ALSO", "accent"),), selectable=False))
     rows += [ListRow(row_id(kind), _also_line(title, help, width)) for kind, title, help in also]
+    if wanted and not acts and not rules and not also:
+        rows.append(ListRow("", ((" nothing has this name, or says this", "muted"),), selectable=False))
     for file, places in draft.conflicts.items():
         text = f" ✗ {file}: {places} to choose, of two versions (git)"
         rows.append(ListRow(row_id("merge", file), crop(((text, "fault"),), width)))

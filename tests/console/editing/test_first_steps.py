@@ -10,6 +10,7 @@ from rise_engine.edit.edits import AddRule, AddState, AddTransition, SetSetting,
 from rise_engine.edit.study_above import scenarios_below
 from rise_engine.edit.workspace import Workspace
 from rise_tui.editing.act_page import ActPage
+from rise_tui.editing.data_pages import KeysPage
 from rise_tui.editing.model.draft import draft_of, written_title
 from rise_tui.editing.model.study_rows import study_rows, used_by
 from rise_tui.editing.rule_page import RulePage
@@ -53,7 +54,7 @@ async def test_a_field_from_a_template_says_that_it_is_not_changed_here(riddle: 
         await it.open("act", "R_Riddle")
         page = it.screen.opened
         assert isinstance(page, ActPage)
-        await it.press("enter", "down", "enter")
+        await it.press("enter", "enter")
         await it.until(lambda: "pointx" in it.notice and "`Look`" in it.notice)
         assert not page.is_typing
     assert (riddle / "acts" / "riddle.xml").read_bytes() == before
@@ -138,6 +139,16 @@ async def test_what_a_key_does_is_said_in_words_and_a_taken_one_says_by_what(stu
         await found.type("b")
         await found.press("enter")
         await found.until(lambda: "the key b is taken: rule Greeting" in found.notice)
+
+
+async def test_a_search_begins_in_the_list_where_a_page_has_none_and_says_that_nothing_was_found(study: Path) -> None:
+    async with editor(study) as found:
+        await found.open("act", "R_Nod")
+        await found.send_together("slash", *"Keys", "enter", "enter")
+        await found.until(lambda: isinstance(found.screen.opened, KeysPage))
+        await found.press("escape", "slash")
+        await found.type("zzz")
+        await found.until(lambda: "nothing has this name" in found.screen.home.rows.text)
 
 
 async def test_an_act_with_two_keys_names_both(study: Path) -> None:
