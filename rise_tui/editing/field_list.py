@@ -120,6 +120,7 @@ class FieldList(Vertical):
         self.rows.show(field_rows(fields, max(20, self.rows.row_width)))
         if self._typing is not None and self._typing.id in self._fields:
             self._typing = self._fields[self._typing.id]
+            self._place_input()  # a field can be opened before the form has its width
         elif self._typing is not None:
             self.close()
         self._draw_said()
@@ -160,9 +161,8 @@ class FieldList(Vertical):
         if field.kind != "text":
             self.post_message(self.OpenField(field))
             return
-        self._typing, left = field, self._columns.value
-        self._input.styles.offset = (left, self.rows.cursor - self.rows.scroll_offset.y)
-        self._input.styles.width = max(10, self.rows.row_width - left)
+        self._typing = field
+        self._place_input()
         with self._input.prevent(Input.Changed):
             self._input.value = field.text or ""
             self._input.cursor_position = len(self._input.value)
@@ -171,6 +171,12 @@ class FieldList(Vertical):
         self._input.add_class("-open")
         self._input.focus()
         self.say("")
+
+    def _place_input(self) -> None:
+        """The open field lies over the value in its row, and over the note behind it."""
+        left = self._columns.value
+        self._input.styles.offset = (left, self.rows.cursor - self.rows.scroll_offset.y)
+        self._input.styles.width = max(10, self.rows.row_width - left)
 
     def clear_current(self) -> None:
         """Nothing is to be given in the field under the cursor."""

@@ -11,6 +11,7 @@ from rise_engine.edit.study_above import scenarios_below
 from rise_engine.edit.workspace import Workspace
 from rise_tui.editing.act_page import ActPage
 from rise_tui.editing.data_pages import KeysPage
+from rise_tui.editing.field_list import FieldInput
 from rise_tui.editing.model.draft import draft_of, written_title
 from rise_tui.editing.model.study_rows import study_rows, used_by
 from rise_tui.editing.rule_page import RulePage
@@ -158,3 +159,13 @@ async def test_an_act_with_two_keys_names_both(study: Path) -> None:
         await found.open("act", "R_Nod")
         page = found.screen.opened
         assert isinstance(page, ActPage) and "keys n 7" in page.head.text
+
+
+async def test_an_open_field_lies_over_the_whole_row_when_the_window_has_changed(study: Path) -> None:
+    async with editor(study) as found:
+        await found.send_together("slash", *"R_Introduction", "enter", "enter", "enter", "enter")
+        await found.until(lambda: found.screen.page.is_typing)
+        field = found.screen.query_one(FieldInput)
+        await found.until(lambda: field.size.width > 50)
+        await found.pilot.resize_terminal(108, 30)
+        await found.until(lambda: field.size.width > 80)
