@@ -195,6 +195,7 @@ class ActPage(FormPage):
         if on_form and self.action is not None:
             if self.form.current is None or self.form.current.id == "type":  # what is changed is what is in it
                 self.form.rows.move_cursor(min(1, self.form.rows.count - 1), by_wizard=False)
+            self.form.say("")  # below the form stands what is to be known of this field
             self.screen.set_focus(self.form.rows)
         else:
             self.screen.set_focus(self.actions)
