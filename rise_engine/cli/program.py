@@ -26,6 +26,7 @@ _COMMANDS = {
     "lsl": "rise_engine.cli.lsl",
     "lsp": "rise_engine.cli.lsp",
     "agree": "rise_engine.cli.agree",
+    "convert": "rise_engine.cli.convert",
     "export": "rise_engine.cli.export",
     "import": "rise_engine.cli.imports",
     "graph": "rise_engine.cli.graph",

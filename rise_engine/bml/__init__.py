@@ -1,0 +1,1 @@
+"""Acts as BML 1.0, and BML as acts."""

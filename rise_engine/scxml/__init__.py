@@ -1,0 +1,1 @@
+"""Rules as SCXML, and SCXML as rules."""
