@@ -9,8 +9,9 @@ byte for byte. The first task record that a `Submit` causes is that of its own t
 from __future__ import annotations
 
 from itertools import count
-from typing import Literal
+from typing import ClassVar, Literal
 
+from rise_engine.kernel.act_runner import ActRunner
 from rise_engine.kernel.commands import Command
 from rise_engine.kernel.core import Core
 from rise_engine.kernel.failures import FailedActs
@@ -69,6 +70,9 @@ class Kernel:
         ('StartAction', 'Animation')
     """
 
+    act_runner: ClassVar[type[ActRunner]] = ActRunner
+    """What runs acts; exploring, for which an act is one thing, has its own (`rise_engine.explore.whole_acts`)."""
+
     def __init__(self, scenario: Scenario, seed: int) -> None:
         """A session that has not begun; it raises nothing.
 
@@ -92,7 +96,7 @@ class Kernel:
         self.stop = StopLatch(self.core)
         self.wizard_marks = WizardMarks(self.core)
         self.failures = FailedActs(self.core)
-        self.scheduler = Scheduler(self.core, self.wizard_marks, self.failures)
+        self.scheduler = Scheduler(self.core, self.wizard_marks, self.failures, self.act_runner)
         self._handlers = TaskHandlers(self.core, self.scheduler, self.stop, self.wizard_marks, self.failures)
         self.rules = self._handlers.rules
         self._session_keys = self._handlers.session_keys if scenario.reads_session else None

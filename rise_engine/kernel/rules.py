@@ -54,9 +54,10 @@ class RuleMachine:
         """(function, behavior, source): the path of every other DomainTask."""
         self.memory = WorkingMemory(core, self._reevaluate_watchers)
         self._watchers: dict[str, RuleList] = {}
-        self._compiled = {
+        self.compiled = {
             name: CompiledRule(rule, core.topics, self._watchers) for name, rule in core.scenario.rules.items()
         }
+        """All rules of the scenario, made ready to run."""
         self.on_stopped: Callable[[RuleRun], None] = lambda run: None
         """Called with each rule that is stopped, by somebody or by a fault."""
         self._has_tables = bool(core.tables)
@@ -68,7 +69,7 @@ class RuleMachine:
         """Of rules that have ended: the macrostep in which they last took a step, and how many they took in it. A rule
         that is stopped and started again within one macrostep goes on counting."""
         self.kept = KeptEvents(core)
-        self.own_acts = OwnActs(core, self.stack, self._compiled)
+        self.own_acts = OwnActs(core, self.stack, self.compiled)
         self._vain_searches = (-1, 0)
         """The macrostep in which a rule took more than STEP_LIMIT steps and no culprit was found, and how often."""
 
@@ -80,7 +81,7 @@ class RuleMachine:
         `on_top`: a rule started by a rule goes above all others. `state`: where it begins, in its initial state if that
         is null. Without `enter`, it waits there, and its `onEntry` is left out.
         """
-        rule = self._compiled[name]
+        rule = self.compiled[name]
         run = RuleRun(name, rule.initial if state is None else rule.states[state], task, rule.priority)
         self.stack.start(run, on_top)
         self._begin(run, "start", enter)
@@ -88,7 +89,7 @@ class RuleMachine:
     def resume(self, stood: StoodRule, task: Task, enter: bool) -> None:
         """Start a rule where it stood when everything was stopped, with the priority that it had, above all others of
         it; without `enter`, it waits there, and what it had taken of its conditions stays taken."""
-        run = RuleRun(stood.name, self._compiled[stood.name].states[stood.state], task, stood.priority)
+        run = RuleRun(stood.name, self.compiled[stood.name].states[stood.state], task, stood.priority)
         run.remember(stood.steps[:-1])
         if not enter:
             run.latched = set(stood.latched)
@@ -118,7 +119,7 @@ class RuleMachine:
         id = run.entries.pop().state or ""
         self._on_left(run)
         self.stack.promote(run)
-        run.state = self._compiled[run.name].states[id]
+        run.state = self.compiled[run.name].states[id]
         run.macrostep, run.step_count = core.macrostep, 1
         trigger = "stepped back" + ("" if enter else WITHOUT_ENTRY)
         core.emit(RuleRecord, run.name, "entered", id, previous.id, trigger, priority=run.priority)
@@ -182,7 +183,7 @@ class RuleMachine:
             self.on_stopped(run)
         run.task.status = task_status
         core.record_task(run.task, reason)
-        if status == "ended" and (result := self._compiled[run.name].results.get(run.state.id)) is not None:
+        if status == "ended" and (result := self.compiled[run.name].results.get(run.state.id)) is not None:
             core.raise_event_if_named(result)
         core.raise_event_if_named(run.name + "_end")
 
@@ -213,7 +214,7 @@ class RuleMachine:
         """Put the rules back; nothing runs. Raises LookupError for a rule or a state that the scenario has not."""
         step = self._core.macrostep
         for rule in snapshot.running:
-            compiled = self._compiled[rule.name]
+            compiled = self.compiled[rule.name]
             run = RuleRun(rule.name, compiled.states[rule.state], rule.task, rule.priority, rule.recency)
             run.timers = {timer: run.state.transitions[index] for timer, index in rule.timers.items()}
             if any(transition.after is None for transition in run.timers.values()):

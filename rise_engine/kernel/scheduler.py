@@ -19,14 +19,16 @@ from rise_engine.scenario.model import ActOutcome
 
 
 class Scheduler:
-    def __init__(self, core: Core, wizard: WizardMarks, failures: FailedActs) -> None:
+    def __init__(
+        self, core: Core, wizard: WizardMarks, failures: FailedActs, act_runner: type[ActRunner] = ActRunner
+    ) -> None:
         self._core = core
         self._wizard = wizard
         self._failures = failures
         failures.add, failures.finish = self._add_first, self._raise_end
         self.on_ended: Callable[[Task, ActOutcome], None] = lambda task, outcome: None
         """Called with each task that has ended, before its events are raised."""
-        self.runner = ActRunner(core, self._finish_act)
+        self.runner = act_runner(core, self._finish_act)
         self._advancing = False
         self._advance_again = False
         self.waiting: list[Task] = []

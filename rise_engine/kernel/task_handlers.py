@@ -7,6 +7,7 @@ stand before it: that the memory has no value for a key which an assignment read
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable
+from functools import lru_cache
 
 from rise_engine.expression import Assignment, EvaluationError, ExpressionError
 from rise_engine.kernel.behaviors import (
@@ -33,6 +34,8 @@ from rise_engine.scenario.model import normal_topic, rule_start_behavior
 
 ACT_CALLING_TYPES = ("", "None", "Blocking", "Interrupt")
 STOPPED = "everything is stopped; release the stop first"
+_parse_assignments = lru_cache(maxsize=256)(Assignment.parse_all)
+"""Keys set the same values again and again, and exploring presses them a hundred thousand times."""
 
 
 class TaskHandlers:
@@ -229,7 +232,7 @@ class TaskHandlers:
     def _assign(self, task: Submit) -> None:
         memory = self.rules.memory
         try:
-            assignments = Assignment.parse_all(task.behavior)
+            assignments = _parse_assignments(task.behavior)
             if problem := next(filter(None, (memory.why_not_write(each.key) for each in assignments)), ""):
                 self._reject(task, problem)
                 return

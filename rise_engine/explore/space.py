@@ -1,0 +1,127 @@
+"""All situations that a scenario can come into, breadth first."""
+
+from __future__ import annotations
+
+from array import array
+from collections import Counter, deque
+from collections.abc import Callable, Iterator
+from typing import TypeAlias
+
+from rise_engine.explore.moves import Move
+from rise_engine.explore.situation import Situation
+from rise_engine.explore.stepper import Fact, Step, Stepper
+from rise_engine.explore.zones import NO_CLOCKS, Zone, hull, includes, widest
+
+Number: TypeAlias = int
+"""Of a situation, in the order in which they were found."""
+GROWTHS = 3
+"""How often the times of a situation grow before they are taken for all times that are possible at all."""
+
+
+class Space:
+    """The situations and the steps between them."""
+
+    def __init__(self, stepper: Stepper) -> None:
+        self.stepper = stepper
+        self.situations: list[Situation] = []
+        self.numbers: dict[Situation, Number] = {}
+        self.zones: list[Zone] = []
+        self.moves: list[Move] = []
+        """Every move that was met, by its number."""
+        self.edges: list[array[int]] = []
+        """Of each situation: move, situation that it leads to, and rules that moved (`Step.moved`), one after the
+        other."""
+        self.beyond: dict[Number, set[str]] = {}
+        """The situations that have a step which was not followed, and why."""
+        self.beyond_steps: list[tuple[Number, Move, Situation]] = []
+        """Steps that were not followed because one more of the same act would have waited."""
+        self.facts: dict[Fact, tuple[Number, Move]] = {}
+        """What was seen to happen, and where first."""
+        self.beginnings: list[Number] = []
+        self.complete = False
+        """Whether all situations within the bounds were looked at."""
+        self._move_numbers: dict[Move, int] = {}
+        self._growths: Counter[Number] = Counter()
+        self._pending: deque[Number] = deque()
+        self._is_pending: set[Number] = set()
+
+    def begin(self) -> None:
+        """Take in the situations in which sessions begin."""
+        self.beginnings = sorted({self._number(situation, NO_CLOCKS) for situation in self.stepper.begin()})
+
+    def explore(self, go_on: Callable[[], bool] = lambda: True) -> None:
+        """Look at all situations. `go_on` is asked now and then; when it says no, what was found so far stands."""
+        most = self.stepper.bounds.situations
+        handled = 0
+        while self._pending:
+            handled += 1
+            if len(self.situations) > most or (handled % 64 == 0 and not go_on()):
+                return
+            number = self._pending.popleft()
+            self._is_pending.discard(number)
+            self._take(number, self.stepper.follow(self.situations[number], self.zones[number]))
+        self.complete = True
+
+    @property
+    def waiting(self) -> int:
+        """How many situations have still to be looked at."""
+        return len(self._pending)
+
+    def _take(self, number: Number, steps: Iterator[Step]) -> None:
+        """Take in what follows a situation."""
+        edges = array("q")
+        seen = set()
+        for step in steps:
+            for fact in step.facts:
+                if fact not in self.facts:
+                    self.facts[fact] = (number, step.move)
+            if step.beyond:
+                self.beyond.setdefault(number, set()).add(step.beyond)
+                if step.beyond == "line" and any(fact[0] == "in line" for fact in step.facts):
+                    self.beyond_steps.append((number, step.move, step.situation))
+                if step.beyond != "chance":
+                    continue
+            target = self._number(step.situation, step.zone)
+            move = self._move_numbers.get(step.move)
+            if move is None:
+                move = self._move_numbers[step.move] = len(self.moves)
+                self.moves.append(step.move)
+            edge = (move, target, step.moved)
+            if edge not in seen:
+                seen.add(edge)
+                edges.extend(edge)
+        self.edges[number] = edges
+
+    def _number(self, situation: Situation, zone: Zone) -> Number:
+        """The number of a situation, in which it can come with these times."""
+        number = self.numbers.get(situation)
+        if number is None:
+            number = self.numbers[situation] = len(self.situations)
+            self.situations.append(situation)
+            self.zones.append(zone)
+            self.edges.append(_NONE)
+            self._enqueue(number)
+            return number
+        known = self.zones[number]
+        if not includes(known, zone):
+            self._growths[number] += 1
+            if self._growths[number] > GROWTHS:
+                self.zones[number] = widest(self.stepper.moves.limits(situation))
+            else:
+                self.zones[number] = hull(known, zone)
+            self._enqueue(number)
+        return number
+
+    def _enqueue(self, number: Number) -> None:
+        if number not in self._is_pending:
+            self._is_pending.add(number)
+            self._pending.append(number)
+
+    def steps_from(self, number: Number) -> Iterator[tuple[Move, Number, int]]:
+        """The steps that lead away from a situation."""
+        edges = self.edges[number]
+        for at in range(0, len(edges), 3):
+            yield self.moves[edges[at]], edges[at + 1], edges[at + 2]
+
+
+_NONE: array[int] = array("q")

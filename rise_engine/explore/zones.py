@@ -1,0 +1,67 @@
+"""Time: which clocks can show what at once, as difference bound matrices.
+
+Each thing that is under way (an act, a timer) has a clock that began when it began. A zone says for each two clocks how
+far the one can be ahead of the other; clock 0 always shows 0, so that row and column 0 are the bounds of a clock
+itself. (D. Dill, Timing assumptions and verification of finite-state concurrent systems, 1989; what UPPAAL does.)
+All of it in whole milliseconds. Zones are kept closed: no bound could be lower without losing a time.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TypeAlias
+
+Zone: TypeAlias = tuple[tuple[int, ...], ...]
+"""`zone[i][j]` is the largest that clock i less clock j can be, in ms."""
+
+NO_CLOCKS: Zone = ((0,),)
+
+
+def narrow(zone: Zone, clock: int, least: int, most: int) -> Zone | None:
+    """The part of a zone in which a clock shows from `least` to `most`; null: there is none."""
+    if zone[clock][0] < least or -zone[0][clock] > most:
+        return None
+    size = range(len(zone))
+    if -zone[0][clock] < least:
+        to_clock = [zone[i][0] - least for i in size]  # i less clock, by way of 0
+        from_clock = zone[clock]
+        zone = tuple([tuple([min(row[j], to_clock[i] + from_clock[j]) for j in size]) for i, row in enumerate(zone)])
+    if zone[clock][0] > most:
+        to_zero = [zone[i][clock] + most for i in size]
+        from_zero = zone[0]
+        zone = tuple([tuple([min(row[j], to_zero[i] + from_zero[j]) for j in size]) for i, row in enumerate(zone)])
+    return zone
+
+
+def carry(zone: Zone, clocks: Sequence[int | None]) -> Zone:
+    """The zone of other clocks: each the one that had this number, or a new one, which begins at 0."""
+    sources = [0, *[0 if clock is None else clock for clock in clocks]]
+    rows = [zone[i] for i in sources]
+    return tuple([tuple([row[j] for j in sources]) for row in rows])
+
+
+def let_pass(zone: Zone, limits: Sequence[int]) -> Zone:
+    """Let time pass, as long as no clock shows more than its limit."""
+    from_zero = zone[0]
+    passed = [from_zero]
+    for row in zone[1:]:
+        top = min([limit + ahead for limit, ahead in zip(limits, row[1:], strict=True)])
+        passed.append(tuple([min(bound, top + before) for bound, before in zip(row, from_zero, strict=True)]))
+        passed[-1] = (top, *passed[-1][1:])
+    return tuple(passed)
+
+
+def includes(large: Zone, small: Zone) -> bool:
+    """Whether all times of one zone are in another."""
+    return all(most >= bound for row, other in zip(large, small, strict=True) for most, bound in zip(row, other, strict=True))
+
+
+def hull(one: Zone, other: Zone) -> Zone:
+    """The smallest zone that has both in it."""
+    return tuple(tuple(map(max, row, also)) for row, also in zip(one, other, strict=True))
+
+
+def widest(limits: Sequence[int]) -> Zone:
+    """All times that are possible at all: each clock from 0 to its limit."""
+    tops = [0, *limits]
+    return tuple(tuple(0 if i == j else tops[i] for j in range(len(tops))) for i in range(len(tops)))
