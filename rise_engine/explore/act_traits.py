@@ -84,11 +84,7 @@ def begin(scenario: Scenario, act: Act, memory: Mapping[str, Any], robot_lost: b
         ended.add(action.id)
         ready += [later for later in act.successors.get(action.id, ()) if ended.issuperset(later.wait_for)]
     later = [action for action in act.actions if action.id not in ended and action.wait_for]
-    doomed = any(
-        not action.continue_on_failure
-        and _is_sure_to_fail(scenario, action, memory)
-        for action in later
-    )
+    doomed = any(not action.continue_on_failure and _is_sure_to_fail(scenario, action, memory) for action in later)
     return ("runs" if running else "ends"), started, doomed
 
 

@@ -10,7 +10,9 @@ from rise_engine.expression import Assignment, Expression, ExpressionError
 from rise_engine.scenario.model import SESSION, SESSION_STATES, Block, Function, If, OneOf, Scenario, Statement
 
 
-def keys_that_matter(scenario: Scenario, memories: Sequence[Mapping[str, Any]], properties: Iterable[Expression] = ()) -> list[str]:
+def keys_that_matter(
+    scenario: Scenario, memories: Sequence[Mapping[str, Any]], properties: Iterable[Expression] = ()
+) -> list[str]:
     """The memory keys whose values decide what happens, in a fixed order.
 
     Arguments:

@@ -119,7 +119,9 @@ class Moves:
         for index, act in enumerate(situation.asked):
             for answer in ("goOn", "repeatAct", "stopRuleOfAct"):
                 if answer != "stopRuleOfAct" or act.is_own:
-                    yield Possibility(Move("answer", act.name, index, answer), _submit(answer, _asked_id(situation, index)))
+                    yield Possibility(
+                        Move("answer", act.name, index, answer), _submit(answer, _asked_id(situation, index))
+                    )
         yield from self._of_acts(situation)
         yield from self._of_countdowns(situation)
         yield from self._of_mishaps(situation)
@@ -133,7 +135,10 @@ class Moves:
         return acts + [countdown.length for countdown in situation.countdowns]
 
     def _of_acts(self, situation: Situation) -> Iterator[Possibility]:
-        foreign, own = 1, 1 + len(situation.waiting) + len(situation.running) + len(situation.asked) + len(situation.rules)
+        foreign, own = (
+            1,
+            1 + len(situation.waiting) + len(situation.running) + len(situation.asked) + len(situation.rules),
+        )
         for act in situation.waiting:
             own, foreign = (own + 1, foreign) if act.is_own else (own, foreign + 1)
         for index, act in enumerate(situation.running):
@@ -147,7 +152,11 @@ class Moves:
                     yield _end(task, act.name, index, "failed", clock, 0, traits.most)
             else:
                 yield _end(task, act.name, index, "canceled", clock, 0, _CANCEL_LIMIT)
-            if self._bounds.follows_voice and traits.changes_voice and (act.phase in ("running", "doomed") or act.speaking):
+            if (
+                self._bounds.follows_voice
+                and traits.changes_voice
+                and (act.phase in ("running", "doomed") or act.speaking)
+            ):
                 yield _end(task, act.name, index, "accepted", clock, 0, _FOREVER)
 
     def _of_countdowns(self, situation: Situation) -> Iterator[Possibility]:
@@ -222,7 +231,9 @@ def _topics_from_outside(scenario: Scenario) -> set[str]:
         inside |= {f"{rule.name}_{state.id}" for state in rule.states.values() if not state.transitions}
         for state in rule.states.values():
             for block in (state.on_entry, state.on_exit, *(each.block for each in state.transitions)):
-                inside |= {normal_topic(each.argument) for each in functions_in(block) if each.name == "raiseEventTopic"}
+                inside |= {
+                    normal_topic(each.argument) for each in functions_in(block) if each.name == "raiseEventTopic"
+                }
     return set(scenario.topics) - inside
 
 

@@ -6,8 +6,8 @@ the kernel itself takes one input: there is no second set of rules that could di
 
 from __future__ import annotations
 
-from collections.abc import Container, Sequence
 from collections import ChainMap
+from collections.abc import Container, Sequence
 from typing import Any, Literal, NamedTuple, cast
 
 import msgspec
@@ -160,7 +160,9 @@ class SituationKernel:
         self._put_kept(situation.kept, timers)
         stop = kernel.stop
         stop.status, stop.timer = situation.stop, None
-        stop.stood = [StoodRule(name, state, priority, [*latched], []) for name, state, priority, latched in situation.stood]
+        stop.stood = [
+            StoodRule(name, state, priority, [*latched], []) for name, state, priority, latched in situation.stood
+        ]
         self.runner.robot_lost = "lost" if situation.robot_lost else None
         core.open_cue_at = 0.0 if situation.cue_open else None
         marks = kernel.wizard_marks.state

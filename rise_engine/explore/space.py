@@ -11,6 +11,7 @@ from rise_engine.explore.moves import Move
 from rise_engine.explore.situation import Situation
 from rise_engine.explore.stepper import Fact, Step, Stepper
 from rise_engine.explore.zones import NO_CLOCKS, Zone, hull, includes, widest
+from rise_engine.kernel.inputs import SessionStarted
 
 Number: TypeAlias = int
 """Of a situation, in the order in which they were found."""
@@ -38,6 +39,8 @@ class Space:
         self.facts: dict[Fact, tuple[Number, Move]] = {}
         """What was seen to happen, and where first."""
         self.beginnings: list[Number] = []
+        """The situations in which sessions begin."""
+        self._begun: dict[Number, SessionStarted] = {}
         self.complete = False
         """Whether all situations within the bounds were looked at."""
         self._move_numbers: dict[Move, int] = {}
@@ -47,7 +50,13 @@ class Space:
 
     def begin(self) -> None:
         """Take in the situations in which sessions begin."""
-        self.beginnings = sorted({self._number(situation, NO_CLOCKS) for situation in self.stepper.begin()})
+        for begun, situation in zip(self.stepper.beginnings, self.stepper.begin(), strict=True):
+            self._begun.setdefault(self._number(situation, NO_CLOCKS), begun)
+        self.beginnings = sorted(self._begun)
+
+    def begun_in(self, beginning: Number) -> SessionStarted:
+        """A session that begins in this situation."""
+        return self._begun[beginning]
 
     def explore(self, go_on: Callable[[], bool] = lambda: True) -> None:
         """Look at all situations. `go_on` is asked now and then; when it says no, what was found so far stands."""

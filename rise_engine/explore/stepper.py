@@ -115,7 +115,11 @@ class Stepper:
         stale = True
         succeeded: dict[int, Situation] = {}
         for possibility in self.moves.possible(situation):
-            if possibility.lengthens_line and len(situation.waiting) >= self.bounds.line and situation.stop == "released":
+            if (
+                possibility.lengthens_line
+                and len(situation.waiting) >= self.bounds.line
+                and situation.stop == "released"
+            ):
                 yield Step(possibility.move, situation, zone, 0, (), "line")  # it would wait, too
                 continue
             when = zone

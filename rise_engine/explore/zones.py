@@ -53,7 +53,9 @@ def let_pass(zone: Zone, limits: Sequence[int]) -> Zone:
 
 def includes(large: Zone, small: Zone) -> bool:
     """Whether all times of one zone are in another."""
-    return all(most >= bound for row, other in zip(large, small, strict=True) for most, bound in zip(row, other, strict=True))
+    return all(
+        most >= bound for row, other in zip(large, small, strict=True) for most, bound in zip(row, other, strict=True)
+    )
 
 
 def hull(one: Zone, other: Zone) -> Zone:

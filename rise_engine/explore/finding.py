@@ -1,0 +1,31 @@
+"""What exploring has to say: one sentence each, for who runs the study, with the way that leads there."""
+
+from __future__ import annotations
+
+from typing import Literal, TypeAlias
+
+from msgspec import Struct
+
+from rise_engine.explore.paths import Path
+from rise_engine.scenario.model import SourceLocation
+
+FindingLevel: TypeAlias = Literal["problem", "warning", "remark"]
+"""problem: a session can go wrong; warning: it should be looked at; remark: good to know."""
+
+
+class ExploreFinding(Struct, frozen=True, kw_only=True):
+    """Something that exploring has found."""
+
+    kind: str
+    """A word for programs: `dead-end`, `no-end`, `never-taken`, ... (docs/reference/explore.md)."""
+    level: FindingLevel
+    text: str
+    """The sentence."""
+    location: SourceLocation | None = None
+    """Where in the study's files it is about."""
+    rule: str = ""
+    state: str = ""
+    act: str = ""
+    key: str = ""
+    path: Path | None = None
+    """How a session comes there, shortest first; null: there is no single way to show."""

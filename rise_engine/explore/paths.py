@@ -1,0 +1,94 @@
+"""Shortest ways through the situations."""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Callable, Iterable
+
+from msgspec import Struct
+
+from rise_engine.explore.moves import Move
+from rise_engine.explore.situation import Situation
+from rise_engine.explore.space import Number, Space
+from rise_engine.kernel.inputs import SessionStarted
+
+
+class PathStep(Struct, frozen=True):
+    """One move of a path, and the situation after it."""
+
+    move: Move
+    situation: Situation
+
+
+class Path(Struct, frozen=True):
+    """How a session can come into a situation."""
+
+    begun: SessionStarted
+    """The session that it begins with: its condition decides what the memory is."""
+    beginning: Situation
+    steps: tuple[PathStep, ...]
+
+    @property
+    def end(self) -> Situation:
+        """The situation that it leads to."""
+        return self.steps[-1].situation if self.steps else self.beginning
+
+
+class Paths:
+    """The shortest way to each situation, with as little that goes wrong as possible."""
+
+    def __init__(self, space: Space) -> None:
+        self._space = space
+        self._came_from: dict[Number, tuple[Number, Move]] = {}
+        self.mishaps: dict[Number, int] = dict.fromkeys(space.beginnings, 0)
+        """How many things have to go wrong to come into each situation."""
+        levels = [deque(space.beginnings)]
+        for level, pending in enumerate(levels):  # those that are reached with so many mishaps, the nearest first
+            while pending:
+                number = pending.popleft()
+                if self.mishaps[number] < level:
+                    continue
+                for move, target, _ in space.steps_from(number):
+                    wrong = level + move.is_mishap
+                    if wrong < self.mishaps.get(target, wrong + 1):
+                        self.mishaps[target] = wrong
+                        self._came_from[target] = (number, move)
+                        if wrong == len(levels):
+                            levels.append(deque())
+                        levels[wrong].append(target)
+
+    def to(self, number: Number, then: tuple[Move, Situation] | None = None) -> Path:
+        """The way to a situation, and perhaps one more step."""
+        space = self._space
+        steps: list[PathStep] = []
+        at = number
+        while at in self._came_from:
+            before, move = self._came_from[at]
+            steps.append(PathStep(move, space.situations[at]))
+            at = before
+        steps.reverse()
+        if then is not None:
+            steps.append(PathStep(*then))
+        return Path(space.begun_in(at), space.situations[at], tuple(steps))
+
+    def nearest(self, numbers: Iterable[Number]) -> Number | None:
+        """Of these situations, one that is reached with as little that goes wrong as possible, soonest; null: of none."""
+        best = min(numbers, key=lambda number: (self.mishaps.get(number, 1 << 30), number), default=None)
+        return best if best is not None and best in self.mishaps else None
+
+
+def reaching(space: Space, goals: Iterable[Number], allowed: Callable[[Move], bool]) -> set[Number]:
+    """The situations from which one of the goals can be reached by moves that are allowed; the goals among them."""
+    before: dict[Number, list[Number]] = {}
+    for number in range(len(space.situations)):
+        for move, target, _ in space.steps_from(number):
+            if allowed(move):
+                before.setdefault(target, []).append(number)
+    found = set(goals)
+    pending = list(found)
+    while pending:
+        for number in before.get(pending.pop(), ()):
+            if number not in found:
+                found.add(number)
+                pending.append(number)
+    return found
