@@ -38,3 +38,7 @@ class Bounds(Struct, frozen=True):
     """Of each memory key at most so many values are followed."""
     follows_voice: bool = False
     """Whether it matters when the robot speaks within an act: something reads `session.speaking`."""
+
+
+QUICK = Bounds(stop=False, lost=False)
+"""What is looked at in passing, where somebody waits for the answer: no stop, and the robot is never lost."""

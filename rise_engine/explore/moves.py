@@ -16,13 +16,13 @@ from rise_engine.scenario.model import CUE_TOPICS, SESSION, Scenario, functions_
 MoveKind: TypeAlias = Literal[
     "key",  # name: the key
     "event",  # name: the topic; from outside
-    "try",  # name: the memory key; index: which of its values
+    "try",  # name: the memory key; place: which of its values
     "cue",  # how: marked or undone
     "stop",
-    "release",  # how: enter, wait or leave, for all rules
-    "answer",  # name: the failed act; index: among those asked about; how: goOn, repeatAct or stopRuleOfAct
-    "end",  # name: the act; index: among those that run; how: succeeded, failed, canceled, or accepted
-    "timer",  # name: its owner; index: among those that run; how: its purpose
+    "release",  # how: enter or leave, for all rules
+    "answer",  # name: the failed act; place: among those asked about; how: goOn, repeatAct or stopRuleOfAct
+    "end",  # name: the act; place: among those that run; how: succeeded, failed, canceled, or accepted
+    "timer",  # name: its owner; place: among those that run; how: its purpose
     "stopped",  # the robot confirms that everything has stopped
     "lost",
     "back",
@@ -38,7 +38,8 @@ class Move(NamedTuple):
 
     kind: MoveKind
     name: str = ""
-    index: int = 0
+    place: int = 0
+    """Which one, where there are several."""
     how: str = ""
     chance: tuple[int, ...] = ()
     """What chance decides in it: of each decision, which of its possibilities."""
@@ -177,9 +178,8 @@ class Moves:
         elif situation.stop == "latched":
             yield _LEAVE
             if situation.stood:
-                for how in ("enter", "wait"):
-                    chosen = {rule[0]: how for rule in situation.stood}
-                    yield Possibility(Move("release", how=how), _submit("releaseStop", json.dumps(chosen)))
+                chosen = {rule[0]: "enter" for rule in situation.stood}
+                yield Possibility(Move("release", how="enter"), _submit("releaseStop", json.dumps(chosen)))
         elif bounds.stop and situation.faults_left:
             yield _STOP
         if situation.robot_lost:

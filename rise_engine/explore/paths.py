@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Callable, Iterable
+from collections.abc import Iterable
 
 from msgspec import Struct
 
 from rise_engine.explore.moves import Move
 from rise_engine.explore.situation import Situation
 from rise_engine.explore.space import Number, Space
+from rise_engine.explore.stepper import Fact
 from rise_engine.kernel.inputs import SessionStarted
 
 
@@ -71,24 +72,15 @@ class Paths:
             steps.append(PathStep(*then))
         return Path(space.begun_in(at), space.situations[at], tuple(steps))
 
+    def to_fact(self, fact: Fact) -> Path | None:
+        """The way to where something was seen, the move that showed it included; null: it was not seen."""
+        found = self._space.facts.get(fact)
+        if found is None:
+            return None
+        number, move, situation = found
+        return self.to(number, (move, situation))
+
     def nearest(self, numbers: Iterable[Number]) -> Number | None:
-        """Of these situations, one that is reached with as little that goes wrong as possible, soonest; null: of none."""
+        """Of these situations, one that is reached with as little that goes wrong as possible; null: there is none."""
         best = min(numbers, key=lambda number: (self.mishaps.get(number, 1 << 30), number), default=None)
         return best if best is not None and best in self.mishaps else None
-
-
-def reaching(space: Space, goals: Iterable[Number], allowed: Callable[[Move], bool]) -> set[Number]:
-    """The situations from which one of the goals can be reached by moves that are allowed; the goals among them."""
-    before: dict[Number, list[Number]] = {}
-    for number in range(len(space.situations)):
-        for move, target, _ in space.steps_from(number):
-            if allowed(move):
-                before.setdefault(target, []).append(number)
-    found = set(goals)
-    pending = list(found)
-    while pending:
-        for number in before.get(pending.pop(), ()):
-            if number not in found:
-                found.add(number)
-                pending.append(number)
-    return found

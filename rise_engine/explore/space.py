@@ -9,7 +9,7 @@ from typing import TypeAlias
 
 from rise_engine.explore.moves import Move
 from rise_engine.explore.situation import Situation
-from rise_engine.explore.stepper import Fact, Step, Stepper
+from rise_engine.explore.stepper import Fact, Step, Stepper, asks_again
 from rise_engine.explore.zones import NO_CLOCKS, Zone, hull, includes, widest
 from rise_engine.kernel.inputs import SessionStarted
 
@@ -34,18 +34,22 @@ class Space:
         other."""
         self.beyond: dict[Number, set[str]] = {}
         """The situations that have a step which was not followed, and why."""
+        self.keys_beyond: dict[Number, set[str]] = {}
+        """The keys of steps that were not followed."""
         self.beyond_steps: list[tuple[Number, Move, Situation]] = []
         """Steps that were not followed because one more of the same act would have waited."""
-        self.facts: dict[Fact, tuple[Number, Move]] = {}
-        """What was seen to happen, and where first."""
+        self.facts: dict[Fact, tuple[Number, Move, Situation]] = {}
+        """What was seen to happen: in which situation first, by which move, and what it led to."""
         self.beginnings: list[Number] = []
         """The situations in which sessions begin."""
         self._begun: dict[Number, SessionStarted] = {}
         self.complete = False
         """Whether all situations within the bounds were looked at."""
         self._move_numbers: dict[Move, int] = {}
+        self._values: list[set[bytes | None]] = [set() for _ in stepper.kernel.keys]
         self._growths: Counter[Number] = Counter()
-        self._pending: deque[Number] = deque()
+        self.pending: deque[Number] = deque()
+        """The situations that have still to be looked at."""
         self._is_pending: set[Number] = set()
 
     def begin(self) -> None:
@@ -62,19 +66,14 @@ class Space:
         """Look at all situations. `go_on` is asked now and then; when it says no, what was found so far stands."""
         most = self.stepper.bounds.situations
         handled = 0
-        while self._pending:
+        while self.pending:
             handled += 1
             if len(self.situations) > most or (handled % 64 == 0 and not go_on()):
                 return
-            number = self._pending.popleft()
+            number = self.pending.popleft()
             self._is_pending.discard(number)
             self._take(number, self.stepper.follow(self.situations[number], self.zones[number]))
         self.complete = True
-
-    @property
-    def waiting(self) -> int:
-        """How many situations have still to be looked at."""
-        return len(self._pending)
 
     def _take(self, number: Number, steps: Iterator[Step]) -> None:
         """Take in what follows a situation."""
@@ -83,13 +82,18 @@ class Space:
         for step in steps:
             for fact in step.facts:
                 if fact not in self.facts:
-                    self.facts[fact] = (number, step.move)
+                    self.facts[fact] = (number, step.move, step.situation)
             if step.beyond:
                 self.beyond.setdefault(number, set()).add(step.beyond)
-                if step.beyond == "line" and any(fact[0] == "in line" for fact in step.facts):
+                if step.move.kind == "key":
+                    self.keys_beyond.setdefault(number, set()).add(step.move.name)
+                if step.beyond == "line" and step.situation.waiting and asks_again(step.situation):
                     self.beyond_steps.append((number, step.move, step.situation))
                 if step.beyond != "chance":
                     continue
+            if step.situation not in self.numbers and self._has_too_many_values(step.situation):
+                self.beyond.setdefault(number, set()).add("values")
+                continue
             target = self._number(step.situation, step.zone)
             move = self._move_numbers.get(step.move)
             if move is None:
@@ -100,6 +104,15 @@ class Space:
                 seen.add(edge)
                 edges.extend(edge)
         self.edges[number] = edges
+
+    def _has_too_many_values(self, situation: Situation) -> bool:
+        """Whether a memory key has come to more values than are followed."""
+        for known, value in zip(self._values, situation.memory, strict=True):
+            if value not in known:
+                if len(known) >= self.stepper.bounds.values:
+                    return True
+                known.add(value)
+        return False
 
     def _number(self, situation: Situation, zone: Zone) -> Number:
         """The number of a situation, in which it can come with these times."""
@@ -124,7 +137,7 @@ class Space:
     def _enqueue(self, number: Number) -> None:
         if number not in self._is_pending:
             self._is_pending.add(number)
-            self._pending.append(number)
+            self.pending.append(number)
 
     def steps_from(self, number: Number) -> Iterator[tuple[Move, Number, int]]:
         """The steps that lead away from a situation."""

@@ -11,7 +11,7 @@ from rise_engine.explore.bounds import Bounds
 from rise_engine.explore.chance import MAX_SCRIPTS
 from rise_engine.explore.cone import keys_that_matter
 from rise_engine.explore.moves import BY_PERSON, MISHAPS, Move, Moves, Possibility
-from rise_engine.explore.situation import ActTask, Situation, SituationKernel
+from rise_engine.explore.situation import PERSON, ActTask, Situation, SituationKernel
 from rise_engine.explore.zones import NO_CLOCKS, Zone, carry, let_pass, narrow
 from rise_engine.expression import Expression
 from rise_engine.kernel.inputs import SessionStarted
@@ -41,6 +41,7 @@ class Step(NamedTuple):
     moved: int
     """Which rules have taken a step, as bits: that of a rule is its number in the scenario plus 1."""
     facts: tuple[Fact, ...]
+    """What is seen in it for the first time."""
     beyond: str
     """Why it is not followed: `line`, `beside`, `asked`, `kept`, `values` or `chance`; empty: it is."""
 
@@ -89,7 +90,7 @@ class Stepper:
             for one, other in combinations(scenario.acts, 2)
             if scenario.acts[one].channels & scenario.acts[other].channels
         } | {frozenset((name,)) for name, act in scenario.acts.items() if act.channels}
-        self._values: dict[int, set[bytes | None]] = {at: set() for at in range(len(self.kernel.keys))}
+        self._told: set[Fact] = set()
         self.steps = 0
         """How many inputs the kernel has handled."""
 
@@ -191,7 +192,7 @@ class Stepper:
         kernel, bounds = self.kernel, self.bounds
         faults_left = before.faults_left
         if move.kind in MISHAPS or (
-            move.how == "failed" and not before.robot_lost and before.running[move.index].phase != "doomed"
+            move.how == "failed" and not before.robot_lost and before.running[move.place].phase != "doomed"
         ):
             faults_left -= 1
         situation, acts, timers = kernel.read(faults_left)
@@ -199,7 +200,8 @@ class Stepper:
         beyond = ""
         if len(situation.waiting) > bounds.line:
             beyond = "line"
-            self._note_line(situation, facts)
+            if asks_again(situation):
+                facts.append(("in line", situation.waiting[-1].name, situation.waiting[-1].source))
         elif len(situation.running) > bounds.beside and (
             sum(act.calling_type == "None" for act in situation.running) > bounds.beside
         ):
@@ -208,12 +210,13 @@ class Stepper:
             beyond = "asked"
         elif len(situation.kept) > bounds.kept:
             beyond = "kept"
-        elif situation.memory != before.memory and self._has_too_many_values(situation):
-            beyond = "values"
         zone = NO_CLOCKS
         if bounds.pace is not None and not beyond:
             zone = self._zone_after(before, tasks, situation, acts, timers, possibility, when)
-        return Step(move, situation, zone, moved, tuple(facts), beyond)
+        told = self._told
+        new = tuple([fact for fact in facts if fact not in told])
+        told.update(new)
+        return Step(move, situation, zone, moved, new, beyond)
 
     def _zone_after(
         self,
@@ -302,34 +305,20 @@ class Stepper:
         if any(task.behavior == act and task.id <= last for task in (*scheduler.waiting, *going)):
             facts.append(("out of step", rule, record.previous, act))
 
-    def _note_line(self, situation: Situation, facts: list[Fact]) -> None:
-        """One more act waits than is followed: does the same rule put the same act there again?"""
-        last = situation.waiting[-1]
-        others = (*situation.waiting[:-1], *situation.running)
-        if last.source != "engine" and any(act.name == last.name and act.source == last.source for act in others):
-            facts.append(("in line", last.name, last.source))
-
-    def _has_too_many_values(self, situation: Situation) -> bool:
-        for at, value in enumerate(situation.memory):
-            known = self._values[at]
-            if value not in known:
-                if len(known) >= self.bounds.values:
-                    return True
-                known.add(value)
-        return False
-
     def _compare_failure(self, before: Situation, step: Step, succeeded: dict[int, Situation]) -> Step:
         """Does it matter whether this act, which a rule has started, succeeds or fails?"""
-        index, how = step.move.index, step.move.how
+        index, how = step.move.place, step.move.how
         act = before.running[index]
-        if act.source == "engine":
+        if act.source == PERSON:
             return step
         if how == "succeeded":
             succeeded[index] = step.situation
         elif how == "failed" and index in succeeded:
             alike = step.situation._replace(faults_left=before.faults_left) == succeeded[index]
-            kind = "failure alike" if alike else "failure matters"
-            return step._replace(facts=(*step.facts, (kind, act.name, act.source)))
+            fact = ("failure alike" if alike else "failure matters", act.name, act.source)
+            if fact not in self._told:
+                self._told.add(fact)
+                return step._replace(facts=(*step.facts, fact))
         return step
 
 
@@ -337,6 +326,13 @@ _HARMLESS = frozenset({"raiseEventTopic", "assignValue"})
 """What these tasks change, other records tell."""
 _START_ACT = "startCommunicationRobotAct"
 _CUT = ("interrupted by ", "stopped by rule:")
+
+
+def asks_again(situation: Situation) -> bool:
+    """Whether the act that waits last was asked for by a rule whose last act of this name is still to come."""
+    last = situation.waiting[-1]
+    others = (*situation.waiting[:-1], *(act for act in situation.running if not _has_stopped(act)))
+    return last.source != PERSON and any(act.name == last.name and act.source == last.source for act in others)
 
 
 def _has_stopped(act: ActTask) -> bool:

@@ -1,0 +1,183 @@
+"""What is never used, what does nothing, and what is read though nobody has set it."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Iterator
+
+from rise_engine.explore.explored import Explored
+from rise_engine.explore.finding import ExploreFinding
+from rise_engine.scenario.model import Rule, SourceLocation, Transition
+from rise_engine.text import pluralize
+
+NOT_RUNNING = "(not running)"
+"""Stands for the state of a rule that does not run, in `keys_by_state`."""
+
+
+def find_unused(explored: Explored) -> Iterator[ExploreFinding]:
+    """Rules, states, ways out of states, and acts that are in no session."""
+    scenario = explored.scenario
+    entered = {(fact[1], fact[2]) for fact in explored.facts("state")}
+    taken = {(fact[1], fact[2], fact[3]) for fact in explored.facts("transition")}
+    within = _within(explored)
+    for rule in scenario.rules.values():
+        if not any(name == rule.name for name, _ in entered):
+            yield ExploreFinding(
+                kind="never-started",
+                level="warning",
+                text=f"{rule.name} is never started: no key and no rule does it{within}",
+                location=rule.location,
+                rule=rule.name,
+            )
+            continue
+        for state in rule.states.values():
+            if (rule.name, state.id) not in entered:
+                yield ExploreFinding(
+                    kind="never-entered",
+                    level="warning",
+                    text=f"{rule.name} never comes to {state.id}{within}",
+                    location=state.location,
+                    rule=rule.name,
+                    state=state.id,
+                )
+                continue
+            for index, transition in enumerate(state.transitions):
+                if (rule.name, state.id, index) not in taken:
+                    after_fault = transition.ended is not None and transition.outcomes != ("succeeded",)
+                    yield ExploreFinding(
+                        kind="never-taken",
+                        level="remark" if after_fault else "warning",
+                        text=f"{rule.name} never leaves {state.id} by {way_text(transition)}{within}",
+                        location=transition.location,
+                        rule=rule.name,
+                        state=state.id,
+                    )
+    done = {fact[1] for fact in explored.facts("act")}
+    by_key = {key.behavior for key in scenario.keys.values() if key.function == "startCommunicationRobotAct"}
+    for act in scenario.acts.values():
+        if act.name not in done and act.name not in by_key and not scenario.settings_of(act.name).filler:
+            yield ExploreFinding(
+                kind="never-done",
+                level="warning",
+                text=f"{act.name} is never done: no key starts it, and no rule comes to where it would{within}",
+                location=act.location,
+                act=act.name,
+            )
+
+
+def way_text(transition: Transition) -> str:
+    """A way out of a state, in words: what it waits for."""
+    if transition.event is not None:
+        waits = f"the event /{transition.event}"
+    elif transition.ended is not None:
+        how = " or ".join(transition.outcomes)
+        waits = f"the end of {transition.ended}" + (f" ({how})" if how else "")
+    elif transition.after is not None:
+        waits = f"the time {transition.after.text}"
+        if transition.held is not None:
+            waits += f", as long as `{transition.held.text}`"
+    else:
+        waits = f"`{transition.condition.text if transition.condition is not None else ''}`"
+        return waits + (f" (to {transition.target})" if transition.target is not None else "")
+    if transition.condition is not None:
+        waits += f", if `{transition.condition.text}`"
+    return waits + (f" (to {transition.target})" if transition.target is not None else "")
+
+
+def keys_by_state(explored: Explored) -> dict[str, dict[str, str]]:
+    """For each state of the study's main rule and each key, whether the key does something there: always, sometimes
+    or never."""
+    keys = [name for name, key in explored.space.stepper.moves.keys.items() if _is_followed(key.function)]
+    counts: Counter[str] = Counter()
+    effective: Counter[tuple[str, str]] = Counter()
+    moves = explored.space.moves
+    key_of = [move.name if move.kind == "key" else "" for move in moves]
+    pending = set(explored.space.pending)
+    for number, situation in enumerate(explored.situations):
+        if situation.stop != "released" or number in pending:
+            continue
+        state = next((rule.state for rule in situation.rules if rule.name == explored.end), NOT_RUNNING)
+        counts[state] += 1
+        edges = explored.space.edges[number]
+        done = {key_of[edges[at]] for at in range(0, len(edges), 3)} | explored.space.keys_beyond.get(number, set())
+        for key in done:
+            effective[state, key] += 1
+    return {
+        state: {
+            key: "never" if not effective[state, key] else "always" if effective[state, key] == count else "sometimes"
+            for key in keys
+        }
+        for state, count in counts.items()
+    }
+
+
+def find_idle_keys(explored: Explored, by_state: dict[str, dict[str, str]]) -> Iterator[ExploreFinding]:
+    """Keys that nowhere do anything."""
+    keys = next(iter(by_state.values()), {})
+    for name in keys:
+        if all(row[name] == "never" for row in by_state.values()):
+            key = explored.scenario.keys[name]
+            title = f" ({key.title})" if key.title else ""
+            yield ExploreFinding(
+                kind="idle-key",
+                level="warning",
+                text=f"the key {key.label}{title} never does anything that a rule or an act notices{_within(explored)}",
+                location=key.location,
+                key=name,
+            )
+
+
+def find_missing_values(explored: Explored) -> Iterator[ExploreFinding]:
+    """Conditions that read keys which the memory does not have then, or that cannot be worked out."""
+    told: set[tuple[str, str]] = set()
+    for fact in explored.facts("missing"):
+        _, key, text, rule = fact
+        if (key, text) not in told:
+            told.add((key, text))
+            yield ExploreFinding(
+                kind="missing-value",
+                level="warning",
+                text=f"the memory has no value for {key} when {rule} asks `{text}`",
+                location=_place_of(explored.scenario.rules[rule], text),
+                rule=rule,
+                path=explored.paths.to_fact(fact),
+            )
+    for fact in explored.facts("error"):
+        _, text, problem, rule = fact
+        if (text, problem) not in told:
+            told.add((text, problem))
+            yield ExploreFinding(
+                kind="condition-error",
+                level="warning",
+                text=f"when {rule} asks `{text}`, that cannot be worked out: {problem}; it counts as false",
+                location=_place_of(explored.scenario.rules[rule], text),
+                rule=rule,
+                path=explored.paths.to_fact(fact),
+            )
+
+
+def _place_of(rule: Rule, text: str) -> SourceLocation:
+    """Where a condition stands, or else the rule."""
+    for state in rule.states.values():
+        for transition in state.transitions:
+            if any(each is not None and each.text == text for each in (transition.condition, transition.held)):
+                return transition.location
+    return rule.location
+
+
+def _is_followed(function: str) -> bool:
+    return function != "startCommunicationRobotAct"
+
+
+def _within(explored: Explored) -> str:
+    """What has to be said with a "never"."""
+    faults = explored.space.stepper.bounds.faults
+    wrong = (
+        "when nothing goes wrong" if not faults else f"when at most {pluralize(faults, 'thing')} {_goes(faults)} wrong"
+    )
+    looked = "" if not explored.has_bounds else ", as far as was looked"
+    return f" ({wrong}{looked})"
+
+
+def _goes(count: int) -> str:
+    return "goes" if count == 1 else "go"
