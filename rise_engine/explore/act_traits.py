@@ -97,6 +97,14 @@ def keys_without_fallback(act: Act) -> Iterable[str]:
                     yield from slot.part.keys if slot.part is not None else (slot.key,)
 
 
+def keys_read(act: Act) -> Iterable[str]:
+    """The memory keys that an act's words and numbers are made of."""
+    for action in act.actions:
+        for call in action.calls:
+            for slot in _slots(call):
+                yield from slot.part.keys if slot.part is not None else (slot.key,)
+
+
 def _slots(call: ActionCall) -> Iterable[MemorySlot]:
     for template in call.parameters.values():
         yield from (part for part in template.parts if isinstance(part, MemorySlot))

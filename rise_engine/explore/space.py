@@ -10,13 +10,15 @@ from typing import TypeAlias
 from rise_engine.explore.moves import Move
 from rise_engine.explore.situation import Situation
 from rise_engine.explore.stepper import Fact, Step, Stepper, asks_again
-from rise_engine.explore.zones import NO_CLOCKS, Zone, hull, includes, widest
+from rise_engine.explore.zones import NO_CLOCKS, Zone, hull, includes, widen, widest
 from rise_engine.kernel.inputs import SessionStarted
 
 Number: TypeAlias = int
 """Of a situation, in the order in which they were found."""
 GROWTHS = 3
-"""How often the times of a situation grow before they are taken for all times that are possible at all."""
+"""How often the times of a situation grow before what grows is taken to be as large as it can ever be."""
+MAX_GROWTHS = 20
+"""How often they grow before they are taken for all times that are possible at all."""
 
 
 class Space:
@@ -127,8 +129,10 @@ class Space:
         known = self.zones[number]
         if not includes(known, zone):
             self._growths[number] += 1
-            if self._growths[number] > GROWTHS:
+            if self._growths[number] > MAX_GROWTHS:
                 self.zones[number] = widest(self.stepper.moves.limits(situation))
+            elif self._growths[number] > GROWTHS:
+                self.zones[number] = widen(known, zone, self.stepper.moves.limits(situation))
             else:
                 self.zones[number] = hull(known, zone)
             self._enqueue(number)
