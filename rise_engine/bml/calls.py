@@ -14,8 +14,9 @@ from rise_engine.bml.timing import BlockTimes, PlannedBehavior
 from rise_engine.bml.vocabulary import BEHAVIORS, DESCRIPTION_TYPE, DRAFT_NAMESPACES, MARKS, PROSODY, SSML_TYPE
 from rise_engine.nearest_name import did_you_mean
 from rise_engine.scenario.model import ActionCall
+from rise_engine.scenario.parameters import is_bare_key
 from rise_engine.scenario.ssml import write_element
-from rise_engine.scenario.template import Template, TemplateError, parse_template
+from rise_engine.scenario.template import Template, TemplateError, key_template, parse_template
 
 _UNSAID = {
     "amount": "how strongly it is done is the robot's choice",
@@ -81,7 +82,9 @@ class CallReader:
                 )
                 continue
             try:
-                parameters[child.tag] = parse_template(_one_line(child.text))
+                text = _one_line(child.text)
+                is_key = is_bare_key(spec.parameters[child.tag], text)
+                parameters[child.tag] = key_template(text) if is_key else parse_template(text)
             except TemplateError as error:
                 self._error(FORM, child, str(error))
         return (ActionCall(spec.name, parameters),)
@@ -98,6 +101,8 @@ class CallReader:
                 near = did_you_mean(child.tag, ("text", "description"))
                 self._error(FORM, child, f"`<{child.tag}>` cannot stand in `<speech>`{near}")
         words = _one_line(" ".join("".join(self._words(each)) for each in holders))
+        if any(len(each) for each in holders):  # where a mark stood, there may be two blanks
+            words = " ".join(words.split())
         marked = next((each for each in self._descriptions(element) if each.get("type") == SSML_TYPE), None)
         if marked is not None and len(marked) == 1 and marked[0].tag == "speak":
             words = _one_line(write_element(marked[0].written))
@@ -124,7 +129,7 @@ class CallReader:
                 self._findings.lose(
                     child.location, f"`<{child.written.tag}>` in the words: nobody here knows what it means"
                 )
-            yield " " + child.tail if child.tail[:1].isspace() else child.tail
+            yield child.tail
 
     def _at_target(self, behavior: PlannedBehavior) -> ActionCall | None:
         element = behavior.element

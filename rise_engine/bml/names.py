@@ -81,7 +81,7 @@ class BmlNames(Struct, frozen=True):
         """How BML calls what an action does: by the file, by BML's usual names, else by the robot's own name."""
         for table in (self.lexemes, _USUAL):
             for kind in KINDS:
-                for lexeme, meant in table[kind].items():
+                for lexeme, meant in table[kind].items() if kind != "posture" else ():  # a movement is no posture
                     if meant == (type, value) and self.find_lexeme(kind, lexeme) == meant:
                         return kind, lexeme
         return ("gesture" if type == "Animation" else "face"), value

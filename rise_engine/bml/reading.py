@@ -20,8 +20,9 @@ from rise_engine.scenario.source_files import SourceFile
 from rise_engine.scenario.template import Template, parse_template
 
 _BETWEEN_IDS = re.compile(r"[,;\s:]")
-_HERE = "\0"
-"""Stands for a memory value, which may be any."""
+_BLANKS = re.compile(r"\s+")
+_HERE = "\ue000"
+"""Stands for a memory value, which may be any: a character of XML that no text has."""
 
 
 class ReadAct(Struct, frozen=True):
@@ -226,5 +227,6 @@ def _fits(written: str | None, expected: str) -> bool:
     """Whether a text is the expected one, in which memory values may be any."""
     if written is None or _HERE not in expected:
         return written == expected
-    pattern = ".*".join(re.escape(" ".join(each.split()) if each.strip() else each) for each in expected.split(_HERE))
+    pieces = (r"\s*".join(map(re.escape, _BLANKS.split(piece))) for piece in expected.split(_HERE))
+    pattern = ".*".join(pieces)  # a value that is empty leaves blanks beside each other
     return re.fullmatch(pattern, written, re.DOTALL) is not None

@@ -20,6 +20,8 @@ from rise_engine.nearest_name import did_you_mean
 from rise_engine.scenario.model import SourceLocation
 
 _SURE = "an act can wait for the end of an action, and then some seconds; it knows no point within one"
+_LONGEST_CIRCLE = 20
+"""Behaviours that a sentence names."""
 
 
 class Beginning(Struct, frozen=True):
@@ -54,22 +56,32 @@ class BlockTimes:
         self._block = block
         self._findings = findings
         self._known: dict[str, tuple[Beginning, ...] | None] = {}
-        self._open: list[str] = []
 
     def beginnings(self, id: str) -> tuple[Beginning, ...] | None:
         """What a behaviour waits for: all of these; None, after a finding, for what cannot be kept."""
-        if id in self._known:
-            return self._known[id]
-        behavior = self._behaviors[id]
-        if id in self._open:
-            shown = " -> ".join((*self._open[self._open.index(id) :], id))
-            self._refuse(behavior.start_location, f"these behaviours wait for each other: {shown}")
-            return None
-        self._open.append(id)
-        found = self._work_out(behavior)
-        self._open.pop()
-        self._known[id] = found
-        return found
+        open_ids = [id]
+        while open_ids:  # what it waits for is worked out before
+            behavior = self._behaviors[open_ids[-1]]
+            wanted = next((each for each in self._waited_for(behavior) if each not in self._known), None)
+            if behavior.id in self._known:
+                open_ids.pop()
+            elif wanted is None:
+                self._known[behavior.id] = self._work_out(behavior)
+                open_ids.pop()
+            elif wanted in open_ids:
+                circle = [*open_ids[open_ids.index(wanted) :], wanted]
+                shown = " -> ".join(circle if len(circle) <= _LONGEST_CIRCLE else [*circle[:5], "...", *circle[-5:]])
+                self._refuse(behavior.start_location, f"these behaviours wait for each other: {shown}")
+                self._known[behavior.id] = None
+            else:
+                open_ids.append(wanted)
+        return self._known[id]
+
+    def _waited_for(self, behavior: PlannedBehavior) -> list[str]:
+        """The behaviours that a start depends on."""
+        start = parse_sync(behavior.start) if behavior.start is not None else None
+        times = [time for time, _ in behavior.after] + ([start] if start is not None else [])
+        return [time.behavior for time in times if time.behavior in self._behaviors]
 
     def duration(self, behavior: PlannedBehavior) -> Decimal | None:
         """The seconds from its start to its `end`, where that is a length that does not depend on others.
@@ -135,11 +147,12 @@ class BlockTimes:
                 message = f"{before} cannot be kept: nobody knows when that will be"
                 self._refuse(location, message)
                 return None
-            return (Beginning((time.behavior,), time.offset),)
+            known = self._known[time.behavior] is not None
+            return (Beginning((time.behavior,), time.offset),) if known else None
         if time.point != START:
             self._refuse_point(time, location)
             return None
-        others = self.beginnings(time.behavior)
+        others = self._known[time.behavior]
         if others is None:
             return None
         if len(others) < 2:

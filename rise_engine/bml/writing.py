@@ -25,6 +25,8 @@ from rise_engine.text import pluralize
 
 _ID = re.compile(r"[A-Za-z_]\w*", re.ASCII)
 _NOT_IN_ID = re.compile(r"\W", re.ASCII)
+_NOT_XML = re.compile("[\x00-\x08\x0b\x0c\x0e-\x1f\ud800-\udfff\ufffe\uffff]")
+"""Characters that memory values may have, and no XML."""
 _COMPOSITION: Mapping[CallingType, str] = {"None": "MERGE", "Blocking": "APPEND"}
 _SSML_NAMESPACE = "http://www.w3.org/2001/10/synthesis"
 _SAFE = {"\n": "&#10;", "\t": "&#9;", "\r": "&#13;"}
@@ -58,7 +60,7 @@ def _note_losses(action: Action, read: Action | None, writer: _BlockWriter, find
     """What another program will not do of an action."""
 
     def lose(message: str) -> None:
-        findings.lose(action.location, f"action {action.id}: {message}")
+        findings.lose(action.location, f"`{writer.act.name}`, action {action.id}: {message}")
 
     if len(action.wait_for) > 1:
         lose("it begins when several have ended, for which BML has only <after>: another program may begin it later")
@@ -120,7 +122,7 @@ class _BlockWriter:
 
     def fill(self, template: Template) -> str:
         try:
-            return template.fill(self.memory)
+            return _NOT_XML.sub("", template.fill(self.memory))
         except MissingValueError:
             return template.text
 
