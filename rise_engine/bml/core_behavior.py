@@ -8,7 +8,7 @@ from typing import TypeAlias
 
 from msgspec import Struct
 
-from rise_engine.bml.names import BmlNames, Point
+from rise_engine.bml.names import BmlNames, TargetPoint
 from rise_engine.bml.sync import read_seconds, seconds_text
 from rise_engine.scenario.model import ActionCall
 from rise_engine.scenario.ssml import begins_as_ssml, plain_words
@@ -64,10 +64,10 @@ def target_name(written: Mapping[str, str], names: BmlNames) -> str:
     return known if known is not None else "_".join(("at", point.x, point.y, point.z, *filter(None, (point.frame,))))
 
 
-def point_of(written: Mapping[str, str]) -> Point:
+def point_of(written: Mapping[str, str]) -> TargetPoint:
     """The point that the parameters of an action say."""
     x, y, z = (written.get(f"point{axis}", "") for axis in "xyz")
-    return Point(x, y, z, written.get("frame", ""))
+    return TargetPoint(x, y, z, written.get("frame", ""))
 
 
 def _by_lexeme(type: str, written: Mapping[str, str], names: BmlNames) -> CoreBehavior:

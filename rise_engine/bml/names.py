@@ -36,7 +36,7 @@ _USUAL: dict[LexemeKind, dict[str, tuple[str, str]]] = {
 """BML 1.0's lexemes that say just what an action of every robot does."""
 
 
-class Point(Struct, frozen=True):
+class TargetPoint(Struct, frozen=True):
     """Where a target is, as `LookAt` and `PointAt` have it: texts in metres."""
 
     x: str
@@ -58,7 +58,7 @@ class BmlNames(Struct, frozen=True):
     """The names that are known."""
 
     robot: RobotProfile
-    targets: dict[str, Point] = {}
+    targets: dict[str, TargetPoint] = {}
     lexemes: dict[LexemeKind, dict[str, tuple[str, str]]] = field(default_factory=lambda: {kind: {} for kind in KINDS})
     """By kind and lexeme, the action's type and its `value`."""
 
@@ -86,7 +86,7 @@ class BmlNames(Struct, frozen=True):
                         return kind, lexeme
         return ("gesture" if type == "Animation" else "face"), value
 
-    def target_of(self, point: Point) -> str | None:
+    def target_of(self, point: TargetPoint) -> str | None:
         """The name of a point, where it has one."""
         wanted = point.numbers
         return next(
@@ -135,7 +135,7 @@ def read_names(source: SourceFile, robot: RobotProfile, diagnostics: Diagnostics
     return BmlNames(robot, points, lexemes)
 
 
-def _read_point(targets: TomlTable, name: str) -> Point | None:
+def _read_point(targets: TomlTable, name: str) -> TargetPoint | None:
     form = f"`{name}` is a point: {name} = {{ x = 1.5, y = 0, z = 1.2 }}, in metres"
     point = targets.subtable(name, form)
     if point is None:
@@ -147,7 +147,7 @@ def _read_point(targets: TomlTable, name: str) -> Point | None:
         targets.report_key("wrong-type", form, name)
         return None
     x, y, z = (f"{each:.15g}" for each in numbers if each is not None)
-    return Point(x, y, z, frame)
+    return TargetPoint(x, y, z, frame)
 
 
 def _read_lexeme(section: TomlTable, lexeme: str, kind: LexemeKind, robot: RobotProfile) -> tuple[str, str] | None:

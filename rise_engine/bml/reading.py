@@ -156,8 +156,9 @@ class _BlockReader:
         if described is None:
             call = self.calls.read(behavior)
             return () if call is None else (call,)
+        before = self.findings.diagnostics.errors
         calls = self.calls.read_own(described)
-        if calls:
+        if calls and self.findings.diagnostics.errors == before:
             self.check_description(behavior, calls[0], described.location)
         return calls
 

@@ -15,12 +15,12 @@ from msgspec.structs import replace
 
 from rise_engine.bml.core_behavior import CoreBehavior, core_behavior, point_of, target_name
 from rise_engine.bml.findings import ConversionFindings
-from rise_engine.bml.names import BmlNames, Point
+from rise_engine.bml.names import BmlNames, TargetPoint
 from rise_engine.bml.reading import read_actions
 from rise_engine.bml.vocabulary import DESCRIPTION_TYPE, NAMESPACE, OWN_NAMESPACE, PRIORITY, SSML_TYPE
 from rise_engine.scenario.model import Act, Action, ActionCall, CallingType, Json
 from rise_engine.scenario.source_files import SourceFile
-from rise_engine.scenario.template import MissingValueError, Template
+from rise_engine.scenario.template import MemorySlot, MissingValueError, Template
 from rise_engine.text import pluralize
 
 _ID = re.compile(r"[A-Za-z_]\w*", re.ASCII)
@@ -111,9 +111,9 @@ class _BlockWriter:
         """What BML's core has for an action, with the start values of the memory in it."""
         return core_behavior(call, self.names, self.fill)
 
-    def points(self) -> dict[str, Point]:
+    def points(self) -> dict[str, TargetPoint]:
         """The points that the act has, by the names that stand for them in the block."""
-        found: dict[str, Point] = {}
+        found: dict[str, TargetPoint] = {}
         for action in self.act.actions:
             written = {name: self.fill(template) for name, template in action.calls[0].parameters.items()}
             if "pointx" in written:
@@ -121,10 +121,18 @@ class _BlockWriter:
         return found
 
     def fill(self, template: Template) -> str:
-        try:
-            return _NOT_XML.sub("", template.fill(self.memory))
-        except MissingValueError:
-            return template.text
+        """A parameter's text with the start values; a key without one stands there in its braces."""
+        parts = tuple(self.with_value(part) for part in template.parts)
+        return _NOT_XML.sub("", Template(template.text, parts).fill(self.memory))
+
+    def with_value(self, part: str | MemorySlot) -> str | MemorySlot:
+        """A part of a template; a text, if the memory has no value for it."""
+        if isinstance(part, MemorySlot):
+            try:
+                part.read(self.memory)
+            except MissingValueError:
+                return f"{{{part.key}}}"
+        return part
 
     def text(self, described: frozenset[str]) -> str:
         """The block; actions in `described` have a description of our own."""

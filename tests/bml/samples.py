@@ -5,7 +5,7 @@ from __future__ import annotations
 from msgspec import Struct
 
 from rise_engine.bml.findings import ConversionFindings
-from rise_engine.bml.names import BmlNames, Point
+from rise_engine.bml.names import BmlNames, TargetPoint
 from rise_engine.bml.reading import ReadAct, read_act
 from rise_engine.bml.vocabulary import NAMESPACE
 from rise_engine.scenario import load
@@ -15,7 +15,7 @@ from rise_engine.scenario.source_files import SourceFile
 ROBOT: RobotProfile = load("scenarios/greeting").robot
 NAMES = BmlNames(
     ROBOT,
-    {"visitor": Point("1.5", "0", "1.2"), "door": Point("-1", "2", "0", "map")},
+    {"visitor": TargetPoint("1.5", "0", "1.2"), "door": TargetPoint("-1", "2", "0", "map")},
     {
         "head": {},
         "gesture": {"BEAT": ("Animation", "engagement_left")},
