@@ -5,30 +5,30 @@ from __future__ import annotations
 from decimal import Decimal
 from functools import cache
 
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from rise_engine.bml.sync import milliseconds, parse_sync, seconds_text
 from tests.bml.samples import read
 
-OFFSETS = st.decimals("0", "3", places=2)
+OFFSETS = st.one_of(st.just(Decimal(0)), st.decimals("0", "3", places=2))
 
 
 @st.composite
 def times(draw: st.DrawFn, before: list[str]) -> str:
     """A time of BML that depends on behaviours before."""
     offset = draw(OFFSETS)
-    kind = draw(st.sampled_from(["number", "end", "start", "earlier"])) if before else "number"
+    kind = draw(st.sampled_from(["number", "end", "end", "start", "start"])) if before else "number"
     if kind == "number":
         return f"{offset}"
-    sign = "-" if kind == "earlier" else "+"
-    written = "" if not offset else f" {sign} {offset}"
-    return f"{draw(st.sampled_from(before))}:{'end' if kind == 'end' else 'start'}{written}"
+    written = "" if not offset else f" + {offset}"
+    return f"{draw(st.sampled_from(before[-3:]))}:{'end' if kind == 'end' else 'start'}{written}"
 
 
+@settings(max_examples=400)
 @given(st.data())
 def test_an_act_begins_everything_when_its_block_does(data: st.DataObject) -> None:
-    ids = [f"s{number}" for number in range(data.draw(st.integers(1, 7)))]
+    ids = [f"s{number}" for number in range(data.draw(st.integers(1, 8)))]
     lengths = {id: data.draw(st.decimals("0.1", "4", places=2)) for id in ids}
     starts: dict[str, list[str]] = {}
     lines: list[str] = []
@@ -53,10 +53,8 @@ def test_an_act_begins_everything_when_its_block_does(data: st.DataObject) -> No
         return begins(id) + moved + (lengths[id] if point == "end" else 0)
 
     found = read("\n".join(lines))
-    if any(begins(id) < 0 or any("-" in each for each in starts[id]) for id in ids) and found.errors:
-        return  # a time before another is kept where it can be
     if any("with this offset cannot be kept" in each for each in found.errors):
-        return
+        return  # so many seconds after the start of what waits for several, some of them so many seconds, too
     waits = found.waits
     pauses = {id: Decimal(does["duration"]) / 1000 for id, does in found.does.items() if does["type"] == "Wait"}
 
