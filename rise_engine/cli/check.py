@@ -13,6 +13,7 @@ from typing import Any
 
 from msgspec import UNSET, to_builtins
 
+from rise_engine.bml.schema import block_schema_text
 from rise_engine.cli.terminal import write_json
 from rise_engine.engine.drivers import DOCTORS, DriverError, driver_names, load_ros_plugin, profile_problems
 from rise_engine.errors import RiseError
@@ -282,9 +283,11 @@ def type_name(value: Any) -> str:
 
 
 def schema_text(folder: str | None, kind: str, robot: str | None) -> str | None:
-    """The RELAX NG schema of act (`cra`) or rule files; None when the scenario is refused or the robot unknown."""
+    """The RELAX NG schema of act (`cra`), rule or BML files; None when the scenario is refused or the robot unknown."""
     if kind == "rules":
         return rule_schema_text()
+    if kind == "bml":
+        return block_schema_text()
     if folder is not None:
         scenario = load_or_refuse(folder, robot=robot, mode=None)
         return None if scenario is None else act_schema_text(scenario.robot.actions)

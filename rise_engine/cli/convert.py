@@ -4,10 +4,16 @@ from __future__ import annotations
 
 import click
 
+from rise_engine.cli.convert_from_bml import from_bml
+from rise_engine.cli.convert_to_bml import to_bml
+
 
 @click.group("convert")
 def convert() -> None:
     """Turn rules into SCXML and acts into BML, and back."""
 
+
+convert.add_command(to_bml)
+convert.add_command(from_bml)
 
 COMMANDS = {"convert": convert}

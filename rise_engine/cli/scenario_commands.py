@@ -110,10 +110,10 @@ def evaluate(expression: str | None, functions: bool, memory: str, as_json: bool
 
 @click.command()
 @FOLDER_OR_NONE
-@click.option("--kind", type=click.Choice(["cra", "rules"]), required=True, help="Acts, or interaction rules.")
+@click.option("--kind", type=click.Choice(["cra", "rules", "bml"]), required=True, help="Acts, rules, or BML 1.0.")
 @ROBOT
 def schema(folder: str | None, kind: str, robot: str | None) -> None:
-    """Print the RELAX NG schema of act or rule files, for an editor that completes and checks them.
+    """Print the RELAX NG schema of act, rule or BML files, for an editor that completes and checks them.
 
     With DIR, it knows the actions of that scenario and its robot too.
     """
