@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from array import array
 from collections import Counter, deque
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from typing import TypeAlias
 
 from rise_engine.explore.moves import Move
@@ -74,10 +74,24 @@ class Space:
                 return
             number = self.pending.popleft()
             self._is_pending.discard(number)
-            self._take(number, self.stepper.follow(self.situations[number], self.zones[number]))
+            self.take(number, self.stepper.follow(self.situations[number], self.zones[number]))
         self.complete = True
 
-    def _take(self, number: Number, steps: Iterator[Step]) -> None:
+    def take_pending(self, most: int) -> list[tuple[Number, Situation, Zone]]:
+        """Some of the situations that have still to be looked at; whoever takes them looks at them."""
+        taken = []
+        while self.pending and len(taken) < most:
+            number = self.pending.popleft()
+            self._is_pending.discard(number)
+            taken.append((number, self.situations[number], self.zones[number]))
+        return taken
+
+    def put_back(self, numbers: Iterable[Number]) -> None:
+        """These have still to be looked at after all."""
+        for number in numbers:
+            self._enqueue(number)
+
+    def take(self, number: Number, steps: Iterable[Step]) -> None:
         """Take in what follows a situation."""
         edges = array("q")
         seen = set()
