@@ -4,7 +4,7 @@ Every situation is a snapshot of a kernel. From each, a kernel is restored for e
 it, and is taken a snapshot of. The robot is played action by action. What cannot matter to what follows is made alike:
 
 - time, numbers of records, the random source's state, marks of the wizard, what was taken back or gone through before;
-- numbers of tasks and timers are given anew, in their order;
+- numbers of tasks and timers are given anew;
 - words: reasons, parameters that the robot has been given, which of several wordings was the last.
 
 Memory keys that are not asked for stay in a snapshot as they were on the first way to it, and make no difference
@@ -25,6 +25,7 @@ from rise_engine.kernel import Kernel
 from rise_engine.kernel.act_runner import ActRun
 from rise_engine.kernel.commands import SetTimer
 from rise_engine.kernel.core import Task, TimerTarget
+from rise_engine.kernel.failures import first_task
 from rise_engine.kernel.history import MemoryLog
 from rise_engine.kernel.inputs import ActionReport, AnyInput, RobotChanged, SessionStarted, StopReport, Submit
 from rise_engine.kernel.inputs import TimerElapsed as Elapsed
@@ -43,6 +44,11 @@ NOW = 1.0
 """When each input comes; in a snapshot it is 0."""
 FRACTIONS = (0.0, 0.25, 0.5, 0.75, 1.0 - 2.0**-53)
 """Of the numbers from 0 to 1 that chance can give, those that are tried."""
+
+
+MOST_OUTCOMES = 128
+"""Of one input, by chance; a study in which one has more is given up."""
+WORLD, START = World(), SessionStarted()
 
 
 class Situation(NamedTuple):
@@ -84,8 +90,8 @@ def explore_naively(
     *,
     keys: Collection[str] = (),
     timers: Timers = "any",
-    world: World = World(),
-    start: SessionStarted = SessionStarted(),
+    world: World = WORLD,
+    start: SessionStarted = START,
     max_states: int = 1_000_000,
     restoring: Callable[[Scenario], Restore] = restoring_in_place,
     seen: Callable[[Kernel], None] = lambda kernel: None,
@@ -132,7 +138,10 @@ def explore_naively(
         situation = waiting.popleft()
         for input in possible_inputs(scenario, situation, world, always):
             failure = isinstance(input, ActionReport) and input.status == "failed"
-            for step in steps_of(restore, situation.snapshot, input):
+            for number, step in enumerate(steps_of(restore, situation.snapshot, input)):
+                if number == MOST_OUTCOMES:
+                    result.complete, result.situations = False, len(found)
+                    return result
                 add(step, situation.faults - failure, situation.seconds)
                 if not failure and situation.snapshot.robot_lost is None and not isinstance(input, RobotChanged):
                     result.own_failures |= _failures(step.records)
@@ -313,22 +322,35 @@ def _tasks_of(snapshot: Snapshot) -> list[Task]:
 
 
 def _renumber_tasks(snapshot: Snapshot) -> Snapshot:
-    """Give the tasks that are still known numbers from 1, in their order."""
-    running = snapshot.rules.running
-    known = {id for task in _tasks_of(snapshot) for id in (task.id, task.first) if id}
-    known.update(id for rule in running for id in rule.own_acts.values())
-    numbers = {id: number for number, id in enumerate(sorted(known), 1)}
-    for task in _tasks_of(snapshot):
-        task.id, task.first = numbers[task.id], numbers.get(task.first, 0)
-    own = [{act: numbers[id] for act, id in sorted(rule.own_acts.items())} for rule in running]
-    rules = [replace(rule, own_acts=acts) for rule, acts in zip(running, own, strict=True)]
+    """Give the tasks that are still known numbers from 1.
+
+    Of two numbers, the kernel only asks which is the lower one to know whether a rule that runs has started an act, or
+    an earlier run of the same name has. So what no running rule has started comes first, then the rules, then the rest.
+    An act that is repeated counts as its own first attempt.
+    """
+    rules = snapshot.rules.running
+    began = {f"rule:{rule.name}": rule.task.id for rule in rules}
+    acts = [task for task in _tasks_of(snapshot) if task.function != "startInteractionRule"]
+    own = [task for task in acts if began.get(task.source, first_task(task)) < first_task(task)]
+    owned = {task.id for task in own}
+    ordered = [*(task for task in acts if task.id not in owned), *(rule.task for rule in rules), *own]
+    numbers = {task.id: number for number, task in enumerate(ordered, 1)}
+    for task in ordered:
+        task.id = numbers[task.id]
+        task.first = task.id if task.first else 0
+    running = [replace(rule, own_acts=_renumber_own(rule.own_acts, numbers)) for rule in rules]
     snapshot.failures.asked = {task.id: task for task in snapshot.failures.asked.values()}
     return replace(
         snapshot,
         next_task=len(numbers) + 1,
-        rules=replace(snapshot.rules, running=rules),
+        rules=replace(snapshot.rules, running=running),
         timers={timer: _renumber_owner(target, numbers) for timer, target in snapshot.timers.items()},
     )
+
+
+def _renumber_own(own_acts: dict[str, int], numbers: dict[int, int]) -> dict[str, int]:
+    """0 for an act that nothing is known of any more."""
+    return {act: numbers.get(id, 0) for act, id in sorted(own_acts.items())}
 
 
 def _renumber_owner(target: TimerTarget, numbers: dict[int, int]) -> TimerTarget:

@@ -23,7 +23,7 @@ from rise_engine.kernel.inputs import (
 from rise_engine.kernel.records import ENDINGS, ActionRecord, AnyRecord
 from rise_engine.kernel.stop import STOP_LIMIT
 from rise_engine.scenario.model import Scenario
-from tests.explore.naive import release
+from tests.explore.naive import START, WORLD, release
 from tests.explore.world import SOURCE, World, presses
 
 PACE = (0.5, 3.0)
@@ -46,8 +46,8 @@ def random_run(
     seed: int,
     steps: int,
     *,
-    world: World = World(),
-    start: SessionStarted = SessionStarted(),
+    world: World = WORLD,
+    start: SessionStarted = START,
     pace: tuple[float, float] = PACE,
 ) -> Iterator[Kernel]:
     """Play a study at random, action by action, and give the kernel after each input, the first one included.
@@ -95,11 +95,11 @@ class _Run:
         """The next input; false when it would lead beyond a bound."""
         due = self.next_due()
         at = self.t + self.random.choice(GAPS)
-        if (due is not None and (at > due or (at == due and self.random.random() < 0.5))) or (self.random.random() < self.patience and due is not None):
-            at = due
-        else:
+        wins = due is not None and (at > due or self.random.random() < (0.5 if at == due else self.patience))
+        if due is None or not wins:
             self.t = at
             return self.somebody_acts()
+        at = due
         self.t = max(self.t, at)
         return self.do_and_look(self.due_input(at))
 
