@@ -35,7 +35,7 @@ from rise_engine.kernel.wizard_marks import WizardMarksState
 from rise_engine.scenario.model import Scenario
 from tests.explore.projection import Projection, project
 from tests.explore.restoring import Restore, restoring_in_place
-from tests.explore.world import SOURCE, World, presses
+from tests.explore.world import SOURCE, World, is_fault, presses
 
 Timers: TypeAlias = Literal["any", "order"]
 ORDERED = ("after", "keep", "filler")
@@ -54,7 +54,7 @@ WORLD, START = World(), SessionStarted()
 class Situation(NamedTuple):
     snapshot: Snapshot
     faults: int
-    """How many actions may still fail."""
+    """How many things may still go wrong."""
     seconds: dict[int, float]
     """How long the ordered timers are, when that counts."""
 
@@ -137,13 +137,15 @@ def explore_naively(
     while waiting and result.complete:
         situation = waiting.popleft()
         for input in possible_inputs(scenario, situation, world, always):
-            failure = isinstance(input, ActionReport) and input.status == "failed"
+            fault = is_fault(input)
+            if fault and not situation.faults:
+                continue
             for number, step in enumerate(steps_of(restore, situation.snapshot, input)):
                 if number == MOST_OUTCOMES:
                     result.complete, result.situations = False, len(found)
                     return result
-                add(step, situation.faults - failure, situation.seconds)
-                if not failure and situation.snapshot.robot_lost is None and not isinstance(input, RobotChanged):
+                add(step, situation.faults - fault, situation.seconds)
+                if not fault and situation.snapshot.robot_lost is None:
                     result.own_failures |= _failures(step.records)
     result.situations = len(found)
     return result
@@ -153,7 +155,7 @@ def explore_naively(
 
 
 def possible_inputs(scenario: Scenario, situation: Situation, world: World, always: list[Submit]) -> Iterator[AnyInput]:
-    """All that may come next."""
+    """All that may come next, while something may go wrong."""
     snapshot = situation.snapshot
     yield from always
     for act in snapshot.acts:
@@ -166,8 +168,7 @@ def possible_inputs(scenario: Scenario, situation: Situation, world: World, alwa
                 yield Elapsed(timer=action.timer)
             elif action.state == "running":
                 yield ActionReport(action=goal, status="succeeded")
-                if situation.faults:
-                    yield ActionReport(action=goal, status="failed")
+                yield ActionReport(action=goal, status="failed")
     yield from (Elapsed(timer=timer) for timer in next_timers(situation))
     for task in snapshot.failures.asked.values():
         for answer in ("goOn", "repeatAct", "stopRuleOfAct"):

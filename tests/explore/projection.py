@@ -10,6 +10,7 @@ from rise_engine.kernel import Kernel
 from rise_engine.kernel.core import Task
 from rise_engine.kernel.rule_stack import RuleRun
 from rise_engine.kernel.speech import act_name
+from rise_engine.scenario.model import SESSION
 
 
 class Run(Protocol):
@@ -67,7 +68,7 @@ def project(kernel: Kernel, keys: Collection[str], *, in_order: bool = True) -> 
 
     Arguments:
         kernel: its `scheduler.runner` may be of another class, with `runs: dict[int, Run]` and `robot_lost`.
-        keys: whole memory keys that count.
+        keys: whole memory keys that count. Of `session`, only whether there is a cue, and a stop.
         in_order: whether it is told apart in which order a rule's timers were set; else they are sorted.
     """
     runs: Iterable[Run] = kernel.scheduler.runner.runs.values()
@@ -92,7 +93,7 @@ def project(kernel: Kernel, keys: Collection[str], *, in_order: bool = True) -> 
         stood=tuple((rule.name, rule.state) for rule in kernel.stop.stood),
         robot_lost=kernel.scheduler.runner.robot_lost is not None,
         cue_open=kernel.core.open_cue_at is not None,
-        memory=tuple((key, _json(memory[key]) if key in memory else None) for key in sorted(keys)),
+        memory=tuple((key, _value(memory, key)) for key in sorted(keys)),
     )
 
 
@@ -118,5 +119,8 @@ def difference(one: set[Any], other: set[Any], shown: int = 3) -> str:
     return "\n".join(lines)
 
 
-def _json(value: Any) -> str:
-    return json.dumps(value, sort_keys=True, ensure_ascii=False)
+def _value(memory: dict[str, Any], key: str) -> str | None:
+    value = memory.get(key)
+    if key == SESSION and isinstance(value, dict):
+        value = {part: value[part] for part in ("cue", "stopped")}
+    return json.dumps(value, sort_keys=True, ensure_ascii=False) if key in memory else None

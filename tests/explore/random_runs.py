@@ -24,7 +24,7 @@ from rise_engine.kernel.records import ENDINGS, ActionRecord, AnyRecord
 from rise_engine.kernel.stop import STOP_LIMIT
 from rise_engine.scenario.model import Scenario
 from tests.explore.naive import START, WORLD, release
-from tests.explore.world import SOURCE, World, presses
+from tests.explore.world import SOURCE, World, is_fault, presses
 
 PACE = (0.5, 3.0)
 """How many times what is expected an action takes, at least and at most."""
@@ -145,12 +145,14 @@ class _Run:
         if asked and random.random() < 0.4:
             answer = random.choice(["goOn", "repeatAct", "stopRuleOfAct"])
             return Submit(function=answer, behavior=str(random.choice(asked)), source=SOURCE)
-        if world.robot and random.random() < (0.05 if kernel.scheduler.runner.robot_lost is None else 0.4):
-            lost = kernel.scheduler.runner.robot_lost is None
-            return RobotChanged(status="lost" if lost else "connected")
+        if kernel.scheduler.runner.robot_lost is not None and random.random() < 0.4:
+            return RobotChanged(status="connected")
+        if world.robot and self.faults and kernel.scheduler.runner.robot_lost is None and random.random() < 0.05:
+            return RobotChanged(status="lost")
         if world.stop and kernel.stop.status == "latched" and random.random() < 0.6:
             return release(kernel.snapshot(), random.choice(world.releases))
-        if world.stop and (kernel.stop.status == "released" or world.stop_again) and random.random() < 0.05:
+        may_stop = world.stop and self.faults and (kernel.stop.status == "released" or world.stop_again)
+        if may_stop and random.random() < 0.05:
             return Submit(function="stopAll", source=SOURCE)
         if world.cues and kernel.core.open_cue_at is not None and random.random() < 0.1:
             return Submit(function="undoCue", source=SOURCE)
@@ -165,6 +167,7 @@ class _Run:
         return not self.world.exceeds(self.kernel)
 
     def do(self, input: AnyInput) -> None:
+        self.faults -= isinstance(input, RobotChanged | Submit) and is_fault(input)
         records, commands = self.kernel.handle(replace(input, t=self.t))
         for command in commands:
             match command:

@@ -182,7 +182,7 @@ def test_all_that_chance_can_give_is_tried(tmp_path: Path) -> None:
 
 def test_everything_can_be_stopped_and_goes_on(tmp_path: Path) -> None:
     scenario = study(tmp_path, rule("R", FORTH, BACK))
-    found = explore_naively(scenario, world=World(stop=True))
+    found = explore_naively(scenario, world=World(stop=True, faults=1))
     stood = {(each.stop, each.stood) for each in found.states}
     # Nothing, s0 or s1: as they are, being stopped, and stopped.
     assert stood == {("released", ())} | {
@@ -191,11 +191,11 @@ def test_everything_can_be_stopped_and_goes_on(tmp_path: Path) -> None:
     assert len(found.states) == 3 + 6
 
 
-def test_a_robot_that_is_lost_fails_its_acts_without_a_fault(tmp_path: Path) -> None:
+def test_a_robot_that_is_lost_fails_its_acts(tmp_path: Path) -> None:
     ways = '<transition eventTopic="/A_failed" target="s1"/>'
     scenario = study(tmp_path, rule("R", ways, ""), dialog("A", speech(1)), ACT)
-    assert states(explore_naively(scenario)) == {"s0"}
-    found = explore_naively(scenario, world=World(robot=True))
+    assert states(explore_naively(scenario, world=World(robot=True))) == {"s0"}
+    found = explore_naively(scenario, world=World(robot=True, faults=1))
     assert {each.robot_lost for each in found.states} == {True, False} and not found.own_failures
     assert not {each for each in found.states if each.robot_lost and each.running}
 

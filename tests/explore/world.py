@@ -8,7 +8,7 @@ from itertools import chain
 from msgspec import Struct
 
 from rise_engine.kernel import Kernel
-from rise_engine.kernel.inputs import Submit
+from rise_engine.kernel.inputs import ActionReport, AnyInput, RobotChanged, Submit
 from rise_engine.scenario.model import (
     CUE_TOPICS,
     Function,
@@ -37,7 +37,7 @@ class World(Struct, frozen=True):
     releases: tuple[str, ...] = ("leave", "enter", "wait")
     """What becomes of all stopped rules at a release: each word is one input."""
     robot: bool = False
-    """The link to the robot is lost and comes back at any time. It is no fault of an act: it costs none."""
+    """The link to the robot is lost and comes back."""
     cues: bool = False
     """The wizard marks the participant's cue, and takes it back."""
     more: tuple[Submit, ...] = ()
@@ -46,14 +46,28 @@ class World(Struct, frozen=True):
     """Acts that wait."""
     beside: int = 2
     """Acts that run as `None`."""
+    asked: int = 1
+    """Failed acts that somebody is asked about."""
+    kept: int = 1
+    """Events that are kept."""
     faults: int = 0
-    """Actions that fail on one way."""
+    """Things that go wrong on one way: an action fails, the robot is lost, everything is stopped."""
 
     def exceeds(self, kernel: Kernel) -> bool:
         """Whether a session has gone beyond a bound."""
         runs = kernel.scheduler.runner.runs.values()
         beside = sum(run.task.calling_type == "None" for run in runs)
-        return len(kernel.scheduler.waiting) > self.line or beside > self.beside
+        asked, kept = kernel.failures.state.asked, kernel.rules.kept
+        many = beside > self.beside or len(asked) > self.asked or len(kept) > self.kept
+        return many or len(kernel.scheduler.waiting) > self.line
+
+
+def is_fault(input: AnyInput) -> bool:
+    """Whether something goes wrong by it."""
+    match input:
+        case ActionReport(status="failed") | RobotChanged(status="lost") | Submit(function="stopAll"):
+            return True
+    return False
 
 
 def presses(scenario: Scenario, world: World) -> list[Submit]:
