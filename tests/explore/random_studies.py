@@ -8,6 +8,7 @@ from typing import Any, NamedTuple
 
 from rise_engine.expression import Assignment, Expression
 from rise_engine.scenario.model import (
+    CUE_TOPICS,
     SESSION,
     Act,
     Action,
@@ -83,7 +84,7 @@ class RandomStudy(NamedTuple):
     keys: tuple[str, ...]
     """The memory keys that something reads or writes."""
     has_cue: bool
-    """Whether something waits for the participant's cue."""
+    """Whether the participant's cue makes a difference."""
 
 
 def random_study(seed: int, *, speaking: bool = False) -> RandomStudy:
@@ -110,6 +111,7 @@ class _Author:
             if speaking:
                 conditions += [*ON_SPEAKING, *ON_SPEAKING]
         self.conditions = conditions
+        self.reads_cue = False
         self.rule = self.rules[0]
         """The one that is being written."""
 
@@ -143,7 +145,7 @@ class _Author:
             reads_session=self.uses_session,
             topics=frozenset(topics),
         )
-        has_cue = bool(topics & {"cue", "cue_undone"}) or self.uses_session
+        has_cue = bool(topics.intersection(CUE_TOPICS)) or scenario.fillers.auto_after is not None or self.reads_cue
         return RandomStudy(scenario, ("k0", "k1", "k2", "who", *([SESSION] if self.uses_session else [])), has_cue)
 
     def settings(self) -> ActSettings:
@@ -255,7 +257,9 @@ class _Author:
         return Function("startInteractionRule", rule)
 
     def condition(self) -> Expression:
-        return Expression.parse(self.pick(self.conditions))
+        words = self.pick(self.conditions)
+        self.reads_cue = self.reads_cue or "session.cue" in words
+        return Expression.parse(words)
 
     def transition(self) -> Transition:
         guard = self.condition() if self.chance(0.25) else None
