@@ -36,6 +36,8 @@ class Bounds(Struct, frozen=True):
     """At most so many situations are looked at."""
     values: int = 40
     """Of each memory key at most so many values are followed."""
+    merges_alike: bool = True
+    """Whether of acts that no rule speaks of, and that nothing tells apart, only the first is started."""
     follows_voice: bool = False
     """Whether it matters when the robot speaks within an act: something reads `session.speaking`."""
 

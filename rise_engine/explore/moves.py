@@ -75,7 +75,7 @@ class Moves:
     def __init__(self, scenario: Scenario, traits: dict[str, ActTraits], bounds: Bounds) -> None:
         self._traits = traits
         self._bounds = bounds
-        self.alike = acts_alike(scenario, traits) if bounds.keys == "all" else {}
+        self.alike = acts_alike(scenario, traits) if bounds.keys == "all" and bounds.merges_alike else {}
         """For each act that a key starts and no rule speaks of: the first act that nothing tells apart from it."""
         self.keys = {
             name: key

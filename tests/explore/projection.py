@@ -51,7 +51,7 @@ class Projection(NamedTuple):
     """Acts with their calling types, next first."""
     running: tuple[RunningAct, ...]
     asked: tuple[tuple[str, int], ...]
-    """Failed acts that somebody is asked about, each with its attempt."""
+    """Failed acts that somebody is asked about, each with its attempt, as far as that decides what becomes of it."""
     kept: tuple[str, ...]
     """Topics of kept events, the oldest first."""
     stop: str
@@ -87,7 +87,7 @@ def project(kernel: Kernel, keys: Collection[str], *, in_order: bool = True) -> 
         ),
         waiting=tuple((act_name(task), task.calling_type) for task in kernel.scheduler.waiting),
         running=tuple(sorted(RunningAct(act_name(run.task), run.task.calling_type, phase_of(run)) for run in runs)),
-        asked=tuple(sorted((task.behavior, task.attempt) for task in kernel.failures.state.asked.values())),
+        asked=tuple(sorted((task.behavior, _attempt(kernel, task)) for task in kernel.failures.state.asked.values())),
         kept=tuple(kept.topic for kept in kernel.rules.kept.values()),
         stop=kernel.stop.status,
         stood=tuple((rule.name, rule.state) for rule in kernel.stop.stood),
@@ -95,6 +95,10 @@ def project(kernel: Kernel, keys: Collection[str], *, in_order: bool = True) -> 
         cue_open=kernel.core.open_cue_at is not None,
         memory=tuple((key, _value(memory, key)) for key in sorted(keys)),
     )
+
+
+def _attempt(kernel: Kernel, task: Task) -> int:
+    return min(task.attempt, kernel.scenario.failure_policy(task.behavior).times + 1)
 
 
 def _timers(run: RuleRun, in_order: bool) -> tuple[int, ...]:
