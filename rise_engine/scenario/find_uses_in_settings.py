@@ -14,10 +14,10 @@ from rise_engine.scenario.memory import LIST_KEY
 from rise_engine.scenario.model import normal_topic
 from rise_engine.scenario.source_files import SourceFile
 from rise_engine.scenario.toml_locations import TomlFile
+from rise_engine.scenario.toml_texts import WrittenText
 from rise_engine.scenario.uses import Use, UsedKind
 from rise_engine.text import match_end
 
-_BASIC = re.compile(r"\\(?:u[0-9A-Fa-f]{4}|U[0-9A-Fa-f]{8}|[ \t]*\r?\n\s*|.)|\r\n|.", re.DOTALL)
 _QUOTED = re.compile(r'"(?:[^"\\]|\\.)*"')
 _KINDS: dict[str, UsedKind] = {
     "act": "act",
@@ -27,33 +27,6 @@ _KINDS: dict[str, UsedKind] = {
     "event": "event",
 }
 _WILDCARD = re.compile(r"\[[^\]]*\]|[*?]")
-
-
-class _WrittenText:
-    """A text of a TOML file as it is written: where each of its characters stands."""
-
-    def __init__(self, source: SourceFile, offset: int, value: str) -> None:
-        text = source.text
-        quotes = next((each for each in ('"""', "'''", '"', "'") if text.startswith(each, offset)), "")
-        at = offset + len(quotes)
-        if len(quotes) == 3:  # a line end directly behind them is none of the text's
-            at = match_end(re.compile(r"\r?\n"), text, at)
-        self.starts: list[int] = []
-        for _ in value:
-            self.starts.append(at)
-            if quotes.startswith('"') and (unit := _BASIC.match(text, at)) is not None:
-                while unit is not None and len(unit.group()) > 1 and unit.group()[1:].strip() == "":
-                    at = unit.end()  # a backslash at the end of a line joins it to the next
-                    unit = _BASIC.match(text, at)
-                self.starts[-1] = at
-                at = unit.end() if unit is not None else at
-            else:
-                at += 2 if text.startswith("\r\n", at) else 1
-        self.starts.append(at)
-
-    def span(self, start: int, length: int) -> tuple[int, int]:
-        """From where, and over how many characters of the file, these characters of the value stand."""
-        return self.starts[start], self.starts[start + length] - self.starts[start]
 
 
 def uses_in_settings(file: TomlFile) -> list[Use]:
@@ -116,7 +89,7 @@ class _SettingsUses:
         """A name that is a key of the file."""
         offset = self.source.offset(*_line_column(self.file, *path))
         if self.source.text.startswith(('"', "'"), offset):
-            start, length = _WrittenText(self.source, offset, name).span(0, len(name))
+            start, length = WrittenText(self.source, offset, name).span(0, len(name))
         else:
             start, length = offset, len(name)
         return Use(kind, name, self.source.location(start), length, False, where)
@@ -125,7 +98,7 @@ class _SettingsUses:
         """A name that begins at a character of a text."""
         location = self.file.value_location(*path)
         offset = self.source.offset(location.line, location.column)
-        at, length = _WrittenText(self.source, offset, value).span(start, len(name))
+        at, length = WrittenText(self.source, offset, value).span(start, len(name))
         return Use(kind, name, self.source.location(at), length, False, where)
 
 
