@@ -47,6 +47,7 @@
       OutputError                 Standard output cannot be written
       ParameterError              A value that an action's parameter cannot take
         OutOfRangeError           A number beyond the smallest or the largest that a parameter can have
+      PathMismatch                A path that does not belong to the scenario
       PlanError                   The plan cannot be written
       PortError                   Something cannot be had from this transport
       RecorderError               It cannot record
