@@ -13,7 +13,7 @@ from rise_engine.explore.moves import Move
 from rise_engine.explore.situation import Situation
 from rise_engine.explore.space import Number
 from rise_engine.expression import Environment, EvaluationError, Expression
-from rise_engine.scenario.model import StudyProperty
+from rise_engine.scenario.explore_settings import StudyProperty
 
 
 class SituationView:

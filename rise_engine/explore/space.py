@@ -79,7 +79,7 @@ class Space:
 
     def take_pending(self, most: int) -> list[tuple[Number, Situation, Zone]]:
         """Some of the situations that have still to be looked at; whoever takes them looks at them."""
-        taken = []
+        taken: list[tuple[Number, Situation, Zone]] = []
         while self.pending and len(taken) < most:
             number = self.pending.popleft()
             self._is_pending.discard(number)
