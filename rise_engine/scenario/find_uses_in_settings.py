@@ -8,12 +8,13 @@ from typing import Any
 
 from msgspec.structs import replace
 
-from rise_engine.expression.key_places import keys_in_assignment
+from rise_engine.expression.key_places import keys_in_assignment, keys_in_expression, names_in_property
 from rise_engine.json_codec import JsonError, JsonObject, read_json
+from rise_engine.scenario.explore_tables import PROPERTY_TABLES
 from rise_engine.scenario.memory import LIST_KEY
 from rise_engine.scenario.model import normal_topic
 from rise_engine.scenario.source_files import SourceFile
-from rise_engine.scenario.toml_locations import TomlFile
+from rise_engine.scenario.toml_locations import KeyPath, TomlFile
 from rise_engine.scenario.toml_texts import WrittenText
 from rise_engine.scenario.uses import Use, UsedKind
 from rise_engine.text import match_end
@@ -54,6 +55,12 @@ class _SettingsUses:
         for index, values in enumerate(allowed if isinstance(allowed, list) else []):
             if isinstance(values, dict) and isinstance(named := values.get("key"), str) and named:
                 yield self.text_use("key", named, "silenced warning", ("check", "allow", str(index), "key"), named, 0)
+        yield from self.find_in_explore()
+        for kind in PROPERTY_TABLES:
+            for name, value in self.table(kind).items():
+                for part, text in value.items() if isinstance(value, dict) else [("", value)]:
+                    if isinstance(text, str):
+                        yield from self.find_in_property(name, (kind, name, part) if part else (kind, name), text)
 
     def table(self, *path: str) -> dict[str, Any]:
         value: Any = self.file.values
@@ -65,6 +72,21 @@ class _SettingsUses:
         for index, name in enumerate(names if isinstance(names, list) else []):
             if isinstance(name, str) and name:
                 yield self.text_use("key", name, where, (*path, str(index)), name, 0)
+
+    def find_in_explore(self) -> Iterator[Use]:
+        end = self.table("explore").get("end")
+        if isinstance(end, str) and (name := end.strip()):
+            yield self.text_use("rule", name, "end of exploring", ("explore", "end"), end, end.index(name))
+        for key in self.table("explore", "tries"):
+            yield self.key_use("key", key, "tried when exploring", "explore", "tries", key)
+
+    def find_in_property(self, name: str, path: KeyPath, text: str) -> Iterator[Use]:
+        where = f"property {name}"
+        for key in keys_in_expression(text):
+            yield self.text_use("key", key.key, where, path, text, key.start)
+        for asked in names_in_property(text):
+            use = self.text_use(asked.kind, asked.name, where, path, text, asked.start, asked.length)
+            yield replace(use, name=f"{asked.rule}/{asked.name}") if asked.kind == "state" else use
 
     def find_in_binding(self, written: str, binding: dict[str, Any]) -> Iterator[Use]:
         path, where = ("keys", written), f"key {written}"
@@ -94,11 +116,13 @@ class _SettingsUses:
             start, length = offset, len(name)
         return Use(kind, name, self.source.location(start), length, False, where)
 
-    def text_use(self, kind: UsedKind, name: str, where: str, path: tuple[str, ...], value: str, start: int) -> Use:
-        """A name that begins at a character of a text."""
+    def text_use(
+        self, kind: UsedKind, name: str, where: str, path: KeyPath, value: str, start: int, length: int | None = None
+    ) -> Use:
+        """A name that begins at a character of a text, and takes so many of them, if they are not its own."""
         location = self.file.value_location(*path)
         offset = self.source.offset(location.line, location.column)
-        at, length = WrittenText(self.source, offset, value).span(start, len(name))
+        at, length = WrittenText(self.source, offset, value).span(start, len(name) if length is None else length)
         return Use(kind, name, self.source.location(at), length, False, where)
 
 
