@@ -69,10 +69,10 @@ def _may_give_nothing(assignment: Assignment) -> bool:
     return expression.text.strip() == "null" or expression.bare_key is not None or expression.gives_parts
 
 
-def parts_of_session_read(scenario: Scenario) -> frozenset[str] | None:
-    """The parts of `session` that can be read, with those that the engine itself compares; null: it is not kept."""
+def parts_of_session_read(scenario: Scenario) -> frozenset[str]:
+    """The parts of `session` that rules and acts read: `speaking`, `cue`, `condition`, ..."""
     if not scenario.reads_session:
-        return None
+        return frozenset()
     keys = {key for act in scenario.acts.values() for key in keys_read(act)}
     for rule in scenario.rules.values():
         for state in rule.states.values():
@@ -85,8 +85,8 @@ def parts_of_session_read(scenario: Scenario) -> frozenset[str] | None:
                 keys |= {key for expression in read if expression is not None for key in expression.keys}
     parts = {key.split(".")[1] for key in keys if key.startswith(f"{SESSION}.")}
     if SESSION in keys:
-        parts |= {"participant", "condition", "factors", "language"}
-    return frozenset({*parts, *SESSION_STATES})
+        parts |= {"participant", "condition", "factors", "language", *SESSION_STATES}
+    return frozenset(parts)
 
 
 def _conditions_in(block: Block) -> Iterator[Expression]:
