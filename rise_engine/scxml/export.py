@@ -13,13 +13,10 @@ from collections.abc import Iterable, Iterator
 from xml.sax.saxutils import escape
 
 from rise_engine.scenario.model import (
-    SESSION,
-    SESSION_STATES,
     Block,
     Delay,
     Function,
     If,
-    Json,
     OneOf,
     Rule,
     Scenario,
@@ -31,7 +28,9 @@ from rise_engine.scenario.model import (
 from rise_engine.scxml.event_names import event_name
 from rise_engine.scxml.expressions import assignment_code, condition_code, delay_code, json_code, text_code
 from rise_engine.scxml.helper_functions import helpers_for
+from rise_engine.scxml.limits import find_losses
 from rise_engine.scxml.rule_analysis import RuleAnalysis
+from rise_engine.text import clean
 
 NAMESPACE = "http://www.w3.org/2005/07/scxml"
 RISE_NAMESPACE = "urn:x-rise"
@@ -48,14 +47,6 @@ def export_rule(scenario: Scenario, rule: Rule, *, seed: int = 1) -> str:
     :param seed: what the session's chance begins with.
     """
     return _Document(scenario, rule, seed).text()
-
-
-def start_memory(scenario: Scenario, analysis: RuleAnalysis) -> dict[str, Json]:
-    """What of the memory a rule reads or sets, as a session begins with it: start values, tables, and `session`."""
-    session = dict.fromkeys(SESSION_STATES, False) | {"participant": "", "condition": "", "factors": {}}
-    own = {SESSION: {**session, "language": scenario.language}} if scenario.reads_session else {}
-    whole = {**scenario.memory, **scenario.table_memory, **own}
-    return {key: value for key, value in whole.items() if key in analysis.memory_names}
 
 
 class _Document:
@@ -85,7 +76,7 @@ class _Document:
         script = ["", *_indent("\n\n".join(helpers).splitlines()), ""] if helpers else []
         lines = [
             '<?xml version="1.0" encoding="UTF-8"?>',
-            _comment(f"The rule {self._rule.name!r} of {self._scenario.title!r}, made by rise-engine convert to-scxml"),
+            _comment("\n".join(self._about())),
             f"{head}>",
             *_indent(self._datamodel(states, helpers)),
             *([f"  <script>{_cdata(script)}</script>"] if script else []),
@@ -94,24 +85,32 @@ class _Document:
         ]
         return "\n".join(line.rstrip() for line in lines) + "\n"
 
+    def _about(self) -> Iterator[str]:
+        """Where the document comes from, and what it does not have, for who opens it."""
+        yield f"The rule {self._rule.name} of {self._scenario.title}, made by rise-engine convert to-scxml."
+        losses = find_losses(self._scenario, self._rule)
+        if losses:
+            yield "What it does not have of the rule:"
+        yield from (f"- {loss.code}: {clean(loss.message)}" for loss in losses)
+
     def _datamodel(self, states: list[str], helpers: list[str]) -> Iterator[str]:
         """Only what the states and helpers use."""
-        code = "\n".join((*states, *helpers))
+        said, code = "\n".join(states), "\n".join((*states, *helpers))
         data = {
-            "seed": f"'{self._seed}'",
-            "picked": "0",
-            "delay": "''",
-            "held": "[]",
-            "countdown": "0",
-            "countdowns": "[]",
+            "seed": (text_code(str(self._seed)), "seed" in "".join(helpers)),
+            "picked": ("0", 'location="picked"' in said),
+            "delay": ("''", 'location="delay"' in said),
+            "held": ("[]", 'location="held"' in said),
+            "countdown": ("0", "begin(" in said),
+            "countdowns": ("[]", "begin(" in said),
         }
-        used = {name: value for name, value in data.items() if re.search(rf"\b{name}\b(?!s?=)", code)}
+        used = {name: value for name, (value, is_used) in data.items() if is_used}
         reads_memory = "memory" in code
         if not used and not reads_memory:
             return
         yield "<datamodel>"
         if reads_memory:
-            yield f"  <data id=\"memory\">{escape(json_code(start_memory(self._scenario, self._analysis)))}</data>"
+            yield f'  <data id="memory">{escape(json_code(self._analysis.start_memory))}</data>'
         for name, value in used.items():
             yield f"  {_tag('data', id=name, expr=value)}/>"
         yield "</datamodel>"
@@ -340,4 +339,3 @@ def _identifier(name: str) -> str:
     """A name that is an identifier in every language; the whole one is `rise:name`."""
     found = re.sub(r"\W", "_", name, flags=re.ASCII)
     return found if re.match("[A-Za-z_]", found) else f"_{found}"
-

@@ -33,9 +33,7 @@ from rise_engine.scenario.model import Scenario
 
 EXACT_WHOLE_NUMBERS = 2**53
 """Up to here ECMAScript has every whole number; ours are exact beyond."""
-APPROXIMATE_FUNCTIONS = frozenset(
-    {"sin", "cos", "tan", "asin", "acos", "atan", "atan2", "exp", "ln", "log10", "pow"}
-)
+APPROXIMATE_FUNCTIONS = frozenset({"sin", "cos", "tan", "asin", "acos", "atan", "atan2", "exp", "ln", "log10", "pow"})
 """Whose last digit ECMAScript leaves to the interpreter."""
 _NOT_XML = re.compile("[\x00-\x08\x0b\x0c\x0e-\x1f\x7f-\x9f\u2028\u2029\ud800-\udfff\ufffe\uffff]")
 _CONSTANTS = {"pi": "Math.PI", "e": "Math.E", "r2d": "(180 / Math.PI)", "d2r": "(Math.PI / 180)"}

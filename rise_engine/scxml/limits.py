@@ -13,7 +13,6 @@ from rise_engine.expression.nodes import FunctionCall, Literal, Power
 from rise_engine.nearest_name import in_backquotes
 from rise_engine.scenario.diagnostics import Diagnostics
 from rise_engine.scenario.model import SESSION, Function, Json, Rule, Scenario, SourceLocation
-from rise_engine.scxml.export import start_memory
 from rise_engine.scxml.expressions import APPROXIMATE_FUNCTIONS, EXACT_WHOLE_NUMBERS, is_limited, nodes_of
 from rise_engine.scxml.rule_analysis import RuleAnalysis
 from rise_engine.text import clean
@@ -70,7 +69,9 @@ def find_refusals(scenario: Scenario, rule: Rule) -> Diagnostics:
     for transition in analysis.transitions:
         watched = transition.held or (transition.condition if transition.is_eventless else None)
         if watched is not None and watched.draws:
-            refuse("scxml-chance", transition.location, f"`{watched.text}` draws by chance; give it an event, or an `if`")
+            refuse(
+                "scxml-chance", transition.location, f"`{watched.text}` draws by chance; give it an event, or an `if`"
+            )
     for expression, location in analysis.expressions:
         for node in nodes_of(expression):
             if isinstance(node, Literal) and _is_too_large(node.value):
@@ -84,7 +85,7 @@ def find_refusals(scenario: Scenario, rule: Rule) -> Diagnostics:
             refuse("scxml-read-only", function.location, f"`{assignment.text}` sets `{head}`")
         _check_json(assignment.literal, f"`{assignment.text}`", function.location, found)
     file = scenario.paths.get("memory", "memory.json")
-    for key, value in start_memory(scenario, analysis).items():
+    for key, value in analysis.start_memory.items():
         location = scenario.tables[key].location if key in scenario.tables else SourceLocation(file)
         _check_json({key: value}, f"the value of `{key}`", location, found)
     return found
@@ -106,7 +107,9 @@ def _losses_among_rules(analysis: RuleAnalysis) -> Iterator[Loss]:
     scenario, rule = analysis.scenario, analysis.rule
     for topic, others in analysis.shared_topics.items():
         waiting = next(each for each in analysis.transitions if each.event == topic)
-        message = f"`/{topic}` is also waited for by {in_backquotes(others)}; who sends it has to decide which one gets it"
+        message = (
+            f"`/{topic}` is also waited for by {in_backquotes(others)}; who sends it has to decide which one gets it"
+        )
         yield Loss("routing", message, waiting.location)
     kept = sorted(topic for topic in _kept_topics(scenario) if topic in analysis.topics)
     for topic in kept:
@@ -128,7 +131,9 @@ def _losses_among_rules(analysis: RuleAnalysis) -> Iterator[Loss]:
                 message = f"`{name}`, which it starts, stops it; the functions behind that start are then left out"
                 yield Loss("stopped", message, rule.location)
     if analysis.goes_round:
-        message = "its states can go round without waiting; a session stops that after 1,000 steps, a document never ends"
+        message = (
+            "its states can go round without waiting; a session stops that after 1,000 steps, a document never ends"
+        )
         yield Loss("circle", message, rule.location)
 
 
@@ -142,7 +147,9 @@ def _losses_of_functions(analysis: RuleAnalysis) -> Iterator[Loss]:
         other = RuleAnalysis(scenario, scenario.rules[name])
         shared = sorted({each.key for _, each in other.assignments} & analysis.memory_names)
         if shared and name != rule.name:
-            message = f"`{name}`, which it starts, sets {in_backquotes(shared)}; the document hears of it after its functions"
+            message = (
+                f"`{name}`, which it starts, sets {in_backquotes(shared)}; the document hears of it after its functions"
+            )
             yield Loss("memory-meanwhile", message, rule.location)
     if analysis.draws and (others := _other_sources_of_chance(analysis)):
         message = f"{others} draw from the session's one source of chance; the document has one of its own"

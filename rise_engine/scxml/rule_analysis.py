@@ -8,9 +8,12 @@ from itertools import chain
 
 from rise_engine.expression import Assignment, Expression
 from rise_engine.scenario.model import (
+    SESSION,
+    SESSION_STATES,
     Block,
     Function,
     If,
+    Json,
     OneOf,
     Rule,
     Scenario,
@@ -67,6 +70,14 @@ class RuleAnalysis:
         """Those of the memory's names on which its keys can depend: each key, and its part before the first dot."""
         keys = self.keys_read | {assignment.key for _, assignment in self.assignments}
         return keys | {key.partition(".")[0] for key in keys}
+
+    @cached_property
+    def start_memory(self) -> dict[str, Json]:
+        """What of the memory a session begins with under these names: start values, tables, and `session`."""
+        session = dict.fromkeys(SESSION_STATES, False) | {"participant": "", "condition": "", "factors": {}}
+        own = {SESSION: {**session, "language": self.scenario.language}} if self.scenario.reads_session else {}
+        whole = {**self.scenario.memory, **self.scenario.table_memory, **own}
+        return {key: value for key, value in whole.items() if key in self.memory_names}
 
     @cached_property
     def draws(self) -> bool:

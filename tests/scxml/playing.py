@@ -18,6 +18,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+import msgspec
 import pytest
 
 from rise_engine.kernel.behaviors import read_rule_start
@@ -58,7 +59,9 @@ def needs_scion() -> Path:
     """The folder of node_modules with SCION, or the end of the test."""
     folder = os.environ.get(VARIABLE)
     if not folder or shutil.which("node") is None:
-        pytest.skip(f"SCION is not here: name a folder node_modules that has @scion-scxml/scxml in {VARIABLE}, and install node")
+        pytest.skip(
+            f"SCION is not here: name a folder node_modules that has @scion-scxml/scxml in {VARIABLE}, and install node"
+        )
     return Path(folder)
 
 
@@ -212,7 +215,7 @@ def canonical(line: Line) -> Line:
     if line[0] == "call" and isinstance(line[2], dict):  # as the document says it
         function, given = line[1], line[2]
         if function == "assignValue":
-            line = ["assignValue", given["key"], given["value"]]
+            line = ["assignValue", given["key"], given.get("value")]
         elif function == "startInteractionRule":
             line = ["call", function, given["behavior"], given.get("state"), given.get("enter", True)]
         else:
@@ -233,7 +236,5 @@ def _plain(value: Any) -> Any:
 
 def alone(scenario: Scenario, rule: Rule) -> Scenario:
     """The scenario with one rule only: then nobody else takes its events."""
-    import msgspec
-
     topics = frozenset(each.event for each in RuleAnalysis(scenario, rule).transitions if each.event is not None)
     return msgspec.structs.replace(scenario, rules={rule.name: rule}, topics=topics)

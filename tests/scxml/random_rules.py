@@ -13,7 +13,20 @@ from tests.kernel.harness import dialog, gaze, read, speech, write
 from tests.scxml.playing import Script
 
 ACTS = ("A0", "A 1", "A.2")
-TOPICS = ("e0", "e1", "two words", "dotted.e", "memory", "A0_end", "A 1_succeeded", "A.2_failed", "Other_end")
+TOPICS = (
+    "e0",
+    "e1",
+    "two words",
+    "dotted.e",
+    "memory",
+    "A0_stopped",
+    "A0_succeeded",
+    "A0_end",
+    "A 1_succeeded",
+    "A 1_end",
+    "A.2_failed",
+    "Other_end",
+)
 KEYS = ("k0", "k1", "k2", "name", "items", "person", "person.name", "near.by", "pi")
 MEMORY: dict[str, Any] = {
     "k0": True,
@@ -23,7 +36,24 @@ MEMORY: dict[str, Any] = {
     "items": [{"text": "a", "done": False}, {"text": "b", "done": True}, 3],
     "person": {"near": {"by": 2}, "age": 4.5},
 }
-VALUES = (True, False, 0, 1, 3, -2, 0.5, "", "Ada", "2s", "Ünï 𝔘", None, [], [1, 2, 3], {"near": False}, {"text": "b"})
+VALUES: tuple[Any, ...] = (
+    True,
+    False,
+    0,
+    1,
+    3,
+    -2,
+    0.5,
+    "",
+    "Ada",
+    "2s",
+    "Ünï 𝔘",
+    None,
+    [],
+    [1, 2, 3],
+    {"near": False},
+    {"text": "b"},
+)
 CONDITIONS = (
     "k0",
     "not k0",
@@ -41,6 +71,8 @@ CONDITIONS = (
     "name > 'B'",
     "name > 3",
     "k1 = true",
+    "k1 = '3'",
+    "name = 0",
     "person.near",
     "person.near.by > 1",
     "defined(person.age) and person.age > 4",
@@ -83,11 +115,11 @@ ASSIGNMENTS = (
     "k1 = name + 1",
     "name = Bert",
     "name = k1",
-    "name = \"It's\"",
+    'name = "It\'s"',
     "k1 = missing",
     "k1 = length(items)",
     "name = lower(name)",
-    "person = {\"near\": true, \"by\": 2}",
+    'person = {"near": true, "by": 2}',
     "person.near = k0",
     "person.name.first = 'A'",
     "name.first = 1",
@@ -188,13 +220,16 @@ class Author:
         return f"<transition {trigger}{target}>{inside}</transition>"
 
 
-OTHER = '<InteractionRule name="Other" initial="A"><State id="A"><transition eventTopic="/never" target="B"/></State><State id="B"/></InteractionRule>'
+OTHER = (
+    '<InteractionRule name="Other" initial="A"><State id="A">'
+    '<transition eventTopic="/never" target="B"/></State><State id="B"/></InteractionRule>'
+)
 
 
 def random_study(folder: Path, seed: int) -> tuple[Scenario, Rule]:
     """A study with a random rule, and the rule."""
     acts = dialog("A0", speech("1")) + dialog("A 1", gaze("1"), speech("2", wait="1")) + dialog("A.2", speech("1"))
-    write(folder, acts=acts, rules=Author(seed).rule() + OTHER, memory=MEMORY)
+    write(folder, acts=acts, rules=Author(seed).rule() + OTHER, memory=MEMORY, toml='title = "By chance"')
     scenario = read(folder)
     return scenario, scenario.rules["Under test"]
 

@@ -8,6 +8,7 @@
 const fs = require('fs');
 const path = require('path');
 
+const MOST_TRANSITIONS = 5000;
 const input = JSON.parse(fs.readFileSync(0, 'utf8'));
 const scxml = require(path.join(input.modules, '@scion-scxml', 'scxml'));
 
@@ -22,6 +23,7 @@ class Host {
     this.calls = 0;
     this.lines = [];
     this.ended = false;
+    this.taken = 0;
   }
 
   // --- what the document asks for ---
@@ -76,8 +78,13 @@ class Host {
   run(interpreter) {
     interpreter.on('onEntry', id => { if (/^s[0-9]+$/.test(id)) this.lines.push(['enter', id]); });
     interpreter.on('onExitInterpreter', () => { this.ended = true; this.lines.push(['end']); });
+    interpreter.on('onTransition', () => {
+      this.taken += 1;
+      if (this.taken > MOST_TRANSITIONS) throw new Error('this document goes round without end');
+    });
     const result = [];
     this.steps.forEach((step, index) => {
+      this.taken = 0;
       this.lines = [];
       this.calls = 0;
       this.feed = step.feed;
@@ -113,7 +120,11 @@ async function main() {
       customCancel: id => host.cancel(id),
     });
     interpreter._scriptingContext.send = (event, options) => host.send(event, options || {});
-    results.push(host.run(interpreter));
+    try {
+      results.push(host.run(interpreter));
+    } catch (error) {
+      results.push([[['error', String(error.message)]]]);
+    }
   }
   process.stdout.write(JSON.stringify(results));
 }
