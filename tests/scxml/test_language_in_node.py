@@ -67,6 +67,14 @@ MORE_CONDITIONS = (
     "pi",
     "e > 2 and r2d > 57",
 )
+MORE_ASSIGNMENTS = (
+    "person.name = k1",
+    "near.by.far = k1",
+    "items.0.text = k1",
+    "items = sample(range(6), 6)",
+    "items = latin(range(5), k1 + 5)",
+    "items = latin(range(4), k1)",
+)
 DELAYS = (
     ("k1", None),
     ("k1 / 3", None),
@@ -140,7 +148,7 @@ def test_assignments_mean_the_same() -> None:
     scenario = study()
     tries: list[tuple[str, dict[str, Any]]] = []
     expected: list[tuple[Any, str, str]] = []
-    for text in (*ASSIGNMENTS, "person.name = k1", "near.by.far = k1", "items.0.text = k1"):
+    for text in (*ASSIGNMENTS, *MORE_ASSIGNMENTS):
         assignment = Assignment.parse(text)
         for memory in memories():
             env, rng = environment(memory)
