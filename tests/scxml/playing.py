@@ -224,9 +224,9 @@ def canonical(line: Line) -> Line:
 
 
 def _plain(value: Any) -> Any:
-    """A JSON value in which 2.0 is 2."""
-    if isinstance(value, float) and value.is_integer():
-        return int(value)
+    """A JSON value in which 2.0 is 2, and large whole numbers are doubles, of which JSON has several spellings."""
+    if isinstance(value, int | float) and not isinstance(value, bool) and value == int(value):
+        return int(value) if abs(value) <= 2**53 else float(value)
     if isinstance(value, list):
         return [_plain(each) for each in value]
     if isinstance(value, dict):
