@@ -6,6 +6,7 @@ import click
 
 from rise_engine.cli.convert_from_bml import from_bml
 from rise_engine.cli.convert_to_bml import to_bml
+from rise_engine.cli.convert_to_scxml import to_scxml
 
 
 @click.group("convert")
@@ -15,5 +16,6 @@ def convert() -> None:
 
 convert.add_command(to_bml)
 convert.add_command(from_bml)
+convert.add_command(to_scxml)
 
 COMMANDS = {"convert": convert}
