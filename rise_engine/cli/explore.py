@@ -13,7 +13,6 @@ from types import FrameType
 from typing import Any
 
 import click
-from msgspec import to_builtins
 from msgspec.structs import replace
 
 from rise_engine.cli.arguments import exit_with_usage, resolve_scenario
@@ -23,7 +22,6 @@ from rise_engine.cli.terminal import write_json
 from rise_engine.exit_status import REFUSED
 from rise_engine.explore.bounds import Bounds
 from rise_engine.explore.exploration import Exploration, bounds_of, explore
-from rise_engine.explore.finding import ExploreFinding
 from rise_engine.explore.questions_of_use import NOT_RUNNING
 from rise_engine.explore.space import Space
 from rise_engine.explore.telling import tell_path
@@ -67,7 +65,7 @@ def explore_command(folder: str | None, robot: str | None, **options: Any) -> No
     with _interruptible() as interrupted:
         exploration = explore(scenario, bounds, cores=cores, go_on=_Progress(interrupted))
     if options["as_json"]:
-        write_json(to_builtins(exploration))
+        write_json(exploration.row())
     else:
         for line in _report(scenario, exploration, options["show"], show_keys=options["show_keys"]):
             click.echo(line)
@@ -154,7 +152,7 @@ def _report(scenario: Scenario, exploration: Exploration, show: str | None, *, s
     for number, finding in enumerate(exploration.findings, 1):
         if number == 1 or finding.level != exploration.findings[number - 2].level:
             yield ""
-        yield from _finding_lines(scenario, number, finding, shown=show in ("all", str(number)))
+        yield from _finding_lines(scenario, exploration, number, shown=show in ("all", str(number)))
     if show_keys:
         yield ""
         yield from _key_lines(scenario, exploration)
@@ -164,12 +162,13 @@ def _report(scenario: Scenario, exploration: Exploration, show: str | None, *, s
     yield f"{', '.join(counts)}{'; `--show N` shows the way to one of them' if with_way and show is None else ''}"
 
 
-def _finding_lines(scenario: Scenario, number: int, finding: ExploreFinding, *, shown: bool) -> Iterator[str]:
+def _finding_lines(scenario: Scenario, exploration: Exploration, number: int, *, shown: bool) -> Iterator[str]:
+    finding = exploration.findings[number - 1]
     head = f"{number:>3} {_MARKS[finding.level]}: "
     place = f" [{finding.location}]" if finding.location is not None else ""
     yield fill(f"{head}{finding.text}{place}", _WIDTH, subsequent_indent="    ", break_on_hyphens=False)
     if shown and finding.path is not None:
-        for at, sentence in enumerate(tell_path(scenario, finding.path), 1):
+        for at, sentence in enumerate(tell_path(scenario, finding.path, exploration.bounds), 1):
             yield fill(sentence, _WIDTH, initial_indent=f"      {at:>2}. ", subsequent_indent="          ")
     elif shown:
         yield "      there is no single way to it"

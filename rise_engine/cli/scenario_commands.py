@@ -60,6 +60,7 @@ class _ExpressionCommand(click.Command):
 @click.option(
     "--explain", "act", metavar="ACT", help="Say what scenario.toml sets for an act instead, and in which line."
 )
+@click.option("--deep", is_flag=True, help="Also look at what can happen in it, for some seconds.")
 @ROBOT
 @MODE
 @LANGUAGE
@@ -68,13 +69,17 @@ def check(
     as_json: bool,
     all_of_them: bool,
     act: str | None,
+    deep: bool,
     robot: str | None,
     mode: str | None,
     language: str,
 ) -> None:
     """Say everything that is wrong with the scenario in DIR.
 
-    Exit status: 0 without errors (warnings may be there), 1 with errors, 2 when there is no such folder or act.
+    With --deep also what can go wrong in a session: everything that can happen is looked at, as `explore` does, but
+    without stops and lost robots, and for five seconds at most.
+
+    Exit status: 0 without errors (warnings may be there), 1 with errors or problems, 2 when there is no such folder or act.
     """
     folder = resolve_scenario(folder)
     if act is not None:
@@ -82,7 +87,11 @@ def check(
             sys.exit(explain_act_report(folder, act, robot=robot, mode=mode, as_json=as_json))
         except UnknownActError as error:
             exit_with_usage(str(error))
-    sys.exit(check_report(folder, robot=robot, mode=mode, as_json=as_json, all_of_them=all_of_them, language=language))
+    sys.exit(
+        check_report(
+            folder, robot=robot, mode=mode, as_json=as_json, all_of_them=all_of_them, language=language, deep=deep
+        )
+    )
 
 
 @click.command("eval", cls=_ExpressionCommand)

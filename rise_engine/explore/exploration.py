@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import time
 from collections.abc import Callable, Sequence
+from typing import Any
 
 from msgspec import Struct
 from msgspec.structs import replace
@@ -19,6 +21,8 @@ from rise_engine.kernel.inputs import SessionStarted
 from rise_engine.scenario.model import Scenario
 from rise_engine.text import pluralize
 
+QUICK_SECONDS = 4.5
+"""How long `explore_quickly` looks; what it then says comes within five seconds."""
 _LEVELS = ("problem", "warning", "remark")
 
 
@@ -41,6 +45,28 @@ class Exploration(Struct, frozen=True, kw_only=True):
     """Problems first."""
     keys: dict[str, dict[str, str]]
     """For each state of the main rule and each key, whether it does something there: always, sometimes or never."""
+
+    def row(self) -> dict[str, Any]:
+        """As programs read it (`--json`)."""
+        findings = [
+            {
+                **{name: getattr(finding, name) for name in ("kind", "level", "text", "rule", "state", "act", "key")},
+                "file": finding.location.file if finding.location is not None else "",
+                "line": finding.location.line if finding.location is not None else 0,
+                "column": finding.location.column if finding.location is not None else 0,
+                "steps": len(finding.path.steps) if finding.path is not None else None,
+            }
+            for finding in self.findings
+        ]
+        return {
+            "scenario": self.scenario_hash,
+            "complete": self.is_complete,
+            "situations": self.situations,
+            "looked_at": self.looked_at,
+            "told": self.told,
+            "findings": findings,
+            "keys": self.keys,
+        }
 
     def count(self, level: str) -> int:
         """How many findings of a level there are."""
@@ -81,6 +107,13 @@ def explore(
     space.begin()
     explore_on_cores(space, cores, lambda: go_on(space))
     return tell(Explored(space))
+
+
+def explore_quickly(scenario: Scenario, go_on: Callable[[], bool] = lambda: True) -> Exploration:
+    """Explore for a few seconds at most, without stops and lost robots: for who waits for the answer."""
+    until = time.monotonic() + QUICK_SECONDS
+    bounds = replace(bounds_of(scenario), stop=False, lost=False)
+    return explore(scenario, bounds, go_on=lambda space: time.monotonic() < until and go_on())
 
 
 def bounds_of(scenario: Scenario) -> Bounds:
