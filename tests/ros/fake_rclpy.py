@@ -1,5 +1,5 @@
-"""As much of `rclpy` as a leaf of a behaviour tree uses, on a wire in memory: what it asks for is done by a real session,
-without ROS (`tests.ros.memory`)."""
+"""As much of `rclpy` as a leaf of a behaviour tree uses, on a wire in memory: what it asks for is done by a real
+session, without ROS (`tests.ros.memory`)."""
 
 from __future__ import annotations
 

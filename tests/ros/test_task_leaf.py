@@ -92,7 +92,9 @@ async def test_a_leaf_that_is_ticked_again_is_a_new_task(task_leaf: Any, tmp_pat
 
 async def test_events_rules_and_values_are_the_same_leaf(task_leaf: Any, tmp_path: Path) -> None:
     steps = composites.Sequence("steps", memory=True)
-    steps.add_children([task_leaf.raise_event("/open"), task_leaf.raise_event("/leave"), task_leaf.assign("n", [1, "ä"])])
+    steps.add_children(
+        [task_leaf.raise_event("/open"), task_leaf.raise_event("/leave"), task_leaf.assign("n", [1, "ä"])]
+    )
     root = composites.Parallel("both", task_leaf.py_trees.common.ParallelPolicy.SuccessOnAll())
     rule = task_leaf.start_rule("Doors")
     root.add_children([rule, steps])

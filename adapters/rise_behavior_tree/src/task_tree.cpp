@@ -24,8 +24,8 @@ std::atomic<bool> is_ending{false};
 int main(int argc, char ** argv)
 {
   // Signals are ours: with rclcpp's own handlers the connection would be gone before the tree could take its task back.
-  const auto arguments = rclcpp::init_and_remove_ros_arguments(
-    argc, argv, rclcpp::InitOptions(), rclcpp::SignalHandlerOptions::None);
+  rclcpp::init(argc, argv, rclcpp::InitOptions(), rclcpp::SignalHandlerOptions::None);
+  const auto arguments = rclcpp::remove_ros_arguments(argc, argv);
   for (const int number : {SIGINT, SIGTERM}) {
     std::signal(number, [](int) {is_ending = true;});
   }

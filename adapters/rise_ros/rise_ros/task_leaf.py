@@ -1,10 +1,11 @@
-"""A leaf for behaviour trees of py_trees: one tick starts a task in a RISE session (an act, a rule, an event, a value), and
-the leaf runs until the task has ended.
+"""A leaf for behaviour trees of py_trees: one tick starts a task in a RISE session (an act, a rule, an event, a value),
+and the leaf runs until the task has ended.
 
 Copy this file into a package of your own, or import it from here. What you get:
 
 - SUCCESS when the task SUCCEEDED, FAILURE in every other case, with the reason in `feedback_message`;
-- halting the leaf (a branch of higher priority, `tree.interrupt()`) cancels the task, also one that was only just sent;
+- halting the leaf (a branch of higher priority, `tree.root.stop(Status.INVALID)`) cancels the task, also one that was
+  only just sent;
 - no call that waits: the tree ticks on, whatever the session does;
 - FAILURE, and not silence, when there is no session, when it does not answer, and when it goes.
 
@@ -23,6 +24,7 @@ from __future__ import annotations
 import json
 import signal
 import sys
+import threading
 import time
 from collections.abc import Callable, Sequence
 from typing import Any
@@ -31,6 +33,7 @@ import py_trees
 import rclpy
 from py_trees.common import Status
 from rclpy.action import ActionClient
+from rclpy.executors import SingleThreadedExecutor
 from rclpy.signals import SignalHandlerOptions
 from rise_interfaces.action import DomainTask
 
@@ -106,13 +109,12 @@ class TaskLeaf(py_trees.behaviour.Behaviour):
             return self._end(goal.result.status == "SUCCEEDED", goal.result.reason or goal.result.status)
         if goal is not None and goal.is_refused:
             return self._end(False, "the session refused the task; rise/task_state and its record say why")
-        if goal is None or goal.handle is None:
-            if self.clock() >= self._deadline:
-                return self._end(False, "no session is there" if goal is None else "the session did not answer")
-        elif not is_ready:
+        if goal is not None and not is_ready:
             return self._end(False, "the session went before the task had ended")
-        else:
+        if goal is not None and goal.handle is not None:
             self.feedback_message = goal.progress
+        elif self.clock() >= self._deadline:
+            return self._end(False, "no session is there" if goal is None else "the session did not answer")
         return Status.RUNNING
 
     def terminate(self, new_status: Status) -> None:
@@ -130,7 +132,7 @@ class TaskLeaf(py_trees.behaviour.Behaviour):
 
 
 class Goal:
-    """One goal, from its sending to its end. A leaf that begins anew has a new one, so what comes late belongs to nobody."""
+    """One goal, from its sending to its end. A leaf that begins anew has a new one; what comes late is nobody's."""
 
     def __init__(self, client: Any, task: DomainTask.Goal) -> None:
         self.handle: Any = None
@@ -192,9 +194,12 @@ def main(arguments: Sequence[str] | None = None) -> None:
     root.add_children([KINDS[kind](name) for kind, _, name in named])
     # Signals are ours: with rclpy's own handlers the connection would be gone before the tree could take its task back.
     rclpy.init(args=arguments, signal_handler_options=SignalHandlerOptions.NO)
+    ending = threading.Event()
     for number in (signal.SIGINT, signal.SIGTERM):
-        signal.signal(number, signal.default_int_handler)
+        signal.signal(number, lambda *_: ending.set())
     node = rclpy.create_node("task_tree")
+    executor = SingleThreadedExecutor()
+    executor.add_node(node)
     tree = py_trees.trees.BehaviourTree(root)
     tree.setup(node=node)
     said: list[str] = []
@@ -209,18 +214,19 @@ def main(arguments: Sequence[str] | None = None) -> None:
 
     timer = node.create_timer(PERIOD, tick)
     try:
-        while root.status not in (Status.SUCCESS, Status.FAILURE):
-            rclpy.spin_once(node)
-    except KeyboardInterrupt:
-        timer.cancel()
-        tree.interrupt()
-        until = time.monotonic() + LAST_WAIT
-        while not all(leaf.is_over for leaf in root.children) and time.monotonic() < until:
-            rclpy.spin_once(node, timeout_sec=PERIOD)
-        print("halted", flush=True)
+        while root.status not in (Status.SUCCESS, Status.FAILURE) and not ending.is_set():
+            executor.spin_once(timeout_sec=PERIOD)
+        if ending.is_set():
+            timer.cancel()
+            root.stop(Status.INVALID)
+            until = time.monotonic() + LAST_WAIT
+            while not all(leaf.is_over for leaf in root.children) and time.monotonic() < until:
+                executor.spin_once(timeout_sec=PERIOD)
+            print("halted", flush=True)
     finally:
         succeeded = root.status == Status.SUCCESS
         tree.shutdown()
+        executor.shutdown()
         node.destroy_node()
         rclpy.try_shutdown()
     sys.exit(0 if succeeded else 1)

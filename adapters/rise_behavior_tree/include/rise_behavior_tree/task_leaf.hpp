@@ -39,12 +39,12 @@ public:
 
   // `node` may be spun by others, or by nobody.
   TaskLeaf(const std::string & name, const BT::NodeConfig & config, const rclcpp::Node::SharedPtr & node)
-  : BT::StatefulActionNode(name, config)
+  : BT::StatefulActionNode(name, config),
+    group_(node->create_callback_group(rclcpp::CallbackGroupType::MutuallyExclusive, false))
   {
-    const auto group = node->create_callback_group(rclcpp::CallbackGroupType::MutuallyExclusive, false);
-    executor_.add_callback_group(group, node->get_node_base_interface());
+    executor_.add_callback_group(group_, node->get_node_base_interface());
     // Relative: a namespace or a remapping of the node moves it, as it moves the session's.
-    client_ = rclcpp_action::create_client<DomainTask>(node, "rise/domain_task", group);
+    client_ = rclcpp_action::create_client<DomainTask>(node, "rise/domain_task", group_);
   }
 
   static BT::PortsList providedPorts()
@@ -85,13 +85,11 @@ public:
     if (goal_ && goal_->is_refused) {
       return end(false, "the session refused the task; rise/task_state and its record say why");
     }
-    if (!goal_ || !goal_->handle) {
-      if (Clock::now() >= deadline_) {
-        take_back();
-        return end(false, goal_ ? "the session did not answer" : "no session is there");
-      }
-    } else if (!is_ready) {
+    if (goal_ && !is_ready) {
       return end(false, "the session went before the task had ended");
+    }
+    if (!(goal_ && goal_->handle) && Clock::now() >= deadline_) {
+      return end(false, goal_ ? "the session did not answer" : "no session is there");
     }
     return BT::NodeStatus::RUNNING;
   }
@@ -168,10 +166,12 @@ private:
 
   BT::NodeStatus end(bool succeeded, const std::string & why)
   {
+    take_back();
     setOutput("reason", why);
     return succeeded ? BT::NodeStatus::SUCCESS : BT::NodeStatus::FAILURE;
   }
 
+  rclcpp::CallbackGroup::SharedPtr group_;  // nobody else keeps it
   rclcpp::executors::SingleThreadedExecutor executor_;
   rclcpp_action::Client<DomainTask>::SharedPtr client_;
   DomainTask::Goal task_;
