@@ -103,6 +103,7 @@ def install(monkeypatch: pytest.MonkeyPatch) -> None:
     for name, contents in {
         "rclpy": {},
         "rclpy.action": {"ActionClient": ActionClient},
+        "rclpy.executors": {"SingleThreadedExecutor": SimpleNamespace},
         "rclpy.signals": {"SignalHandlerOptions": SimpleNamespace},
         "rise_interfaces": {},
         "rise_interfaces.action": {"DomainTask": DomainTask},

@@ -73,7 +73,8 @@ public:
 
   BT::NodeStatus onRunning() override
   {
-    executor_.spin_some();
+    // Every leaf hears of every task; what came while this one was not ticked must not stand before its own answers.
+    executor_.spin_all(std::chrono::milliseconds(10));
     const bool is_ready = client_->action_server_is_ready();
     if (!goal_ && is_ready) {
       send();
