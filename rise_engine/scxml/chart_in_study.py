@@ -56,7 +56,7 @@ def check_neighbours(made: MadeRules, scenario: Scenario, replaced: str, diagnos
     """
     own = {made.name, *(helper.rule for helper in made.helpers)}
     own |= {name for name, rule in scenario.rules.items() if rule.location.file == replaced}
-    sent = {helper.place.event for helper in made.helpers}
+    sent = set(made.exclusive)
     keys = set(made.keys)
     for key in keys & scenario.tables.keys():
         location = scenario.tables[key].location

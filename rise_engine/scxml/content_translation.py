@@ -172,7 +172,12 @@ class ContentTranslator:
             )
             self.report("pending", place.location, message)
         self.raised.add(place.event)
-        after = {**known, pending_name(place): Possible(_BOOLEAN, None, min(pending + 1, MAX_PENDING))}
+        pending = min(pending + 1, MAX_PENDING)
+        after = {
+            **known,
+            pending_name(place): Possible(_BOOLEAN, None, pending),
+            waiting_name(place): Possible(_BOOLEAN, None, 1),
+        }
         starts: list[tuple[str, Lines]] = [(f"not {helper.key}", helper.start) for helper in self.helpers[place]]
         if len(starts) == 1:
             return starts[0][1], after
@@ -181,14 +186,14 @@ class ContentTranslator:
     def cancel(self, id: str, known: Knowledge) -> tuple[Lines, Knowledge]:
         lines: Lines = ()
         for place in self.helpers:
-            if place.id == id:
+            if place.id == id and place.seconds:  # what is in the external queue already stays there (6.3)
                 lines += self.stop(place, known)
-                known = {**known, pending_name(place): Possible(_BOOLEAN)}
+                known = {**known, pending_name(place): Possible(_BOOLEAN), waiting_name(place): Possible(_BOOLEAN)}
         return lines, known
 
     def stop(self, place: SendPlace, known: Knowledge) -> Lines:
         """What is on its way is not sent."""
-        if not known[pending_name(place)].most:
+        if not known[waiting_name(place)].most:
             return ()
         return tuple(IfLines(((helper.key, helper.stop),)) for helper in self.helpers[place])
 
@@ -331,6 +336,11 @@ class ContentTranslator:
 def pending_name(place: SendPlace) -> str:
     """Under which name it is known how often what a `<send>` sends may be on its way; no variable has it."""
     return f"pending {place.number}"
+
+
+def waiting_name(place: SendPlace) -> str:
+    """Under which name it is known whether anything may be on its way, whoever else sends the same event."""
+    return f"waiting {place.number}"
 
 
 def joined(one: Knowledge, other: Knowledge) -> Knowledge:

@@ -40,9 +40,9 @@ from rise_engine.scxml.interpretation import (
 )
 from rise_engine.scxml.script import Constant, Script
 
-MAX_STATES = 500
+MAX_STATES = 200
 """Flat states. Charts that people draw have tens; nobody can look through a rule with more."""
-MAX_TRANSITIONS = 10_000
+MAX_TRANSITIONS = 2_000
 _PLATFORM = ("done.", "error.", "done", "error")
 
 

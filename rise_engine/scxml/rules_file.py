@@ -45,10 +45,8 @@ def flattening_notes(made: MadeRules) -> list[str]:
     for helper in made.helpers:
         place = helper.place
         when = f"after {_time(place.seconds)}" if place.seconds else "behind all that the chart raises, 1 ms later"
-        notes.append(
-            f"line {place.location.line}: /{place.event} is sent {when}, by the rule {helper.rule}; nothing else may "
-            "send this event"
-        )
+        only = "; nothing else may send this event" if place.event in made.exclusive else ""
+        notes.append(f"line {place.location.line}: /{place.event} is sent {when}, by the rule {helper.rule}{only}")
     if made.chart.variables or made.keys:
         keys = ", ".join(made.keys)
         notes.append(f"keys of the memory that belong to these rules, and that nothing else may set: {keys}")
@@ -106,14 +104,27 @@ def _function_lines(lines: Lines, indent: int) -> Iterator[str]:
         if isinstance(line, FunctionLine):
             yield f"{blanks}<function {line.name}={quoteattr(line.argument)}/>"
         elif isinstance(line, IfLines):
-            for number, (condition, inner) in enumerate(line.branches):
-                tag = "if" if number == 0 else "else" if condition is None else "elseif"
-                cond = f" cond={quoteattr(condition)}" if condition is not None else ""
-                if condition is not None and condition.startswith("defined("):
-                    yield f"{blanks}<!-- check: allow reads-differently: it asks whether the key is there -->"
-                yield f"{blanks}<{tag}{cond}>"
-                yield from _function_lines(inner, indent + 2)
-                yield f"{blanks}</{tag}>"
+            yield from _if_lines(line, blanks)
+
+
+def _if_lines(line: IfLines, blanks: str) -> Iterator[str]:
+    """An `<if>`, its further branches inside it: an `<else>` behind it could be taken for that of an outer one."""
+    (condition, inner), *others = line.branches
+    if condition is not None and condition.startswith("defined("):
+        yield f"{blanks}<!-- check: allow reads-differently: it asks whether the key is there -->"
+    yield f"{blanks}<if cond={quoteattr(condition or 'true')}>"
+    yield from _function_lines(inner, len(blanks) + 2)
+    is_ambiguous = bool(inner) and isinstance(inner[-1], IfLines)
+    for condition, inner in others:
+        if is_ambiguous:
+            yield f"{blanks}  <!-- check: allow ambiguous-else: the outer one is meant -->"
+        is_ambiguous = False
+        tag = "else" if condition is None else "elseif"
+        cond = f" cond={quoteattr(condition)}" if condition is not None else ""
+        yield f"{blanks}  <{tag}{cond}>"
+        yield from _function_lines(inner, len(blanks) + 4)
+        yield f"{blanks}  </{tag}>"
+    yield f"{blanks}</if>"
 
 
 def _helper_lines(helper: SendHelper) -> Iterator[str]:

@@ -20,6 +20,7 @@ from rise_engine.scxml.content_translation import (
     SendHelper,
     joined,
     pending_name,
+    waiting_name,
 )
 from rise_engine.scxml.flattening import (
     FlatChart,
@@ -79,6 +80,8 @@ class MadeRules(Struct):
     initial: str
     states: list[MadeState]
     helpers: list[SendHelper]
+    exclusive: list[str]
+    """Events that only the helpers may send: else one of them would be needed again before it is done."""
     keys: list[str]
     """The keys of the memory that the rules set."""
     raised: list[str]
@@ -130,8 +133,13 @@ class _RuleMaker:
         several = [place for place in chart.places if alone[place.event] is not place]
         self.alone = {event: place for event, place in alone.items() if event not in {each.event for each in several}}
         """Of the events that only one `<send>` sends, that one."""
+        self.is_exclusive = False
+        """Whether it is taken for granted that nobody else sends those: that what was sent has come when they come."""
+        self.is_refused = False
+        """Whether something is on its way too often."""
 
     def report(self, code: str, location: SourceLocation, message: str) -> None:
+        self.is_refused = self.is_refused or code == "pending"
         if self.is_final:
             self.diagnostics.error(code, location, message)
 
@@ -149,16 +157,29 @@ class _RuleMaker:
     def needed_helpers(self) -> list[SendHelper]:
         """As many rules for each `<send>` as it may need at once. Here the values of variables are followed, too; in
         the rules themselves they are not, so that each condition of the chart stands in them."""
+        need = self.most_pending()
+        if self.is_refused:
+            self.is_exclusive = True
+            need = self.most_pending()
+        if self.is_refused:  # once more, for the findings
+            self.is_final = True
+            self.most_pending()
+            self.is_final = False
+        return _helpers(need, self.name)
+
+    def most_pending(self) -> dict[SendPlace, int]:
+        """How often what each `<send>` sends may be on its way; `is_refused`: too often."""
+        self.is_refused = False
         self.follow_all()
-        self.is_final = True
         need = dict.fromkeys(self.chart.places, 1)
         for state, known in self.known.items():
             for place in need:
                 need[place] = max(need[place], known[pending_name(place)].most)
             for transition, before, _ in self.live(state):
-                self.translator.blocks((*transition.leaving, *transition.entering), before)
-        self.is_final = False
-        return _helpers(need, self.name)
+                behind = self.translator.blocks((*transition.leaving, *transition.entering), before)[1]
+                for place in need:
+                    need[place] = max(need[place], behind[pending_name(place)].most)
+        return need
 
     def follow_all(self) -> None:
         """What is known everywhere, with every event that there can be."""
@@ -192,7 +213,7 @@ class _RuleMaker:
         for helper in self.helpers:
             lines += (IfLines(((f"defined({helper.key})", (IfLines(((helper.key, helper.stop[:1]),)),)),)),)
             lines += helper.stop[1:]
-            known[pending_name(helper.place)] = _IDLE
+            known[pending_name(helper.place)] = known[waiting_name(helper.place)] = _IDLE
         now: Knowledge = known
         for variable in self.chart.variables:
             if variable.value is None:
@@ -231,7 +252,7 @@ class _RuleMaker:
         more = {"_event.name": Possible(frozenset({"text"}), event), "_event.invokeid": UNDEFINED}
         sent = [place for place in self.chart.places if place.event == event]
         more["_event.origin"] = UNDEFINED if not sent else Possible(frozenset({"text"}))
-        if event in self.alone and event not in self.translator.raised_inside:
+        if self.is_exclusive and event in self.alone and event not in self.translator.raised_inside:
             name = pending_name(self.alone[event])
             more[name] = Possible(_IDLE.kinds, None, max(known[name].most - 1, 0))
         return {**known, **more}
@@ -289,6 +310,8 @@ class _RuleMaker:
                 if transition.event is not None:
                     awaited[transition.event] = None
                 result.transitions.append(way)
+            if not result.transitions and not state.is_over:  # it waits for ever; without a way out, a rule would end
+                result.transitions.append(MadeTransition(None, "false", state.name, (), ()))
             self.check_endless(state)
         if first.is_over:
             entering += self.stop_helpers(self.known[first])
@@ -298,7 +321,10 @@ class _RuleMaker:
         names = {name for known in self.known.values() for name in known if name.isidentifier()}
         keys = [*sorted(names), *(helper.key for helper in self.helpers)]
         raised = sorted(self.translator.raised & set(awaited) | self.translator.raised_inside)
-        return MadeRules(self.name, self.chart, self.flat, initial, states, self.helpers, keys, raised, list(awaited))
+        exclusive = sorted(self.alone) if self.is_exclusive else []
+        return MadeRules(
+            self.name, self.chart, self.flat, initial, states, self.helpers, exclusive, keys, raised, list(awaited)
+        )
 
     def check_endless(self, state: FlatState) -> None:
         """Refuse what is taken again and again without an end: unconditional ways without event that lead round."""
