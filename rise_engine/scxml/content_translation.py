@@ -101,7 +101,6 @@ class ContentTranslator:
         """Every event that a translated block raises, or sends."""
         self.raised_inside: set[str] = set()
         """Those of them that go into the internal queue."""
-        self.refused_names: set[str] = set()
 
     def blocks(self, blocks: tuple[Content, ...], known: Knowledge) -> tuple[Lines, Knowledge]:
         """Several blocks after one another, and what is known behind them."""
@@ -234,14 +233,13 @@ class ContentTranslator:
         return (FunctionLine("assignValue", f"{name} = {said.text}"),), {**known, name: value}
 
     def is_refused_name(self, name: str, location: SourceLocation) -> bool:
-        """Whether a variable cannot have this name in our memory; says so once."""
+        """Whether a variable cannot have this name in our memory; says so."""
         try:
             is_key = name != "session" and Expression.parse(name).bare_key == name
             Assignment.parse(f"{name} = 1")
         except ExpressionError:
             is_key = False
-        if not is_key and name not in self.refused_names:
-            self.refused_names.add(name)
+        if not is_key:
             self.report("data", location, f"`{name}` cannot be the name of a key here; call the variable otherwise")
         return not is_key
 

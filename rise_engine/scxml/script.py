@@ -241,8 +241,8 @@ class _Parser:
             if re.match(r"0\d", word):
                 raise ScriptRefusedError("expression", f"`{word}`: write numbers without a leading 0", index)
             number = float(word)
-            if number > _LARGEST:
-                raise ScriptRefusedError("expression", f"`{word}`: whole numbers are exact up to 2^53 only", index)
+            if number >= _LARGEST:
+                raise ScriptRefusedError("expression", f"`{word}`: whole numbers are exact below 2^53 only", index)
             return Constant(int(number) if number.is_integer() else number)
         if group == _TEXT:
             return Constant(_text_of(word, index))

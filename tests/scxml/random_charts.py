@@ -79,7 +79,8 @@ class ChartMaker:
         if id in self.histories:
             depth = random.choice(("shallow", "deep"))
             target = random.choice(inner) if kind == "state" else " ".join(inner)
-            memory = f'<history id="h{id}" type="{depth}"><transition target="{target}">{self.content()}</transition></history>'
+            way = f'<transition target="{target}">{self.content()}</transition>'
+            memory = f'<history id="h{id}" type="{depth}">{way}</history>'
         return f'<{kind} id="{id}">{begin}{blocks}{ways}{memory}{"".join(map(self.write, inner))}</{kind}>'
 
     def transition(self, id: str) -> str:

@@ -39,6 +39,8 @@ class Interpreter:
         self.now = 0.0
         self.sent = 0
         self.running = True
+        self.last = ""
+        """The final state in which the chart has ended."""
         self.values: dict[str, Any] = {}
         self.trace: list[tuple[str, Any]] = []
         self.closest = 1e9
@@ -292,11 +294,12 @@ class Interpreter:
             if state in history_content:
                 self.carry_out(history_content[state])
             if _tag(state) == "final":
-                self.finish(self.parents[state])
+                self.finish(state, self.parents[state])
 
-    def finish(self, parent: ElementTree.Element) -> None:
+    def finish(self, state: ElementTree.Element, parent: ElementTree.Element) -> None:
         if parent is self.root:
             self.running = False
+            self.last = state.get("id", "")
             return
         self.internal.append(f"done.state.{parent.get('id')}")
         around = self.parents[parent]
@@ -323,7 +326,11 @@ class Interpreter:
                 self.values[name] = self.evaluate(element.get("expr", ""))
                 self.trace.append((name, self.values[name]))
             case "send":
-                delay = float(element.get("delay", "0ms").removesuffix("ms"))
+                written = element.get("delay", "0ms")
+                delay = float(written[:-2]) if written.endswith("ms") else 1000 * float(written[:-1])
+                if element.get("target") == "#_internal":
+                    self.internal.append(element.get("event", ""))
+                    return
                 if delay:
                     self.sent += 1
                     self.delayed.append((self.now + delay, self.sent, element.get("event", ""), element.get("id")))
@@ -347,4 +354,4 @@ class Interpreter:
             text = text.replace(theirs, ours)
         text = re.sub(r"!(?!=)", " not ", text)
         active = {state.get("id") for state in self.configuration}
-        return eval(text.strip(), {"In": active.__contains__, **self.values})  # noqa: S307
+        return eval(text.strip(), {"In": active.__contains__, **self.values})
