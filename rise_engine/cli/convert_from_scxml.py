@@ -16,6 +16,7 @@ from rise_engine.cli.arguments import exit_with_usage
 from rise_engine.exit_status import NOT_WRITTEN, REFUSED
 from rise_engine.scenario import load
 from rise_engine.scenario.diagnostics import Diagnostic, Diagnostics
+from rise_engine.scenario.file_names import DEFAULT_PATHS
 from rise_engine.scenario.source_files import FileReader
 from rise_engine.scxml.chart_in_study import check_neighbours, file_name, is_made_file, new_study_files
 from rise_engine.scxml.rules_file import flattening_notes, rules_text
@@ -94,11 +95,8 @@ def _write_new(folder: Path, made: MadeRules, title: str, text: str) -> Path:
 
 def _write_into(folder: Path, made: MadeRules, text: str) -> Path:
     """The rules file in a study that is there, or nothing."""
-    before = load(folder)
-    if before.scenario is None:
-        click.echo(f"{folder} has errors, which come first:", err=True)
-        _refuse(before.errors)
-    rules = before.scenario.paths["rules"]
+    before = load(folder)  # with errors it may still be whole with the new rules: a key may name them already
+    rules = before.scenario.paths["rules"] if before.scenario is not None else DEFAULT_PATHS["rules"]
     target = folder / rules / file_name(made)
     if (folder / rules).is_file():
         exit_with_usage(f"{folder} has its rules in one file, {rules}; move it into a folder `rules`")
@@ -108,13 +106,15 @@ def _write_into(folder: Path, made: MadeRules, text: str) -> Path:
     except (OSError, UnicodeDecodeError):
         exit_with_usage(f"{target} is there, and cannot be read; choose another --name")
     name = target.relative_to(folder).as_posix()
+    after = load(folder, held={name: text.encode()})
+    _refuse_errors(after.errors)
     diagnostics = Diagnostics()
-    check_neighbours(made, before.scenario, name, diagnostics)
-    if diagnostics.errors:
-        _refuse(diagnostics.sorted())
-    _refuse_errors(load(folder, held={name: text.encode()}).errors)
+    assert after.scenario is not None
+    check_neighbours(made, after.scenario, name, diagnostics)
+    _refuse_errors(diagnostics.sorted())
     temporary = ""
     try:
+        target.parent.mkdir(exist_ok=True)
         with NamedTemporaryFile("w", encoding="utf-8", dir=target.parent, prefix=".made.", delete=False) as file:
             temporary = file.name
             file.write(text)

@@ -58,9 +58,6 @@ def check_neighbours(made: MadeRules, scenario: Scenario, replaced: str, diagnos
     own |= {name for name, rule in scenario.rules.items() if rule.location.file == replaced}
     sent = set(made.exclusive)
     keys = set(made.keys)
-    for key in keys & scenario.tables.keys():
-        location = scenario.tables[key].location
-        diagnostics.error("shared-key", location, f"`{key}` is a variable of the chart, and this table has its name")
     for rule in scenario.rules.values():
         if rule.name in own:
             continue
