@@ -117,7 +117,7 @@ _PAYLOAD = ("data", "type", "sendid")
 def read_script(text: str, location: SourceLocation) -> Script:
     """Read an expression. Raises ScriptRefusedError for what cannot be said here."""
     try:
-        parser = _Parser(text)
+        parser = _ScriptParser(text)
         root = parser.expression()
         if parser.sign("=") and not isinstance(root, Variable | EventField):
             return Script(text, None, location)  # nothing can be assigned to `1`
@@ -129,7 +129,7 @@ def read_script(text: str, location: SourceLocation) -> Script:
 
 def read_assignments(text: str) -> list[ScriptAssignment]:
     """Read the statements of a `<script>`; all of them must be assignments. Raises ScriptRefusedError."""
-    parser = _Parser(text)
+    parser = _ScriptParser(text)
     found: list[ScriptAssignment] = []
     try:
         while not parser.is_at_end():
@@ -148,7 +148,7 @@ def is_variable_name(text: str) -> bool:
     return re.fullmatch(r"[A-Za-z_$][\w$]*", text, re.ASCII) is not None and text not in _NO_EXPRESSION
 
 
-class _Parser:
+class _ScriptParser:
     def __init__(self, text: str) -> None:
         self.text = text
         self.depth = 0

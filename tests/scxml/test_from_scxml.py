@@ -68,7 +68,7 @@ def test_into_a_study(study: Path) -> None:
     assert "/bored is sent after 20s, by the rule Visit sends bored" in text
     loaded = load(study / "study")
     assert loaded.scenario is not None
-    assert {each.code for each in loaded.diagnostics} == {"unraised-event"}
+    assert {each.code for each in loaded.diagnostics} == {"unraised-event", "unnoticed-failure"}
     session = Session(loaded.scenario)
     session.rule("Visit")
     session.event("/near")
