@@ -276,8 +276,8 @@ class _Translator:
 
     def equality(self, operator: str, left: ScriptNode, right: ScriptNode) -> Said:
         is_equal, is_strict = operator[0] == "=", len(operator) == 3
-        if (answer := self.type_question(left, right)) is not None:
-            return answer if is_equal or answer.truth is None else _constant(not answer.truth)
+        if (answer := self.type_question(left, right, is_equal)) is not None:
+            return answer
         a, b = self.value(left), self.value(right)
         if "refused" in a.value.kinds | b.value.kinds:
             return Said("null", _ATOM, _REFUSED)
@@ -307,8 +307,8 @@ class _Translator:
             )
         return Said(f"{_bracketed(a, _SUM)} {operator} {_bracketed(b, _SUM)}", _ORDER, _BOOLEAN)
 
-    def type_question(self, left: ScriptNode, right: ScriptNode) -> Said | None:
-        """`typeof x == 'undefined'` and the like."""
+    def type_question(self, left: ScriptNode, right: ScriptNode, is_equal: bool) -> Said | None:
+        """`typeof x == 'undefined'` and the like; without `is_equal`, with `!=`."""
         if isinstance(right, Operation) and right.operator == "typeof":
             left, right = right, left
         if not (isinstance(left, Operation) and left.operator == "typeof" and isinstance(right, Constant)):
@@ -319,11 +319,11 @@ class _Translator:
         if "" in names:
             return Said("null", _ATOM, _REFUSED)
         if right.value not in names:
-            return _constant(False)
+            return _constant(not is_equal)
         if len(names) == 1:
-            return _constant(True)
+            return _constant(is_equal)
         if right.value == "undefined" and "undeclared" not in kinds and "null" not in kinds:
-            return Said(f"{self.value(inner).text} = null", _EQUAL, _BOOLEAN)
+            return Said(f"{self.value(inner).text} {'=' if is_equal else '!='} null", _EQUAL, _BOOLEAN)
         raise _refused(f"what {_may_be(kinds)} here cannot be asked for its type")
 
     def type_name(self, node: ScriptNode) -> str:
