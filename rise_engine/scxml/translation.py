@@ -188,7 +188,13 @@ class _Translator:
 
     def operation(self, operator: str, operands: tuple[ScriptNode, ...]) -> Said:
         match operator:
-            case "||" | "&&" | "not":
+            case "refused":
+                return Said("null", _ATOM, _REFUSED)
+            case "||" | "&&":
+                if any(not self.value(operand).value.kinds <= {"boolean", "refused"} for operand in operands):
+                    raise _refused(f"`{operator}` gives one of its values in ECMAScript; here it is true or false")
+                return self.logic(operator, operands)
+            case "not":
                 return self.logic(operator, operands)
             case "==" | "!=" | "===" | "!==":
                 return self.equality(operator, *operands)
@@ -204,7 +210,7 @@ class _Translator:
                 if not isinstance(divisor, Constant) or divisor.value in (0, None):
                     raise _refused("what is divided by must be a number that is written out, and not 0")
         said = [self.number(operand, operator) for operand in operands]
-        if any(each.value.kinds == {"refused"} for each in said):
+        if any("refused" in each.value.kinds for each in said):
             return Said("null", _ATOM, _REFUSED)
         if operator in ("floor", "ceil", "abs"):
             return Said(f"{operator}({said[0].text})", _ATOM, _NUMBER)
@@ -219,7 +225,9 @@ class _Translator:
     def number(self, node: ScriptNode, operator: str) -> Said:
         said = self.value(node)
         kinds = said.value.kinds
-        if kinds == {"refused"} or kinds == {"number"}:
+        if "refused" in kinds:
+            return Said("null", _ATOM, _REFUSED)
+        if kinds == {"number"}:
             return said
         if operator == "+" and "text" in kinds:
             raise _refused("texts cannot be joined in rules; write both into the text of an act, with {key}")
@@ -237,7 +245,9 @@ class _Translator:
         kinds = said.value.kinds
         if said.truth is not None:
             return _constant(said.truth)
-        if kinds <= {"boolean"} or kinds == {"refused"}:
+        if "refused" in kinds:
+            return Said("null", _ATOM, _REFUSED)
+        if kinds <= {"boolean"}:
             return said
         if kinds <= _NOTHING:
             return _constant(False)
@@ -255,7 +265,7 @@ class _Translator:
 
     def logic(self, operator: str, operands: tuple[ScriptNode, ...]) -> Said:
         said = [self.truth(operand) for operand in operands]
-        if any(each.value.kinds == {"refused"} for each in said):
+        if any("refused" in each.value.kinds for each in said):
             return Said("null", _ATOM, _REFUSED)
         if operator == "not":
             inner = said[0]

@@ -138,6 +138,20 @@ def test_all_that_is_refused_is_said_with_its_place_and_nothing_is_written(tmp_p
     assert not (tmp_path / "study").exists()
 
 
+def test_findings_of_all_kinds_come_together(tmp_path: Path) -> None:
+    """What is seen while reading does not hide what is seen while flattening, and makes no findings of its own."""
+    ran = run(
+        tmp_path,
+        chart(
+            state("a", entry(put("n", "_event.data"), put("m", "m % 2")), on("x", "b", cond="k == '1'")),
+            state("b", on("y", "", put("n", "n + 1"), cond="n > 2")),
+            data={"n": "1", "m": "1", "k": "1"},
+        ),
+    )
+    codes = [line.split()[2].rstrip(":") for line in ran.output.splitlines() if " error " in line]
+    assert codes == ["payload", "expression", "expression"]
+
+
 def test_an_act_that_there_is_not(study: Path) -> None:
     before = files(study / "study")
     ran = run(study, VISIT.replace("R_Hello'", "R_Helo'"))
