@@ -37,6 +37,7 @@ setup(
                 )
             ),
             "robot_wrapper = rise_ros.robot_wrapper:main",
+            "task_tree = rise_ros.task_leaf:main",
         ]
     },
 )

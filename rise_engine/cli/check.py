@@ -13,9 +13,11 @@ from typing import Any
 
 from msgspec import UNSET, to_builtins
 
+from rise_engine.bml.schema import block_schema_text
 from rise_engine.cli.terminal import write_json
 from rise_engine.engine.drivers import DOCTORS, DriverError, driver_names, load_ros_plugin, profile_problems
 from rise_engine.errors import RiseError
+from rise_engine.explore.exploration import Exploration, explore_quickly
 from rise_engine.expression import EvaluationError, Expression, ExpressionError
 from rise_engine.expression.rise1_compat import rise1_difference
 from rise_engine.expression.signatures import SIGNATURES
@@ -35,7 +37,14 @@ from rise_engine.text import clean, pluralize
 
 
 def check_report(
-    folder: str, *, robot: str | None, mode: str | None, as_json: bool, all_of_them: bool, language: str = ""
+    folder: str,
+    *,
+    robot: str | None,
+    mode: str | None,
+    as_json: bool,
+    all_of_them: bool,
+    language: str = "",
+    deep: bool = False,
 ) -> int:
     """Print everything that is wrong with a scenario.
 
@@ -45,7 +54,8 @@ def check_report(
     :param as_json: as one document.
     :param all_of_them: also what was silenced.
     :param language: as for a session in this language; empty: as for one in that of the acts.
-    :return: the exit status, 1 when something is an error.
+    :param deep: also what exploring finds in a few seconds, if there is no error.
+    :return: the exit status, 1 when something is an error, or a problem that exploring has found.
     """
     loaded = load(folder, robot=robot, mode=mode, language=language or None)
     scenario, diagnostics, silenced = loaded.scenario, loaded.diagnostics, loaded.suppressed
@@ -53,10 +63,12 @@ def check_report(
         diagnostics += _driver_diagnostics(scenario)
     errors = sum(diagnostic.severity == "error" for diagnostic in diagnostics)
     warnings = len(diagnostics) - errors
+    exploration = explore_quickly(scenario) if deep and scenario is not None and not errors else None
     if as_json:
         rows = [diagnostic_row(diagnostic) for diagnostic in diagnostics]
         silenced_rows = [{**diagnostic_row(each.diagnostic), "reason": each.reason} for each in silenced]
-        write_json({"errors": errors, "warnings": warnings, "findings": rows, "silenced": silenced_rows})
+        explored = {} if exploration is None else {"explored": exploration.row()}
+        write_json({"errors": errors, "warnings": warnings, "findings": rows, "silenced": silenced_rows, **explored})
     else:
         for diagnostic in diagnostics:
             print(str(diagnostic))
@@ -66,7 +78,20 @@ def check_report(
         found = f"{pluralize(errors, 'error')}, {pluralize(warnings, 'warning')}" if diagnostics else "no findings"
         found += f", {len(silenced)} silenced" if silenced else ""
         print(f"{found}{_contents_text(scenario)}")
-    return 1 if errors else 0
+        if exploration is not None:
+            _print_exploration(exploration)
+    return 1 if errors or (exploration is not None and exploration.count("problem")) else 0
+
+
+def _print_exploration(exploration: Exploration) -> None:
+    """What exploring has found, a line each, and what it has looked at."""
+    for finding in exploration.findings:
+        if finding.level != "remark":
+            place = f"{finding.location}: " if finding.location is not None else ""
+            print(f"{place}{finding.level} {finding.kind}: {finding.text}")
+    for sentence in (*exploration.looked_at, *exploration.told):
+        print(sentence)
+    print("`rise-engine explore` looks at more, and shows the way to each finding.")
 
 
 class UnknownActError(RiseError):
@@ -282,9 +307,11 @@ def type_name(value: Any) -> str:
 
 
 def schema_text(folder: str | None, kind: str, robot: str | None) -> str | None:
-    """The RELAX NG schema of act (`cra`) or rule files; None when the scenario is refused or the robot unknown."""
+    """The RELAX NG schema of act (`cra`), rule or BML files; None when the scenario is refused or the robot unknown."""
     if kind == "rules":
         return rule_schema_text()
+    if kind == "bml":
+        return block_schema_text()
     if folder is not None:
         scenario = load_or_refuse(folder, robot=robot, mode=None)
         return None if scenario is None else act_schema_text(scenario.robot.actions)

@@ -27,6 +27,7 @@ _COMMANDS = {
     "lsp": "rise_engine.cli.lsp",
     "agree": "rise_engine.cli.agree",
     "convert": "rise_engine.cli.convert",
+    "explore": "rise_engine.cli.explore",
     "export": "rise_engine.cli.export",
     "import": "rise_engine.cli.imports",
     "graph": "rise_engine.cli.graph",

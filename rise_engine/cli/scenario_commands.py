@@ -60,6 +60,7 @@ class _ExpressionCommand(click.Command):
 @click.option(
     "--explain", "act", metavar="ACT", help="Say what scenario.toml sets for an act instead, and in which line."
 )
+@click.option("--deep", is_flag=True, help="Also look at what can happen in it, for some seconds.")
 @ROBOT
 @MODE
 @LANGUAGE
@@ -68,13 +69,17 @@ def check(
     as_json: bool,
     all_of_them: bool,
     act: str | None,
+    deep: bool,
     robot: str | None,
     mode: str | None,
     language: str,
 ) -> None:
     """Say everything that is wrong with the scenario in DIR.
 
-    Exit status: 0 without errors (warnings may be there), 1 with errors, 2 when there is no such folder or act.
+    With --deep also what can go wrong in a session: everything that can happen is looked at, as `explore` does, but
+    without stops and lost robots, and for five seconds at most.
+
+    Exit status: 0 without errors (warnings may be there), 1 with errors or problems, 2 when there is no such folder or act.
     """
     folder = resolve_scenario(folder)
     if act is not None:
@@ -82,7 +87,11 @@ def check(
             sys.exit(explain_act_report(folder, act, robot=robot, mode=mode, as_json=as_json))
         except UnknownActError as error:
             exit_with_usage(str(error))
-    sys.exit(check_report(folder, robot=robot, mode=mode, as_json=as_json, all_of_them=all_of_them, language=language))
+    sys.exit(
+        check_report(
+            folder, robot=robot, mode=mode, as_json=as_json, all_of_them=all_of_them, language=language, deep=deep
+        )
+    )
 
 
 @click.command("eval", cls=_ExpressionCommand)
@@ -110,10 +119,10 @@ def evaluate(expression: str | None, functions: bool, memory: str, as_json: bool
 
 @click.command()
 @FOLDER_OR_NONE
-@click.option("--kind", type=click.Choice(["cra", "rules"]), required=True, help="Acts, or interaction rules.")
+@click.option("--kind", type=click.Choice(["cra", "rules", "bml"]), required=True, help="Acts, rules, or BML 1.0.")
 @ROBOT
 def schema(folder: str | None, kind: str, robot: str | None) -> None:
-    """Print the RELAX NG schema of act or rule files, for an editor that completes and checks them.
+    """Print the RELAX NG schema of act, rule or BML files, for an editor that completes and checks them.
 
     With DIR, it knows the actions of that scenario and its robot too.
     """

@@ -79,6 +79,8 @@ _SETTINGS = (
     "private",
     "language",
     "languages",
+    "explore",
+    "properties",
 )
 
 

@@ -14,6 +14,8 @@ from rise_engine.edit.plan import EditRefused, Files, Splice
 from rise_engine.edit.text_edits import EditedText
 from rise_engine.edit.toml_edits import TomlText
 from rise_engine.edit.toml_writing import toml_key
+from rise_engine.expression.errors import ExpressionError
+from rise_engine.expression.tokens import escape_text, unquote
 from rise_engine.scenario.source_files import SourceFile
 from rise_engine.scenario.toml_syntax import TomlKeyPart, TomlValue
 from rise_engine.scenario.uses import Use
@@ -52,7 +54,8 @@ class NamePlaces:
         start = source.offset(place.line, place.column)
         end = start + use.length
         written = text.text[start:end]
-        if name not in (written, self._read(place.file, written)):
+        read = self._read(place.file, written)
+        if name not in (written, read, _unescaped(read)):
             return None
         return NamePlace(place.file, text.byte_offset(start), text.byte_offset(end))
 
@@ -125,6 +128,7 @@ class NamePlaces:
         for value in _values(toml):
             start = text.byte_offset(value.start)
             if start <= place.start < text.byte_offset(value.end):
+                name = escape_text(name, _inner_quote(text, value, place))
                 if text.text.startswith("'", value.start):
                     if "'" in name:
                         line = text.line(value.start)
@@ -134,6 +138,23 @@ class NamePlaces:
                     return Splice(place.file, place.start, place.end, name.encode())
                 return Splice(place.file, place.start, place.end, json.dumps(name, ensure_ascii=False)[1:-1].encode())
         raise EditRefused(f"{place.file} is written in a way that cannot be changed here; change it with an editor")
+
+
+def _unescaped(written: str) -> str:
+    """A name that stands in quotation marks within a condition."""
+    try:
+        return unquote(written, f"'{written}'", 0)
+    except ExpressionError:
+        return written
+
+
+def _inner_quote(file: EditedText, value: TomlValue, place: NamePlace) -> str:
+    """The quotation mark in which a name stands within a text, as in `runs('R_Yes')`; empty: in none."""
+    begin = file.text[value.start : value.start + 3]
+    opening = len(begin) if begin in ('"""', "'''") else 1
+    before = file.text[value.start + opening : value.end]
+    data = before.encode()[: place.start - file.byte_offset(value.start + opening)]
+    return data[-1:].decode() if data.endswith((b"'", b'"')) else ""
 
 
 def _character(found: re.Match[str]) -> str:

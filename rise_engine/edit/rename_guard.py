@@ -10,6 +10,7 @@ import msgspec
 from rise_engine.edit.edits import Rename
 from rise_engine.edit.plan import EditRefused
 from rise_engine.expression import Assignment, Expression
+from rise_engine.expression.tokens import escape_text
 from rise_engine.scenario.model import normal_topic
 
 _NAME = "\0"
@@ -27,10 +28,13 @@ def check_rename(edit: Rename, before: Mapping[str, Any], after: Mapping[str, An
     owner, _, _ = edit.old.rpartition("/")
     old = edit.old[len(owner) + 1 :] if edit.kind in ("state", "action") else normal_topic(edit.old)
     new = normal_topic(edit.new) if edit.kind == "event" else edit.new
-    longer, shorter = sorted((old, new), key=len, reverse=True)
+    written = {escape_text(name, quote) for name in (old, new) for quote in ("", "'", '"')}
+    longest_first = sorted(written, key=len, reverse=True)
 
     def either(text: str) -> str:
-        return text.replace(longer, _NAME).replace(shorter, _NAME)
+        for name in longest_first:
+            text = text.replace(name, _NAME)
+        return text
 
     for part in before:
         inner = either if part not in ("acts", "translations") or edit.kind in ("key", "action") else _as_it_is

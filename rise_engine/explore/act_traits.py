@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from itertools import combinations
 from typing import Any, Literal, TypeAlias
 
 from msgspec import Struct
@@ -31,7 +32,7 @@ class ActTraits(Struct, frozen=True):
     waits: bool
     """Whether there can be a moment at which it only waits, and the robot does nothing of it."""
     is_parallel: bool
-    """Whether two of its actions can be under way on the robot at once."""
+    """Whether the robot can still be doing something of it when it fails."""
     speaks: bool
     """Whether it begins with something that takes the robot's voice."""
     changes_voice: bool
@@ -50,8 +51,8 @@ def traits_of(scenario: Scenario, act: Act, memories: Sequence[Mapping[str, Any]
         act.name,
         uses_robot=bool(on_robot),
         can_fail=any(not action.continue_on_failure for action in on_robot),
-        waits=any(_is_wait(scenario, action) and not _takes_no_time(action) for action in act.actions),
-        is_parallel=_has_parallel(act, {action.id for action in on_robot}),
+        waits=any(_is_wait(scenario, action) and not all(map(_takes_no_time, action.calls)) for action in act.actions),
+        is_parallel=_has_parallel(act, on_robot),
         speaks=any(action in speaking for action in initial),
         changes_voice=bool(speaking) and len(act.actions) > len(speaking),
         least=int(1000 * min(_length(scenario, act, memory, pace[0], min) for memory in memories)),
@@ -59,11 +60,15 @@ def traits_of(scenario: Scenario, act: Act, memories: Sequence[Mapping[str, Any]
     )
 
 
-def begin(scenario: Scenario, act: Act, memory: Mapping[str, Any], robot_lost: bool) -> tuple[Beginning, bool, bool]:
+def begin(
+    scenario: Scenario, act: Act, memory: Mapping[str, Any], robot_lost: bool, choose: Callable[[int], int]
+) -> tuple[Beginning, bool, bool]:
     """What becomes of an act that is started with this memory.
 
+    `choose` gives one of so many possibilities: of wordings of which only some can be said, any can be taken.
+
     Returns what becomes of it at once; whether the robot has begun with something of it by then; and whether an action
-    that comes later would fail as things stand.
+    that comes later could fail as things stand.
     """
     ready = [action for action in act.actions if not action.wait_for]
     ended: set[str] = set()
@@ -71,11 +76,14 @@ def begin(scenario: Scenario, act: Act, memory: Mapping[str, Any], robot_lost: b
     running = False
     while ready:
         action = ready.pop(0)
-        if _is_wait(scenario, action) and not _lacks_value(action, memory):
-            if not _takes_no_time(action):
+        failing = _failing_calls(scenario, action, memory)
+        fails = failing == len(action.calls) or (failing > 0 and bool(choose(2)))
+        if not fails and _is_wait(scenario, action):
+            at_once = sum(map(_takes_no_time, action.calls))
+            if at_once < len(action.calls) and not (at_once and choose(2)):
                 running = True
                 continue
-        elif robot_lost or _is_sure_to_fail(scenario, action, memory):
+        elif fails or robot_lost:
             if not action.continue_on_failure:
                 return "fails", started, True
         else:
@@ -84,17 +92,23 @@ def begin(scenario: Scenario, act: Act, memory: Mapping[str, Any], robot_lost: b
         ended.add(action.id)
         ready += [later for later in act.successors.get(action.id, ()) if ended.issuperset(later.wait_for)]
     later = [action for action in act.actions if action.id not in ended and action.wait_for]
-    doomed = any(not action.continue_on_failure and _is_sure_to_fail(scenario, action, memory) for action in later)
+    doomed = any(not action.continue_on_failure and _failing_calls(scenario, action, memory) for action in later)
     return ("runs" if running else "ends"), started, doomed
 
 
 def keys_without_fallback(act: Act) -> Iterable[str]:
-    """The memory keys without whose value an action of an act fails."""
+    """The memory keys without whose value an action of an act fails. Parts of values (`items[i]`) are not followed."""
+    for action in act.actions:
+        for call in action.calls:
+            yield from (slot.key for slot in _slots(call) if slot.fallback is None and slot.part is None)
+
+
+def keys_read(act: Act) -> Iterable[str]:
+    """The memory keys that an act's words and numbers are made of."""
     for action in act.actions:
         for call in action.calls:
             for slot in _slots(call):
-                if slot.fallback is None:
-                    yield from slot.part.keys if slot.part is not None else (slot.key,)
+                yield from slot.part.keys if slot.part is not None else (slot.key,)
 
 
 def _slots(call: ActionCall) -> Iterable[MemorySlot]:
@@ -102,30 +116,25 @@ def _slots(call: ActionCall) -> Iterable[MemorySlot]:
         yield from (part for part in template.parts if isinstance(part, MemorySlot))
 
 
-def _lacks_value(action: Action, memory: Mapping[str, Any]) -> bool:
-    keys = (slot.key for call in action.calls[:1] for slot in _slots(call) if slot.fallback is None and not slot.part)
-    return any(lookup(memory, key)[1] is None for key in keys)
-
-
-def _is_sure_to_fail(scenario: Scenario, action: Action, memory: Mapping[str, Any]) -> bool:
-    """Whether the robot cannot do it, or a value is not there that it needs."""
-    specs = (scenario.robot.actions[call.type] for call in action.calls)
-    unable = all(not spec.engine and not spec.supported and spec.substitute is None for spec in specs)
-    return unable or _lacks_value(action, memory)
+def _failing_calls(scenario: Scenario, action: Action, memory: Mapping[str, Any]) -> int:
+    """How many of an action's wordings the robot cannot do, or need a value that is not there."""
+    failing = 0
+    for call in action.calls:
+        spec = scenario.robot.actions[call.type]
+        needed = (slot.key for slot in _slots(call) if slot.fallback is None and slot.part is None)
+        unable = not spec.engine and not spec.supported and spec.substitute is None
+        failing += unable or any(lookup(memory, key)[1] is None for key in needed)
+    return failing
 
 
 def _is_wait(scenario: Scenario, action: Action) -> bool:
     return all(scenario.robot.actions[call.type].engine for call in action.calls)
 
 
-def _takes_no_time(action: Action) -> bool:
+def _takes_no_time(call: ActionCall) -> bool:
     """Whether a wait is over at once."""
-    return all(
-        template.text.strip() in ("0", "0.0", "")
-        for call in action.calls
-        for name, template in call.parameters.items()
-        if name == "duration"
-    )
+    duration = call.parameters.get("duration")
+    return duration is not None and duration.text.strip() in ("0", "0.0")
 
 
 def _speaks(scenario: Scenario, action: Action) -> bool:
@@ -134,14 +143,17 @@ def _speaks(scenario: Scenario, action: Action) -> bool:
     return any(SPEECH_CHANNEL in spec.channels for spec in sent)
 
 
-def _has_parallel(act: Act, on_robot: set[str]) -> bool:
-    """Whether two of these actions can be under way at once: neither has to wait for the other."""
+def _has_parallel(act: Act, on_robot: Sequence[Action]) -> bool:
+    """Whether one of these actions can fail, and the act with it, while another is under way: neither has to wait for
+    the other."""
     before: dict[str, set[str]] = {}
     for action in actions_in_order(act):
         before[action.id] = {id for each in action.wait_for for id in (each, *before.get(each, ()))}
-    ids = sorted(on_robot)
     return any(
-        one not in before[other] and other not in before[one] for at, one in enumerate(ids) for other in ids[at + 1 :]
+        one.id not in before[other.id]
+        and other.id not in before[one.id]
+        and not (one.continue_on_failure and other.continue_on_failure)
+        for one, other in combinations(on_robot, 2)
     )
 
 

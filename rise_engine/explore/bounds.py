@@ -36,9 +36,7 @@ class Bounds(Struct, frozen=True):
     """At most so many situations are looked at."""
     values: int = 40
     """Of each memory key at most so many values are followed."""
+    merges_alike: bool = True
+    """Whether of acts that no rule speaks of, and that nothing tells apart, only the first is started."""
     follows_voice: bool = False
     """Whether it matters when the robot speaks within an act: something reads `session.speaking`."""
-
-
-QUICK = Bounds(stop=False, lost=False)
-"""What is looked at in passing, where somebody waits for the answer: no stop, and the robot is never lost."""

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from typing import Any
 
-from rise_engine.explore.act_traits import keys_without_fallback
+from rise_engine.explore.act_traits import keys_read, keys_without_fallback
 from rise_engine.expression import Assignment, Expression, ExpressionError
 from rise_engine.scenario.model import SESSION, SESSION_STATES, Block, Function, If, OneOf, Scenario, Statement
 
@@ -38,10 +38,13 @@ def keys_that_matter(
                 writes += _assignments_in(block)
                 _add_reads_of_block(block, {}, matter)
     started = memories or [{}]
+    emptied = {each.key.partition(".")[0] for each in writes if _may_give_nothing(each)}
     for act in scenario.acts.values():
-        for key in _heads(keys_without_fallback(act)):
-            if not all(key in memory for memory in started):
-                matter.add(key)
+        matter |= {
+            key
+            for key in _heads(keys_without_fallback(act))
+            if key in emptied or any(each.get(key) is None for each in started)
+        }
     changed = True
     while changed:
         before = len(matter)
@@ -58,11 +61,19 @@ def keys_that_matter(
     return sorted(key for key in known if key.partition(".")[0] in matter)
 
 
-def parts_of_session_read(scenario: Scenario) -> frozenset[str] | None:
-    """The parts of `session` that can be read, with those that the engine itself compares; null: it is not kept."""
+def _may_give_nothing(assignment: Assignment) -> bool:
+    """Whether it can take a key's value away: what it gives can be null."""
+    expression = assignment.expression
+    if expression is None:
+        return assignment.literal is None or isinstance(assignment.literal, dict)
+    return expression.text.strip() == "null" or expression.bare_key is not None or expression.gives_parts
+
+
+def parts_of_session_read(scenario: Scenario) -> frozenset[str]:
+    """The parts of `session` that rules and acts read: `speaking`, `cue`, `condition`, ..."""
     if not scenario.reads_session:
-        return None
-    keys = {key for act in scenario.acts.values() for key in keys_without_fallback(act)}
+        return frozenset()
+    keys = {key for act in scenario.acts.values() for key in keys_read(act)}
     for rule in scenario.rules.values():
         for state in rule.states.values():
             for block in (state.on_entry, state.on_exit, *(each.block for each in state.transitions)):
@@ -74,8 +85,8 @@ def parts_of_session_read(scenario: Scenario) -> frozenset[str] | None:
                 keys |= {key for expression in read if expression is not None for key in expression.keys}
     parts = {key.split(".")[1] for key in keys if key.startswith(f"{SESSION}.")}
     if SESSION in keys:
-        parts |= {"participant", "condition", "factors", "language"}
-    return frozenset({*parts, *SESSION_STATES})
+        parts |= {"participant", "condition", "factors", "language", *SESSION_STATES}
+    return frozenset(parts)
 
 
 def _conditions_in(block: Block) -> Iterator[Expression]:

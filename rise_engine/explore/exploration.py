@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import time
 from collections.abc import Callable, Sequence
+from typing import Any
 
 from msgspec import Struct
 from msgspec.structs import replace
@@ -11,12 +13,16 @@ from rise_engine.explore import questions_of_acts, questions_of_course, question
 from rise_engine.explore.bounds import Bounds
 from rise_engine.explore.explored import Explored
 from rise_engine.explore.finding import ExploreFinding
+from rise_engine.explore.parallel import explore_on_cores
+from rise_engine.explore.properties import PropertyChecker
 from rise_engine.explore.space import Space
 from rise_engine.explore.stepper import Stepper
 from rise_engine.kernel.inputs import SessionStarted
 from rise_engine.scenario.model import Scenario
 from rise_engine.text import pluralize
 
+QUICK_SECONDS = 4.5
+"""How long `explore_quickly` looks; what it then says comes within five seconds."""
 _LEVELS = ("problem", "warning", "remark")
 
 
@@ -40,6 +46,28 @@ class Exploration(Struct, frozen=True, kw_only=True):
     keys: dict[str, dict[str, str]]
     """For each state of the main rule and each key, whether it does something there: always, sometimes or never."""
 
+    def row(self) -> dict[str, Any]:
+        """As programs read it (`--json`)."""
+        findings = [
+            {
+                **{name: getattr(finding, name) for name in ("kind", "level", "text", "rule", "state", "act", "key")},
+                "file": finding.location.file if finding.location is not None else "",
+                "line": finding.location.line if finding.location is not None else 0,
+                "column": finding.location.column if finding.location is not None else 0,
+                "steps": len(finding.path.steps) if finding.path is not None else None,
+            }
+            for finding in self.findings
+        ]
+        return {
+            "scenario": self.scenario_hash,
+            "complete": self.is_complete,
+            "situations": self.situations,
+            "looked_at": self.looked_at,
+            "told": self.told,
+            "findings": findings,
+            "keys": self.keys,
+        }
+
     def count(self, level: str) -> int:
         """How many findings of a level there are."""
         return sum(finding.level == level for finding in self.findings)
@@ -49,6 +77,7 @@ def explore(
     scenario: Scenario,
     bounds: Bounds | None = None,
     *,
+    cores: int = 1,
     go_on: Callable[[Space], bool] = lambda space: True,
 ) -> Exploration:
     """Look at all situations that a scenario can come into, and say what was found.
@@ -56,6 +85,7 @@ def explore(
     Arguments:
         scenario: checked, as `rise_engine.scenario.load` gives it.
         bounds: how far to go; null: as the scenario says it.
+        cores: how many processes look at once.
         go_on: is asked some hundred times a second with what was found so far; when it says no, that is what is told.
 
         >>> from rise_engine.scenario import load
@@ -63,14 +93,35 @@ def explore(
         >>> found.is_complete, [finding.kind for finding in found.findings if finding.level == "problem"]
         (True, [])
     """
-    bounds = bounds or Bounds()
+    bounds = bounds or bounds_of(scenario)
     if scenario.reads_session:
         bounds = replace(bounds, follows_voice=True)
-    stepper = Stepper(scenario, bounds, sessions_of(scenario), main_rule(scenario))
+    conditions = [
+        expression
+        for each in scenario.properties
+        for expression in (each.condition, each.after, each.unless)
+        if expression is not None
+    ]
+    stepper = Stepper(scenario, bounds, sessions_of(scenario), main_rule(scenario), conditions)
     space = Space(stepper)
     space.begin()
-    space.explore(lambda: go_on(space))
+    explore_on_cores(space, cores, lambda: go_on(space))
     return tell(Explored(space))
+
+
+def explore_quickly(scenario: Scenario, go_on: Callable[[], bool] = lambda: True) -> Exploration:
+    """Explore for a few seconds at most, without stops and lost robots: for who waits for the answer."""
+    until = time.monotonic() + QUICK_SECONDS
+    bounds = replace(bounds_of(scenario), stop=False, lost=False)
+    return explore(scenario, bounds, go_on=lambda space: time.monotonic() < until and go_on())
+
+
+def bounds_of(scenario: Scenario) -> Bounds:
+    """How far a scenario says that exploring goes (`[explore]` in scenario.toml)."""
+    said = scenario.explore
+    return Bounds(
+        keys=said.keys, line=said.line, beside=said.beside, faults=said.faults, pace=said.pace, tries=said.tries
+    )
 
 
 def sessions_of(scenario: Scenario) -> list[SessionStarted]:
@@ -81,15 +132,20 @@ def sessions_of(scenario: Scenario) -> list[SessionStarted]:
 
 
 def main_rule(scenario: Scenario) -> str:
-    """The rule whose end is the study's: that of the first key that starts one; empty: there is none."""
+    """The rule whose end is the study's: the one that the scenario says, or that of the first key that starts one;
+    empty: there is none."""
+    if scenario.explore.end:
+        return scenario.explore.end
     started = (key.behavior for key in scenario.keys.values() if key.function == "startInteractionRule")
     return next(started, next(iter(scenario.rules), ""))
 
 
 def tell(explored: Explored) -> Exploration:
     """Ask everything of a space."""
+    checker = PropertyChecker(explored)
     by_state = questions_of_use.keys_by_state(explored)
     findings: list[ExploreFinding] = [
+        *checker.findings(),
         *questions_of_course.find_dead_ends(explored),
         *questions_of_course.find_lost_ends(explored),
         *questions_of_course.find_runaways(explored),
@@ -113,7 +169,7 @@ def tell(explored: Explored) -> Exploration:
         situations=len(space.situations),
         steps=space.stepper.steps,
         looked_at=tuple(_looked_at(explored)),
-        told=tuple(filter(None, (about_the_end, *questions_of_course.tell_who_must_act(explored)))),
+        told=tuple(filter(None, (about_the_end, *checker.told(), *questions_of_course.tell_who_must_act(explored)))),
         findings=tuple(findings),
         keys=by_state,
     )

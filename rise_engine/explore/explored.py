@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from array import array
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Container, Iterable, Iterator
 from functools import cached_property
 
 from rise_engine.explore.moves import Move
@@ -79,8 +79,11 @@ class Explored:
                     break
         return found
 
-    def reaching(self, goals: Iterable[Number], allowed: Callable[[Move], bool]) -> set[Number]:
-        """The situations from which one of the goals can be reached by moves that are allowed; the goals among them."""
+    def reaching(
+        self, goals: Iterable[Number], allowed: Callable[[Move], bool], avoiding: Container[Number] = ()
+    ) -> set[Number]:
+        """The situations from which one of the goals can be reached by moves that are allowed, the goals among them;
+        not by way of those to be avoided."""
         allows = [allowed(move) for move in self.space.moves]
         found = set(goals)
         pending = list(found)
@@ -89,7 +92,7 @@ class Explored:
             came = before[pending.pop()]
             for at in range(0, len(came), 2):
                 number = came[at + 1]
-                if number not in found and allows[came[at]]:
+                if number not in found and allows[came[at]] and number not in avoiding:
                     found.add(number)
                     pending.append(number)
         return found

@@ -8,10 +8,11 @@ from typing import Literal, NamedTuple, TypeAlias
 
 from rise_engine.explore.act_traits import ActTraits
 from rise_engine.explore.bounds import Bounds
+from rise_engine.explore.cone import parts_of_session_read
 from rise_engine.explore.situation import PERSON, Situation
 from rise_engine.kernel.act_runner import CANCEL_LIMIT
 from rise_engine.kernel.inputs import ActionReport, AnyInput, RobotChanged, StopReport, Submit, TimerElapsed
-from rise_engine.scenario.model import CUE_TOPICS, SESSION, Scenario, functions_in, normal_topic
+from rise_engine.scenario.model import CUE_TOPICS, Scenario, functions_in, normal_topic
 
 MoveKind: TypeAlias = Literal[
     "key",  # name: the key
@@ -75,7 +76,7 @@ class Moves:
     def __init__(self, scenario: Scenario, traits: dict[str, ActTraits], bounds: Bounds) -> None:
         self._traits = traits
         self._bounds = bounds
-        self.alike = acts_alike(scenario, traits) if bounds.keys == "all" else {}
+        self.alike = acts_alike(scenario, traits) if bounds.keys == "all" and bounds.merges_alike else {}
         """For each act that a key starts and no rule speaks of: the first act that nothing tells apart from it."""
         self.keys = {
             name: key
@@ -104,11 +105,7 @@ class Moves:
                 for index, value in enumerate(values)
             ),
         ]
-        self._has_cue = (
-            bool(scenario.topics.intersection(CUE_TOPICS))
-            or scenario.fillers.auto_after is not None
-            or _reads_cue(scenario)
-        )
+        self._has_cue = cue_matters(scenario)
 
     def possible(self, situation: Situation) -> Iterator[Possibility]:
         """What can come next, people first. Which of it time allows, the clocks must say."""
@@ -192,6 +189,12 @@ _CANCEL_LIMIT = int(1000 * CANCEL_LIMIT)
 _FOREVER = 10**9
 
 
+def cue_matters(scenario: Scenario) -> bool:
+    """Whether it makes a difference that the participant's turn has ended."""
+    waits = bool(scenario.topics.intersection(CUE_TOPICS))
+    return waits or scenario.fillers.auto_after is not None or "cue" in parts_of_session_read(scenario)
+
+
 def acts_alike(scenario: Scenario, traits: dict[str, ActTraits]) -> dict[str, str]:
     """Acts that no rule starts, stops or waits for, by the first of those from which nothing tells them apart."""
     named = {
@@ -235,20 +238,6 @@ def _topics_from_outside(scenario: Scenario) -> set[str]:
                     normal_topic(each.argument) for each in functions_in(block) if each.name == "raiseEventTopic"
                 }
     return set(scenario.topics) - inside
-
-
-def _reads_cue(scenario: Scenario) -> bool:
-    expressions = (
-        expression
-        for rule in scenario.rules.values()
-        for state in rule.states.values()
-        for transition in state.transitions
-        for expression in (transition.condition, transition.held)
-        if expression is not None
-    )
-    return scenario.reads_session and any(
-        key in (SESSION, f"{SESSION}.cue") for expression in expressions for key in expression.keys
-    )
 
 
 def _submit(function: str, behavior: str) -> Submit:

@@ -5,8 +5,10 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Iterator
 
+from rise_engine.explore.act_traits import keys_read
 from rise_engine.explore.explored import Explored
 from rise_engine.explore.finding import ExploreFinding
+from rise_engine.expression import Assignment, ExpressionError
 from rise_engine.scenario.model import Rule, SourceLocation, Transition
 from rise_engine.text import pluralize
 
@@ -30,8 +32,13 @@ def find_unused(explored: Explored) -> Iterator[ExploreFinding]:
                 rule=rule.name,
             )
             continue
+        for_faults = []
         for state in rule.states.values():
+            ways = [way for each in rule.states.values() for way in each.transitions if way.target == state.id]
             if (rule.name, state.id) not in entered:
+                if ways and all(_is_for_faults(way) for way in ways):
+                    for_faults.append(state.id)
+                    continue
                 yield ExploreFinding(
                     kind="never-entered",
                     level="warning",
@@ -42,16 +49,28 @@ def find_unused(explored: Explored) -> Iterator[ExploreFinding]:
                 )
                 continue
             for index, transition in enumerate(state.transitions):
-                if (rule.name, state.id, index) not in taken:
-                    after_fault = transition.ended is not None and transition.outcomes != ("succeeded",)
-                    yield ExploreFinding(
-                        kind="never-taken",
-                        level="remark" if after_fault else "warning",
-                        text=f"{rule.name} never leaves {state.id} by {way_text(transition)}{within}",
-                        location=transition.location,
-                        rule=rule.name,
-                        state=state.id,
-                    )
+                if (rule.name, state.id, index) in taken:
+                    continue
+                if _is_for_faults(transition):
+                    for_faults.append(state.id)
+                    continue
+                yield ExploreFinding(
+                    kind="never-taken",
+                    level="warning",
+                    text=f"{rule.name} never leaves {state.id} by {way_text(transition)}{within}",
+                    location=transition.location,
+                    rule=rule.name,
+                    state=state.id,
+                )
+        if for_faults:
+            yield ExploreFinding(
+                kind="not-met",
+                level="remark",
+                text=f"what {rule.name} does when an act fails was not met everywhere{within}: "
+                + ", ".join(dict.fromkeys(for_faults)),
+                location=rule.location,
+                rule=rule.name,
+            )
     done = {fact[1] for fact in explored.facts("act")}
     by_key = {key.behavior for key in scenario.keys.values() if key.function == "startCommunicationRobotAct"}
     for act in scenario.acts.values():
@@ -63,6 +82,11 @@ def find_unused(explored: Explored) -> Iterator[ExploreFinding]:
                 location=act.location,
                 act=act.name,
             )
+
+
+def _is_for_faults(transition: Transition) -> bool:
+    """Whether a way out is for an act that was not done."""
+    return transition.ended is not None and transition.outcomes != ("succeeded",)
 
 
 def way_text(transition: Transition) -> str:
@@ -114,9 +138,12 @@ def keys_by_state(explored: Explored) -> dict[str, dict[str, str]]:
 def find_idle_keys(explored: Explored, by_state: dict[str, dict[str, str]]) -> Iterator[ExploreFinding]:
     """Keys that nowhere do anything."""
     keys = next(iter(by_state.values()), {})
+    spoken = {key.partition(".")[0] for act in explored.scenario.acts.values() for key in keys_read(act)}
     for name in keys:
         if all(row[name] == "never" for row in by_state.values()):
             key = explored.scenario.keys[name]
+            if key.function == "assignValue" and spoken & _keys_set(key.behavior):
+                continue  # what acts say or do depends on it
             title = f" ({key.title})" if key.title else ""
             yield ExploreFinding(
                 kind="idle-key",
@@ -125,6 +152,13 @@ def find_idle_keys(explored: Explored, by_state: dict[str, dict[str, str]]) -> I
                 location=key.location,
                 key=name,
             )
+
+
+def _keys_set(text: str) -> set[str]:
+    try:
+        return {assignment.key.partition(".")[0] for assignment in Assignment.parse_all(text)}
+    except ExpressionError:
+        return set()
 
 
 def find_missing_values(explored: Explored) -> Iterator[ExploreFinding]:

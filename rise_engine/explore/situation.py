@@ -24,7 +24,7 @@ from rise_engine.kernel.failures import first_task
 from rise_engine.kernel.kept_events import KeptEvent
 from rise_engine.kernel.rule_stack import RuleRun, append_to_lists, remove_from_lists
 from rise_engine.kernel.stop import StoodRule, StopStatus
-from rise_engine.scenario.model import SESSION, Scenario
+from rise_engine.scenario.model import SESSION, SESSION_STATES, Scenario
 
 PERSON = "engine"
 """The source of what no rule has asked for: exploring does not tell people and programs apart."""
@@ -140,7 +140,8 @@ class SituationKernel:
         self._in_order = in_order
         self._follows_failures = follows_failures
         self._last_attempt = {name: scenario.failure_policy(name).times + 1 for name in scenario.acts}
-        self._session_parts = parts_of_session_read(scenario)
+        self._session_parts = parts_of_session_read(scenario) | set(SESSION_STATES) if scenario.reads_session else None
+        """What of `session` is told apart; null: it is not kept."""
         self._follows_fillers = scenario.fillers.auto_after is not None
 
     # --- put ---

@@ -4,19 +4,21 @@ from __future__ import annotations
 
 from array import array
 from collections import Counter, deque
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from typing import TypeAlias
 
 from rise_engine.explore.moves import Move
 from rise_engine.explore.situation import Situation
 from rise_engine.explore.stepper import Fact, Step, Stepper, asks_again
-from rise_engine.explore.zones import NO_CLOCKS, Zone, hull, includes, widest
+from rise_engine.explore.zones import NO_CLOCKS, Zone, hull, includes, widen, widest
 from rise_engine.kernel.inputs import SessionStarted
 
 Number: TypeAlias = int
 """Of a situation, in the order in which they were found."""
 GROWTHS = 3
-"""How often the times of a situation grow before they are taken for all times that are possible at all."""
+"""How often the times of a situation grow before what grows is taken to be as large as it can ever be."""
+MAX_GROWTHS = 20
+"""How often they grow before they are taken for all times that are possible at all."""
 
 
 class Space:
@@ -72,10 +74,24 @@ class Space:
                 return
             number = self.pending.popleft()
             self._is_pending.discard(number)
-            self._take(number, self.stepper.follow(self.situations[number], self.zones[number]))
+            self.take(number, self.stepper.follow(self.situations[number], self.zones[number]))
         self.complete = True
 
-    def _take(self, number: Number, steps: Iterator[Step]) -> None:
+    def take_pending(self, most: int) -> list[tuple[Number, Situation, Zone]]:
+        """Some of the situations that have still to be looked at; whoever takes them looks at them."""
+        taken: list[tuple[Number, Situation, Zone]] = []
+        while self.pending and len(taken) < most:
+            number = self.pending.popleft()
+            self._is_pending.discard(number)
+            taken.append((number, self.situations[number], self.zones[number]))
+        return taken
+
+    def put_back(self, numbers: Iterable[Number]) -> None:
+        """These have still to be looked at after all."""
+        for number in numbers:
+            self._enqueue(number)
+
+    def take(self, number: Number, steps: Iterable[Step]) -> None:
         """Take in what follows a situation."""
         edges = array("q")
         seen = set()
@@ -127,8 +143,10 @@ class Space:
         known = self.zones[number]
         if not includes(known, zone):
             self._growths[number] += 1
-            if self._growths[number] > GROWTHS:
+            if self._growths[number] > MAX_GROWTHS:
                 self.zones[number] = widest(self.stepper.moves.limits(situation))
+            elif self._growths[number] > GROWTHS:
+                self.zones[number] = widen(known, zone, self.stepper.moves.limits(situation))
             else:
                 self.zones[number] = hull(known, zone)
             self._enqueue(number)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from itertools import combinations
 from typing import Any, NamedTuple, TypeAlias, cast
 
@@ -61,7 +61,7 @@ class Stepper:
         bounds: Bounds,
         beginnings: list[SessionStarted],
         end: str,
-        properties: tuple[Expression, ...] = (),
+        properties: Sequence[Expression] = (),
     ) -> None:
         """`beginnings`: the sessions that are looked at, one for each condition; `end`: the rule that ends the study;
         `properties`: conditions that will be asked of the situations."""

@@ -62,7 +62,8 @@ class WholeActs(ActRunner):
         core = self._core
         act = find_act(core.scenario, task)
         traits = self.traits[act.name]
-        beginning, robot_began, run.doomed = begin(core.scenario, act, core.memory, self.robot_lost is not None)
+        lost = self.robot_lost is not None
+        beginning, robot_began, run.doomed = begin(core.scenario, act, core.memory, lost, self.decisions.choose)
         if beginning == "fails":
             run.failure = FAILED
             if not (robot_began and self.decisions.choose(2)):
@@ -78,7 +79,8 @@ class WholeActs(ActRunner):
             run.speaking = not run.speaking
         elif status == "failed":
             run.failure = FAILED
-            if not (self.traits[run.task.behavior].is_parallel and self.decisions.choose(2)):
+            winds_down = self.robot_lost is None and self.traits[run.task.behavior].is_parallel
+            if not (winds_down and self.decisions.choose(2)):
                 self._finish(run)
         else:
             self._finish(run)

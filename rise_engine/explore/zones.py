@@ -63,6 +63,23 @@ def hull(one: Zone, other: Zone) -> Zone:
     return tuple(tuple(map(max, row, also)) for row, also in zip(one, other, strict=True))
 
 
+def widen(known: Zone, zone: Zone, limits: Sequence[int]) -> Zone:
+    """A zone that has both in it, and in which each bound that grew is as large as it can ever be."""
+    rows = [
+        [largest if bound > before else before for before, bound, largest in zip(*rows, strict=True)]
+        for rows in zip(known, zone, widest(limits), strict=True)
+    ]
+    size = range(len(rows))
+    for middle in size:  # closed again: R. Floyd, Algorithm 97: shortest path, 1962
+        through = rows[middle]
+        for row in rows:
+            ahead = row[middle]
+            for j in size:
+                if ahead + through[j] < row[j]:
+                    row[j] = ahead + through[j]
+    return tuple(map(tuple, rows))
+
+
 def widest(limits: Sequence[int]) -> Zone:
     """All times that are possible at all: each clock from 0 to its limit."""
     tops = [0, *limits]

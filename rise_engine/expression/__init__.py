@@ -4,11 +4,12 @@ Pure: no side effects, no clock, no chance of its own, no input or output.
 """
 
 from rise_engine.expression.assignment import Assignment, assigned_entry
-from rise_engine.expression.environment import Environment, lookup
+from rise_engine.expression.environment import AskedSituation, Environment, lookup
 from rise_engine.expression.errors import EvaluationError, ExpressionError, LanguageError, MissingPartError
 from rise_engine.expression.expression import Expression
 
 __all__ = [
+    "AskedSituation",
     "Assignment",
     "Environment",
     "EvaluationError",

@@ -28,6 +28,7 @@ from rise_engine.expression.nodes import (
     Not,
     Part,
     Power,
+    SituationTest,
     with_all_brackets,
 )
 from rise_engine.expression.operators import (
@@ -44,6 +45,13 @@ from rise_engine.expression.parts import PartReader
 from rise_engine.expression.values import describe, is_true, native_number, to_double
 
 Compute: TypeAlias = Callable[[Any], Json]
+_QUESTIONS: dict[str, Callable[..., bool]] = {
+    "in": lambda situation, rule, state: situation.in_state(rule, state),
+    "rule": lambda situation, rule: situation.rule_runs(rule),
+    "runs": lambda situation, act: situation.act_runs(act),
+    "waits": lambda situation, act: situation.act_waits(act),
+}
+"""Of each function of a property: what it asks an `AskedSituation`."""
 
 
 class ExpressionCompiler:
@@ -89,6 +97,8 @@ class ExpressionCompiler:
             case Chain() | Power() | Negative():
                 number = self.compile_number(node)
                 return lambda env: number(env) > 0
+            case SituationTest():
+                return self.compile_situation_test(node)
             case _:
                 read = self.compile_operand(node)
                 return lambda env: is_true(read(env))
@@ -113,7 +123,7 @@ class ExpressionCompiler:
                 return self.compile_rand([self.compile_number(argument) for argument in arguments])
             case FunctionCall("length", (argument,)):
                 return self.compile_function(_length, argument, (str, list, dict), 0.0, "has no length")
-            case Logic() | Not() | Compare() | Defined():
+            case Logic() | Not() | Compare() | Defined() | SituationTest():
                 condition = self.compile_condition(node)
                 return lambda env: 1.0 if condition(env) else 0.0
             case _:
@@ -139,7 +149,7 @@ class ExpressionCompiler:
             case Negative(Literal(value)) if value.__class__ is int:
                 opposite = -value  # exact, which a double need not be
                 return lambda env: opposite
-            case Logic() | Not() | Compare() | Defined():
+            case Logic() | Not() | Compare() | Defined() | SituationTest():
                 return self.compile_condition(node)
             case FunctionCall("lower", (argument,)):
                 return self.compile_function(str.lower, argument, str, "", "is not a text")
@@ -215,6 +225,19 @@ class ExpressionCompiler:
                 raise EvaluationError("there is no source of chance here, so `rand` has no value", self.text)
             low, high = (0.0, *values)[-2:]
             return low + env.rand() * (high - low)
+
+        return run
+
+    def compile_situation_test(self, node: SituationTest) -> Condition:
+        """What a property of a study asks for."""
+        ask = _QUESTIONS[node.function]
+        names = node.names
+
+        def run(env: Environment) -> bool:
+            if env.situation is None:
+                shown = with_all_brackets(node)
+                raise EvaluationError(f"there is no situation here that could be asked for `{shown}`", self.text)
+            return ask(env.situation, *names)
 
         return run
 

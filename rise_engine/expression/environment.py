@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, MutableSet
 from dataclasses import dataclass
-from typing import Any, Final, TypeAlias
+from typing import Any, Final, Protocol, TypeAlias
 
 Json: TypeAlias = Any
 """A JSON value: null, boolean, integer, number, string, array or object."""
@@ -25,6 +25,22 @@ class Missing:
 MISSING: Final = Missing()
 
 
+class AskedSituation(Protocol):
+    """What a property of a study asks about how a session stands: `in('Main', 'Start')`, `runs('R_Yes')`, ..."""
+
+    def in_state(self, rule: str, state: str) -> bool:
+        """Whether a rule runs and is in this state."""
+
+    def rule_runs(self, rule: str) -> bool:
+        """Whether a rule runs."""
+
+    def act_runs(self, act: str) -> bool:
+        """Whether an act runs, at least once."""
+
+    def act_waits(self, act: str) -> bool:
+        """Whether an act waits to be run, at least once."""
+
+
 @dataclass(slots=True, eq=False)
 class Environment:
     """The argument of a compiled expression. Build one, keep it, and change the memory behind it."""
@@ -40,6 +56,8 @@ class Environment:
     parts: dict[str, Json] | None = None
     """Collects the parts that an evaluation read (`items[i].text`) with their values, null for what was not there;
     null: not collected."""
+    situation: AskedSituation | None = None
+    """What `in`, `rule`, `runs` and `waits` ask; null, as while a session runs: they are an evaluation error."""
 
     def value_of_absent_key(self, key: str, default: Json) -> Json:
         """The value of a key that is no flat key: from within an object, or else `default`, and it is reported."""

@@ -118,3 +118,6 @@ ARITY: dict[str, tuple[int, int]] = {
     "defined": (1, 1),
 }
 """Every function that an expression can call, with its least and largest number of arguments."""
+
+SITUATION_ARITY = {"in": 2, "rule": 1, "runs": 1, "waits": 1}
+"""The functions that only a property of a study can call, with their number of names: they ask how a session stands."""

@@ -1,15 +1,17 @@
-"""Where memory keys stand in conditions, assignments and texts with `{slots}`: for lists of uses and for renaming."""
+"""Where memory keys stand in conditions, assignments and texts with `{slots}`, and the names that properties ask for:
+for lists of uses and for renaming."""
 
 from __future__ import annotations
 
 import re
 from collections.abc import Iterator
 from itertools import pairwise
-from typing import NamedTuple
+from typing import Literal, NamedTuple
 
 from rise_engine.expression.assignment import Assignment
 from rise_engine.expression.errors import ExpressionError
 from rise_engine.expression.expression import Expression
+from rise_engine.expression.functions import SITUATION_ARITY
 from rise_engine.expression.tokens import KEY, path_end, tokenize
 from rise_engine.json_codec import JsonError, JsonObject, read_json
 from rise_engine.text import match_end
@@ -30,8 +32,47 @@ class KeyPlace(NamedTuple):
     """It is the whole right side of an assignment: a key, or a text without quotation marks."""
 
 
+class AskedName(NamedTuple):
+    """The name of a rule, a state or an act in what a property asks for."""
+
+    kind: Literal["rule", "state", "act"]
+    name: str
+    start: int
+    """Where it stands in the text, behind its quotation mark."""
+    length: int
+    """Characters that it takes there."""
+    rule: str = ""
+    """Of a state, its rule."""
+
+
+def names_in_property(text: str) -> Iterator[AskedName]:
+    """The names that a property asks for, each where it stands; nothing of one that cannot be read.
+
+    >>> [(each.kind, each.name, each.start) for each in names_in_property("runs('R_Yes') and in('Main', 'Start')")]
+    [('act', 'R_Yes', 6), ('rule', 'Main', 22), ('state', 'Start', 30)]
+    """
+    try:
+        Expression.parse_property(text)
+        tokens = tokenize(text)
+    except ExpressionError:
+        return
+    for at, token in enumerate(tokens):
+        if token.kind != "word" or token.value not in SITUATION_ARITY or tokens[at + 1].kind != "(":
+            continue
+        first, place = tokens[at + 2], tokens[at + 2].start + 1
+        length = first.end - first.start - 2
+        if token.value in ("runs", "waits"):
+            yield AskedName("act", first.value, place, length)
+            continue
+        yield AskedName("rule", first.value, place, length)
+        if token.value == "in":
+            second = tokens[at + 4]
+            length = second.end - second.start - 2
+            yield AskedName("state", second.value, second.start + 1, length, first.value)
+
+
 def keys_in_expression(text: str, start: int = 0) -> Iterator[KeyPlace]:
-    """The keys of an expression, each where it stands; nothing of one that cannot be read.
+    """The keys of an expression, also of a property, each where it stands; nothing of one that cannot be read.
 
     `start` is where the expression begins in what the places are counted in.
 
@@ -39,7 +80,7 @@ def keys_in_expression(text: str, start: int = 0) -> Iterator[KeyPlace]:
     [('a', 0), ('b.c', 18), ('a', 30)]
     """
     try:
-        keys, tokens = Expression.parse(text).keys, tokenize(text)
+        keys, tokens = Expression.parse_property(text).keys, tokenize(text)
     except ExpressionError:
         return
     for token, following in pairwise(tokens):

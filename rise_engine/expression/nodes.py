@@ -46,6 +46,13 @@ class Defined(NamedTuple):
     part: Part | None = None
 
 
+class SituationTest(NamedTuple):
+    """`in('Main', 'Start')`, `rule('Main')`, `runs('R_Yes')`, `waits('R_Yes')`: only in a property of a study."""
+
+    function: str
+    names: tuple[str, ...]
+
+
 class Not(NamedTuple):
     operand: Node
 
@@ -87,10 +94,22 @@ class FunctionCall(NamedTuple):
 
 
 Node: TypeAlias = (
-    Literal | Key | NamedConstant | Part | Defined | Not | Negative | Logic | Compare | Chain | Power | FunctionCall
+    Literal
+    | Key
+    | NamedConstant
+    | Part
+    | Defined
+    | SituationTest
+    | Not
+    | Negative
+    | Logic
+    | Compare
+    | Chain
+    | Power
+    | FunctionCall
 )
 
-_ATOMS = (Literal, Key, NamedConstant, Part, Defined, FunctionCall)
+_ATOMS = (Literal, Key, NamedConstant, Part, Defined, SituationTest, FunctionCall)
 
 
 def children(node: Node) -> Iterator[Node]:
@@ -168,6 +187,8 @@ def with_all_brackets(node: Node) -> str:
             return with_all_brackets(base) + "".join(inner)
         case Defined(name, part):
             return f"defined({name if part is None else with_all_brackets(part)})"
+        case SituationTest(function, names):
+            return f"{function}({', '.join(map(literal_text, names))})"
         case Not(operand):
             return f"not {_bracket(operand)}"
         case Negative(operand):

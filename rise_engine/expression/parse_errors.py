@@ -6,7 +6,7 @@ import re
 from collections.abc import Sequence
 
 from rise_engine.expression.errors import ExpressionError, shorten
-from rise_engine.expression.functions import ANY_NUMBER_OF_ARGUMENTS, ARITY
+from rise_engine.expression.functions import ANY_NUMBER_OF_ARGUMENTS, ARITY, SITUATION_ARITY
 from rise_engine.expression.nodes import Compare, with_all_brackets
 from rise_engine.expression.signatures import find_signature
 from rise_engine.expression.tokens import RESERVED, Token
@@ -132,7 +132,7 @@ def stray_token_error(text: str, tokens: Sequence[Token], at: int) -> Expression
     return ExpressionError(f"an operator is missing before `{shown}`", text, column, hint)
 
 
-def unknown_function_error(text: str, token: Token) -> ExpressionError:
+def unknown_function_error(text: str, token: Token, *, of_property: bool = False) -> ExpressionError:
     """A name before a bracket that is no function (RISE's parser would drop the name)."""
     name: str = token.value
     if is_reserved_in_wrong_case(name):
@@ -141,9 +141,23 @@ def unknown_function_error(text: str, token: Token) -> ExpressionError:
         operator = _TEXT_OPERATORS[name.lower()]
         hint = f'`{operator}` stands between two values: `key {operator} "text"`'
     else:
-        near = nearest_name(name, ARITY)
-        hint = f"did you mean `{near}`?" if near else "the functions are " + ", ".join(sorted(ARITY))
+        known = ARITY | SITUATION_ARITY if of_property else ARITY
+        near = nearest_name(name, known)
+        hint = f"did you mean `{near}`?" if near else "the functions are " + ", ".join(sorted(known))
     return ExpressionError(f"there is no function `{shorten(name, 40)}`", text, token.start + 1, hint)
+
+
+def situation_unknown_error(text: str, token: Token) -> ExpressionError:
+    """`in('Main', 'Start')` somewhere else than in a property of a study."""
+    hint = "only what [always], [reachable] and [eventually] in scenario.toml say can ask for the situation"
+    return ExpressionError(f"`{token.value}` cannot be asked here", text, token.start + 1, hint)
+
+
+def situation_names_error(text: str, token: Token) -> ExpressionError:
+    """`in(Main, Start)`, `runs()`: a name is missing, or is not written out."""
+    known = find_signature(token.value)
+    usage = known.usage if known is not None else ""
+    return ExpressionError(f"`{token.value}` takes names in quotation marks", text, token.start + 1, f"write {usage}")
 
 
 def argument_count_error(text: str, token: Token, given: int, arguments: Sequence[Token]) -> ExpressionError:

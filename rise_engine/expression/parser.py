@@ -11,7 +11,7 @@ from typing import NamedTuple
 
 from rise_engine.expression import parse_errors
 from rise_engine.expression.errors import ExpressionError
-from rise_engine.expression.functions import ARITY, CONSTANTS
+from rise_engine.expression.functions import ARITY, CONSTANTS, SITUATION_ARITY
 from rise_engine.expression.nodes import (
     Chain,
     Compare,
@@ -26,6 +26,7 @@ from rise_engine.expression.nodes import (
     Not,
     Part,
     Power,
+    SituationTest,
     depth,
 )
 from rise_engine.expression.tokens import Token, tokenize
@@ -60,9 +61,12 @@ class Parsed(NamedTuple):
     constants: frozenset[str]
 
 
-def parse(text: str) -> Parsed:
-    """Read an expression. Raises ExpressionError, whatever the text is."""
-    parser = _Parser(text)
+def parse(text: str, *, of_property: bool = False) -> Parsed:
+    """Read an expression. Raises ExpressionError, whatever the text is.
+
+    `of_property`: it belongs to a property of a study, which can ask for the situation.
+    """
+    parser = _Parser(text, of_property)
     try:
         root = parser.parse_text()
     except RecursionError:  # the caller's own stack was nearly full
@@ -74,10 +78,11 @@ def parse(text: str) -> Parsed:
 
 
 class _Parser:
-    __slots__ = ("at", "constants", "keys", "nesting", "text", "tokens")
+    __slots__ = ("at", "constants", "keys", "nesting", "of_property", "text", "tokens")
 
-    def __init__(self, text: str) -> None:
+    def __init__(self, text: str, of_property: bool) -> None:
         self.text = text
+        self.of_property = of_property
         self.tokens = tokenize(text)
         self.at = 0
         self.nesting = 0
@@ -213,8 +218,10 @@ class _Parser:
 
     def parse_call(self, token: Token) -> Node:
         name: str = token.value
+        if name in SITUATION_ARITY:
+            return self.parse_situation_test(token)
         if name not in ARITY:
-            raise parse_errors.unknown_function_error(self.text, token)
+            raise parse_errors.unknown_function_error(self.text, token, of_property=self.of_property)
         first = self.at = self.at + 1
         if name == "defined":
             return self.parse_defined(token)
@@ -246,3 +253,17 @@ class _Parser:
         self.at += 1
         self.keys.add(key.value)
         return Defined(key.value, part)
+
+    def parse_situation_test(self, token: Token) -> SituationTest:
+        """`in('Main', 'Start')` and its like: their names are written out, so that they can be checked and renamed."""
+        name: str = token.value
+        if not self.of_property:
+            raise parse_errors.situation_unknown_error(self.text, token)
+        tokens, names = self.tokens, list[str]()
+        while tokens[self.at].kind in ("(", ",") and tokens[self.at + 1].kind == "text":
+            names.append(tokens[self.at + 1].value)
+            self.at += 2
+        if tokens[self.at].kind != ")" or len(names) != SITUATION_ARITY[name] or not all(map(str.strip, names)):
+            raise parse_errors.situation_names_error(self.text, token)
+        self.at += 1
+        return SituationTest(name, tuple(names))

@@ -93,6 +93,22 @@ SIGNATURES: tuple[Signature, ...] = (
 """Those that studies use most come first."""
 
 
+SITUATION_SIGNATURES: tuple[Signature, ...] = (
+    _declare(
+        "in('Rule', 'State')",
+        "whether this rule runs and is in this state",
+        "in('Greeting', 'Nobody')",
+        "true or false",
+    ),
+    _declare("rule('Rule')", "whether this rule runs", "not rule('Conversation')", "true or false"),
+    _declare(
+        "runs('Act')", "whether this act runs, at least once", "runs('R_LookAhead') and runs('R_Nod')", "true or false"
+    ),
+    _declare("waits('Act')", "whether this act waits to be run, at least once", "waits('R_Greeting')", "true or false"),
+)
+"""Those that only a property of a study can call (docs/reference/scenario.md): no session is asked for them."""
+
+
 def find_signature(name: str) -> Signature | None:
     """The function of that name."""
-    return next((each for each in SIGNATURES if each.name == name), None)
+    return next((each for each in (*SIGNATURES, *SITUATION_SIGNATURES) if each.name == name), None)

@@ -156,6 +156,15 @@ def unquote(text: str, quoted: str, start: int) -> str:
         raise ExpressionError("a `\\u` escape here is half a character", text, start + 1) from None
 
 
+def escape_text(value: str, quote: str) -> str:
+    """A text as it stands between these quotation marks; empty: as it is.
+
+    >>> print(escape_text("It's", "'"))
+    It\\'s
+    """
+    return value.replace("\\", "\\\\").replace(quote, "\\" + quote) if quote else value
+
+
 def _number(text: str, digits: str, start: int, end: int) -> int | float:
     if KEY.match(text, end) or text.startswith(".", end):
         raise ExpressionError(

@@ -174,9 +174,9 @@ def read_private(table: TomlTable, draft: ScenarioDraft) -> frozenset[str]:
 
 
 def check_conditions(draft: ScenarioDraft, diagnostics: Diagnostics) -> None:
-    """Do the memory keys exist that conditions set and that are private? Does anything else change, or nothing read,
-    what a condition sets? Only for a draft whose files could all be read."""
-    if draft.condition_values or draft.private_keys:
+    """Do the memory keys exist that conditions set, that exploring tries and that are private? Does anything else
+    change, or nothing read, what a condition sets? Only for a draft whose files could all be read."""
+    if draft.condition_values or draft.private_keys or draft.tried_keys:
         _ConditionCheck(draft, diagnostics).check()
 
 
@@ -189,7 +189,8 @@ class _ConditionCheck:
         reads = (draft.key_reads, draft.optional_key_reads, draft.bare_words, draft.bare_keys, draft.spoken_keys)
         self.read = {_head(mention.name) for mentions in reads for mention in mentions}
         """The keys that anything reads, without what stands behind their first dot; those below likewise."""
-        self.known = draft.memory.keys() | self.read | {_head(mention.name) for mention in self.changes}
+        also = (*self.changes, *draft.property_reads)
+        self.known = draft.memory.keys() | self.read | {_head(mention.name) for mention in also}
         if draft.session_keys:
             self.known.discard(SESSION)
         self.suggest = cache(lambda key: did_you_mean(key, sorted(self.known), limit=0))
@@ -202,6 +203,12 @@ class _ConditionCheck:
         for mention in self.draft.private_keys:
             if mention.name not in self.known:
                 self.report_unknown(mention, "`private` names")
+        for mention in self.draft.tried_keys:
+            if _head(mention.name) in self.draft.tables:
+                message = f"`{_head(mention.name)}` is a table, and nothing can give it other values"
+                self.diagnostics.error("read-only", mention.locate(), message)
+            elif mention.name not in self.known:
+                self.report_unknown(mention, "`tries` names")
 
     def check_value(self, value: ConditionValue) -> None:
         key = value.name

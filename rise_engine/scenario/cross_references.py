@@ -95,8 +95,8 @@ def _check_foreign_ends(draft: ScenarioDraft, diagnostics: Diagnostics) -> None:
 
 
 def _check_states(draft: ScenarioDraft, diagnostics: Diagnostics) -> None:
-    """Is there every state in which some rule is to begin?"""
-    for mention in draft.state_mentions:
+    """Is there every state in which some rule is to begin, or for which a property asks?"""
+    for mention in (*draft.state_mentions, *draft.asked_states):
         rule = draft.rules.get(mention.rule)
         if rule is not None and rule.initial and mention.name not in rule.states:
             near = did_you_mean(mention.name, rule.states, limit=0)
@@ -158,11 +158,11 @@ def _check_memory(draft: ScenarioDraft, diagnostics: Diagnostics) -> None:
     for mention in draft.key_writes:
         if mention.name.partition(".")[0] not in tables and (problem := paths.writing_problem(mention.name)):
             diagnostics.error("unknown-path", mention.locate(), problem)
-    for mention in (*draft.key_reads, *draft.bare_words, *draft.bare_keys):
+    for mention in (*draft.key_reads, *draft.property_reads, *draft.bare_words, *draft.bare_keys):
         if mention.name.partition(".")[0] not in tables and (problem := reading_problem(mention.name)):
             diagnostics.error("unknown-path", mention.locate(), session_problem(draft, mention.name) or problem)
     for mention in (
-        *(mention for mention in draft.key_reads if not is_known(mention.name)),
+        *(mention for mention in (*draft.key_reads, *draft.property_reads) if not is_known(mention.name)),
         *(key for key in draft.optional_key_reads if not is_known(key.name) or reading_problem(key.name)),
     ):
         diagnostics.warning(

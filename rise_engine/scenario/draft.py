@@ -86,6 +86,8 @@ class ScenarioDraft:
         self.act_mentions: list[Mention] = []
         self.rule_mentions: list[Mention] = []
         self.state_mentions: list[StateMention] = []
+        self.asked_states: list[StateMention] = []
+        """States that properties of the study ask for; no rule begins there because of it."""
         self.awaited_topics: list[Mention] = []
         """Topics without their slash."""
         self.raised_topics: list[Mention] = []
@@ -94,6 +96,10 @@ class ScenarioDraft:
         """Memory keys that conditions and templates read and that have no fallback."""
         self.optional_key_reads: list[Mention] = []
         """Memory keys that need not be there: conditions ask `defined(key)`, texts have `{", "key}`."""
+        self.property_reads: list[Mention] = []
+        """Memory keys that properties of the study read; the robot does nothing otherwise because of them."""
+        self.tried_keys: list[Mention] = []
+        """Memory keys that exploring gives other values."""
         self.key_writes: list[Mention] = []
         """Memory keys that rules and key bindings set."""
         self.part_writes: list[Mention] = []

@@ -7,10 +7,11 @@ from collections.abc import Callable, Collection
 from functools import partial
 
 from rise_engine.expression import Assignment, Expression, ExpressionError
+from rise_engine.expression.key_places import keys_in_expression, names_in_property
 from rise_engine.expression.nodes import Defined, walk
 from rise_engine.expression.rise1_compat import rise1_difference
 from rise_engine.scenario.diagnostics import Diagnostics
-from rise_engine.scenario.draft import Mention, PartMention, ScenarioDraft
+from rise_engine.scenario.draft import Mention, PartMention, ScenarioDraft, StateMention
 from rise_engine.scenario.model import SourceLocation
 from rise_engine.typography import typography_problem
 
@@ -74,10 +75,32 @@ def note_assignment(assignment: Assignment, locate: Callable[[], SourceLocation]
         _note_reads(assignment.expression, locate, draft)
 
 
+def note_property(expression: Expression, locate: Callable[[int], SourceLocation], draft: ScenarioDraft) -> None:
+    """Note what a property of a study reads, and which rules, states and acts it names.
+
+    `locate` gives the location of the character of that number in it.
+    """
+    places = {place.key: place.start for place in keys_in_expression(expression.text)}
+    for key in expression.keys:
+        mentions = draft.property_reads if key in expression.keys_read else draft.optional_key_reads
+        mentions.append(Mention(key, partial(locate, places.get(key, 0))))
+    _note_parts(expression, partial(locate, 0), draft)
+    for asked in names_in_property(expression.text):
+        place = partial(locate, asked.start)
+        if asked.kind == "state":
+            draft.asked_states.append(StateMention(asked.name, place, asked.rule))
+        else:
+            (draft.act_mentions if asked.kind == "act" else draft.rule_mentions).append(Mention(asked.name, place))
+
+
 def _note_reads(expression: Expression, locate: Callable[[], SourceLocation], draft: ScenarioDraft) -> None:
     """Note the keys, and the parts of values, that an expression reads."""
     values = expression.keys_read
     for key in expression.keys:
         (draft.key_reads if key in values else draft.optional_key_reads).append(Mention(key, locate))
+    _note_parts(expression, locate, draft)
+
+
+def _note_parts(expression: Expression, locate: Callable[[], SourceLocation], draft: ScenarioDraft) -> None:
     asked = {node.part for node, _ in walk(expression.root) if isinstance(node, Defined)} if expression.parts else ()
     draft.part_reads += [PartMention(part, locate) for part in expression.parts if part not in asked]

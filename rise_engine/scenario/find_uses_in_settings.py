@@ -8,16 +8,17 @@ from typing import Any
 
 from msgspec.structs import replace
 
-from rise_engine.expression.key_places import keys_in_assignment
+from rise_engine.expression.key_places import keys_in_assignment, keys_in_expression, names_in_property
 from rise_engine.json_codec import JsonError, JsonObject, read_json
+from rise_engine.scenario.explore_tables import PROPERTY_TABLES
 from rise_engine.scenario.memory import LIST_KEY
 from rise_engine.scenario.model import normal_topic
 from rise_engine.scenario.source_files import SourceFile
-from rise_engine.scenario.toml_locations import TomlFile
+from rise_engine.scenario.toml_locations import KeyPath, TomlFile
+from rise_engine.scenario.toml_texts import WrittenText
 from rise_engine.scenario.uses import Use, UsedKind
 from rise_engine.text import match_end
 
-_BASIC = re.compile(r"\\(?:u[0-9A-Fa-f]{4}|U[0-9A-Fa-f]{8}|[ \t]*\r?\n\s*|.)|\r\n|.", re.DOTALL)
 _QUOTED = re.compile(r'"(?:[^"\\]|\\.)*"')
 _KINDS: dict[str, UsedKind] = {
     "act": "act",
@@ -27,33 +28,6 @@ _KINDS: dict[str, UsedKind] = {
     "event": "event",
 }
 _WILDCARD = re.compile(r"\[[^\]]*\]|[*?]")
-
-
-class _WrittenText:
-    """A text of a TOML file as it is written: where each of its characters stands."""
-
-    def __init__(self, source: SourceFile, offset: int, value: str) -> None:
-        text = source.text
-        quotes = next((each for each in ('"""', "'''", '"', "'") if text.startswith(each, offset)), "")
-        at = offset + len(quotes)
-        if len(quotes) == 3:  # a line end directly behind them is none of the text's
-            at = match_end(re.compile(r"\r?\n"), text, at)
-        self.starts: list[int] = []
-        for _ in value:
-            self.starts.append(at)
-            if quotes.startswith('"') and (unit := _BASIC.match(text, at)) is not None:
-                while unit is not None and len(unit.group()) > 1 and unit.group()[1:].strip() == "":
-                    at = unit.end()  # a backslash at the end of a line joins it to the next
-                    unit = _BASIC.match(text, at)
-                self.starts[-1] = at
-                at = unit.end() if unit is not None else at
-            else:
-                at += 2 if text.startswith("\r\n", at) else 1
-        self.starts.append(at)
-
-    def span(self, start: int, length: int) -> tuple[int, int]:
-        """From where, and over how many characters of the file, these characters of the value stand."""
-        return self.starts[start], self.starts[start + length] - self.starts[start]
 
 
 def uses_in_settings(file: TomlFile) -> list[Use]:
@@ -81,6 +55,12 @@ class _SettingsUses:
         for index, values in enumerate(allowed if isinstance(allowed, list) else []):
             if isinstance(values, dict) and isinstance(named := values.get("key"), str) and named:
                 yield self.text_use("key", named, "silenced warning", ("check", "allow", str(index), "key"), named, 0)
+        yield from self.find_in_explore()
+        for kind in PROPERTY_TABLES:
+            for name, value in self.table(kind).items():
+                for part, text in value.items() if isinstance(value, dict) else [("", value)]:
+                    if isinstance(text, str):
+                        yield from self.find_in_property(name, (kind, name, part) if part else (kind, name), text)
 
     def table(self, *path: str) -> dict[str, Any]:
         value: Any = self.file.values
@@ -92,6 +72,21 @@ class _SettingsUses:
         for index, name in enumerate(names if isinstance(names, list) else []):
             if isinstance(name, str) and name:
                 yield self.text_use("key", name, where, (*path, str(index)), name, 0)
+
+    def find_in_explore(self) -> Iterator[Use]:
+        end = self.table("explore").get("end")
+        if isinstance(end, str) and (name := end.strip()):
+            yield self.text_use("rule", name, "end of exploring", ("explore", "end"), end, end.index(name))
+        for key in self.table("explore", "tries"):
+            yield self.key_use("key", key, "tried when exploring", "explore", "tries", key)
+
+    def find_in_property(self, name: str, path: KeyPath, text: str) -> Iterator[Use]:
+        where = f"property {name}"
+        for key in keys_in_expression(text):
+            yield self.text_use("key", key.key, where, path, text, key.start)
+        for asked in names_in_property(text):
+            use = self.text_use(asked.kind, asked.name, where, path, text, asked.start, asked.length)
+            yield replace(use, name=f"{asked.rule}/{asked.name}") if asked.kind == "state" else use
 
     def find_in_binding(self, written: str, binding: dict[str, Any]) -> Iterator[Use]:
         path, where = ("keys", written), f"key {written}"
@@ -116,16 +111,18 @@ class _SettingsUses:
         """A name that is a key of the file."""
         offset = self.source.offset(*_line_column(self.file, *path))
         if self.source.text.startswith(('"', "'"), offset):
-            start, length = _WrittenText(self.source, offset, name).span(0, len(name))
+            start, length = WrittenText(self.source, offset, name).span(0, len(name))
         else:
             start, length = offset, len(name)
         return Use(kind, name, self.source.location(start), length, False, where)
 
-    def text_use(self, kind: UsedKind, name: str, where: str, path: tuple[str, ...], value: str, start: int) -> Use:
-        """A name that begins at a character of a text."""
+    def text_use(
+        self, kind: UsedKind, name: str, where: str, path: KeyPath, value: str, start: int, length: int | None = None
+    ) -> Use:
+        """A name that begins at a character of a text, and takes so many of them, if they are not its own."""
         location = self.file.value_location(*path)
         offset = self.source.offset(location.line, location.column)
-        at, length = _WrittenText(self.source, offset, value).span(start, len(name))
+        at, length = WrittenText(self.source, offset, value).span(start, len(name) if length is None else length)
         return Use(kind, name, self.source.location(at), length, False, where)
 
 

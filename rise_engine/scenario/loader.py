@@ -233,6 +233,8 @@ class ScenarioLoader:
             lexicon=lexicon,
             may_release=settings.may_release,
             on_failure=settings.on_failure,
+            explore=settings.explore,
+            properties=settings.properties,
             paths=paths,
             known_keys=frozenset(draft.settable_keys),
             reads_session=bool(draft.session_keys),

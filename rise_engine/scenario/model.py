@@ -12,9 +12,12 @@ from collections.abc import Iterator
 from functools import cached_property
 from typing import Any, Literal, TypeAlias
 
-from msgspec import UNSET, Struct, UnsetType, field
+from msgspec import Struct, field
 
 from rise_engine.expression import Assignment, Expression
+from rise_engine.scenario.explore_settings import ExploreSettings, StudyProperty
+from rise_engine.scenario.source_location import SourceLocation as SourceLocation
+from rise_engine.scenario.source_location import TemplateLocation as TemplateLocation
 from rise_engine.scenario.template import Template
 from rise_engine.text import pluralize
 
@@ -26,29 +29,6 @@ CallingType: TypeAlias = Literal["None", "Blocking"]
 ActOutcome: TypeAlias = Literal["succeeded", "failed", "stopped"]
 """How an act ends (semantics.md 6.1)."""
 ParameterType: TypeAlias = Literal["text", "number", "integer", "boolean", "name"]
-
-
-class TemplateLocation(Struct, frozen=True):
-    """Where something stands in a template."""
-
-    name: str
-    """The template's."""
-    file: str
-    line: int
-    column: int
-
-
-class SourceLocation(Struct, frozen=True):
-    """Where something stands. Lines and columns count from 1; the file is relative to the folder."""
-
-    file: str
-    line: int = 1
-    column: int = 1
-    template: TemplateLocation | UnsetType = UNSET
-    """Of what comes from a template: where in it. File, line and column are then those of the `<use>`."""
-
-    def __str__(self) -> str:
-        return f"{self.file}:{self.line}:{self.column}"
 
 
 # --- actions: what robots can do ------------------------------------------------------------------------------------
@@ -448,6 +428,10 @@ class Scenario(Struct, frozen=True):
     """Those that it has translations into."""
     says_language: bool = False
     """Whether somebody has asked for `language`: then each action that speaks is given it."""
+    explore: ExploreSettings = ExploreSettings()
+    """What `rise-engine explore` looks at; a session asks neither for this nor for the properties."""
+    properties: tuple[StudyProperty, ...] = ()
+    """What the author says of all situations of the study, in file order."""
 
     @property
     def table_memory(self) -> dict[str, Json]:

@@ -34,7 +34,7 @@ def check_parts(draft: ScenarioDraft, diagnostics: Diagnostics) -> None:
     for part in draft.part_reads:
         if (found := problem(part.part)) or (part.spoken and (found := paths.speaking_problem(part.part))):
             diagnostics.error("unknown-path", part.locate(), found)
-    for key in (*draft.key_reads, *draft.bare_words, *draft.bare_keys):
+    for key in (*draft.key_reads, *draft.property_reads, *draft.bare_words, *draft.bare_keys):
         if "." in key.name and (found := paths.dotted_problem(key.name)):
             diagnostics.error("unknown-path", key.locate(), found)
     for key in draft.spoken_keys:
@@ -64,6 +64,7 @@ def _check_use(draft: ScenarioDraft, diagnostics: Diagnostics) -> None:
     mentions: Iterable[Mention] = (
         *draft.key_reads,
         *draft.optional_key_reads,
+        *draft.property_reads,
         *draft.bare_words,
         *draft.bare_keys,
         *draft.spoken_keys,

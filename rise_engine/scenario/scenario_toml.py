@@ -13,6 +13,7 @@ from rise_engine.scenario.delays import MIN_SECONDS
 from rise_engine.scenario.diagnostics import Diagnostics
 from rise_engine.scenario.draft import Mention, ScenarioDraft, StateMention
 from rise_engine.scenario.durations import MAX_SECONDS, parse_time
+from rise_engine.scenario.explore_tables import PROPERTY_TABLES, read_explore, read_properties
 from rise_engine.scenario.expression_checks import expression_message, note_assignment
 from rise_engine.scenario.keys import KeyRefusedError, bindable_key_name
 from rise_engine.scenario.languages import language_problem
@@ -48,6 +49,8 @@ TOP_KEYS = (
     "on_failure",
     "actions",
     "check",
+    "explore",
+    *PROPERTY_TABLES,
 )
 BINDINGS: dict[str, tuple[FunctionName, str]] = {
     "act": ("startCommunicationRobotAct", "name an act"),
@@ -94,6 +97,8 @@ class ScenarioSettings:
         self.act_tables = read_act_tables(self.table.section("act"), draft)
         self.fillers = self.read_fillers()
         self.may_release = self.read_control()
+        self.explore = read_explore(self.table, draft)
+        self.properties = read_properties(self.table, draft)
         self.suppressions = self.read_suppressions()
         """Warnings about keys of the memory file that are meant: location, code, key, reason."""
 

@@ -52,7 +52,7 @@ def _encode_text(value: Any) -> Any:
 
 def _decode_text(kind: type, value: Any) -> Any:
     if kind is Expression:
-        return Expression.parse(value)
+        return Expression.parse_property(value)  # which reads every other condition as well
     if kind is Assignment:
         return Assignment.parse(value)
     raise TypeError(f"a scenario holds no {kind.__name__}")

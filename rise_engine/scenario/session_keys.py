@@ -26,7 +26,14 @@ def add_session_keys(draft: ScenarioDraft, diagnostics: Diagnostics) -> None:
     """See whether anything in the scenario asks for a value of the session."""
     reads = [
         mention
-        for mention in (*draft.key_reads, *draft.optional_key_reads, *draft.bare_words, *draft.bare_keys)
+        for mentions in (
+            draft.key_reads,
+            draft.optional_key_reads,
+            draft.property_reads,
+            draft.bare_words,
+            draft.bare_keys,
+        )
+        for mention in mentions
         if mention.name.partition(".")[0] == SESSION
     ]
     if not reads:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import re
 import signal
-import subprocess
 import sys
 import time
 from collections.abc import Callable, Iterator
@@ -15,45 +14,14 @@ from rise_adapters.ros2.transport.selection import open_transport
 
 from tests.ros.contract.peers import environment, missing
 from tests.ros.model_server import ModelServer
+from tests.ros.programs import PATIENCE, Program
 from tests.ros.session_node_bench import until
 
 pytestmark = pytest.mark.dds
 
 LAB = Path(__file__).parents[2] / "scenarios" / "lab_opening"
 TRANSPORTS = [kind for kind in ("dds", "rclpy") if not missing(kind)]
-PATIENCE = 40.0
-"""Seconds until something that must happen is missed; a machine can be busy."""
-
-Start = Callable[..., "Program"]
-
-
-class Program:
-    """A process, and what it has written."""
-
-    def __init__(self, log: Path, *command: str, **more: str) -> None:
-        self.log = log
-        with log.open("wb") as file:
-            self.process = subprocess.Popen(
-                [sys.executable, "-m", *command],
-                stdin=subprocess.DEVNULL,
-                stdout=file,
-                stderr=subprocess.STDOUT,
-                env={**environment(), **more},
-            )
-
-    def said(self) -> str:
-        return self.log.read_text("utf-8", "replace")
-
-    async def says(self, pattern: str) -> None:
-        try:
-            await until(lambda: re.search(pattern, self.said()) or self.process.poll() is not None, PATIENCE)
-        except TimeoutError:
-            pytest.fail(f"{self.log.stem} did not say {pattern!r}:\n{self.said()}")
-        assert re.search(pattern, self.said()), f"{self.log.stem} has ended:\n{self.said()}"
-
-    def end(self, number: signal.Signals = signal.SIGINT) -> int:
-        self.process.send_signal(number)
-        return self.process.wait(PATIENCE)
+Start = Callable[..., Program]
 
 
 @pytest.fixture
@@ -61,7 +29,7 @@ def start(tmp_path: Path) -> Iterator[Start]:
     programs: list[Program] = []
 
     def begin(name: str, *command: str, **more: str) -> Program:
-        programs.append(Program(tmp_path / f"{name}.log", *command, **more))
+        programs.append(Program(tmp_path / f"{name}.log", sys.executable, "-m", *command, **more))
         return programs[-1]
 
     yield begin

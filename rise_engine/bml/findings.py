@@ -1,0 +1,55 @@
+"""What is said before anything is written: what refuses a conversion, and what gets lost in it."""
+
+from __future__ import annotations
+
+from msgspec import Struct
+
+from rise_engine.scenario.diagnostics import Diagnostics
+from rise_engine.scenario.model import SourceLocation
+from rise_engine.text import clean
+
+TIME = "bml-time"
+"""The code of errors: a time that an act cannot keep exactly."""
+NAME = "bml-name"
+"""The code of errors: a target or lexeme that nobody has told of."""
+NO_ACTION = "bml-no-action"
+"""The code of errors: a behaviour that no action is."""
+FORM = "bml-form"
+"""The code of errors: this is not BML 1.0."""
+
+
+class Loss(Struct, frozen=True):
+    """Something of one format that the other does not have, with the reason.
+
+    >>> str(Loss(SourceLocation("hello.xml", 3, 5), "acts have no prosody"))
+    'hello.xml:3:5: lost: acts have no prosody'
+    """
+
+    location: SourceLocation
+    message: str
+
+    def __str__(self) -> str:
+        """One line, with nothing in it that a terminal would obey."""
+        return clean(f"{self.location}: lost: {self.message}")
+
+
+class ConversionFindings:
+    """Collects what refuses a conversion and what it loses; nothing stops at the first one."""
+
+    def __init__(self) -> None:
+        self.diagnostics = Diagnostics()
+        """What refuses it."""
+        self._losses: list[Loss] = []
+
+    def lose(self, location: SourceLocation, message: str) -> None:
+        """Name something that the other format does not have."""
+        self._losses.append(Loss(location, message))
+
+    @property
+    def losses(self) -> list[Loss]:
+        """In reading order, each once."""
+        return sorted(set(self._losses), key=_reading_order)
+
+
+def _reading_order(loss: Loss) -> tuple[str, int, int, str]:
+    return loss.location.file, loss.location.line, loss.location.column, loss.message

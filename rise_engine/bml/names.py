@@ -1,0 +1,176 @@
+"""What a lab's BML calls things: its targets, as points, and its lexemes, as what the robot does (`--names FILE`)."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from decimal import Decimal, InvalidOperation
+from itertools import chain
+from typing import Any, Literal, TypeAlias
+
+from msgspec import Struct, field
+
+from rise_engine.nearest_name import did_you_mean, in_backquotes
+from rise_engine.scenario.diagnostics import Diagnostics
+from rise_engine.scenario.model import RobotProfile
+from rise_engine.scenario.parameters import accepts_any_name, listed_names
+from rise_engine.scenario.source_files import SourceFile
+from rise_engine.scenario.toml_locations import read_toml
+from rise_engine.scenario.toml_tables import TomlTable
+
+LexemeKind: TypeAlias = Literal["head", "gesture", "posture", "face"]
+KINDS: tuple[LexemeKind, ...] = ("head", "gesture", "posture", "face")
+_AXES = ("x", "y", "z")
+_TYPES: dict[LexemeKind, tuple[str, ...]] = {
+    "head": ("Animation",),
+    "gesture": ("Animation",),
+    "posture": ("Animation",),
+    "face": ("Emotion", "SocialExpression", "Animation"),
+}
+"""What a lexeme can be here; a text alone means the first."""
+_USUAL: dict[LexemeKind, dict[str, tuple[str, str]]] = {
+    "head": {"NOD": ("Animation", "head_nod"), "SHAKE": ("Animation", "head_shake")},
+    "gesture": {},
+    "posture": {},
+    "face": {"RAISE_BROWS": ("Animation", "eyebrows_raise"), "LOWER_BROWS": ("Animation", "eyebrows_lower")},
+}
+"""BML 1.0's lexemes that say just what an action of every robot does."""
+
+
+class TargetPoint(Struct, frozen=True):
+    """Where a target is, as `LookAt` and `PointAt` have it: texts in metres."""
+
+    x: str
+    y: str
+    z: str
+    frame: str = ""
+    """Empty: the robot's base frame."""
+
+    @property
+    def numbers(self) -> tuple[Decimal, Decimal, Decimal, str] | None:
+        """By which two points are the same; None where the memory says one of them."""
+        try:
+            return Decimal(self.x), Decimal(self.y), Decimal(self.z), self.frame
+        except InvalidOperation:
+            return None
+
+
+class BmlNames(Struct, frozen=True):
+    """The names that are known."""
+
+    robot: RobotProfile
+    targets: dict[str, TargetPoint] = {}
+    lexemes: dict[LexemeKind, dict[str, tuple[str, str]]] = field(default_factory=lambda: {kind: {} for kind in KINDS})
+    """By kind and lexeme, the action's type and its `value`."""
+
+    def find_lexeme(self, kind: LexemeKind, lexeme: str) -> tuple[str, str] | None:
+        """What the robot does: by the file, by BML's usual names, by the robot's own."""
+        given = self.lexemes[kind].get(lexeme) or _USUAL[kind].get(lexeme)
+        if given is not None:
+            return given
+        own = list(self._own_names(kind))
+        folded = lexeme.casefold()
+        return next(
+            chain(
+                (each for each in own if each[1] == lexeme),
+                (each for each in own if each[1].casefold() == folded),
+            ),
+            None,
+        )
+
+    def lexeme_of(self, type: str, value: str) -> tuple[LexemeKind, str]:
+        """How BML calls what an action does: by the file, by BML's usual names, else by the robot's own name."""
+        for table in (self.lexemes, _USUAL):
+            for kind in KINDS:
+                for lexeme, meant in table[kind].items() if kind != "posture" else ():  # a movement is no posture
+                    if meant == (type, value) and self.find_lexeme(kind, lexeme) == meant:
+                        return kind, lexeme
+        return ("gesture" if type == "Animation" else "face"), value
+
+    def target_of(self, point: TargetPoint) -> str | None:
+        """The name of a point, where it has one."""
+        wanted = point.numbers
+        return next(
+            (name for name, each in self.targets.items() if wanted is not None and each.numbers == wanted), None
+        )
+
+    def unknown_lexeme(self, kind: LexemeKind, lexeme: str) -> str:
+        """What to say about a lexeme that nobody knows."""
+        known = [*self.lexemes[kind], *_USUAL[kind], *(value for _, value in self._own_names(kind))]
+        near = did_you_mean(lexeme, dict.fromkeys(known))
+        return f"nobody has said what `{lexeme}` is here{near}; give it a line under [{kind}] in the file of --names"
+
+    def unknown_target(self, target: str) -> str:
+        """What to say about a target that nobody knows."""
+        near = did_you_mean(target, self.targets)
+        return (
+            f"nobody has said where `{target}` is{near}; give it a line under [targets] in the file of --names: "
+            f"{target} = {{ x = 1.5, y = 0, z = 1.2 }}"
+        )
+
+    def _own_names(self, kind: LexemeKind) -> Iterator[tuple[str, str]]:
+        for type in _TYPES[kind]:
+            spec = self.robot.actions.get(type)
+            if spec is not None and spec.supported and "value" in spec.parameters:
+                yield from ((type, name) for name in listed_names(spec.parameters["value"]))
+
+
+def read_names(source: SourceFile, robot: RobotProfile, diagnostics: Diagnostics) -> BmlNames:
+    """Read a file of names; what is wrong with it is a finding.
+
+    :param source: the TOML file.
+    :param robot: whose actions the names stand for.
+    """
+    file = read_toml(source, diagnostics)
+    if file is None:
+        return BmlNames(robot)
+    table = TomlTable(file, (), file.values, diagnostics)
+    table.report_unknown_keys(("targets", *KINDS))
+    targets = table.section("targets")
+    points = {name: point for name in targets.values if (point := _read_point(targets, name)) is not None}
+    lexemes: dict[LexemeKind, dict[str, tuple[str, str]]] = {}
+    for kind in KINDS:
+        section = table.section(kind)
+        read = {lexeme: _read_lexeme(section, lexeme, kind, robot) for lexeme in section.values}
+        lexemes[kind] = {lexeme: meant for lexeme, meant in read.items() if meant is not None}
+    return BmlNames(robot, points, lexemes)
+
+
+def _read_point(targets: TomlTable, name: str) -> TargetPoint | None:
+    form = f"`{name}` is a point: {name} = {{ x = 1.5, y = 0, z = 1.2 }}, in metres"
+    point = targets.subtable(name, form)
+    if point is None:
+        return None
+    point.report_unknown_keys((*_AXES, "frame"))
+    numbers = [point.values.get(axis) for axis in _AXES]
+    frame = point.values.get("frame", "")
+    if not all(_is_number(each) for each in numbers) or not isinstance(frame, str):
+        targets.report_key("wrong-type", form, name)
+        return None
+    x, y, z = (f"{each:.15g}" for each in numbers if each is not None)
+    return TargetPoint(x, y, z, frame)
+
+
+def _read_lexeme(section: TomlTable, lexeme: str, kind: LexemeKind, robot: RobotProfile) -> tuple[str, str] | None:
+    types = _TYPES[kind]
+    written = section.values[lexeme]
+    type, value = (
+        next(iter(written.items())) if isinstance(written, dict) and len(written) == 1 else (types[0], written)
+    )
+    if type not in types or not isinstance(value, str):
+        forms = " or ".join(f'{{ {each} = "..." }}' for each in types)
+        section.report_value("wrong-type", lexeme, f"a lexeme of [{kind}] is what the robot does: {forms}")
+        return None
+    spec = robot.actions.get(type)
+    if spec is None or not spec.supported:
+        section.report_value("robot-cannot", lexeme, f"the robot {robot.title} (`{robot.name}`) has no `{type}`")
+        return None
+    known = listed_names(spec.parameters["value"])
+    if value not in known and not accepts_any_name(spec.parameters["value"]):
+        near = did_you_mean(value, known) or f"; known: {in_backquotes(known[:12])}"
+        section.report_value("unknown-name", lexeme, f"this robot has no `{value}` for `{type}`{near}")
+        return None
+    return type, value
+
+
+def _is_number(value: Any) -> bool:
+    return isinstance(value, int | float) and not isinstance(value, bool)

@@ -1,0 +1,28 @@
+"""Where something stands in the files of a scenario."""
+
+from __future__ import annotations
+
+from msgspec import UNSET, Struct, UnsetType
+
+
+class TemplateLocation(Struct, frozen=True):
+    """Where something stands in a template."""
+
+    name: str
+    """The template's."""
+    file: str
+    line: int
+    column: int
+
+
+class SourceLocation(Struct, frozen=True):
+    """Where something stands. Lines and columns count from 1; the file is relative to the folder."""
+
+    file: str
+    line: int = 1
+    column: int = 1
+    template: TemplateLocation | UnsetType = UNSET
+    """Of what comes from a template: where in it. File, line and column are then those of the `<use>`."""
+
+    def __str__(self) -> str:
+        return f"{self.file}:{self.line}:{self.column}"
