@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from typing import Any, Literal, TypeAlias
 
 from msgspec import Struct, field
@@ -30,10 +30,15 @@ LONGER = 0.3
 _LEAST = 0.004
 """Seconds by which something that has not yet ended is from its end."""
 
+MOST_AGAIN = 40
+"""How many times an act goes on from its beginning, at most."""
+
 TaskId: TypeAlias = int
 ActionId: TypeAlias = str
 GoalNumber: TypeAlias = tuple[str, int]
 """A kind of action, and the how-manieth of the session; as faults name it."""
+Manner: TypeAlias = Literal["", "slower", "at any pace"] | int
+"""How an act takes its time: as it is expected, as a fault says, or so many times one after the other."""
 Slip: TypeAlias = tuple[Literal["fail", "reject", "by itself"], ActionId]
 """How an act can fail: which of its actions, and in which way."""
 
@@ -86,8 +91,24 @@ def is_free(move: Move) -> bool:
 class PathTimes:
     """The times of one path."""
 
-    def __init__(self, scenario: Scenario, followed: Sequence[Followed], memory: Mapping[str, Any], pace: Pace) -> None:
-        """`memory`: what it is at the beginning, for how long things take; `pace`: as in the bounds."""
+    def __init__(
+        self,
+        scenario: Scenario,
+        followed: Sequence[Followed],
+        memory: Mapping[str, Any],
+        pace: Pace,
+        again: Collection[TaskId],
+    ) -> None:
+        """Nothing is known of the acts yet.
+
+        Arguments:
+            scenario: what was explored.
+            followed: the path.
+            memory: what it is at the beginning, for how long things take.
+            pace: as in the bounds.
+            again: the acts that begin again as often as they end, and all is as before.
+        """
+        self._again = again
         self._scenario = scenario
         self._followed = followed
         self._memory = memory
@@ -151,10 +172,15 @@ class PathTimes:
 
     def _while_it_runs(self, life: _Life, course: ActCourse, levels: Mapping[Tag, int]) -> Iterator[TimeBound]:
         tag = ("act", life.task)
-        level = levels.get(tag, 0)
         hangs = life.winds_down and levels.get(("cancel", life.task), 0) > 0
-        least = course.length if level < 2 else self._span_at_pace(life, self._pace[0])
-        most = course.length if level < 1 else self._span_at_pace(life, self._pace[1])
+        least = most = course.length
+        match self._manner(life, levels):
+            case "slower":
+                most = self._span_at_pace(life, self._pace[1])
+            case "at any pace":
+                least, most = (self._span_at_pace(life, pace) for pace in self._pace)
+            case int(times):
+                least = most = course.length * times
         if life.left_by == "succeeded":
             assert life.left is not None
             yield from _between(life.begun, life.left, least, most, tag)
@@ -170,7 +196,8 @@ class PathTimes:
         elif not hangs:
             last = self._last if life.left is None else life.left
             yield from _between(life.begun, last, None, most - _LEAST, tag)
-        yield from self._parts(life, course, levels)
+        if not isinstance(self._manner(life, levels), int):
+            yield from self._parts(life, course, levels)
         marks = course.changes_of_voice()
         for step, at in zip(life.voice, marks, strict=False):
             yield from _between(life.begun, step, at, at, ("voice", life.task))
@@ -183,6 +210,8 @@ class PathTimes:
                 continue
             tag: Tag = ("part", life.task, step)
             begin, end = parts[min(levels.get(tag, 0), len(parts) - 1)]
+            if self._manner(life, levels) and end == course.length:
+                end = self._span_at_pace(life, self._pace[1])
             yield from _between(life.begun, step, begin and begin + MARGIN / 2, end - MARGIN / 2, tag)
 
     def _moments(self, life: _Life) -> Iterator[tuple[int, bool]]:
@@ -238,7 +267,7 @@ class PathTimes:
                 move = self._followed[step].move
                 return (1,) * (len(GAPS) - 1) if move is not None and is_free(move) else (3,)
             case ("act", int(task)):
-                return (4, 5) if self._life(task).left_by != "failed" else ()
+                return [2 if isinstance(manner, int) else 4 for manner in self._manners(self._life(task))[1:]]
             case ("cancel", _):
                 return (6,)
             case ("fail", int(task)):
@@ -249,6 +278,18 @@ class PathTimes:
                 return (2,) * (len(courses[task].parts(on_robot=on_robot)) - 1)
             case _:
                 return ()
+
+    def _manners(self, life: _Life) -> list[Manner]:
+        """In which ways an act can take its time, the simplest first."""
+        if life.left_by == "failed":
+            return [""]
+        again: list[Manner] = []
+        if life.task in self._again:
+            again = [*range(2, MOST_AGAIN)] if life.left_by == "succeeded" else [MOST_AGAIN]
+        return ["", *again, "slower", "at any pace"]
+
+    def _manner(self, life: _Life, levels: Mapping[Tag, int]) -> Manner:
+        return self._manners(life)[levels.get(("act", life.task), 0)]
 
     def _life(self, task: TaskId) -> _Life:
         return next(life for life in self._lives if life.task == task)
@@ -296,7 +337,7 @@ class PathTimes:
                     if (goal := self.known.goals.get((task, span.id))) is not None:
                         spoilt.add((task, span.id))
                         faults.append(f"{goal[0]}=hang@{goal[1]}")
-            elif levels.get(("act", task), 0):
+            elif isinstance(manner := self._manner(life, levels), str) and manner:
                 factors |= self._slowed(life, times, courses[task])
         faults += [f"{goal[0]}=slow:{factor:g}@{goal[1]}" for goal, factor in self._of_goals(factors)]
         return PlannedTimes(tuple(times), (*faults, *self._vanishing(times)), factors, frozenset(spoilt))

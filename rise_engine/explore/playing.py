@@ -18,7 +18,7 @@ from rise_engine.engine.drivers import make_robot
 from rise_engine.engine.engine import Engine
 from rise_engine.explore.bounds import Bounds
 from rise_engine.explore.cone import keys_that_matter
-from rise_engine.explore.following import Followed, follow_path
+from rise_engine.explore.following import Followed, find_repeating, follow_path
 from rise_engine.explore.path_times import PathTimes, PlannedTimes, is_free
 from rise_engine.explore.paths import Path
 from rise_engine.explore.situation import Situation
@@ -28,6 +28,7 @@ from rise_engine.kernel import Kernel
 from rise_engine.kernel.inputs import SessionStarted, Submit
 from rise_engine.kernel.records import ENDINGS, ActionRecord, AnyRecord
 from rise_engine.protocol.task_file import TimedTask
+from rise_engine.scenario import expected_seconds
 from rise_engine.scenario.model import Scenario
 
 ATTEMPTS = 25
@@ -109,7 +110,8 @@ class _Search:
         self._keys = _compared_keys(scenario, path)
         self._wanted = [_seen_in(each.situation, self._keys) for each in followed]
         memory = {**scenario.memory, **path.begun.memory}
-        self._times = PathTimes(scenario, followed, memory, bounds.pace or _PACE)
+        again = find_repeating(scenario, followed, self._keys, path, bounds)
+        self._times = PathTimes(scenario, followed, memory, bounds.pace or _PACE, again)
         self._by_chance = [step for step, each in enumerate(followed) if each.by_chance]
         self._best: tuple[int, PlannedTimes | None, int, tuple[str, ...]] = (-1, None, 0, ())
 
@@ -203,11 +205,13 @@ def _play(
     engine = Engine(scenario, robot, clock, seed, started=begun, sinks=[records.append])
     engine.start()
     submitted: list[int] = []
+    own_tasks: dict[int, int] = {}
     for step, each in enumerate(followed):
         if each.submitted is not None:
             clock.call_at(round(plan.times[step], 3), _submission(engine, each.submitted, submitted, step))
     reached = 0
     last = len(followed) - 1
+    now = wanted[0]
     advances, moment, inputs = 0, 0.0, 0
     deadline = plan.times[-1] + 30.0
     while reached < last:
@@ -218,16 +222,14 @@ def _play(
             moment, inputs = clock.now(), engine.inputs
         elif engine.inputs - inputs > _LIVELOCK:
             break
-        now = _seen_of(engine.kernel, keys)
+        before, now = now, _seen_of(engine.kernel, keys)
         if len(submitted) > count:
-            if submitted[-1] != reached + 1 or now != wanted[reached + 1]:
+            if submitted[-1] != reached + 1 or before != wanted[reached] or now != wanted[reached + 1]:
                 break
             reached += 1
-        elif now != wanted[reached]:
-            move = followed[reached + 1].move
-            if now != wanted[reached + 1] or (move is not None and followed[reached + 1].submitted is not None):
-                break
+        elif now == wanted[reached + 1] != wanted[reached] and followed[reached + 1].submitted is None:
             reached += 1
+        _note_tasks(engine.kernel, followed[reached], now == wanted[reached], own_tasks)
         while (  # what leaves everything as it was is not to be seen: its time must do
             reached < last
             and wanted[reached + 1] == wanted[reached]
@@ -235,12 +237,13 @@ def _play(
             and clock.now() >= plan.times[reached + 1] - 0.001
         ):
             reached += 1
+            _note_tasks(engine.kernel, followed[reached], True, own_tasks)
     if reached < last:
         until = clock.now() + _AFTERWARDS
         while advances < _MOST_ADVANCES and clock.now() < until and clock.advance():
             advances += 1
     playing = _Playing(reached)
-    playing.changed = _learn(records, reached, times, plan)
+    playing.changed = _learn(scenario, records, own_tasks, times, plan)
     engine.abandon()
     return playing
 
@@ -253,24 +256,51 @@ def _submission(engine: Engine, task: Submit, submitted: list[int], step: int) -
     return submit
 
 
-def _learn(records: Sequence[AnyRecord], reached: int, times: PathTimes, plan: PlannedTimes) -> bool:
-    """Take in how long actions took, and the how-manieth of their kind they were."""
+def _note_tasks(kernel: Kernel, step: Followed, is_there: bool, own_tasks: dict[int, int]) -> None:
+    """Which task is which of the path's. An act that has begun again in between is not the same."""
+    if not is_there:
+        return
+    runs = kernel.scheduler.runner.runs.items()
+    for task, (name, _) in step.running.items():
+        if task not in own_tasks.values():
+            free = (real for real, run in runs if run.task.behavior == name and real not in own_tasks)
+            if (real := next(free, None)) is not None:
+                own_tasks[real] = task
+
+
+def _expected(scenario: Scenario, record: ActionRecord) -> float:
+    """Seconds that an action will probably take that has begun."""
+    spec = scenario.robot.actions[record.sent_as or record.type]
+    return expected_seconds(spec, {name: value for name, value in record.parameters.items() if name in spec.parameters})
+
+
+def _learn(
+    scenario: Scenario,
+    records: Sequence[AnyRecord],
+    own_tasks: dict[int, int],
+    times: PathTimes,
+    plan: PlannedTimes,
+) -> bool:
+    """Take in how long actions took, and the how-manieth of their kind they were. `own_tasks`: those that are acts of
+    the path, and which."""
     known = times.known
     before = (dict(known.seconds), dict(known.goals))
-    belongs = {task for task, step in times.begun.items() if step <= reached}
     counts: dict[str, int] = {}
     started: dict[tuple[int, str], float] = {}
     for record in records:
         if not isinstance(record, ActionRecord):
             continue
-        key = (record.task, record.action)
         if record.status == "started":
-            started[key] = record.t
             kind = record.sent_as or record.type
             counts[kind] = counts.get(kind, 0) + 1
-            if record.task in belongs:
-                known.goals[key] = (kind, counts[kind])
-        elif record.status == "succeeded" and key in started and record.task in belongs and key not in plan.spoilt:
+        if record.task not in own_tasks:
+            continue
+        key = (own_tasks[record.task], record.action)
+        if record.status == "started":
+            started[key] = record.t
+            known.goals[key] = (kind, counts[kind])
+            known.seconds[key] = _expected(scenario, record)
+        elif record.status == "succeeded" and key in started and key not in plan.spoilt:
             known.seconds[key] = (record.t - started[key]) / plan.factors.get(key, 1.0)
     return (known.seconds, known.goals) != before
 
@@ -287,9 +317,9 @@ def _compared_keys(scenario: Scenario, path: Path) -> tuple[str, ...]:
 
 def _seen_in(situation: Situation, keys: Sequence[str]) -> _Seen:
     return _Seen(
-        tuple((rule.name, rule.state) for rule in situation.rules),
+        tuple(sorted((rule.name, rule.state) for rule in situation.rules)),
         tuple(act.name for act in situation.waiting),
-        tuple((act.name, "running" if act.phase == "doomed" else act.phase) for act in situation.running),
+        tuple(sorted((act.name, "running" if act.phase == "doomed" else act.phase) for act in situation.running)),
         tuple(act.name for act in situation.asked),
         tuple(sorted((each.purpose, each.owner, each.transition) for each in situation.countdowns)),
         situation.kept,
@@ -312,9 +342,9 @@ def _seen_of(kernel: Kernel, keys: Sequence[str]) -> _Seen:
             countdowns.append(("filler", target.owner, 0))
     encode = msgspec.json.encode
     return _Seen(
-        tuple((run.name, run.state.id) for run in kernel.rules.stack.values()),
+        tuple(sorted((run.name, run.state.id) for run in kernel.rules.stack.values())),
         tuple(task.behavior for task in kernel.scheduler.waiting),
-        tuple((run.task.behavior, _phase(run.cancel_reason, run.failure)) for run in runner.runs.values()),
+        tuple(sorted((run.task.behavior, _phase(run.cancel_reason, run.failure)) for run in runner.runs.values())),
         tuple(task.behavior for task in kernel.failures.state.asked.values()),
         tuple(sorted(countdowns)),
         tuple(kept.topic for kept in kernel.rules.kept.values()),

@@ -7,7 +7,7 @@ longer than nothing, and one of the bounds in it must give way.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Hashable, Iterable, Sequence
+from collections.abc import Callable, Hashable, Iterable, Mapping, Sequence
 from typing import TypeAlias
 
 from msgspec import Struct
@@ -74,7 +74,7 @@ def _tags_back_to(step: int, came_by: Sequence[TimeBound | None]) -> tuple[Tag, 
 
 def settle(
     steps: int,
-    bounds_at: Callable[[dict[Tag, int]], Iterable[TimeBound] | None],
+    bounds_at: Callable[[Mapping[Tag, int]], Iterable[TimeBound]],
     costs: Callable[[Tag], Sequence[int]],
     levels: dict[Tag, int],
 ) -> list[float] | Contradiction:
@@ -82,19 +82,25 @@ def settle(
 
     Arguments:
         steps: how many there are, the beginning among them.
-        bounds_at: the bounds, when each tag has given way so often; null: there are none.
+        bounds_at: the bounds, when each tag has given way so often.
         costs: what it costs when a tag gives way, each time.
         levels: how often each has given way so far; changed.
     """
     while True:
-        bounds = bounds_at(levels)
-        if bounds is None:
-            return Contradiction(())
-        times = earliest_times(steps, [*bounds])
+        times = earliest_times(steps, [*bounds_at(levels)])
         if not isinstance(times, Contradiction):
-            return times
+            break
         open_tags = [tag for tag in times.tags if levels.get(tag, 0) < len(costs(tag))]
         if not open_tags:
             return times
         cheapest = min(open_tags, key=lambda tag: costs(tag)[levels.get(tag, 0)])
         levels[cheapest] = levels.get(cheapest, 0) + 1
+    for tag in sorted(levels, key=lambda tag: -costs(tag)[levels[tag] - 1]):  # what need not give way after all
+        for level in range(levels[tag]):
+            before, levels[tag] = levels[tag], level
+            better = earliest_times(steps, [*bounds_at(levels)])
+            if not isinstance(better, Contradiction):
+                times = better
+                break
+            levels[tag] = before
+    return times
