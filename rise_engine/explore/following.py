@@ -187,28 +187,29 @@ def submit_of(scenario: Scenario, tries: Mapping[str, tuple[object, ...]], move:
     return Submit(function=function, behavior=behavior, source=SOURCE)
 
 
-def find_repeating(scenario: Scenario, followed: Sequence[Followed], keys: Sequence[str], path: Path, bounds: Bounds) -> set[int]:
-    """The acts of a path, by their tasks, whose end changes nothing: something starts them again at once.
+def find_repeating(
+    scenario: Scenario, followed: Sequence[Followed], keys: Sequence[str], path: Path, bounds: Bounds
+) -> dict[int, int]:
+    """The acts of a path, by their tasks, whose end changes nothing, because something starts them again at once; and
+    after which step that is so for the last time.
 
     `keys`: the memory keys whose values stand in the situations.
     """
     traits = act_traits(scenario, path, bounds)
     kernel = SituationKernel(scenario, keys, traits, set(), in_order=bounds.pace is None)
     kernel.kernel.handle(path.begun)
-    repeating: set[int] = set()
-    tried: set[tuple[int, Situation]] = set()
-    for each in followed:
+    repeating: dict[int, int] = {}
+    for step, each in enumerate(followed):
         for place, (task, (name, phase)) in enumerate(each.running.items()):
-            if phase != "running" or task in repeating or (place, each.situation) in tried:
+            if phase != "running" or (step and task in followed[step - 1].running and task not in repeating):
                 continue
-            tried.add((place, each.situation))
             situation = each.situation if keys else each.situation._replace(memory=())
             kernel.put(situation)
             kernel.decisions.begin([])
             running = [*kernel.runner.runs][place]
             kernel.kernel.handle(ActionReport(t=1.0, action=f"{running}/{name}", status="succeeded"))
             if _without_numbers(kernel.read(situation.faults_left)[0]) == _without_numbers(situation):
-                repeating.add(task)
+                repeating[task] = step
     return repeating
 
 

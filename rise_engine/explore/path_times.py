@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from typing import Any, Literal, TypeAlias
 
 from msgspec import Struct, field
@@ -97,7 +97,7 @@ class PathTimes:
         followed: Sequence[Followed],
         memory: Mapping[str, Any],
         pace: Pace,
-        again: Collection[TaskId],
+        again: Mapping[TaskId, int],
     ) -> None:
         """Nothing is known of the acts yet.
 
@@ -106,7 +106,8 @@ class PathTimes:
             followed: the path.
             memory: what it is at the beginning, for how long things take.
             pace: as in the bounds.
-            again: the acts that begin again as often as they end, and all is as before.
+            again: the acts that begin again as often as they end, and all is as before; and the last step after which
+                that is so.
         """
         self._again = again
         self._scenario = scenario
@@ -196,7 +197,12 @@ class PathTimes:
         elif not hangs:
             last = self._last if life.left is None else life.left
             yield from _between(life.begun, last, None, most - _LEAST, tag)
-        if not isinstance(self._manner(life, levels), int):
+        if isinstance(self._manner(life, levels), int):
+            ever = self._again[life.task] + 1  # from here on its end is not its beginning
+            last = self._last if life.left is None else life.left
+            if ever < last:
+                yield from _between(ever, last, None, course.length - (0.0 if life.left_by else _LEAST), tag)
+        else:
             yield from self._parts(life, course, levels)
         marks = course.changes_of_voice()
         for step, at in zip(life.voice, marks, strict=False):
@@ -305,14 +311,11 @@ class PathTimes:
         for span in failing:
             found.append((("fail", span.id), (span.begin + span.end) / 2))
         found += [(("reject", span.id), span.begin + REFUSING) for span in failing]
-        return [
-            (slip, at)
-            for slip, at in found
-            if any(
-                span.id != slip[1] and span.on_robot and span.begin <= at < span.end for span in course.spans
-            )
-            == life.winds_down
-        ]
+        alone = [each for each in found if not _is_beside_others(course, *each)]
+        beside = [each for each in found if _is_beside_others(course, *each)]
+        if life.winds_down:
+            return beside
+        return alone + [(slip, at + STOPPING) for slip, at in beside]  # what else it does is over a moment later
 
     # --- the plan -----------------------------------------------------------------------------------------------------
 
@@ -382,6 +385,11 @@ def _between(earlier: int, later: int, least: float | None, most: float, tag: Ta
     if least is not None:
         yield TimeBound(earlier, later, least, tag)
     yield TimeBound(later, earlier, -most, tag)
+
+
+def _is_beside_others(course: ActCourse, slip: Slip, at: float) -> bool:
+    """Whether the robot does something else of the act at that moment."""
+    return any(span.id != slip[1] and span.on_robot and span.begin <= at < span.end for span in course.spans)
 
 
 def _lives_in(followed: Sequence[Followed]) -> list[_Life]:

@@ -211,7 +211,7 @@ def _play(
             clock.call_at(round(plan.times[step], 3), _submission(engine, each.submitted, submitted, step))
     reached = 0
     last = len(followed) - 1
-    now = wanted[0]
+    now, pending = wanted[0], False
     advances, moment, inputs = 0, 0.0, 0
     deadline = plan.times[-1] + 30.0
     while reached < last:
@@ -224,11 +224,12 @@ def _play(
             break
         before, now = now, _seen_of(engine.kernel, keys)
         if len(submitted) > count:
-            if submitted[-1] != reached + 1 or before != wanted[reached] or now != wanted[reached + 1]:
+            if submitted[-1] != reached + 1 or before != wanted[reached]:
                 break
-            reached += 1
-        elif now == wanted[reached + 1] != wanted[reached] and followed[reached + 1].submitted is None:
-            reached += 1
+            pending = now != wanted[reached + 1]  # the robot may still have to confirm something: it must settle
+            reached += not pending
+        elif now == wanted[reached + 1] != wanted[reached] and (pending or followed[reached + 1].submitted is None):
+            reached, pending = reached + 1, False
         _note_tasks(engine.kernel, followed[reached], now == wanted[reached], own_tasks)
         while (  # what leaves everything as it was is not to be seen: its time must do
             reached < last
