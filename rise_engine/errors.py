@@ -21,6 +21,7 @@
       ExportError                 The export cannot be made
       ExportFailed                Nothing was written
       FindingError                Marks cannot be looked for
+      IllegalScriptError          A text that is no expression of ECMAScript at all
       InvalidFilter               What is typed is no filter
       InvalidTime                 It is no time
       JsonError                   A text that is no JSON
@@ -38,6 +39,7 @@
       NoSuchPath                  The value has no such part
       NodeError                   The node cannot do what it is for
       NotAdmitted                 Somebody cannot attach
+      NotFlattenedError           A chart that cannot be flattened
       NotWoz4uError               The file is no configuration of WoZ4U
       NotXmlError                 A file that is no XML
       NothingStarted              Nothing is started and nothing attached to
@@ -60,6 +62,7 @@
       Rise1RefusalError           RISE's own parser would refuse this condition
       RobotOptionsError           The driver cannot understand the profile's options or a fault
       ScenarioDecodeError         What was received is no scenario of this version
+      ScriptRefusedError          A script
       ServeRefused                Nothing is served
       SessionError                A session's folder cannot be used
         CannotShare               The session cannot be given to others
@@ -78,6 +81,7 @@
       TaskFileError               A task file with mistakes
       TemplateError               A template that cannot be read
       TextsError                  A table of texts that cannot be written or read
+      UndeclaredError             A variable that there is not
       UnknownActError             There is no such act
       UnreadableError             A file that cannot be read
       UnusableArgument            Something on the command line cannot be used

@@ -7,6 +7,7 @@ import click
 from rise_engine.cli.convert_from_bml import from_bml
 from rise_engine.cli.convert_to_bml import to_bml
 from rise_engine.cli.convert_to_scxml import to_scxml
+from rise_engine.cli.convert_from_scxml import from_scxml
 
 
 @click.group("convert")
@@ -17,5 +18,6 @@ def convert() -> None:
 convert.add_command(to_bml)
 convert.add_command(from_bml)
 convert.add_command(to_scxml)
+convert.add_command(from_scxml)
 
 COMMANDS = {"convert": convert}

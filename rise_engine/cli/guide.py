@@ -25,7 +25,7 @@ from rise_engine.edit.edits import (
     StatementAddress,
     TransitionForm,
 )
-from rise_engine.expression.signatures import SIGNATURES
+from rise_engine.expression.signatures import SIGNATURES, SITUATION_SIGNATURES
 from rise_engine.scenario import load
 from rise_engine.scenario.file_names import DEFAULT_PATHS
 from rise_engine.scenario.model import ActionSpec, FunctionName, Parameter, RobotProfile
@@ -171,14 +171,17 @@ def _rules() -> str:
 
 
 def _conditions() -> str:
-    functions = ", ".join(f"`{written}`" for each in SIGNATURES for written in each.written)
+    functions, asked = (
+        ", ".join(f"`{written}`" for each in signatures for written in each.written)
+        for signatures in (SIGNATURES, SITUATION_SIGNATURES)
+    )
     return (
         "## Conditions and assignments\n\n"
         "From loosest to tightest: `or`, `xor`, `and`, `not`, `= !=`, `< <= > >= contains starts with ends with`, "
         "`+ -`, `* /`, `^`; texts in '...', `true false null`, keys, `items[i].text` (from 0). In XML `<` is `&lt;`. "
         "A key that is not there counts as false, 0 or ''. An assignment is `key = expression`. Read-only: "
         "`session.speaking`, `session.cue`, `session.condition`, `session.participant`.\n\n"
-        f"Functions: {functions}."
+        f"Functions: {functions}. Only in `[always]`, `[reachable]` and `[eventually]` of scenario.toml: {asked}."
     )
 
 

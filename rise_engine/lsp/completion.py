@@ -4,12 +4,16 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterable, Iterator
+from typing import get_args
 
 from msgspec import Struct
 
+from rise_engine.expression.signatures import SITUATION_SIGNATURES
 from rise_engine.scenario import LoadResult
 from rise_engine.scenario.blocks import FUNCTIONS
 from rise_engine.scenario.cross_references import engine_topics
+from rise_engine.scenario.explore_settings import ExploredKeys
+from rise_engine.scenario.explore_tables import EVENTUALLY_KEYS, EXPLORE_KEYS, PROPERTY_TABLES
 from rise_engine.scenario.model import ActionSpec, SourceLocation
 from rise_engine.scenario.parameters import listed_names
 from rise_engine.scenario.source_files import SourceFile
@@ -20,6 +24,12 @@ _STARTED = re.compile(r"""\sstartInteractionRule\s*=\s*["']([^"']*)["']""")
 _IN_ATTRIBUTE = re.compile(r"""([\w.:-]+)\s*=\s*(["'])([^"'<]*)\Z""")
 _TOML_TEXT = re.compile(r"""([\w-]+)\s*=\s*\[?\s*(?:["'][^"']*["']\s*,\s*)*["']([^"']*)\Z""")
 _TOML_RULE = re.compile(r"""\brule\s*=\s*["']([^"']*)["']""")
+_TOML_HEADER = re.compile(r"""^[ \t]*\[+[ \t]*([^\]\r\n#]*?)[ \t]*\]""", re.MULTILINE)
+_TOML_KEY = re.compile(r"(?:^|[{,])[ \t]*([\w-]*)\Z")
+"""A key that is being written, in a line of its own or in braces."""
+_TOML_CONDITION = re.compile(r"""=\s*(["'])((?:(?!\1)[^\\]|\\.)*)\Z""")
+_IN_TRIES = re.compile(r"\btries\s*=\s*\{(?:[^{}]*,)?[^{},=]*\Z")
+_ASKED_NAME = re.compile(r"""\b(in|rule|runs|waits)\s*\(\s*\\?["'](?:([^"'\\]*)\\?["']\s*,\s*\\?["'])?([^"'\\]*)\Z""")
 _WORD = re.compile(r"[\w.]*\Z")
 _COMMON = ("actionID", "waitForActions", "onFailure")
 _STATEMENTS = ("function", "if", "oneOf")
@@ -84,6 +94,10 @@ def _is_being_written(checked: LoadResult, proposal: Proposal, place: SourceLoca
 
 def _in_toml(checked: LoadResult, before: str) -> tuple[int, list[Proposal]]:
     line = before[before.rfind("\n") + 1 :]
+    headers = _TOML_HEADER.findall(before)
+    table = headers[-1] if headers else ""
+    if table.partition(".")[0] in ("explore", *PROPERTY_TABLES):
+        return _in_explored(checked, table, line, len(before))
     found = _TOML_TEXT.search(line)
     if found is None:
         return len(before), []
@@ -104,6 +118,42 @@ def _in_toml(checked: LoadResult, before: str) -> tuple[int, list[Proposal]]:
         case "private" | "key":
             return start, _keys(checked)
     return len(before), []
+
+
+def _in_explored(checked: LoadResult, table: str, line: str, end: int) -> tuple[int, list[Proposal]]:
+    """In `[explore]`, and in the tables of properties."""
+    key = _TOML_KEY.search(line)
+    if table == "explore":
+        if _IN_TRIES.search(line) is not None and key is not None:
+            return end - len(key.group(1)), _keys(checked)
+        if key is not None and key.start() == 0:
+            return end - len(key.group(1)), [Proposal(each, "value") for each in EXPLORE_KEYS]
+        found = _TOML_TEXT.search(line)
+        name, written = found.groups() if found is not None else ("", "")
+        values = {"keys": get_args(ExploredKeys), "pace": ("any",)}.get(name, ())
+        names = _named(checked.draft.rules, "rule") if name == "end" else [Proposal(each, "value") for each in values]
+        return end - len(written), names
+    if table == "explore.tries":
+        return (end - len(key.group(1)), _keys(checked)) if key is not None and key.start() == 0 else (end, [])
+    asked = _ASKED_NAME.search(line)
+    if asked is not None:
+        function, rule, written = asked.groups()
+        start = end - len(written)
+        if function in ("runs", "waits"):
+            return start, _named(checked.draft.acts, "act") if rule is None else []
+        if rule is None:
+            return start, _named(checked.draft.rules, "rule")
+        return start, _states(checked, rule) if function == "in" else []
+    text = _TOML_CONDITION.search(line)
+    if text is not None:
+        inner = "'" if text.group(1) == '"' else '"'
+        if text.group(2).count(inner) % 2:  # within a text
+            return end, []
+        functions = [Proposal(f"{each.name}(", "value", each.meaning) for each in SITUATION_SIGNATURES]
+        return end - len(_word(text.group(2))), [*_keys(checked), *functions]
+    if key is not None and (table.startswith("eventually.") or (table == "eventually" and "{" in line)):
+        return end - len(key.group(1)), [Proposal(each, "value") for each in EVENTUALLY_KEYS]
+    return end, []
 
 
 class _XmlPlace:

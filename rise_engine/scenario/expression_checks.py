@@ -80,17 +80,20 @@ def note_property(expression: Expression, locate: Callable[[int], SourceLocation
 
     `locate` gives the location of the character of that number in it.
     """
-    places = {place.key: place.start for place in keys_in_expression(expression.text)}
+    places: dict[str, int] = {}
+    for place in keys_in_expression(expression.text):
+        places.setdefault(place.key, place.start)
     for key in expression.keys:
         mentions = draft.property_reads if key in expression.keys_read else draft.optional_key_reads
         mentions.append(Mention(key, partial(locate, places.get(key, 0))))
     _note_parts(expression, partial(locate, 0), draft)
     for asked in names_in_property(expression.text):
-        place = partial(locate, asked.start)
+        locate_name = partial(locate, asked.start)
         if asked.kind == "state":
-            draft.asked_states.append(StateMention(asked.name, place, asked.rule))
+            draft.asked_states.append(StateMention(asked.name, locate_name, asked.rule))
         else:
-            (draft.act_mentions if asked.kind == "act" else draft.rule_mentions).append(Mention(asked.name, place))
+            mentions = draft.act_mentions if asked.kind == "act" else draft.rule_mentions
+            mentions.append(Mention(asked.name, locate_name))
 
 
 def _note_reads(expression: Expression, locate: Callable[[], SourceLocation], draft: ScenarioDraft) -> None:

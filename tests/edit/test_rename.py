@@ -306,6 +306,58 @@ def test_what_would_change_the_study_is_refused(
         renamed(state, kind, old, new)
 
 
+EXPLORED = r"""
+[explore]
+end = "Main"
+tries = { flag = [1] }
+[always]
+both = "in('Main', \"Two\") and runs('R_A') and flag"
+[eventually]
+main = { after = 'rule("Main")', then = "waits('R_A') or mode = 'Main'", unless = "in('Other', 'End')" }
+"""
+
+
+@pytest.mark.parametrize(
+    ("kind", "old", "new", "asked"),
+    [
+        ("act", "R_A", "It's \\", {"in Main Two", "runs It's \\", "rule Main", "waits It's \\", "in Other End"}),
+        ("rule", "Main", 'a "b"', {'in a "b" Two', "runs R_A", 'rule a "b"', "waits R_A", "in Other End"}),
+        ("state", "Main/Two", '"T"', {'in Main "T"', "runs R_A", "rule Main", "waits R_A", "in Other End"}),
+        ("state", "Other/End", "Ä's", {"in Main Two", "runs R_A", "rule Main", "waits R_A", "in Other Ä's"}),
+        ("key", "flag", "zq", {"in Main Two", "runs R_A", "rule Main", "waits R_A", "in Other End"}),
+    ],
+)
+def test_names_in_properties(state: StudyState, kind: NameKind, old: str, new: str, asked: set[str]) -> None:
+    """Each within its quotation marks, of the condition and of the file; and back again the files are the same."""
+    files = {**state.files, "scenario.toml": state.files["scenario.toml"] + EXPLORED.encode()}
+    before = StudyState(files, read_outline(files), load(state.folder, held=files), state.folder)
+    there = _after(before, Rename(kind, old, new))
+    scenario = there.checked.scenario
+    assert scenario is not None
+    parts = [part for each in scenario.properties for part in (each.condition, each.after, each.unless) if part]
+    tests = [test for part in parts for test in part.situation_tests]
+    assert {" ".join((test.function, *test.names)) for test in tests} == asked
+    assert scenario.explore.end == (new if kind == "rule" else "Main")
+    assert scenario.explore.tries.keys() == parts[0].keys == {"zq" if kind == "key" else "flag"}
+    owner, _, alone = old.rpartition("/")
+    back = _after(there, Rename(kind, f"{owner}/{new}" if owner else new, alone))
+    assert back.files["scenario.toml"].endswith(EXPLORED.encode())
+
+
+def _after(state: StudyState, edit: Rename) -> StudyState:
+    files = apply_plan(state.files, plan(edit, state))
+    following = StudyState(files, read_outline(files), load(state.folder, held=files), state.folder)
+    check_guard([edit], state, following)
+    return following
+
+
+def test_a_name_that_cannot_be_written_in_the_files_marks_is_refused(state: StudyState) -> None:
+    files = {**state.files, "scenario.toml": state.files["scenario.toml"] + EXPLORED.encode()}
+    before = StudyState(files, read_outline(files), load(state.folder, held=files), state.folder)
+    with pytest.raises(EditRefused, match=r'line 22: write this text in " marks first'):
+        plan(Rename("rule", "Main", "It's"), before)
+
+
 def test_a_name_that_is_something_else_too_is_found_by_the_guard(state: StudyState) -> None:
     planned = plan(Rename("act", "Lamp", "Light"), state)
     after = apply_plan(state.files, planned)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import pytest
 
 from rise_engine.expression import AskedSituation, Assignment, Environment, EvaluationError, Expression, ExpressionError
@@ -9,6 +11,8 @@ from rise_engine.expression.functions import ARITY, SITUATION_ARITY
 from rise_engine.expression.key_places import keys_in_expression, names_in_property
 from rise_engine.expression.nodes import SituationTest
 from rise_engine.expression.signatures import SITUATION_SIGNATURES
+
+DOCS = Path(__file__).parents[2] / "docs/reference/conditions.md"
 
 
 class Situation:
@@ -135,6 +139,11 @@ def test_where_the_names_stand() -> None:
     assert [each.rule for each in names_in_property(text) if each.kind == "state"] == ["It's"]
     assert [(each.key, each.start) for each in keys_in_expression(text)] == [("rule", text.rindex("rule"))]
     assert [*names_in_property("runs('A') and")] == []
+
+
+def test_the_documentation_has_the_same_table() -> None:
+    rows = [f"| {each.usage} | {each.meaning} | `{each.example}` |" for each in SITUATION_SIGNATURES]
+    assert "\n".join(("| function | gives | example |", "|---|---|---|", *rows)) in DOCS.read_text("utf-8")
 
 
 def test_each_has_a_signature_and_none_is_a_function_of_conditions() -> None:

@@ -78,6 +78,39 @@ def test_proposals_in_toml(text: str, replaced: str, expected: list[str]) -> Non
     assert proposed("scenario.toml", text) == (replaced, expected)
 
 
+ASKED = ["items", "n", "who", "in(", "rule(", "runs(", "waits("]
+
+
+@pytest.mark.parametrize(
+    ("text", "replaced", "expected"),
+    [
+        ("[explore]\nfa|", "fa", ["end", "faults", "line", "beside", "pace", "tries", "keys"]),
+        ('[explore]\nend = "|', "", ["R"]),
+        ('[explore]\nkeys = "a|', "a", ["rules", "all"]),
+        ('[explore]\npace = "|', "", ["any"]),
+        ("[explore]\nline = |", "", []),
+        ("[explore]\ntries = { n = [1], w|", "w", ["items", "n", "who"]),
+        ("[explore.tries]\nw|", "w", ["items", "n", "who"]),
+        ("[explore.tries]\nn = [|", "", []),
+        ('[always]\n"it goes on" = "not (runs(\'R|', "R", ["R_A"]),
+        ("[always]\nx = \"waits('|", "", ["R_A"]),
+        ("[reachable]\nx = \"rule('|')\"", "", ["R"]),
+        ("[reachable]\nx = \"in('|", "", ["R"]),
+        ("[reachable]\nx = \"n > 1 and in('R', 'T|", "T", ["S", "T"]),
+        ('[reachable]\nx = "in(\\"R\\", \\"|', "", ["S", "T"]),
+        ('[always]\nx = "n > 1 or w|', "w", ASKED),
+        ("[always]\nx = \"n = 'w|", "", []),
+        ("[always]\nw|", "", []),
+        ('[eventually]\nx = { after = "true", th|', "th", ["after", "then", "unless"]),
+        ('[eventually]\nx = { after = "true", then = "|', "", ASKED),
+        ("[eventually.x]\n|", "", ["after", "then", "unless"]),
+        ('[always]\nx = "true"\n[keys]\n1 = { act = "|', "", ["R_A"]),
+    ],
+)
+def test_proposals_for_exploring(text: str, replaced: str, expected: list[str]) -> None:
+    assert proposed("scenario.toml", text) == (replaced, expected)
+
+
 @pytest.mark.parametrize(
     ("written", "left_out"),
     [('cond="wh|" target="T"/>', "wh"), ('eventTopic="/lat|" target="T"/>', "/lat"), ('cond="n|" target="T"/>', "")],

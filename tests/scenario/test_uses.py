@@ -63,7 +63,7 @@ def test_nothing_that_the_checks_know_is_missing(name: str) -> None:
         f"{act.name}/{action.id}" for act in draft.acts.values() for action in act.actions
     }
     mentions = (draft.key_reads, draft.optional_key_reads, draft.key_writes, draft.part_writes, draft.bare_keys)
-    others = (draft.condition_values, draft.private_keys)
+    others = (draft.condition_values, draft.private_keys, draft.property_reads, draft.tried_keys)
     keys = {each.name for each in chain(*mentions, *others)}
     own = {key for key in keys | set(draft.memory) if key.partition(".")[0] not in {*draft.tables, "session"}}
     assert set(uses.names("key")) == own
@@ -144,6 +144,36 @@ def test_uses_in_all_ways_of_writing() -> None:
     states = {name: len(result.uses.of("state", name)) for name in result.uses.names("state")}
     assert states == {"R/S < T": 4, "R/U": 5}
     assert [use.of for use in result.uses.of("state", "R/U")] == ["R", "R", "R", "R", ""]
+
+
+def test_uses_in_what_exploring_looks_at() -> None:
+    toml = (
+        "[explore]\nend = ' R'\ntries = { n = [1], \"who\" = [2] }\n"
+        '[always]\n"a b" = """\nin(\\"R\\", \'U\') and\n n > 1"""\n'
+        '[reachable]\nx = \'not runs("R_A&B") or rule("R")\'\nbroken = "runs(\'R_A&B\'"\n'
+        '[eventually]\ny = { after = "n = 2", then = "waits(\'R_A&B\')" }\n'
+    )
+    files = {**FILES, "scenario.toml": toml}
+    result = load("/nowhere", held={name: text.encode() for name, text in files.items()})
+    lines = toml.split("\n")
+    found = [
+        (str(use.place).partition(":")[2], use.kind, use.name, use.where)
+        for use in all_uses(result)
+        if use.place.file == "scenario.toml"
+        and lines[use.place.line - 1][use.place.column - 1 :].startswith(shown(use)[: use.length])
+    ]
+    assert set(found) == {
+        ("9:16", "act", "R_A&B", "property x"),
+        ("9:33", "rule", "R", "property x"),
+        ("12:16", "key", "n", "property y"),
+        ("12:39", "act", "R_A&B", "property y"),
+        ("2:9", "rule", "R", "end of exploring"),
+        ("3:11", "key", "n", "tried when exploring"),
+        ("3:21", "key", "who", "tried when exploring"),
+        ("6:6", "rule", "R", "property a b"),
+        ("6:12", "state", "R/U", "property a b"),
+        ("7:2", "key", "n", "property a b"),
+    }
 
 
 def test_what_belongs_to_tables_and_to_the_engine_is_no_key_of_the_study() -> None:
