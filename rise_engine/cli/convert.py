@@ -5,9 +5,9 @@ from __future__ import annotations
 import click
 
 from rise_engine.cli.convert_from_bml import from_bml
+from rise_engine.cli.convert_from_scxml import from_scxml
 from rise_engine.cli.convert_to_bml import to_bml
 from rise_engine.cli.convert_to_scxml import to_scxml
-from rise_engine.cli.convert_from_scxml import from_scxml
 
 
 @click.group("convert")

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
+from itertools import pairwise
 from typing import Any
 
 from msgspec import Struct
@@ -45,7 +46,7 @@ class ActCourse(Struct, frozen=True):
         """The longest times in which the robot does something of it, or in which it only waits."""
         marks = sorted({0.0, self.length, *(at for span in self.spans for at in (span.begin, span.end))})
         parts: list[tuple[float, float]] = []
-        for begin, end in zip(marks, marks[1:], strict=False):
+        for begin, end in pairwise(marks):
             if end - begin < 2 * MARGIN or self.is_on_robot((begin + end) / 2) != on_robot:
                 continue
             if parts and parts[-1][1] == begin:

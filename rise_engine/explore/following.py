@@ -151,8 +151,11 @@ def _input_of(
         case "back":
             return RobotChanged(status="connected"), 0, 0
         case "answer":
-            task = [*kernel.kernel.failures.state.asked][move.place]
-            return Submit(function=move.how, behavior=str(task), source=SOURCE), task, 0
+            asked = kernel.kernel.failures.state.asked
+            task = [*asked][move.place]
+            oldest = next(id for id, each in asked.items() if each.behavior == move.name)
+            behavior = move.name if oldest == task else str(task)  # of several, a name means the oldest
+            return Submit(function=move.how, behavior=behavior, source=SOURCE), task, 0
         case _:
             return submit_of(scenario, bounds.tries, move, before), 0, 0
 

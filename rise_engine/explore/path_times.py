@@ -247,10 +247,11 @@ class PathTimes:
                 tag: Tag = ("timer", number)
                 seconds = countdown.length / 1000
                 until = min(step + 1, self._last)
+                elapses = until > step and self._followed[until].timer > 0
                 if until > step and self._followed[until].timer == number:
                     yield from _between(begun[number], until, seconds, seconds, tag)
                 else:
-                    yield from _between(begun[number], until, None, seconds - _LEAST, tag)
+                    yield from _between(begun[number], until, None, seconds - (0.0 if elapses else _LEAST), tag)
 
     def _of_stops(self) -> Iterator[TimeBound]:
         asked: int | None = None
@@ -349,9 +350,7 @@ class PathTimes:
         for action, factor in factors.items():
             yield self.known.goals[action], factor
 
-    def _slowed(
-        self, life: _Life, times: Sequence[float], course: ActCourse
-    ) -> dict[tuple[TaskId, ActionId], float]:
+    def _slowed(self, life: _Life, times: Sequence[float], course: ActCourse) -> dict[tuple[TaskId, ActionId], float]:
         """The actions that take longer or shorter, so that the act ends when it is to end."""
         last = self._last if life.left is None else life.left
         length = times[last] - times[life.begun]
@@ -404,7 +403,7 @@ def _lives_in(followed: Sequence[Followed]) -> list[_Life]:
             life.doomed = life.doomed or phase == "doomed"
         if step == 0 or each.move is None:
             continue
-        for task, life in lives.items():
+        for life in lives.values():
             if life.begun < step and life.gone is None:
                 _live_on(life, step, each)
     return [*lives.values()]
