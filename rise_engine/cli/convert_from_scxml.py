@@ -18,7 +18,7 @@ from rise_engine.scenario import load
 from rise_engine.scenario.diagnostics import Diagnostic, Diagnostics
 from rise_engine.scenario.file_names import DEFAULT_PATHS
 from rise_engine.scenario.source_files import FileReader
-from rise_engine.scxml.chart_in_study import check_neighbours, file_name, is_made_file, new_study_files
+from rise_engine.scxml.chart_in_study import called_acts, check_neighbours, file_name, is_made_file, new_study_files
 from rise_engine.scxml.rules_file import flattening_notes, rules_text
 from rise_engine.scxml.rules_of_chart import MadeRules, rules_of_chart
 from rise_engine.text import clean
@@ -60,6 +60,8 @@ def from_scxml(file: str, into: str, name: str, events: tuple[str, ...]) -> None
     click.echo(clean(f"{written}: made from {path.name}"))
     for note in flattening_notes(made):
         click.echo(clean(f"  - {note}"))
+    if is_new and (acts := called_acts(made)):
+        click.echo(clean(f"  - to be written: {', '.join(acts)} in acts/acts.xml; until then each says its name"))
     click.echo(f"check it with rise-engine check {quote(into)}")
 
 

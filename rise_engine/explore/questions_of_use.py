@@ -123,7 +123,9 @@ def keys_by_state(explored: Explored) -> dict[str, dict[str, str]]:
         state = next((rule.state for rule in situation.rules if rule.name == explored.end), NOT_RUNNING)
         counts[state] += 1
         edges = explored.space.edges[number]
-        done = {key_of[edges[at]] for at in range(0, len(edges), 3)} | explored.space.keys_beyond.get(number, set())
+        done = {key_of[edges[at]] for at in range(0, len(edges), 3)} | explored.space.keys_beyond.get(
+            number, frozenset()
+        )
         for key in done:
             effective[state, key] += 1
     return {

@@ -17,6 +17,8 @@ Number: TypeAlias = int
 """Of a situation, in the order in which they were found."""
 GROWTHS = 3
 """How often the times of a situation grow before what grows is taken to be as large as it can ever be."""
+MOST_KEPT = 20
+"""So many steps are kept of each act that would have waited once more."""
 MAX_GROWTHS = 20
 """How often they grow before they are taken for all times that are possible at all."""
 
@@ -34,12 +36,12 @@ class Space:
         self.edges: list[array[int]] = []
         """Of each situation: move, situation that it leads to, and rules that moved (`Step.moved`), one after the
         other."""
-        self.beyond: dict[Number, set[str]] = {}
+        self.beyond: dict[Number, frozenset[str]] = {}
         """The situations that have a step which was not followed, and why."""
-        self.keys_beyond: dict[Number, set[str]] = {}
+        self.keys_beyond: dict[Number, frozenset[str]] = {}
         """The keys of steps that were not followed."""
         self.beyond_steps: list[tuple[Number, Move, Situation]] = []
-        """Steps that were not followed because one more of the same act would have waited."""
+        """Steps that were not followed because one more of the same act would have waited, some of each act."""
         self.facts: dict[Fact, tuple[Number, Move, Situation]] = {}
         """What was seen to happen: in which situation first, by which move, and what it led to."""
         self.beginnings: list[Number] = []
@@ -48,6 +50,8 @@ class Space:
         self.complete = False
         """Whether all situations within the bounds were looked at."""
         self._move_numbers: dict[Move, int] = {}
+        self._shared_sets: dict[frozenset[str], frozenset[str]] = {}
+        self._kept_steps: Counter[tuple[str, str]] = Counter()
         self._values: list[set[bytes | None]] = [set() for _ in stepper.kernel.keys]
         self._growths: Counter[Number] = Counter()
         self.pending: deque[Number] = deque()
@@ -100,15 +104,15 @@ class Space:
                 if fact not in self.facts:
                     self.facts[fact] = (number, step.move, step.situation)
             if step.beyond:
-                self.beyond.setdefault(number, set()).add(step.beyond)
+                self._note(self.beyond, number, step.beyond)
                 if step.move.kind == "key":
-                    self.keys_beyond.setdefault(number, set()).add(step.move.name)
+                    self._note(self.keys_beyond, number, step.move.name)
                 if step.beyond == "line" and step.situation.waiting and asks_again(step.situation):
-                    self.beyond_steps.append((number, step.move, step.situation))
+                    self._keep_beyond_step(number, step)
                 if step.beyond != "chance":
                     continue
             if step.situation not in self.numbers and self._has_too_many_values(step.situation):
-                self.beyond.setdefault(number, set()).add("values")
+                self._note(self.beyond, number, "values")
                 continue
             target = self._number(step.situation, step.zone)
             move = self._move_numbers.get(step.move)
@@ -120,6 +124,19 @@ class Space:
                 seen.add(edge)
                 edges.extend(edge)
         self.edges[number] = edges
+
+    def _note(self, where: dict[Number, frozenset[str]], number: Number, what: str) -> None:
+        """Add to a set of few that hundreds of thousands of situations share."""
+        before = where.get(number, _NOTHING)
+        if what not in before:
+            together = before | {what}
+            where[number] = self._shared_sets.setdefault(together, together)
+
+    def _keep_beyond_step(self, number: Number, step: Step) -> None:
+        last = step.situation.waiting[-1]
+        if self._kept_steps[last.name, last.source] < MOST_KEPT:
+            self._kept_steps[last.name, last.source] += 1
+            self.beyond_steps.append((number, step.move, step.situation))
 
     def _has_too_many_values(self, situation: Situation) -> bool:
         """Whether a memory key has come to more values than are followed."""
@@ -165,3 +182,4 @@ class Space:
 
 
 _NONE: array[int] = array("q")
+_NOTHING: frozenset[str] = frozenset()

@@ -5,10 +5,12 @@ from __future__ import annotations
 import json
 import re
 from collections.abc import Iterator
+from xml.sax.saxutils import escape, quoteattr
 
 from rise_engine.scenario.diagnostics import Diagnostics
 from rise_engine.scenario.model import Function, Rule, Scenario, functions_in, normal_topic
 from rise_engine.scenario.toml_tables import quote_toml_key
+from rise_engine.scxml.content_translation import FunctionLine, Lines
 from rise_engine.scxml.rules_of_chart import MadeRules
 
 MADE_FROM = "made from "
@@ -27,13 +29,32 @@ def is_made_file(text: str) -> bool:
 
 
 def outside_events(made: MadeRules) -> list[str]:
-    """The events that the rules wait for and nobody in them raises or sends."""
+    """The events that the rules wait for, and that neither they raise or send nor the acts that they start."""
     own = {*made.raised, *(helper.place.event for helper in made.helpers)}
-    return [event for event in made.awaited if event not in own]
+    ends = tuple(f"{act}_" for act in called_acts(made))
+    return [event for event in made.awaited if event not in own and not event.startswith(ends)]
+
+
+def called_acts(made: MadeRules) -> list[str]:
+    """The acts that the rules start or stop, by name."""
+    blocks = [state.on_entry for state in made.states]
+    blocks += [way.lines for state in made.states for way in state.transitions]
+    names = {line.argument for block in blocks for line in _lines(block) if line.name.endswith("CommunicationRobotAct")}
+    return sorted(names)
+
+
+def _lines(block: Lines) -> Iterator[FunctionLine]:
+    for line in block:
+        if isinstance(line, FunctionLine):
+            yield line
+        else:
+            for _, inner in line.branches:
+                yield from _lines(inner)
 
 
 def new_study_files(made: MadeRules, title: str, rules: str) -> dict[str, str]:
-    """A study around the rules: a key that starts them, and one for each event from outside as far as there are digits.
+    """A study around the rules: a key that starts them, one for each event from outside as far as there are digits, and
+    the acts that they name; each says its name until somebody writes it.
 
     :param rules: the text of the rules file.
     """
@@ -43,10 +64,20 @@ def new_study_files(made: MadeRules, title: str, rules: str) -> dict[str, str]:
         lines.append(f"{quote_toml_key(key)} = {{ event = {_toml('/' + event)}, label = {_toml(event)} }}")
     return {
         "scenario.toml": "\n".join([*lines, ""]),
-        "acts/acts.xml": "<!-- What the robot says and does. -->\n<Dialogs>\n</Dialogs>\n",
+        "acts/acts.xml": _acts_text(called_acts(made)),
         f"rules/{file_name(made)}": rules,
         "memory.json": "{}\n",
     }
+
+
+def _acts_text(names: list[str]) -> str:
+    acts = "".join(
+        f"\n<Dialog name={quoteattr(name)}>\n  <Speech>\n    <actionID>1</actionID>\n"
+        f"    <message>{escape(name.replace('{', '{{').replace('}', '}}'))}</message>\n  </Speech>\n</Dialog>\n"
+        for name in names
+    )
+    head = "<!-- What the robot says and does: until it is written, an act says its name. -->"
+    return f"{head}\n<Dialogs>\n{acts}\n</Dialogs>\n"
 
 
 def check_neighbours(made: MadeRules, scenario: Scenario, replaced: str, diagnostics: Diagnostics) -> None:

@@ -242,7 +242,7 @@ class _ChartReader(ContentReader):
             value = self.expression_of_text(element)
         else:
             return None
-        if value is not None and value.root is None:
+        if value.root is None:
             message = f"`{value.text.strip()}` is no value that could be worked out, so the variable would be unbound"
             self.refuse("data", element, message)
         return value

@@ -23,6 +23,7 @@ from rise_engine.scxml.chart import (
     SendPlace,
 )
 from rise_engine.scxml.script import (
+    REFUSED_NODE,
     Constant,
     InState,
     Operation,
@@ -99,22 +100,22 @@ class ContentReader:
 
     # --- scripts ---
 
-    def read_expression(self, element: Element, attribute: str) -> Script | None:
-        """The expression in an attribute; None after a finding."""
+    def read_expression(self, element: Element, attribute: str) -> Script:
+        """The expression in an attribute; after a finding one that stands for it."""
         text = element.attributes[attribute]
         location = self.file.value_location(element, attribute)
         try:
             script = read_script(text, location)
         except ScriptRefusedError as error:
             self.refuse(error.code, element, str(error), attribute, error.index)
-            return None
+            return Script(text, REFUSED_NODE, location)
         if script.root is not None:
             self.asked += ((id, element, attribute) for id in _asked_ids(script.root))
         if self.is_null_model and script.root is not None and _has_variables(script.root):
             self.refuse("expression", element, 'with datamodel="null" a condition can only ask In(...)', attribute)
         return script
 
-    def expression_of_text(self, element: Element) -> Script | None:
+    def expression_of_text(self, element: Element) -> Script:
         """A value that is the text of an element: JSON, or else the text itself (B.2.8.1)."""
         text, location = element.text.strip(), self.file.element_location(element)
         try:
@@ -125,7 +126,7 @@ class ContentReader:
             return read_script(text, location)
         except ScriptRefusedError as error:
             self.refuse(error.code, element, str(error))
-            return None
+            return Script(text, REFUSED_NODE, location)
 
     def read_script_element(self, element: Element) -> list[AssignNode]:
         """The assignments in a `<script>`."""
@@ -200,8 +201,8 @@ class ContentReader:
             return []
         root = re.split(r"[.\[]", name, maxsplit=1)[0].strip()
         if root != name and is_variable_name(root):
-            return [] if value is None else [AssignNode(name, value, location)]
-        return [] if value is None else [AssignNode(name if is_variable_name(name) else None, value, location)]
+            return [AssignNode(name, value, location)]
+        return [AssignNode(name if is_variable_name(name) else None, value, location)]
 
     def read_if(self, element: Element) -> Node:
         branches: list[tuple[Script | None, list[Node]]] = [(self.read_cond(element), [])]
@@ -245,7 +246,7 @@ class ContentReader:
         line = self.file.element_location(element).line
         if "expr" in element.attributes:
             script = self.read_expression(element, "expr")
-            if script is not None and script.root is None:
+            if script.root is None:
                 self.refuse("expression", element, "what is to be logged is no expression", "expr")
         self.notes.append(f"line {line}: `<log>` is left out; the record of a session has every state and every value")
 
@@ -309,7 +310,7 @@ class ContentReader:
         if "delayexpr" in element.attributes:
             attribute = "delayexpr"
             script = self.read_expression(element, "delayexpr")
-            if script is None:
+            if script.root is REFUSED_NODE:
                 return None
             if not isinstance(script.root, Constant) or not isinstance(script.root.value, str):
                 message = "a time that is worked out while the chart runs cannot be taken over; write delay=..."
@@ -354,7 +355,7 @@ class ContentReader:
             self.refuse("payload", element, message)
             return []
         script = self.read_expression(known[0], "expr")
-        if script is None:
+        if script.root is REFUSED_NODE:
             return []
         if not isinstance(script.root, Constant) or not isinstance(script.root.value, str):
             self.refuse("computed", known[0], "the behaviour is a name in quotation marks", "expr")

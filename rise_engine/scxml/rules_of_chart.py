@@ -45,6 +45,8 @@ from rise_engine.scxml.translation import (
     value_beforehand,
 )
 
+_STRUCTURE = ("chart", "namespace")
+"""Mistakes of a chart after which the rest cannot be looked at: of other findings, all are told at once."""
 START = "Start"
 """The state of the rule in which the chart's variables get their values."""
 _IDLE = Possible(frozenset({"boolean"}))
@@ -101,7 +103,7 @@ def rules_of_chart(
     :param outside: events from outside that the chart does not name, but may see by `*` or a part of a name.
     """
     chart = read_chart(source, diagnostics)
-    if chart is None or diagnostics.errors:
+    if chart is None or any(each.code in _STRUCTURE for each in diagnostics.sorted()):
         return None
     chart.outside = outside
     try:

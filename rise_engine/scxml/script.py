@@ -72,6 +72,10 @@ class ArrayNode(Struct, frozen=True):
 ScriptNode: TypeAlias = Constant | Variable | EventField | InState | Operation | ArrayNode
 
 
+REFUSED_NODE = Operation("refused", ())
+"""What stands for a script of which a finding has said that it cannot be said here."""
+
+
 class Script(Struct, frozen=True):
     """An expression and where it stands."""
 

@@ -188,7 +188,13 @@ class _Translator:
 
     def operation(self, operator: str, operands: tuple[ScriptNode, ...]) -> Said:
         match operator:
-            case "||" | "&&" | "not":
+            case "refused":
+                return Said("null", _ATOM, _REFUSED)
+            case "||" | "&&":
+                if any(not self.value(operand).value.kinds <= {"boolean", "refused"} for operand in operands):
+                    raise _refused(f"`{operator}` gives one of its values in ECMAScript; here it is true or false")
+                return self.logic(operator, operands)
+            case "not":
                 return self.logic(operator, operands)
             case "==" | "!=" | "===" | "!==":
                 return self.equality(operator, *operands)
@@ -204,7 +210,7 @@ class _Translator:
                 if not isinstance(divisor, Constant) or divisor.value in (0, None):
                     raise _refused("what is divided by must be a number that is written out, and not 0")
         said = [self.number(operand, operator) for operand in operands]
-        if any(each.value.kinds == {"refused"} for each in said):
+        if any("refused" in each.value.kinds for each in said):
             return Said("null", _ATOM, _REFUSED)
         if operator in ("floor", "ceil", "abs"):
             return Said(f"{operator}({said[0].text})", _ATOM, _NUMBER)
@@ -219,7 +225,9 @@ class _Translator:
     def number(self, node: ScriptNode, operator: str) -> Said:
         said = self.value(node)
         kinds = said.value.kinds
-        if kinds == {"refused"} or kinds == {"number"}:
+        if "refused" in kinds:
+            return Said("null", _ATOM, _REFUSED)
+        if kinds == {"number"}:
             return said
         if operator == "+" and "text" in kinds:
             raise _refused("texts cannot be joined in rules; write both into the text of an act, with {key}")
@@ -237,7 +245,9 @@ class _Translator:
         kinds = said.value.kinds
         if said.truth is not None:
             return _constant(said.truth)
-        if kinds <= {"boolean"} or kinds == {"refused"}:
+        if "refused" in kinds:
+            return Said("null", _ATOM, _REFUSED)
+        if kinds <= {"boolean"}:
             return said
         if kinds <= _NOTHING:
             return _constant(False)
@@ -255,7 +265,7 @@ class _Translator:
 
     def logic(self, operator: str, operands: tuple[ScriptNode, ...]) -> Said:
         said = [self.truth(operand) for operand in operands]
-        if any(each.value.kinds == {"refused"} for each in said):
+        if any("refused" in each.value.kinds for each in said):
             return Said("null", _ATOM, _REFUSED)
         if operator == "not":
             inner = said[0]
@@ -276,8 +286,8 @@ class _Translator:
 
     def equality(self, operator: str, left: ScriptNode, right: ScriptNode) -> Said:
         is_equal, is_strict = operator[0] == "=", len(operator) == 3
-        if (answer := self.type_question(left, right)) is not None:
-            return answer if is_equal or answer.truth is None else _constant(not answer.truth)
+        if (answer := self.type_question(left, right, is_equal)) is not None:
+            return answer
         a, b = self.value(left), self.value(right)
         if "refused" in a.value.kinds | b.value.kinds:
             return Said("null", _ATOM, _REFUSED)
@@ -307,8 +317,8 @@ class _Translator:
             )
         return Said(f"{_bracketed(a, _SUM)} {operator} {_bracketed(b, _SUM)}", _ORDER, _BOOLEAN)
 
-    def type_question(self, left: ScriptNode, right: ScriptNode) -> Said | None:
-        """`typeof x == 'undefined'` and the like."""
+    def type_question(self, left: ScriptNode, right: ScriptNode, is_equal: bool) -> Said | None:
+        """`typeof x == 'undefined'` and the like; without `is_equal`, with `!=`."""
         if isinstance(right, Operation) and right.operator == "typeof":
             left, right = right, left
         if not (isinstance(left, Operation) and left.operator == "typeof" and isinstance(right, Constant)):
@@ -319,11 +329,11 @@ class _Translator:
         if "" in names:
             return Said("null", _ATOM, _REFUSED)
         if right.value not in names:
-            return _constant(False)
+            return _constant(not is_equal)
         if len(names) == 1:
-            return _constant(True)
+            return _constant(is_equal)
         if right.value == "undefined" and "undeclared" not in kinds and "null" not in kinds:
-            return Said(f"{self.value(inner).text} = null", _EQUAL, _BOOLEAN)
+            return Said(f"{self.value(inner).text} {'=' if is_equal else '!='} null", _EQUAL, _BOOLEAN)
         raise _refused(f"what {_may_be(kinds)} here cannot be asked for its type")
 
     def type_name(self, node: ScriptNode) -> str:

@@ -116,6 +116,7 @@ REFUSED: dict[str, tuple[str, tuple[str, ...]]] = {
             chart(state("a", entry(put("n", "n / m"))), data={**_DATA, "m": "2"}),
             chart(state("a", entry(put("n", "'a' + n"))), data=_DATA),
             chart(state("a", on("", "pass", cond="n == '1'")), data=_DATA),
+            chart(state("a", entry(put("n", "n || 5"))), data=_DATA),
             chart(state("a", on("", "pass", cond="n > 'x'")), data=_DATA),
             chart(state("a", on("", "pass", cond="n ? true : false")), data=_DATA),
             chart(state("a", on("", "pass", cond="n === true")), data=_DATA),

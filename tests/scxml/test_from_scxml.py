@@ -138,6 +138,30 @@ def test_all_that_is_refused_is_said_with_its_place_and_nothing_is_written(tmp_p
     assert not (tmp_path / "study").exists()
 
 
+def test_acts_of_a_new_study_say_their_names(tmp_path: Path) -> None:
+    ran = run(tmp_path, VISIT)
+    assert ran.exit_code == 0, ran.output
+    assert "to be written: R_Hello in acts/acts.xml; until then each says its name" in ran.output
+    scenario = load(tmp_path / "study").scenario
+    assert scenario is not None
+    assert list(scenario.acts) == ["R_Hello"]
+    assert [binding.behavior for binding in scenario.keys.values()] == ["Visit", "/near", "/left"]
+
+
+def test_findings_of_all_kinds_come_together(tmp_path: Path) -> None:
+    """What is seen while reading does not hide what is seen while flattening, and makes no findings of its own."""
+    ran = run(
+        tmp_path,
+        chart(
+            state("a", entry(put("n", "_event.data"), put("m", "m % 2")), on("x", "b", cond="k == '1'")),
+            state("b", on("y", "", put("n", "n + 1"), cond="n > 2")),
+            data={"n": "1", "m": "1", "k": "1"},
+        ),
+    )
+    codes = [line.split()[2].rstrip(":") for line in ran.output.splitlines() if " error " in line]
+    assert codes == ["payload", "expression", "expression"]
+
+
 def test_an_act_that_there_is_not(study: Path) -> None:
     before = files(study / "study")
     ran = run(study, VISIT.replace("R_Hello'", "R_Helo'"))
