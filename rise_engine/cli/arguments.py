@@ -11,6 +11,7 @@ from select import select
 from typing import Any, NoReturn
 
 import click
+from msgspec.structs import replace
 
 from rise_engine.cli.check import strict_json
 from rise_engine.engine.drivers import PARAMETERS, DriverError, load_ros_plugin
@@ -19,8 +20,9 @@ from rise_engine.exit_status import USAGE
 from rise_engine.expression import Assignment, ExpressionError
 from rise_engine.kernel.inputs import Submit
 from rise_engine.ports.bridge import BridgeError, ParameterReader
-from rise_engine.protocol.task_file import TaskFileError, TimedTask, read_task_file, unknown_name_sentence
-from rise_engine.scenario.model import Scenario
+from rise_engine.protocol.session_options import SessionOptions
+from rise_engine.protocol.task_file import TaskFile, TaskFileError, read_task_file, unknown_name_sentence
+from rise_engine.scenario.model import Mode, Scenario
 from rise_engine.scenario.shipped_studies import resolve_study, shipped_hint
 from rise_engine.text import clean
 
@@ -144,22 +146,60 @@ def _parse_assignment(text: str) -> str:
     return behavior
 
 
-def read_tasks_option(path: str | None, *, virtual: bool) -> tuple[tuple[TimedTask, ...], bool]:
-    """The tasks that are known before the session starts, and whether more will come on standard input."""
+def read_tasks_option(path: str | None, *, virtual: bool) -> tuple[TaskFile, bool]:
+    """What is known before the session starts, and whether more tasks will come on standard input."""
     if path is None:
-        return (), False
+        return TaskFile(), False
     if path == "-" and not virtual:
-        return (), True
+        return TaskFile(), True
     if path == "-" and sys.stdin is None:  # closed by whoever started this: as good as empty
-        return (), False
+        return TaskFile(), False
     try:
         text = _read_standard_input() if path == "-" else Path(path).read_bytes()
     except OSError as error:
         raise UnusableArgument(f"error: --tasks {path}: {error.strerror or error}") from None
     try:
-        return tuple(read_task_file(text, path)), False
+        return read_task_file(text, path), False
     except TaskFileError as error:
         raise UnusableArgument(str(error)) from None
+
+
+def apply_task_file(
+    options: SessionOptions, file: TaskFile, path: str | None, mode: Mode, *, of_study: bool
+) -> SessionOptions:
+    """The options of a session that plays a task file: with its faults, seed and condition. What the command line says
+    of seed and condition counts more.
+
+    :param options: as the command line has them.
+    :param file: what was read.
+    :param path: of the file, for messages.
+    :param mode: the session's.
+    :param of_study: whether it is a session of a study, whose plan says seed and condition.
+    :raises UnusableArgument: it cannot be played in this mode, or with this study.
+    """
+    if file.faults and mode == "real":
+        raise UnusableArgument(
+            f"error: --tasks {path}: it has faults, and only a simulated robot does wrong on request: add --mode debug"
+        )
+    if of_study and (file.seed is not None or file.condition):
+        what = "seed" if file.seed is not None else "condition"
+        raise UnusableArgument(f"error: --tasks {path}: it has a {what}, and with --study the plan says it")
+    return replace(
+        options,
+        faults=(*options.faults, *file.faults),
+        seed=file.seed if options.seed is None else options.seed,
+        condition=options.condition or file.condition,
+    )
+
+
+def rehearsal_options(options: SessionOptions, path: str, mode: Mode) -> SessionOptions:
+    """The options of a session for consoles that plays a task file by itself. Raises UnusableArgument."""
+    if mode == "real":
+        raise UnusableArgument("error: --tasks plays a rehearsal by itself: add --mode debug")
+    if path == "-":
+        raise UnusableArgument("error: --tasks -: a session for consoles reads its tasks from a file")
+    file, _ = read_tasks_option(path, virtual=True)
+    return replace(apply_task_file(options, file, path, mode, of_study=False), script=file.tasks)
 
 
 def _read_standard_input() -> bytes:

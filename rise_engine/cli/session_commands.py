@@ -11,10 +11,12 @@ from msgspec.structs import replace
 from rise_engine import exit_status
 from rise_engine.cli.arguments import (
     UnusableArgument,
+    apply_task_file,
     exit_with_usage,
     parse_number,
     parse_paths,
     read_tasks_option,
+    rehearsal_options,
     resolve_scenario,
     tasks_at_start,
 )
@@ -101,6 +103,8 @@ def run(
         options, started = _make_options(_needed_scenario(folder, run_number), pace, **session), None
     try:
         scenario = _load_or_exit(options)
+        file, stream = read_tasks_option(tasks, virtual=virtual)
+        options = apply_task_file(options, file, tasks, scenario.mode, of_study=started is not None)
         options = replace(options, first_tasks=tasks_at_start(scenario, settings, rules, acts))
         problems = (
             start_problems(scenario, options)
@@ -109,9 +113,8 @@ def run(
         )
         if problems:
             raise UnusableArgument("\n".join(f"error: {problem}" for problem in problems))
-        script, stream = read_tasks_option(tasks, virtual=virtual)
         run_options = RunOptions(
-            scenario, options, script, stream, virtual, until=end, json=as_json, strict=strict, started=started
+            scenario, options, file.tasks, stream, virtual, until=end, json=as_json, strict=strict, started=started
         )
         sys.exit(run_session(run_options))
     except BridgeError as error:
@@ -155,6 +158,7 @@ def run(
 @click.option("--speed", metavar="N", default="1", help="How many times faster.")
 @click.option("--seed", type=click.IntRange(min=0), help="For everything picked at random; without it, a new one.")
 @session_options
+@click.option("--tasks", metavar="FILE", help="In debug mode: what is done when, one JSON object per line.")
 @click.option(
     "--place",
     "paths",
@@ -181,6 +185,7 @@ def serve(
     new: bool,
     speed: str,
     paths: tuple[str, ...],
+    tasks: str | None,
     **session: Any,
 ) -> None:
     """Run a session of the scenario in DIR, for consoles to attach to (`rise-tui`). It needs no terminal.
@@ -211,9 +216,13 @@ def serve(
     if study is not None:
         checks = CheckOptions(confirmed, skipped)
         options = study_session(options, study, folder, run_number or 0, pilot=pilot, training=training, checks=checks)
-    if settings or rules or acts:
+    if tasks is not None and (recover or which is not None or study is not None):
+        exit_with_usage("--tasks goes with a new session of DIR")
+    if settings or rules or acts or tasks is not None:
         scenario = _load_or_exit(options)
         try:
+            if tasks is not None:
+                options = rehearsal_options(options, tasks, scenario.mode)
             options = replace(options, first_tasks=tasks_at_start(scenario, settings, rules, acts))
         except UnusableArgument as error:
             click.echo(str(error), err=True)

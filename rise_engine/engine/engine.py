@@ -227,6 +227,11 @@ class Engine:
             self._close()
 
     @property
+    def kernel(self) -> Kernel:
+        """What the session is, for who looks into one that is played. It changes by inputs only, and by nobody else."""
+        return self._kernel
+
+    @property
     def robot_seen(self) -> float | None:
         """Session time of the robot's last sign of life; None when its driver does not know, or has failed."""
         return self._commands.robot_seen

@@ -7,6 +7,7 @@ from msgspec import Struct
 from rise_engine.kernel.inputs import CheckReport, Submit
 from rise_engine.kernel.records import Purpose
 from rise_engine.ports.bridge import RosConnection
+from rise_engine.protocol.task_file import TimedTask
 
 
 class SessionOptions(Struct, frozen=True):
@@ -37,6 +38,8 @@ class SessionOptions(Struct, frozen=True):
     """Whose account it is: who begins it when nobody is named, in debug mode only."""
     first_tasks: tuple[Submit, ...] = ()
     """Submitted at the beginning of a new session."""
+    script: tuple[TimedTask, ...] = ()
+    """Tasks of a new session for later moments, those of one moment in their order: a rehearsal plays itself."""
     socket_name: str | None = None
     """Of the socket; None: made from the folder's path, so that a folder has one session at a time."""
     unfinished: str = "ask"

@@ -4,6 +4,13 @@
 
 `at` is session time in seconds; without it a task goes together with the one on the line before. `calling_type` may be
 left out, and `source` may say who asks (default `file`). Empty lines and lines that begin with # are skipped.
+
+Lines before the first task may say with what it is played: what goes wrong on the simulated robot, from which seed
+chance comes, and under which of the scenario's conditions.
+
+    {"fault": "Emotion=fail@3"}
+    {"seed": 7}
+    {"condition": "no gaze"}
 """
 
 from __future__ import annotations
@@ -23,6 +30,8 @@ from rise_engine.scenario.model import Scenario
 
 FUNCTIONS: tuple[str, ...] = get_args(TaskFunction)
 KEYS = ("function_type", "domain_task_behavior", "calling_type", "at", "source")
+SETTINGS = ("fault", "seed", "condition")
+"""What a line says instead that is about the whole session."""
 OF_TESTS = ("test", "key", "go_on", "wait", "expect")
 """What the lines of tests have instead (`rise_engine.trial.study_test`)."""
 LATEST_SECONDS = 366 * 86_400.0
@@ -39,6 +48,19 @@ class TimedTask(Struct, frozen=True):
     line: int
 
 
+class TaskFile(Struct, frozen=True):
+    """A whole file."""
+
+    tasks: tuple[TimedTask, ...] = ()
+    """By `at`; those of one moment in file order."""
+    faults: tuple[str, ...] = ()
+    """What the simulated robot does wrong, as its driver documents it."""
+    seed: int | None = None
+    """Null: the file does not say."""
+    condition: str = ""
+    """Empty: the file does not say."""
+
+
 class TaskFileError(RiseError):
     """A task file with mistakes: all of them, a line for each."""
 
@@ -46,8 +68,14 @@ class TaskFileError(RiseError):
 class TaskFileReader:
     """Reads a task file line by line, as it comes."""
 
-    def __init__(self, file: str) -> None:
+    def __init__(self, file: str, *, as_it_comes: bool = True) -> None:
+        """`as_it_comes`: the session runs already, so nothing can be said about the whole of it."""
         self.file = file
+        self.faults: list[str] = []
+        self.seed: int | None = None
+        self.condition = ""
+        self._as_it_comes = as_it_comes
+        self._has_tasks = False
         self._line = 0
         self._at = 0.0
 
@@ -70,20 +98,53 @@ class TaskFileReader:
             raise self._make_error([f"this is not JSON: {error}"], before + error.offset + 1) from None
         if not isinstance(value, dict):
             raise self._make_error([f'a line is a JSON object such as {{"function_type": "{FUNCTIONS[0]}", ...}}'])
-        problems += find_task_problems(value)
+        setting = next((key for key in SETTINGS if key in value), None)
+        problems += find_task_problems(value) if setting is None else self._find_setting_problems(setting, value)
         if problems:
             raise self._make_error(problems)
+        if setting is not None:
+            self._take_setting(value)
+            return None
+        self._has_tasks = True
         self._at = float(value.get("at", self._at))
         return TimedTask(self._at, task_of(value), self.file, self._line)
+
+    def _find_setting_problems(self, setting: str, value: dict[str, Any]) -> list[str]:
+        """What is wrong with a line about the whole session, in sentences."""
+        content = value[setting]
+        problems = []
+        if len(value) > 1:
+            problems.append(f"`{setting}` stands alone in its line")
+        if self._as_it_comes:
+            problems.append(f"`{setting}` is about the whole session, which runs already; it stands in a file")
+        elif self._has_tasks:
+            problems.append(f"`{setting}` is about the whole session: it stands before the first task")
+        if setting == "seed":
+            if isinstance(content, bool) or not isinstance(content, int) or content < 0:
+                problems.append("`seed` must be a whole number, 0 or more")
+            elif self.seed is not None:
+                problems.append("there is a seed already")
+        elif not isinstance(content, str) or not content.strip():
+            example = "Emotion=fail@3" if setting == "fault" else "no gaze"
+            problems.append(f'`{setting}` must be a text such as "{example}"')
+        elif setting == "condition" and self.condition:
+            problems.append("there is a condition already")
+        return problems
+
+    def _take_setting(self, value: dict[str, Any]) -> None:
+        if "fault" in value:
+            self.faults.append(value["fault"].strip())
+        self.seed = value.get("seed", self.seed)
+        self.condition = value.get("condition", self.condition)
 
     def _make_error(self, messages: list[str], column: int | None = None) -> TaskFileError:
         where = f"{self.file}:{self._line}" if column is None else f"{self.file}:{self._line}:{column}"
         return TaskFileError("\n".join(f"{where}: error: {message}" for message in messages))
 
 
-def read_task_file(text: bytes, file: str) -> list[TimedTask]:
-    """The tasks of a whole file, by `at`; those of one moment in file order. Raises TaskFileError with all mistakes."""
-    reader = TaskFileReader(file)
+def read_task_file(text: bytes, file: str) -> TaskFile:
+    """A whole file. Raises TaskFileError with all mistakes."""
+    reader = TaskFileReader(file, as_it_comes=False)
     tasks: list[TimedTask] = []
     problems: list[str] = []
     for line in text.split(b"\n"):
@@ -96,7 +157,8 @@ def read_task_file(text: bytes, file: str) -> list[TimedTask]:
                 tasks.append(task)
     if problems:
         raise TaskFileError("\n".join(problems))
-    return sorted(tasks, key=lambda task: task.at)
+    tasks.sort(key=lambda task: task.at)
+    return TaskFile(tuple(tasks), tuple(reader.faults), reader.seed, reader.condition)
 
 
 def warning_for_task(task: TimedTask, scenario: Scenario) -> str | None:
@@ -150,7 +212,7 @@ def find_task_problems(value: dict[str, Any]) -> list[str]:
     """What is wrong with a line of a task file, in sentences."""
     if test_lines := [key for key in OF_TESTS if key in value]:
         return [f"`{test_lines[0]}` belongs to a test of a study, which `rise-engine test DIR` runs"]
-    problems = [f"unknown entry `{key}`{did_you_mean(key, KEYS)}" for key in value if key not in KEYS]
+    problems = [f"unknown entry `{key}`{did_you_mean(key, (*KEYS, *SETTINGS))}" for key in value if key not in KEYS]
     function = value.get("function_type")
     if "function_type" not in value:
         problems.append("`function_type` is missing")

@@ -12,13 +12,14 @@ import os
 import signal
 import socket
 from contextlib import suppress
+from functools import partial
 
 from rise_engine import exit_status
 from rise_engine.engine.clock import RealClock
 from rise_engine.engine.drivers import simulated_robot_warning
 from rise_engine.engine.engine import Engine, versions
 from rise_engine.json_codec import encode
-from rise_engine.kernel.inputs import Note
+from rise_engine.kernel.inputs import Note, Submit
 from rise_engine.kernel.records import RecordingStatus
 from rise_engine.ports.bridge import Bridge
 from rise_engine.ports.robot import Robot
@@ -174,6 +175,20 @@ class _SessionProcess:
             engine.post(Note(text=sentence))
         for submit in self.prepared.options.first_tasks:
             engine.post(submit)
+        self._schedule(engine)
+
+    def _schedule(self, engine: Engine) -> None:
+        """What a rehearsal does by itself later. Those of one moment share a timer: a loop keeps no order of timers."""
+        due: dict[float, list[Submit]] = {}
+        for timed in self.prepared.options.script:
+            due.setdefault(timed.at, []).append(timed.task)
+
+        def submit(tasks: list[Submit]) -> None:
+            for task in tasks:
+                engine.post(task)
+
+        for at, tasks in due.items():
+            engine.clock.call_at(at, partial(submit, tasks))
 
     def _recording_status(self, name: str) -> RecordingStatus | None:
         record = self.hub.view.recordings.get(name)

@@ -45,7 +45,7 @@ def tried_out(study: str) -> Trial:
     """A trial in which everything of the study's task file was done, and every key pressed."""
     scenario = scenario_of(study)
     trial = Trial(scenario, seed=5)
-    for timed in read_task_file((SCENARIOS / study / "session.jsonl").read_bytes(), "session.jsonl"):
+    for timed in read_task_file((SCENARIOS / study / "session.jsonl").read_bytes(), "session.jsonl").tasks:
         trial.submit(timed.task)
         trial.go_on()
     for key in scenario.keys.values():

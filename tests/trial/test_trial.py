@@ -158,7 +158,7 @@ def test_the_records_are_those_of_a_run_in_virtual_time(
         trial.let_pass(1.3)
         trial.go_on()
     trial.set_value("step = 2")
-    script = tuple(read_task_file(task_file_text(trial).encode(), "kept.jsonl"))
+    script = read_task_file(task_file_text(trial).encode(), "kept.jsonl").tasks
     session = SessionOptions(lablinking.folder, seed=7)
     options = RunOptions(trial.scenario, session, script, virtual=True, json=True, until=trial.now + 0.01)
     assert run(options) == 0
