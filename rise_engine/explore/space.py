@@ -34,8 +34,8 @@ class Space:
         self.moves: list[Move] = []
         """Every move that was met, by its number."""
         self.edges: list[array[int]] = []
-        """Of each situation: move, situation that it leads to, and which rules moved (`FollowedMove.moved`), one after the
-        other."""
+        """Of each situation, one after the other: move, situation that it leads to, and which rules moved
+        (`FollowedMove.moved`)."""
         self.beyond: dict[Number, frozenset[str]] = {}
         """The situations that have a step which was not followed, and why."""
         self.keys_beyond: dict[Number, frozenset[str]] = {}

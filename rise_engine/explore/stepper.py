@@ -124,6 +124,8 @@ class Stepper:
                 yield FollowedMove(possibility.move, situation, zone, 0, (), "line")  # it would wait, too
                 continue
             when = zone
+            if timed and possibility.move.kind == "timer" and _comes_second(situation, zone, possibility.move.place):
+                continue
             if timed and possibility.clock:
                 narrowed = narrow(zone, possibility.clock, possibility.least, possibility.most)
                 if narrowed is None:
@@ -326,6 +328,20 @@ _HARMLESS = frozenset({"raiseEventTopic", "assignValue"})
 """What these tasks change, other records tell."""
 _START_ACT = "startCommunicationRobotAct"
 _CUT = ("interrupted by ", "stopped by rule:")
+
+
+def _comes_second(situation: Situation, zone: Zone, place: int) -> bool:
+    """Whether a timer of a rule is as long as one of an earlier way out of the same state, and was set with it: that
+    one is always first."""
+    own = situation.countdowns[place]
+    first = 1 + len(situation.running)
+    return any(
+        other[:2] == own[:2] == ("after", own.owner)
+        and other.transition < own.transition
+        and other.length == own.length
+        and zone[first + at][first + place] == 0 == zone[first + place][first + at]
+        for at, other in enumerate(situation.countdowns[:place])
+    )
 
 
 def asks_again(situation: Situation) -> bool:
