@@ -27,7 +27,7 @@ class FindingChooser(Chooser):
 
     def __init__(self, choices: Sequence[FieldChoice]) -> None:
         super().__init__("What is wrong", choices)
-        self._keys = "type to filter · enter goes there · tab what can be done, or how it comes · esc closes"
+        self._keys = "type to filter · enter goes there · tab what can be done · esc closes"
 
     def carry_out_key(self, key: str) -> bool:
         if key != "tab":
@@ -42,10 +42,7 @@ class WayList(Chooser):
 
     def __init__(self, title: str, steps: Sequence[FieldChoice]) -> None:
         super().__init__(title, steps)
-        self._keys = "the way there, step by step · esc closes"
-
-    def _title_width(self, width: int) -> int:
-        return max(10, width - 4)
+        self._keys = "how it comes to that, step by step · esc closes"
 
 
 class RemedyChooser(Chooser):
@@ -94,8 +91,8 @@ def _explored_choice(number: int, finding: ExploredPlace) -> FieldChoice:
 def _open_explored(frame: EditFrame, app: App[object], finding: ExploredPlace, *, show_way: bool) -> None:
     """Go to what exploring has found something about, or show the way there."""
     if show_way and finding.way:
-        steps = [FieldChoice(str(at), f"{at}. {clean(step)}", "") for at, step in enumerate(finding.way, 1)]
-        app.push_screen(WayList(clean(finding.text)[:_TITLE_WIDTH], steps))
+        steps = [FieldChoice(str(at), f"{at}.", clean(step)) for at, step in enumerate(finding.way, 1)]
+        app.push_screen(WayList(_shortened(clean(finding.text)), steps))
         return
     found = find_at(frame.study.draft, finding.file, finding.line) if finding.file else None
     if found is None or show_way:
@@ -127,8 +124,11 @@ async def _show_remedies(frame: EditFrame, app: App[object], finding: Diagnostic
 
 
 def _title_of(finding: Diagnostic) -> str:
-    message = clean(finding.message)
-    return message if len(message) <= _TITLE_WIDTH else f"{message[: _TITLE_WIDTH - 1]}…"
+    return _shortened(clean(finding.message))
+
+
+def _shortened(text: str) -> str:
+    return text if len(text) <= _TITLE_WIDTH else f"{text[: _TITLE_WIDTH - 1]}…"
 
 
 def _remedy_choice(number: int, remedy: Remedy) -> FieldChoice:

@@ -11,6 +11,7 @@ from textual.pilot import Pilot
 
 from rise_engine.edit.workspace import Workspace
 from rise_tui.editing.app import EditApp
+from rise_tui.editing.exploring import Explorer
 from rise_tui.editing.model.draft import draft_of
 from rise_tui.editing.screen import EditScreen
 from rise_tui.editing.sessions import RunningHere
@@ -108,10 +109,13 @@ def study(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 
 @asynccontextmanager
 async def editor(
-    folder: Path, size: tuple[int, int] = (80, 24), sessions: OneSession | None = None
+    folder: Path,
+    size: tuple[int, int] = (80, 24),
+    sessions: OneSession | None = None,
+    explorer: Explorer | None = None,
 ) -> AsyncIterator[Editor]:
     workspace = Workspace(folder)
-    app = EditApp(EditedStudy(workspace, draft_of(workspace)), sessions=sessions or OneSession())
+    app = EditApp(EditedStudy(workspace, draft_of(workspace)), sessions=sessions or OneSession(), explorer=explorer)
     async with app.run_test(size=size) as pilot:
         found = Editor(pilot, app.edit_screen, folder)
         await found.until(lambda: found.screen.home.rows.count)
