@@ -34,7 +34,7 @@ class Bounds(Struct, frozen=True):
     """Values that somebody may give memory keys."""
     situations: int = 1_000_000
     """At most so many situations are looked at."""
-    values: int = 40
+    values: int = 15
     """Of each memory key at most so many values are followed."""
     merges_alike: bool = True
     """Whether of acts that no rule speaks of, and that nothing tells apart, only the first is started."""

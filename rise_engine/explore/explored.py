@@ -34,8 +34,9 @@ class Explored:
 
     @cached_property
     def unknown(self) -> set[Number]:
-        """The situations of which not everything that follows was looked at."""
-        return {number for number, why in self.space.beyond.items() if why} | set(self.space.pending)
+        """The situations of which not everything that follows was looked at. That one more event is kept does not
+        count: it could as well come when a rule waits for it."""
+        return {number for number, why in self.space.beyond.items() if why - {"kept"}} | set(self.space.pending)
 
     @cached_property
     def ends(self) -> set[Number]:

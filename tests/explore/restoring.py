@@ -37,7 +37,7 @@ def restoring_in_place(scenario: Scenario) -> Restore:
 def _empty(kernel: Kernel) -> None:
     """Take out all that `Kernel._restore` adds to, and what an input has left."""
     core, rules = kernel.core, kernel.rules
-    rules_made_ready: dict[str, CompiledRule] = vars(rules).get("compiled") or vars(rules)["_compiled"]
+    rules_made_ready: dict[str, CompiledRule] = vars(rules).get("compiled") or vars(rules)["compiled"]
     for compiled in rules_made_ready.values():
         for state in compiled.states.values():
             for some in (*state.wait_lists, *state.watch_lists):

@@ -109,7 +109,7 @@ class _WatchedSession(Session):
         self._queued: _WatchedQueue | None = None
         super().__init__(scenario, SEED)
         self.kernel.core.events = self._queued = _WatchedQueue(self._count_calls)
-        rules = self.kernel.rules._compiled
+        rules = self.kernel.rules.compiled
         self._own_ends = {id(topic): end for end, topic in rules[rule.name].own_ends.items()}
 
     @property
