@@ -340,6 +340,8 @@ class PathTimes:
         spoilt: set[tuple[TaskId, ActionId]] = set()
         for life in self._lives:
             task = life.task
+            pauses = {(task, action): factor for action, factor in self._pauses(life).items()}
+            factors |= {action: factor for action, factor in pauses.items() if action in self.known.goals}
             if life.left_by == "failed" and (slips := self._slips(life, courses[task])):
                 how, action = slips[min(levels.get(("fail", task), 0), len(slips) - 1)][0]
                 if how != "by itself" and (goal := self.known.goals.get((task, action))) is not None:
@@ -353,10 +355,7 @@ class PathTimes:
                     if (goal := self.known.goals.get((task, span.id))) is not None:
                         spoilt.add((task, span.id))
                         faults.append(f"{goal[0]}=hang@{goal[1]}")
-            elif pauses := self._pauses(life):
-                known = {(task, action): factor for action, factor in pauses.items()}
-                factors |= {action: factor for action, factor in known.items() if action in self.known.goals}
-            elif isinstance(manner := self._manner(life, levels), str) and manner:
+            elif not pauses and isinstance(manner := self._manner(life, levels), str) and manner:
                 factors |= self._slowed(life, times, courses[task])
         faults += [f"{goal[0]}=slow:{factor:g}@{goal[1]}" for goal, factor in self._of_goals(factors)]
         return PlannedTimes(tuple(times), (*faults, *self._vanishing(times)), factors, frozenset(spoilt))
