@@ -18,10 +18,10 @@ FORM = "bml-form"
 """The code of errors: this is not BML 1.0."""
 
 
-class Loss(Struct, frozen=True):
+class BmlLoss(Struct, frozen=True):
     """Something of one format that the other does not have, with the reason.
 
-    >>> str(Loss(SourceLocation("hello.xml", 3, 5), "acts have no prosody"))
+    >>> str(BmlLoss(SourceLocation("hello.xml", 3, 5), "acts have no prosody"))
     'hello.xml:3:5: lost: acts have no prosody'
     """
 
@@ -39,17 +39,17 @@ class ConversionFindings:
     def __init__(self) -> None:
         self.diagnostics = Diagnostics()
         """What refuses it."""
-        self._losses: list[Loss] = []
+        self._losses: list[BmlLoss] = []
 
     def lose(self, location: SourceLocation, message: str) -> None:
         """Name something that the other format does not have."""
-        self._losses.append(Loss(location, message))
+        self._losses.append(BmlLoss(location, message))
 
     @property
-    def losses(self) -> list[Loss]:
+    def losses(self) -> list[BmlLoss]:
         """In reading order, each once."""
         return sorted(set(self._losses), key=_reading_order)
 
 
-def _reading_order(loss: Loss) -> tuple[str, int, int, str]:
+def _reading_order(loss: BmlLoss) -> tuple[str, int, int, str]:
     return loss.location.file, loss.location.line, loss.location.column, loss.message

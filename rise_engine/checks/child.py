@@ -21,7 +21,7 @@ from rise_engine.ports.bridge import RosConnection
 from rise_engine.scenario.model import Mode
 from rise_engine.study.model import RecordingSettings
 
-KINDS = frozenset({"robot", "sound", "replay", "recorder"})
+KINDS = frozenset({"robot", "sound", "replay", "recorder", "explored"})
 
 
 class ChildRequest(Struct, frozen=True):
@@ -35,6 +35,8 @@ class ChildRequest(Struct, frozen=True):
     ros: RosConnection = RosConnection()
     sessions: str = ""
     """For `replay`: the study's folder of sessions."""
+    study: str = ""
+    """For `explored`: the study's folder."""
     recording: RecordingSettings | None = None
     """For `recorder`: what records."""
     task: str = ""

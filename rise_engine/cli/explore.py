@@ -8,6 +8,7 @@ import sys
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
+from pathlib import Path
 from textwrap import fill
 from types import FrameType
 from typing import Any
@@ -19,13 +20,16 @@ from rise_engine.cli.arguments import exit_with_usage, resolve_scenario
 from rise_engine.cli.check import load_or_refuse
 from rise_engine.cli.options import FOLDER_OR_NONE, ROBOT
 from rise_engine.cli.terminal import write_json
-from rise_engine.exit_status import REFUSED
+from rise_engine.exit_status import NOT_WRITTEN, REFUSED
 from rise_engine.explore.bounds import Bounds
 from rise_engine.explore.exploration import Exploration, bounds_of, explore
+from rise_engine.explore.path_file import task_file_of
+from rise_engine.explore.playing import find_times
 from rise_engine.explore.questions_of_use import NOT_RUNNING
 from rise_engine.explore.space import Space
 from rise_engine.explore.telling import tell_path
 from rise_engine.scenario.model import Scenario
+from rise_engine.session.disk import error_message
 from rise_engine.text import pluralize
 
 _WIDTH = 100
@@ -55,7 +59,8 @@ def explore_command(folder: str | None, robot: str | None, **options: Any) -> No
     All keys are pressed in every situation, acts end, fail, or are cut off, time passes, the robot is lost and
     everything is stopped, within the bounds that the output names. ctrl+c ends it with what was found so far.
 
-    Exit status: 0 no problem was found; 1 there are problems, or the scenario has errors; 2 wrong usage.
+    Exit status: 0 no problem was found; 1 there are problems, or the scenario has errors; 2 wrong usage; 74 the ways
+    cannot be written.
     """
     scenario = load_or_refuse(resolve_scenario(folder or "."), robot=robot, mode=None)
     if scenario is None:
@@ -69,6 +74,8 @@ def explore_command(folder: str | None, robot: str | None, **options: Any) -> No
     else:
         for line in _report(scenario, exploration, options["show"], show_keys=options["show_keys"]):
             click.echo(line)
+    if options["write"] is not None:
+        _write_ways(scenario, exploration, Path(options["write"]), folder or ".")
     sys.exit(REFUSED if exploration.count("problem") else 0)
 
 
@@ -170,6 +177,14 @@ def _finding_lines(scenario: Scenario, exploration: Exploration, number: int, *,
     if shown and finding.path is not None:
         for at, sentence in enumerate(tell_path(scenario, finding.path, exploration.bounds), 1):
             yield fill(sentence, _WIDTH, initial_indent=f"      {at:>2}. ", subsequent_indent="          ")
+        played = find_times(scenario, finding.path, exploration.bounds)
+        if not played.is_certain:
+            yield fill(
+                f"Perhaps it does not come like this: {played.problem}.",
+                _WIDTH,
+                initial_indent="      ",
+                subsequent_indent="      ",
+            )
     elif shown:
         yield "      there is no single way to it"
 
@@ -186,6 +201,23 @@ def _key_lines(scenario: Scenario, exploration: Exploration) -> Iterator[str]:
         row = exploration.keys[state]
         cells = (signs[row[key]].ljust(len(label)) for key, label in zip(keys, labels, strict=True))
         yield f"{state:<{widest}}  {' '.join(cells)}".rstrip()
+
+
+def _write_ways(scenario: Scenario, exploration: Exploration, folder: Path, study: str) -> None:
+    """Each finding's way as a task file in a new or empty folder. Ends the program if they cannot be written."""
+    if folder.exists() and any(folder.iterdir()):
+        exit_with_usage(f"{folder} is not empty; name a new folder")
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        for number, finding in enumerate(exploration.findings, 1):
+            if finding.path is not None:
+                told = tell_path(scenario, finding.path, exploration.bounds)
+                played = find_times(scenario, finding.path, exploration.bounds)
+                text = task_file_of(finding.text, told, played, study)
+                (folder / f"{number:02}-{finding.kind}.jsonl").write_text(text, encoding="utf-8")
+    except OSError as error:
+        click.echo(f"{folder} cannot be written: {error_message(error)}", err=True)
+        sys.exit(NOT_WRITTEN)
 
 
 COMMANDS = {"explore": explore_command}

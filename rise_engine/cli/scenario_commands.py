@@ -79,7 +79,7 @@ def check(
     With --deep also what can go wrong in a session: everything that can happen is looked at, as `explore` does, but
     without stops and lost robots, and for five seconds at most.
 
-    Exit status: 0 without errors (warnings may be there), 1 with errors or problems, 2 when there is no such folder or act.
+    Exit status: 0 without errors (warnings may be there), 1 with errors or problems, 2 no such folder or act.
     """
     folder = resolve_scenario(folder)
     if act is not None:

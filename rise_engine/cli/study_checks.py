@@ -42,7 +42,7 @@ Command = TypeVar("Command", bound=Callable[..., Any])
 
 CONFIRMED = "confirmed on the command line"
 _MARKS = {"passed": "ok", "failed": "FAILED", "skipped": "skipped"}
-_SLOW = frozenset({"robot", "sound", "replay", "recorder"})
+_SLOW = frozenset({"robot", "sound", "replay", "recorder", "explored"})
 
 
 class ChecksRefused(RiseError):

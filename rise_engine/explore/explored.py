@@ -24,7 +24,7 @@ class Explored:
         """The rule whose end is the study's."""
         self.situations: list[Situation] = space.situations
         self.bits = {name: 1 << number for number, name in enumerate(self.scenario.rules, 1)}
-        """Of each rule, its bit in `Step.moved`."""
+        """Of each rule, its bit in `FollowedMove.moved`."""
 
         self._stuck: dict[str, list[Number]] = {}
 

@@ -11,7 +11,7 @@ from typing import TypeAlias
 
 from rise_engine.explore.situation import Situation
 from rise_engine.explore.space import Number, Space
-from rise_engine.explore.stepper import Step, Stepper
+from rise_engine.explore.stepper import FollowedMove, Stepper
 from rise_engine.explore.zones import Zone
 
 _PORTION = 64
@@ -20,7 +20,7 @@ _AHEAD = 3
 """Portions for each core that are under way at once."""
 
 _Portion: TypeAlias = list[tuple[Number, Situation, Zone]]
-_Followed: TypeAlias = tuple[list[tuple[Number, list[Step]]], int]
+_Followed: TypeAlias = tuple[list[tuple[Number, list[FollowedMove]]], int]
 """What follows each situation, and how many inputs that took."""
 
 _stepper: Stepper | None = None

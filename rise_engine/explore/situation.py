@@ -30,7 +30,7 @@ PERSON = "engine"
 """The source of what no rule has asked for: exploring does not tell people and programs apart."""
 
 
-class RuleStanding(NamedTuple):
+class RuleInState(NamedTuple):
     """A running rule."""
 
     name: str
@@ -75,7 +75,7 @@ class Countdown(NamedTuple):
 class Situation(NamedTuple):
     """One situation, as a value that can be compared."""
 
-    rules: tuple[RuleStanding, ...]
+    rules: tuple[RuleInState, ...]
     """The bottom of the stack first."""
     waiting: tuple[ActTask, ...]
     running: tuple[ActTask, ...]
@@ -300,7 +300,7 @@ class SituationKernel:
                     places = {id: at for at, id in enumerate(tasks)}
                 own = tuple(sorted((name, places.get(id, -1)) for name, id in run.own_acts.items()))
             latched = tuple(sorted(run.latched)) if run.latched else ()
-            rules.append(RuleStanding(run.name, run.state.id, run.priority, latched, own))
+            rules.append(RuleInState(run.name, run.state.id, run.priority, latched, own))
         memory = core.memory
         encode = msgspec.json.encode
         situation = Situation(

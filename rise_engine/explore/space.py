@@ -9,7 +9,7 @@ from typing import TypeAlias
 
 from rise_engine.explore.moves import Move
 from rise_engine.explore.situation import Situation
-from rise_engine.explore.stepper import Fact, Step, Stepper, asks_again
+from rise_engine.explore.stepper import Fact, FollowedMove, Stepper, asks_again
 from rise_engine.explore.zones import NO_CLOCKS, Zone, hull, includes, widen, widest
 from rise_engine.kernel.inputs import SessionStarted
 
@@ -34,8 +34,8 @@ class Space:
         self.moves: list[Move] = []
         """Every move that was met, by its number."""
         self.edges: list[array[int]] = []
-        """Of each situation: move, situation that it leads to, and rules that moved (`Step.moved`), one after the
-        other."""
+        """Of each situation, one after the other: move, situation that it leads to, and which rules moved
+        (`FollowedMove.moved`)."""
         self.beyond: dict[Number, frozenset[str]] = {}
         """The situations that have a step which was not followed, and why."""
         self.keys_beyond: dict[Number, frozenset[str]] = {}
@@ -95,7 +95,7 @@ class Space:
         for number in numbers:
             self._enqueue(number)
 
-    def take(self, number: Number, steps: Iterable[Step]) -> None:
+    def take(self, number: Number, steps: Iterable[FollowedMove]) -> None:
         """Take in what follows a situation."""
         edges = array("q")
         seen = set()
@@ -132,7 +132,7 @@ class Space:
             together = before | {what}
             where[number] = self._shared_sets.setdefault(together, together)
 
-    def _keep_beyond_step(self, number: Number, step: Step) -> None:
+    def _keep_beyond_step(self, number: Number, step: FollowedMove) -> None:
         last = step.situation.waiting[-1]
         if self._kept_steps[last.name, last.source] < MOST_KEPT:
             self._kept_steps[last.name, last.source] += 1

@@ -29,10 +29,10 @@ from rise_engine.scenario.model import Scenario
 Fact: TypeAlias = tuple[Any, ...]
 """Something that was seen to happen: what kind of thing (`Stepper`), and to whom."""
 END_BIT = 0
-"""In `Step.moved`: the study's end was reached."""
+"""In `FollowedMove.moved`: the study's end was reached."""
 
 
-class Step(NamedTuple):
+class FollowedMove(NamedTuple):
     """What one move leads to."""
 
     move: Move
@@ -107,7 +107,7 @@ class Stepper:
         self.kernel.put(found[0])
         return found
 
-    def follow(self, situation: Situation, zone: Zone) -> Iterator[Step]:
+    def follow(self, situation: Situation, zone: Zone) -> Iterator[FollowedMove]:
         """What can follow, each with the first facts that are seen in it. Steps that change nothing are left out."""
         kernel = self.kernel
         handle = kernel.kernel.handle
@@ -121,9 +121,11 @@ class Stepper:
                 and len(situation.waiting) >= self.bounds.line
                 and situation.stop == "released"
             ):
-                yield Step(possibility.move, situation, zone, 0, (), "line")  # it would wait, too
+                yield FollowedMove(possibility.move, situation, zone, 0, (), "line")  # it would wait, too
                 continue
             when = zone
+            if timed and possibility.move.kind == "timer" and _comes_second(situation, zone, possibility.move.place):
+                continue
             if timed and possibility.clock:
                 narrowed = narrow(zone, possibility.clock, possibility.least, possibility.most)
                 if narrowed is None:
@@ -187,7 +189,7 @@ class Stepper:
         move: Move,
         records: list[AnyRecord],
         when: Zone,
-    ) -> Step:
+    ) -> FollowedMove:
         """The step that the kernel has just taken."""
         kernel, bounds = self.kernel, self.bounds
         faults_left = before.faults_left
@@ -216,7 +218,7 @@ class Stepper:
         told = self._told
         new = tuple([fact for fact in facts if fact not in told])
         told.update(new)
-        return Step(move, situation, zone, moved, new, beyond)
+        return FollowedMove(move, situation, zone, moved, new, beyond)
 
     def _zone_after(
         self,
@@ -305,7 +307,7 @@ class Stepper:
         if any(task.behavior == act and task.id <= last for task in (*scheduler.waiting, *going)):
             facts.append(("out of step", rule, record.previous, act))
 
-    def _compare_failure(self, before: Situation, step: Step, succeeded: dict[int, Situation]) -> Step:
+    def _compare_failure(self, before: Situation, step: FollowedMove, succeeded: dict[int, Situation]) -> FollowedMove:
         """Does it matter whether this act, which a rule has started, succeeds or fails?"""
         index, how = step.move.place, step.move.how
         act = before.running[index]
@@ -326,6 +328,20 @@ _HARMLESS = frozenset({"raiseEventTopic", "assignValue"})
 """What these tasks change, other records tell."""
 _START_ACT = "startCommunicationRobotAct"
 _CUT = ("interrupted by ", "stopped by rule:")
+
+
+def _comes_second(situation: Situation, zone: Zone, place: int) -> bool:
+    """Whether a timer of a rule is as long as one of an earlier way out of the same state, and was set with it: that
+    one is always first."""
+    own = situation.countdowns[place]
+    first = 1 + len(situation.running)
+    return any(
+        other[:2] == own[:2] == ("after", own.owner)
+        and other.transition < own.transition
+        and other.length == own.length
+        and zone[first + at][first + place] == 0 == zone[first + place][first + at]
+        for at, other in enumerate(situation.countdowns[:place])
+    )
 
 
 def asks_again(situation: Situation) -> bool:
