@@ -67,7 +67,7 @@ def check_report(
     if as_json:
         rows = [diagnostic_row(diagnostic) for diagnostic in diagnostics]
         silenced_rows = [{**diagnostic_row(each.diagnostic), "reason": each.reason} for each in silenced]
-        explored = {} if exploration is None else {"explored": exploration.row()}
+        explored = {} if exploration is None or scenario is None else {"explored": exploration.row(scenario)}
         write_json({"errors": errors, "warnings": warnings, "findings": rows, "silenced": silenced_rows, **explored})
     else:
         for diagnostic in diagnostics:

@@ -70,7 +70,7 @@ def explore_command(folder: str | None, robot: str | None, **options: Any) -> No
     with _interruptible() as interrupted:
         exploration = explore(scenario, bounds, cores=cores, go_on=_Progress(interrupted))
     if options["as_json"]:
-        write_json(exploration.row())
+        write_json(exploration.row(scenario))
     else:
         for line in _report(scenario, exploration, options["show"], show_keys=options["show_keys"]):
             click.echo(line)

@@ -17,6 +17,7 @@ from rise_engine.explore.parallel import explore_on_cores
 from rise_engine.explore.properties import PropertyChecker
 from rise_engine.explore.space import Space
 from rise_engine.explore.stepper import Stepper
+from rise_engine.explore.telling import tell_path
 from rise_engine.kernel.inputs import SessionStarted
 from rise_engine.scenario.model import Scenario
 from rise_engine.text import pluralize
@@ -46,15 +47,15 @@ class Exploration(Struct, frozen=True, kw_only=True):
     keys: dict[str, dict[str, str]]
     """For each state of the main rule and each key, whether it does something there: always, sometimes or never."""
 
-    def row(self) -> dict[str, Any]:
-        """As programs read it (`--json`)."""
+    def row(self, scenario: Scenario) -> dict[str, Any]:
+        """As programs read it (`--json`); `scenario` is the one that was explored."""
         findings = [
             {
                 **{name: getattr(finding, name) for name in ("kind", "level", "text", "rule", "state", "act", "key")},
                 "file": finding.location.file if finding.location is not None else "",
                 "line": finding.location.line if finding.location is not None else 0,
                 "column": finding.location.column if finding.location is not None else 0,
-                "steps": len(finding.path.steps) if finding.path is not None else None,
+                "way": tell_path(scenario, finding.path, self.bounds) if finding.path is not None else [],
             }
             for finding in self.findings
         ]

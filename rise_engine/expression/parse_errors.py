@@ -153,11 +153,13 @@ def situation_unknown_error(text: str, token: Token) -> ExpressionError:
     return ExpressionError(f"`{token.value}` cannot be asked here", text, token.start + 1, hint)
 
 
-def situation_names_error(text: str, token: Token) -> ExpressionError:
-    """`in(Main, Start)`, `runs()`: a name is missing, or is not written out."""
+def situation_names_error(text: str, token: Token, wrong: Token) -> ExpressionError:
+    """`in(Main, Start)`, `runs()`: a name is missing, or is not written out, or there is one too many."""
     known = find_signature(token.value)
     usage = known.usage if known is not None else ""
-    return ExpressionError(f"`{token.value}` takes names in quotation marks", text, token.start + 1, f"write {usage}")
+    if wrong.kind == "word":
+        usage = f"`'{shorten(wrong.value, 40)}'`"
+    return ExpressionError(f"`{token.value}` takes names in quotation marks", text, wrong.start + 1, f"write {usage}")
 
 
 def argument_count_error(text: str, token: Token, given: int, arguments: Sequence[Token]) -> ExpressionError:

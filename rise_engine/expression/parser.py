@@ -260,10 +260,16 @@ class _Parser:
         if not self.of_property:
             raise parse_errors.situation_unknown_error(self.text, token)
         tokens, names = self.tokens, list[str]()
-        while tokens[self.at].kind in ("(", ",") and tokens[self.at + 1].kind == "text":
-            names.append(tokens[self.at + 1].value)
-            self.at += 2
-        if tokens[self.at].kind != ")" or len(names) != SITUATION_ARITY[name] or not all(map(str.strip, names)):
-            raise parse_errors.situation_names_error(self.text, token)
+        opening = tokens[self.at]
+        while len(names) < SITUATION_ARITY[name] and tokens[self.at].kind in ("(", ","):
+            self.at += 1
+            if tokens[self.at].kind != "text" or not tokens[self.at].value.strip():
+                raise parse_errors.situation_names_error(self.text, token, tokens[self.at])
+            names.append(tokens[self.at].value)
+            self.at += 1
+        if tokens[self.at].kind == "end":
+            raise parse_errors.unclosed_bracket_error(self.text, tokens, self.at, opening)
+        if tokens[self.at].kind != ")" or len(names) < SITUATION_ARITY[name]:
+            raise parse_errors.situation_names_error(self.text, token, tokens[self.at])
         self.at += 1
         return SituationTest(name, tuple(names))

@@ -127,7 +127,7 @@ def _in_explored(checked: LoadResult, table: str, line: str, end: int) -> tuple[
         if _IN_TRIES.search(line) is not None and key is not None:
             return end - len(key.group(1)), _keys(checked)
         if key is not None and key.start() == 0:
-            return end - len(key.group(1)), [Proposal(each, "value") for each in EXPLORE_KEYS]
+            return end - len(key.group(1)), [Proposal(each, "value", note) for each, note in EXPLORE_KEYS.items()]
         found = _TOML_TEXT.search(line)
         name, written = found.groups() if found is not None else ("", "")
         values = {"keys": get_args(ExploredKeys), "pace": ("any",)}.get(name, ())
@@ -152,7 +152,7 @@ def _in_explored(checked: LoadResult, table: str, line: str, end: int) -> tuple[
         functions = [Proposal(f"{each.name}(", "value", each.meaning) for each in SITUATION_SIGNATURES]
         return end - len(_word(text.group(2))), [*_keys(checked), *functions]
     if key is not None and (table.startswith("eventually.") or (table == "eventually" and "{" in line)):
-        return end - len(key.group(1)), [Proposal(each, "value") for each in EVENTUALLY_KEYS]
+        return end - len(key.group(1)), [Proposal(each, "value", note) for each, note in EVENTUALLY_KEYS.items()]
     return end, []
 
 

@@ -6,6 +6,7 @@ import re
 
 from rise_engine.expression import Expression, ExpressionError
 from rise_engine.json_codec import encode
+from rise_engine.lsp.explore_hover import explore_notes
 from rise_engine.lsp.served_study import ServedStudy
 from rise_engine.scenario.model import Parameter
 from rise_engine.scenario.parameters import listed_names
@@ -34,6 +35,8 @@ def hover_text(study: ServedStudy, name: str, offset: int) -> str:
         for found in _ELEMENT.finditer(line):
             if found.start() <= offset - line_start <= found.end():
                 parts.append(_of_element(study, found.group(1)))
+    elif name.lower().endswith(".toml"):
+        parts += explore_notes(source.text, offset)
     return "\n\n".join(part for part in parts if part)
 
 

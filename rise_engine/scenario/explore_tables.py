@@ -13,9 +13,28 @@ from rise_engine.scenario.model import Json
 from rise_engine.scenario.toml_tables import TomlTable, is_integer, quote_toml_key
 from rise_engine.scenario.toml_texts import character_location
 
-EXPLORE_KEYS = ("end", "faults", "line", "beside", "pace", "tries", "keys")
+EXPLORE_KEYS = {
+    "end": "the rule whose end is the end of the study; without it, the rule of the first key that starts one",
+    "faults": "how many things go wrong on one way, 0 to 5 (1)",
+    "line": "how many acts wait at most, 0 to 5 (1)",
+    "beside": "how many acts of calling type None run at once, 0 to 5 (2)",
+    "pace": 'how many times as long as expected acts take, at least and at most ([0.5, 3.0]); "any": any time',
+    "tries": "by memory key, values that somebody may type or a node may write",
+    "keys": '"rules" (the usual), or "all": also the keys that start acts by hand',
+}
+"""What each entry of `[explore]` says, for editors."""
 PROPERTY_TABLES: tuple[PropertyKind, ...] = get_args(PropertyKind)
-EVENTUALLY_KEYS = ("after", "then", "unless")
+PROPERTY_MEANINGS: dict[PropertyKind, str] = {
+    "always": "it holds in every situation",
+    "reachable": "it can still come from every situation",
+    "eventually": "it comes by itself: acts end and time passes, and nobody helps",
+}
+EVENTUALLY_KEYS = {
+    "after": "from where on it is waited for; without it, from everywhere",
+    "then": "what comes by itself",
+    "unless": "what makes it needless",
+}
+"""What each part of an entry of `[eventually]` says, for editors."""
 MOST_AT_ONCE = 5
 """Faults, waiting acts and acts beside each other: each more makes ten times as many situations."""
 MAX_PACE = 1_000.0

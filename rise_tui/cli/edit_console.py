@@ -16,6 +16,7 @@ from rise_tui.config.keymap import how_to_mend
 from rise_tui.config.paths import PREFERENCES_NAME, state_folder
 from rise_tui.config.preferences import Preferences, load_saved
 from rise_tui.editing.app import EditApp
+from rise_tui.editing.exploring import explore_saved
 from rise_tui.editing.model.draft import draft_of
 from rise_tui.editing.sessions import SessionWatch
 from rise_tui.editing.study import EditedStudy
@@ -30,7 +31,7 @@ def run_editor(workspace: Workspace, sessions: SessionWatch, key_file: Path | No
     kept, _ = load_saved(state_folder() / PREFERENCES_NAME, Preferences)
     theme = choose_theme(display, detect_colors(display, os.environ), kept.theme)
     study = EditedStudy(workspace, draft_of(workspace))
-    app = EditApp(study, sessions=sessions, theme=theme, keys=keys, notice=workspace.read_only)
+    app = EditApp(study, sessions=sessions, theme=theme, keys=keys, notice=workspace.read_only, explorer=explore_saved)
     app.run(mouse=display.mouse)
     asyncio.run(study.close())
     return app.return_code or 0

@@ -7,6 +7,7 @@ from textual import events
 from rise_tui.actions import bindings_in
 from rise_tui.config.keymap import KeyFile, textual_keymap
 from rise_tui.editing import typed_ahead
+from rise_tui.editing.exploring import Explorer
 from rise_tui.editing.screen import EditScreen
 from rise_tui.editing.sessions import SessionWatch
 from rise_tui.editing.study import EditedStudy
@@ -32,7 +33,9 @@ class EditApp(TerminalApp):
         theme: str = themes.DEFAULT,
         keys: KeyFile | None = None,
         notice: str = "",
+        explorer: Explorer | None = None,
     ) -> None:
+        """`explorer`: as for `EditScreen`."""
         super().__init__()
         self.animation_level = "none"
         for known in themes.THEMES:
@@ -41,7 +44,7 @@ class EditApp(TerminalApp):
         keys = keys or KeyFile()
         use_own_keys(keys.keys)
         self.set_keymap(textual_keymap(keys))
-        self.edit_screen = EditScreen(study, sessions=sessions, notice=notice)
+        self.edit_screen = EditScreen(study, sessions=sessions, notice=notice, explorer=explorer)
 
     def get_theme_variable_defaults(self) -> dict[str, str]:
         return themes.DARK.variables

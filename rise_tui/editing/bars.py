@@ -36,8 +36,10 @@ class EditTopLine(StaticLines):
 class FindingLine(StaticLines):
     """The first thing that is wrong."""
 
-    def draw(self, draft: StudyDraft, about: str) -> None:
-        line, number = finding_line(draft, about), len(draft.checked.diagnostics)
+    def draw(self, draft: StudyDraft, about: str, explored: StyledLine, more: int) -> None:
+        """`about`: the file that is shown; `explored`: what exploring found there, which comes after all that is wrong
+        in the files; `more`: how many things it has found in all."""
+        line, number = finding_line(draft, about) or explored, len(draft.checked.diagnostics) + more
         if number < 2 and line_width(line) <= self.size.width:
             self.show(line)
             return

@@ -14,6 +14,7 @@ from textual.widget import Widget
 
 from rise_engine.edit.edits import AnyEdit
 from rise_tui.editing.model.draft import FilePlace, StudyDraft
+from rise_tui.editing.model.explored import ExploredStudy
 from rise_tui.editing.model.fields import FieldChoice
 from rise_tui.editing.study import EditedStudy
 from rise_tui.model.notice import Level
@@ -23,6 +24,8 @@ class EditFrame(Protocol):
     """The frame, as pages know it."""
 
     study: EditedStudy
+    explored: ExploredStudy
+    """What exploring has found in the files as they were saved."""
 
     def say(self, sentence: str, level: Level = "info") -> None:
         """Tell the author something, above the key hints."""
@@ -111,6 +114,11 @@ class EditPage(Vertical):
     def place(self) -> FilePlace | None:
         """Where what is under the cursor stands: for `e`, and for the lines of the file."""
         return None
+
+    @property
+    def rule_and_state(self) -> tuple[str, str]:
+        """The rule that is shown, and its state under the cursor; empty: none."""
+        return "", ""
 
     @property
     def still_there(self) -> bool:

@@ -97,6 +97,10 @@ class RulePage(EditPage):
         return self.trial.rows if self.is_trying and not self._is_beside else self.editor.graph
 
     @property
+    def rule_and_state(self) -> tuple[str, str]:
+        return self.shown_name, self.editor.shown_state
+
+    @property
     def still_there(self) -> bool:
         return self.draft.outline.rule(self.shown_name) is not None
 

@@ -20,12 +20,14 @@ from rise_engine.edit.edits import AnyEdit
 from rise_engine.edit.plan import EditRefused
 from rise_engine.edit.workspace import Change
 from rise_engine.text import clean
-from rise_tui.actions import IN_EDITOR, bindings_in, bindings_of
+from rise_tui.actions import BY_ID, IN_EDITOR, bindings_in, bindings_of
 from rise_tui.editing import external, overlays
 from rise_tui.editing.bars import BannerLine, EditHints, EditTopLine, FindingLine
 from rise_tui.editing.chooser import AskText, Chooser, ManyChooser
+from rise_tui.editing.exploring import Explorer
 from rise_tui.editing.finding_list import choose_finding
 from rise_tui.editing.model.draft import count
+from rise_tui.editing.model.explored import ExploredStudy, explored_line
 from rise_tui.editing.model.fields import FieldChoice
 from rise_tui.editing.model.study_rows import row_id
 from rise_tui.editing.page import EditPage
@@ -34,6 +36,7 @@ from rise_tui.editing.save_dialog import SaveDialog
 from rise_tui.editing.sessions import NoSessions, RunningHere, SessionWatch
 from rise_tui.editing.study import EditedStudy
 from rise_tui.editing.study_page import StudyPage
+from rise_tui.key_labels import first_key_label
 from rise_tui.messages import RunAction
 from rise_tui.model.notice import Level
 from rise_tui.rendering.terminal_app import TerminalApp
@@ -62,15 +65,24 @@ class EditScreen(Screen[None]):
     BINDINGS: ClassVar[list[BindingType]] = [*bindings_in("edit"), *bindings_of(*IN_EDITOR)]
 
     def __init__(
-        self, study: EditedStudy, *, sessions: SessionWatch | None = None, notice: str = "", may_suspend: bool = True
+        self,
+        study: EditedStudy,
+        *,
+        sessions: SessionWatch | None = None,
+        notice: str = "",
+        may_suspend: bool = True,
+        explorer: Explorer | None = None,
     ) -> None:
         """`sessions`: finds a session that runs meanwhile; None: the console below has the stop key.
+
+        `explorer`: explores the study when it has been opened, and each time that it was saved; None: nobody does.
 
         `may_suspend`: whether another program may have the terminal for a while: not where a session runs here.
         """
         super().__init__()
         self.study, self._sessions = study, sessions or NoSessions()
         self._may_suspend, self._first_notice = may_suspend, notice
+        self._explorer, self.explored = explorer, ExploredStudy()
         self.running: RunningHere | None = None
         self._has_stop = sessions is not None
         self.home = StudyPage(self)
@@ -100,6 +112,20 @@ class EditScreen(Screen[None]):
         if self._first_notice:
             self.say(self._first_notice, "wait")
         self._work(self._offer_draft())
+        self._explore()
+
+    def _explore(self) -> None:
+        """Explore what is saved now, beside everything else; what an earlier one has not found yet is not wanted."""
+        if self._explorer is not None:
+            self.run_worker(self._take_explored(self._explorer), group="explore", exclusive=True)
+
+    async def _take_explored(self, explorer: Explorer) -> None:
+        found = await explorer(str(overlays.folder_of(self.study)))
+        if found is not None:
+            self.explored = found
+            if found.findings:
+                self.say(f"{found.sentence} ({first_key_label(BY_ID['edit.findings'])} shows them)", "wait")
+            self.draw_bars()
 
     async def _offer_draft(self) -> None:
         """What an earlier editor has not saved is offered before anything is changed."""
@@ -246,7 +272,10 @@ class EditScreen(Screen[None]):
     def draw_bars(self) -> None:
         place = self.page.place
         self.top.draw(self.study.draft, self.study.busy)
-        self.findings.draw(self.study.draft, place.file if place is not None else "")
+        stale = self.explored.at if self.study.draft.changed_files else ""
+        explored = explored_line(self.explored.here(*self.page.rule_and_state), stale=stale)
+        more = len(self.explored.findings)
+        self.findings.draw(self.study.draft, place.file if place is not None else "", explored, more)
         self.banner.draw(self.running.sentence if self.running is not None else "")
         if self.page.is_typing:
             self.hints.draw_typing()
@@ -417,6 +446,7 @@ class EditScreen(Screen[None]):
 
     async def _save(self) -> None:
         report = await self.study.save()
+        self._explore()
         after = "; the session that runs goes on with its own copy" if self.running is not None else ""
         self.say(f"saved: {', '.join(report.files)}{after}")
         self.draw()

@@ -84,28 +84,34 @@ def test_elsewhere_they_are_refused_with_the_place_where_they_may_stand(name: st
 
 
 @pytest.mark.parametrize(
-    "text",
+    ("text", "column", "hint"),
     [
-        "in('Main')",
-        "in('Main', 'Start', 'End')",
-        "in(Main, Start)",
-        "in('Main', state)",
-        "in('Main' 'Start')",
-        "rule()",
-        "rule('')",
-        "rule('A' + 'B')",
-        "runs('A', 'B')",
-        "runs(3)",
-        "waits('A'",
+        ("in('Main')", 10, ""),
+        ("in('Main', 'Start', 'End')", 19, ""),
+        ("in(Main, Start)", 4, "'Main'"),
+        ("in('Main', state)", 12, "'state'"),
+        ("in('Main' 'Start')", 11, ""),
+        ("rule()", 6, ""),
+        ("rule('')", 6, ""),
+        ("rule('A' + 'B')", 10, ""),
+        ("runs('A', 'B')", 9, ""),
+        ("runs(3)", 6, ""),
+        ("waits(", 7, ""),
     ],
 )
-def test_names_are_written_out(text: str) -> None:
+def test_names_are_written_out(text: str, column: int, hint: str) -> None:
     with pytest.raises(ExpressionError) as error:
         Expression.parse_property(f"x or {text}")
     name = text.partition("(")[0]
     usage = next(each.usage for each in SITUATION_SIGNATURES if each.name == name)
-    assert (error.value.message, error.value.column) == (f"`{name}` takes names in quotation marks", 6)
-    assert error.value.hint == f"write {usage}"
+    assert (error.value.message, error.value.column) == (f"`{name}` takes names in quotation marks", 5 + column)
+    assert error.value.hint == f"write {f'`{hint}`' if hint else usage}"
+
+
+def test_an_open_bracket_is_told_as_one() -> None:
+    with pytest.raises(ExpressionError, match="this bracket is not closed") as error:
+        Expression.parse_property("x or in('A', 'B'")
+    assert error.value.column == 8
 
 
 def test_a_slip_names_the_nearest_function() -> None:

@@ -211,3 +211,31 @@ async def test_symbols_and_layout(tmp_path: Path) -> None:
         options = lsp.FormattingOptions(tab_size=2, insert_spaces=True)
         laid = await editor.client.text_document_formatting_async(lsp.DocumentFormattingParams(document, options)) or []
         assert len(laid) == 1 and "<State\n\n\n" not in laid[0].new_text
+
+
+async def test_what_is_explored_is_written_with_help(tmp_path: Path) -> None:
+    toml = "scenario.toml"
+    async with editing(tmp_path, "greeting") as editor:
+        editor.open(toml)
+        said = "\n[always]\n\"gone is gone\" = \"not (in('Greeting', 'Nobdy') and runs('R_Greeting'))\"\n"
+        editor.replace(toml, "\n[act.R_Nod]", said + "\n[act.R_Nod]")
+        await editor.until(toml, ["unknown-state"])
+        (found,) = editor.findings[editor.uri(toml)]
+        line = editor.texts[toml].splitlines()[found.range.start.line]
+        assert line[found.range.start.character : found.range.end.character] == "Nobdy"
+        place = editor.place(toml, "'Nobdy", 1)
+        proposed = await editor.client.text_document_completion_async(lsp.CompletionParams(**place))
+        assert isinstance(proposed, list) and "Nobody" in [each.label for each in proposed]
+        titles = await editor.remedies(toml, "Nobdy", 2)
+        assert any("Nobody" in title for title in titles)
+        editor.replace(toml, "Nobdy", "Nobody")
+        await editor.until(toml, [])
+        place = editor.place(toml, "runs('R_Greeting", 8)
+        told = await editor.client.text_document_hover_async(lsp.HoverParams(**place))
+        assert told is not None and isinstance(told.contents, lsp.MarkupContent)
+        assert told.contents.value.startswith("**R_Greeting** (act), named in")
+        assert 'read as `not (in("Greeting", "Nobody") and runs("R_Greeting"))`' in told.contents.value
+        edit = await editor.client.text_document_rename_async(lsp.RenameParams(new_name="R_Hello", **place))
+        assert edit is not None and edit.changes is not None
+        assert {uri.rpartition("/")[2] for uri in edit.changes} == {"greeting.xml", toml}
+        assert len(edit.changes[editor.uri(toml)]) == 2

@@ -154,7 +154,7 @@ def test_what_is_wrong_in_explore(tmp_path: Path, line: str, finding: str) -> No
             '[always]\nx = """\nnear\n and\n run(\'A\')"""',
             "5:2 error condition: there is no function `run`; did you mean `runs`?",
         ),
-        ('[always]\nx = "in(R, S)"', "2:6 error condition: `in` takes names in quotation marks; write `in('Rule', "),
+        ('[always]\nx = "in(R, S)"', "2:9 error condition: `in` takes names in quotation marks; write `'R'`"),
         ('[always]\nx = "rand(2) > 1"', "2:5 error condition: what is asked of a situation leaves nothing to chance"),
         ("[always]\nx = true", "2:5 error wrong-type: `x` is a condition, in quotation marks"),
         ('[always]\nx = { then = "near" }', "2:5 error wrong-type: `x` is a condition, in quotation marks"),

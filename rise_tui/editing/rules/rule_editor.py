@@ -68,6 +68,11 @@ class RuleEditor(RuleDisplay):
         return STATE_HINTS if self.spot is None or self.spot.way < 0 else WAY_HINTS
 
     @property
+    def shown_state(self) -> str:
+        """The state under the cursor; empty: none."""
+        return self.spot.state if self.spot is not None else ""
+
+    @property
     def is_typing(self) -> bool:
         return self.panel.is_open
 
