@@ -80,6 +80,8 @@ class Attempt:
         """The acts of the path that have begun: for each of the engine's tasks, the path's."""
         self.reached = 0
         """How many steps have come as the path has them."""
+        self.reached_at = 0.0
+        """Session time at which the last of them came."""
 
     def play(self) -> bool:
         """Play it as `rise-engine run --tasks` does; whether it went like the path."""
@@ -89,6 +91,7 @@ class Attempt:
                 self._clock.call_at(round(self._plan.times[step], 3), self._submission(each.submitted, step))
         last = len(self._followed) - 1
         self._follow(last)
+        self.reached_at = self._clock.now()
         if self.reached < last:
             until, advances = self._clock.now() + _AFTERWARDS, 0
             while advances < _MOST_ADVANCES and self._clock.now() < until and self._clock.advance():

@@ -14,7 +14,7 @@ from rise_engine.kernel.act_runner import SPEECH_CHANNEL
 from rise_engine.scenario.model import Act, Scenario
 
 MARGIN = 0.01
-"""Seconds by which a moment lies within a span at least."""
+"""Seconds by which a length may be missed, and that a part is longer than twice."""
 
 
 class ActionSpan(Struct, frozen=True):
@@ -130,6 +130,29 @@ def slowed(
         else:
             high = middle
     return {span.id: _rounded(high) for span in candidates}
+
+
+def with_a_pause(
+    scenario: Scenario, act: Act, memory: Mapping[str, Any], seconds: Mapping[str, float], pace: tuple[float, float]
+) -> dict[str, float]:
+    """How many times longer one of an act's actions takes, so that there is a moment in which the robot does nothing of
+    the act; empty: none was found."""
+    now = course_of(scenario, act, memory, seconds)
+    waits_for = {action.id: set(action.wait_for) for action in act.actions}
+    for pause in now.spans:
+        before = max(
+            (span for span in now.spans if span.id in waits_for[pause.id] and span.on_robot),
+            key=lambda span: span.end,
+            default=None,
+        )
+        if pause.on_robot or before is None or before.end == before.begin:
+            continue
+        others = (span.end for span in now.spans if span.on_robot and span != before and span.begin < pause.end)
+        factor = (max(others, default=0.0) - before.begin) / (before.end - before.begin)
+        factors = {before.id: _rounded(min(max(factor, 1.0), pace[1]))}
+        if course_of(scenario, act, memory, seconds, factors).parts(on_robot=False):
+            return factors
+    return {}
 
 
 def _rounded(factor: float) -> float:

@@ -8,7 +8,7 @@ from typing import Any, Literal, TypeAlias
 from msgspec import Struct, field
 
 from rise_engine.explore.act_traits import Pace
-from rise_engine.explore.courses import MARGIN, ActCourse, course_of, slowed
+from rise_engine.explore.courses import ActCourse, course_of, slowed, with_a_pause
 from rise_engine.explore.following import Followed
 from rise_engine.explore.moves import Move
 from rise_engine.explore.timetable import Contradiction, Tag, TimeBound, settle
@@ -25,6 +25,9 @@ ALL_STOPPED = 0.051
 """Seconds until it confirms that everything has stopped."""
 REFUSING = 0.02
 """Seconds until it refuses an action."""
+WELL_WITHIN = 0.2
+"""Seconds by which a moment is from the ends of the time in which it must lie, where that is long enough: in real time
+nothing comes exactly when it is expected."""
 LONGER = 0.3
 """Seconds by which an act that is to last longer than the path does so."""
 _LEAST = 0.004
@@ -125,7 +128,7 @@ class PathTimes:
 
     def plan(self) -> PlannedTimes | Contradiction:
         """The earliest times at which the path can go, with as little that goes wrong as possible."""
-        courses = {life.task: self._course(life) for life in self._lives}
+        courses = {life.task: self._course(life, self._pauses(life)) for life in self._lives}
         levels: dict[Tag, int] = {}
         times = settle(
             self._last + 1,
@@ -140,6 +143,14 @@ class PathTimes:
     def _course(self, life: _Life, factors: Mapping[ActionId, float] | None = None) -> ActCourse:
         act = self._scenario.acts[life.name]
         return course_of(self._scenario, act, self._memory, self._seconds(life), factors)
+
+    def _pauses(self, life: _Life) -> dict[ActionId, float]:
+        """What takes longer in an act, so that it can only wait at the moment at which it does in the path."""
+        moments = [on_robot for _, on_robot in self._moments(life)]
+        if all(moments) or self._course(life).parts(on_robot=False):
+            return {}
+        act = self._scenario.acts[life.name]
+        return with_a_pause(self._scenario, act, self._memory, self._seconds(life), self._pace)
 
     def _seconds(self, life: _Life) -> dict[ActionId, float]:
         return {action: each for (task, action), each in self.known.seconds.items() if task == life.task}
@@ -218,7 +229,8 @@ class PathTimes:
             begin, end = parts[min(levels.get(tag, 0), len(parts) - 1)]
             if self._manner(life, levels) and end == course.length:
                 end = self._span_at_pace(life, self._pace[1])
-            yield from _between(life.begun, step, begin and begin + MARGIN / 2, end - MARGIN / 2, tag)
+            margin = min((end - begin) / 4, WELL_WITHIN)
+            yield from _between(life.begun, step, begin and begin + margin, end - margin, tag)
 
     def _moments(self, life: _Life) -> Iterator[tuple[int, bool]]:
         """Steps at which the robot does something of an act, or does nothing of it."""
@@ -328,6 +340,8 @@ class PathTimes:
         spoilt: set[tuple[TaskId, ActionId]] = set()
         for life in self._lives:
             task = life.task
+            pauses = {(task, action): factor for action, factor in self._pauses(life).items()}
+            factors |= {action: factor for action, factor in pauses.items() if action in self.known.goals}
             if life.left_by == "failed" and (slips := self._slips(life, courses[task])):
                 how, action = slips[min(levels.get(("fail", task), 0), len(slips) - 1)][0]
                 if how != "by itself" and (goal := self.known.goals.get((task, action))) is not None:
@@ -341,7 +355,7 @@ class PathTimes:
                     if (goal := self.known.goals.get((task, span.id))) is not None:
                         spoilt.add((task, span.id))
                         faults.append(f"{goal[0]}=hang@{goal[1]}")
-            elif isinstance(manner := self._manner(life, levels), str) and manner:
+            elif not pauses and isinstance(manner := self._manner(life, levels), str) and manner:
                 factors |= self._slowed(life, times, courses[task])
         faults += [f"{goal[0]}=slow:{factor:g}@{goal[1]}" for goal, factor in self._of_goals(factors)]
         return PlannedTimes(tuple(times), (*faults, *self._vanishing(times)), factors, frozenset(spoilt))

@@ -44,6 +44,8 @@ class PlayedPath(Struct, frozen=True):
     """With which it plays."""
     condition: str
     """Of the session, as the scenario names it; empty: none."""
+    seconds: float
+    """Session time at which the path is at its end."""
     is_certain: bool
     """Whether it was played like this, with every situation as the path has it."""
     problem: str
@@ -80,8 +82,8 @@ class _Search:
         again = find_repeating(scenario, followed, self._keys, path, bounds)
         self._times = PathTimes(scenario, followed, memory, bounds.pace or _PACE, again)
         self._chances = [step for step, each in enumerate(followed) if each.by_chance]
-        self._best: tuple[int, PlannedTimes, int] | None = None
-        """Of all attempts the one that came furthest: how many steps, its plan, its seed."""
+        self._best: tuple[int, PlannedTimes, int, float] | None = None
+        """Of all attempts the one that came furthest: how many steps, its plan, its seed, and how long."""
 
     def find(self) -> PlayedPath:
         problem, in_vain = "", 0
@@ -96,14 +98,14 @@ class _Search:
             if in_vain > ATTEMPTS:
                 break
         if self._best is None:
-            return PlayedPath((), (), 0, self._path.begun.condition, False, problem)
-        _, plan, seed = self._best
+            return PlayedPath((), (), 0, self._path.begun.condition, 0.0, False, problem)
+        _, plan, seed, seconds = self._best
         tasks = (
             TimedTask(round(plan.times[step], 3), replace(each.submitted, source="file"), FILE, step)
             for step, each in enumerate(self._followed)
             if each.submitted is not None
         )
-        return PlayedPath(tuple(tasks), plan.faults, seed, self._path.begun.condition, not problem, problem)
+        return PlayedPath(tuple(tasks), plan.faults, seed, self._path.begun.condition, seconds, not problem, problem)
 
     def _try_seed(self, seed: int) -> str:
         """Why the path could not be played with this seed; empty: it was, and that is the best attempt."""
@@ -120,7 +122,7 @@ class _Search:
             has_played = attempt.play()
             attempt.teach(self._times.known)
             if has_played or self._best is None or attempt.reached > self._best[0]:
-                self._best = (attempt.reached, plan, seed)
+                self._best = (attempt.reached, plan, seed, attempt.reached_at)
             if has_played:
                 return ""
             problem = self._mismatch_text(attempt.reached)

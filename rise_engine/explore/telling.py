@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Iterable, Iterator
 from itertools import pairwise
 
@@ -11,7 +12,6 @@ from rise_engine.explore.following import Followed, follow_path
 from rise_engine.explore.moves import Move
 from rise_engine.explore.paths import Path
 from rise_engine.explore.situation import Countdown
-from rise_engine.expression import Assignment
 from rise_engine.kernel.records import (
     AnyRecord,
     ConditionRecord,
@@ -49,7 +49,7 @@ def _tell(scenario: Scenario, before: Followed, step: Followed) -> str:
     comes = [*_consequences(before, step)]
     if step.by_chance:
         happens += ", and chance decides"
-    if not comes and step.move.kind in ("key", "event", "try"):
+    if not comes and step.submitted is not None and not any(isinstance(each, MemoryRecord) for each in step.records):
         comes = ["nothing comes of it"]
     return f"{happens} → {', '.join(comes)}" if comes else happens
 
@@ -99,7 +99,8 @@ _OTHERS = {
 
 
 def _assignment(behavior: str) -> str:
-    return ", ".join(each.text for each in Assignment.parse_all(behavior))
+    """`{"task": 2.5}` is `task = 2.5`."""
+    return ", ".join(f"{key} = {format_value(value)}" for key, value in json.loads(behavior).items())
 
 
 def _countdown_text(countdown: Countdown, before: Followed) -> str:

@@ -481,3 +481,39 @@ async def told_folder(name: str) -> str:
     hello = await client.attach()
     await client.close()
     return hello.scenario.folder
+
+
+def test_a_session_that_plays_a_task_file_by_itself(root: Path) -> None:
+    study = folder(root / "study", CONDITIONS)
+    script = root / "way.jsonl"
+    script.write_text(
+        '{"condition": "loud"}\n{"seed": 7}\n{"fault": "Speech=fail@1"}\n'
+        '{"function_type": "startInteractionRule", "domain_task_behavior": "Wait for it", "at": 0.1}\n'
+        '{"function_type": "raiseEventTopic", "domain_task_behavior": "/go", "at": 0.2}\n'
+    )
+    it = Serving(study, "--tasks", script, "--speed", "10")
+    wait_for_record(it.record, b"simulated fault")
+    assert it.end() == 0
+    assert engine("replay", it.record).stdout.startswith("identical")
+    found = [json.loads(line) for line in (it.record / JOURNAL).read_bytes().splitlines()]
+    started = next(line for line in found if line.get("kind") == "session")
+    assert (started["seed"], started["condition"]) == (7, "loud")
+    asked = [line["behavior"] for line in found if line.get("kind") == "task" and line["source"] == "file"]
+    assert list(dict.fromkeys(asked)) == ["Wait for it", "/go"]
+
+
+@pytest.mark.parametrize(
+    ("arguments", "sentence"),
+    [
+        (["--mode", "real"], "add --mode debug"),
+        (["--recover"], "--tasks goes with a new session"),
+        (["--fault", "Speech=fial"], "Speech=fial"),
+    ],
+)
+def test_what_plays_by_itself_is_a_new_rehearsal(root: Path, arguments: list[str], sentence: str) -> None:
+    script = root / "way.jsonl"
+    script.write_text('{"function_type": "stopAll", "at": 1}\n')
+    refused = engine("serve", folder(root / "study"), "--tasks", script, *arguments)
+    assert refused.returncode == 2 and sentence in refused.stderr, refused.stderr
+    from_input = engine("serve", root / "study", "--tasks", "-")
+    assert from_input.returncode == 2 and "from a file" in from_input.stderr
