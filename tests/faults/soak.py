@@ -246,11 +246,10 @@ class Soak:
     def check(self, where: Path, connection: SoakConnection | None, *, ended: bool = False) -> None:
         """The journal reads, holds what was acknowledged and seen, and replays identically."""
         if (where / JOURNAL).stat().st_size == 0:  # killed before anything was durable: so nothing may have gone out
-            accepted = connection is not None and [
-                each for each in connection.acknowledged.values() if each["accepted"]
-            ]
-            if connection is not None and (accepted or connection.seen):  # what is refused at once waits for no disk
-                raise Mistake(f"{where}: {accepted or connection.seen} went out, and nothing was recorded")
+            if connection is not None:
+                accepted = [reply for reply in connection.acknowledged.values() if reply["accepted"]]
+                if accepted or connection.seen:  # what is refused at once waits for no disk
+                    raise Mistake(f"{where}: {accepted or connection.seen} went out, and nothing was recorded")
             self.counts["killed before the first line"] += 1
             return
         contents = read_journal(where / JOURNAL)
