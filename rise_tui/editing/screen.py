@@ -24,10 +24,10 @@ from rise_tui.actions import BY_ID, IN_EDITOR, bindings_in, bindings_of
 from rise_tui.editing import external, overlays
 from rise_tui.editing.bars import BannerLine, EditHints, EditTopLine, FindingLine
 from rise_tui.editing.chooser import AskText, Chooser, ManyChooser
-from rise_tui.editing.exploring import Explorer
+from rise_tui.editing.exploring import Explorer, ExploringBeside
 from rise_tui.editing.finding_list import choose_finding
 from rise_tui.editing.model.draft import count
-from rise_tui.editing.model.explored import ExploredStudy, explored_line
+from rise_tui.editing.model.explored import ExploredStudy
 from rise_tui.editing.model.fields import FieldChoice
 from rise_tui.editing.model.study_rows import row_id
 from rise_tui.editing.page import EditPage
@@ -82,7 +82,7 @@ class EditScreen(Screen[None]):
         super().__init__()
         self.study, self._sessions = study, sessions or NoSessions()
         self._may_suspend, self._first_notice = may_suspend, notice
-        self._explorer, self.explored = explorer, ExploredStudy()
+        self._exploring = ExploringBeside(explorer)
         self.running: RunningHere | None = None
         self._has_stop = sessions is not None
         self.home = StudyPage(self)
@@ -116,16 +116,15 @@ class EditScreen(Screen[None]):
 
     def _explore(self) -> None:
         """Explore what is saved now, beside everything else; what an earlier one has not found yet is not wanted."""
-        if self._explorer is not None:
-            self.run_worker(self._take_explored(self._explorer), group="explore", exclusive=True)
+        self.workers.cancel_group(self, "explore")
+        if self._exploring.wants(self.study.draft):
+            self.run_worker(self._explore_saved(), group="explore")
+        else:
+            self._exploring.give_up()
 
-    async def _take_explored(self, explorer: Explorer) -> None:
-        found = await explorer(str(overlays.folder_of(self.study)))
-        if found is not None:
-            self.explored = found
-            if found.findings:
-                self.say(f"{found.sentence} ({first_key_label(BY_ID['edit.findings'])} shows them)", "wait")
-            self.draw_bars()
+    async def _explore_saved(self) -> None:
+        await self._exploring.explore(self.study.draft)
+        self.draw()
 
     async def _offer_draft(self) -> None:
         """What an earlier editor has not saved is offered before anything is changed."""
@@ -159,6 +158,11 @@ class EditScreen(Screen[None]):
         await self.study.close()
 
     # --- the frame, as pages know it --------------------------------------------------------------------------------
+
+    @property
+    def explored(self) -> ExploredStudy:
+        """What exploring has found."""
+        return self._exploring.found
 
     @property
     def page(self) -> EditPage:
@@ -272,10 +276,8 @@ class EditScreen(Screen[None]):
     def draw_bars(self) -> None:
         place = self.page.place
         self.top.draw(self.study.draft, self.study.busy)
-        stale = self.explored.at if self.study.draft.changed_files else ""
-        explored = explored_line(self.explored.here(*self.page.rule_and_state), stale=stale)
-        more = len(self.explored.findings)
-        self.findings.draw(self.study.draft, place.file if place is not None else "", explored, more)
+        about = self.page.KIND, self.page.shown_name, self.page.shown_state
+        self.findings.draw(self.study.draft, place.file if place is not None else "", self.explored, about)
         self.banner.draw(self.running.sentence if self.running is not None else "")
         if self.page.is_typing:
             self.hints.draw_typing()
@@ -336,6 +338,7 @@ class EditScreen(Screen[None]):
         if outside is None:
             return False
         files = ", ".join(outside.files)
+        self._explore()
         self.draw()
         if outside.lost:
             overlays.ask_about_set_aside(self.app, self, outside)
