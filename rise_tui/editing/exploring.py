@@ -56,22 +56,19 @@ class ExploringBeside:
         self._explorer = explorer
         self.found = ExploredStudy()
 
-    def wants(self, draft: StudyDraft) -> bool:
+    def ask(self, draft: StudyDraft) -> bool:
         """Whether what is saved is to be explored: not with errors, as far as they are known here."""
         has_errors = bool(draft.checked.errors) and not draft.changed_files
-        return self._explorer is not None and not has_errors
+        is_asked = self._explorer is not None and not has_errors
+        self.found = replace(self.found, is_asked_again=is_asked, has_failed=False)
+        return is_asked
 
     async def explore(self, draft: StudyDraft) -> None:
         """Explore the files as they are saved now."""
         if self._explorer is None:
             return
-        self.found = replace(self.found, is_asked_again=True, has_failed=False)
         found = await self._explorer(draft.folder)
         if found is not None:
             self.found = replace(found, files=draft.saved)
         else:
             self.found = replace(self.found, is_asked_again=False, has_failed=True)
-
-    def give_up(self) -> None:
-        """What was asked for last is not wanted any more, and nothing else is."""
-        self.found = replace(self.found, is_asked_again=False)

@@ -69,8 +69,7 @@ def choose_finding(frame: EditFrame, app: App[object], *, now: str = "") -> None
     draft, explored = frame.study.draft, frame.explored
     findings = draft.findings
     if not findings and not explored.findings:
-        told = explored.sentence(draft)
-        frame.say("nothing is wrong: no errors and no warnings" + (f"; {told}" if told else ""))
+        frame.say("nothing is wrong: no errors and no warnings")
         return
 
     def take(chosen: str | None) -> None:
@@ -92,7 +91,7 @@ def choose_finding(frame: EditFrame, app: App[object], *, now: str = "") -> None
     choices = [_choice(number, each) for number, each in enumerate(findings)]
     choices += [_explored_choice(number, each, word) for number, each in enumerate(explored.findings, len(findings))]
     tab = ["what can be done"] * len(findings)
-    tab += ["how it comes to that" if each.way else "" for each in explored.findings]
+    tab += ["step by step" if each.way else "" for each in explored.findings]
     title = " · ".join(filter(None, ("What is wrong", explored.seen(draft))))
     app.push_screen(FindingChooser(title, choices, tab, now=now), take)
 

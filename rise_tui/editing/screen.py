@@ -20,13 +20,13 @@ from rise_engine.edit.edits import AnyEdit
 from rise_engine.edit.plan import EditRefused
 from rise_engine.edit.workspace import Change
 from rise_engine.text import clean
-from rise_tui.actions import BY_ID, IN_EDITOR, bindings_in, bindings_of
+from rise_tui.actions import IN_EDITOR, bindings_in, bindings_of
 from rise_tui.editing import external, overlays
 from rise_tui.editing.bars import BannerLine, EditHints, EditTopLine, FindingLine
 from rise_tui.editing.chooser import AskText, Chooser, ManyChooser
 from rise_tui.editing.exploring import Explorer, ExploringBeside
 from rise_tui.editing.finding_list import choose_finding
-from rise_tui.editing.model.draft import count
+from rise_tui.editing.model.draft import StudyDraft, count
 from rise_tui.editing.model.explored import ExploredStudy
 from rise_tui.editing.model.fields import FieldChoice
 from rise_tui.editing.model.study_rows import row_id
@@ -36,7 +36,6 @@ from rise_tui.editing.save_dialog import SaveDialog
 from rise_tui.editing.sessions import NoSessions, RunningHere, SessionWatch
 from rise_tui.editing.study import EditedStudy
 from rise_tui.editing.study_page import StudyPage
-from rise_tui.key_labels import first_key_label
 from rise_tui.messages import RunAction
 from rise_tui.model.notice import Level
 from rise_tui.rendering.terminal_app import TerminalApp
@@ -117,13 +116,11 @@ class EditScreen(Screen[None]):
     def _explore(self) -> None:
         """Explore what is saved now, beside everything else; what an earlier one has not found yet is not wanted."""
         self.workers.cancel_group(self, "explore")
-        if self._exploring.wants(self.study.draft):
-            self.run_worker(self._explore_saved(), group="explore")
-        else:
-            self._exploring.give_up()
+        if self._exploring.ask(self.study.draft):
+            self.run_worker(self._explore_saved(self.study.draft), group="explore")
 
-    async def _explore_saved(self) -> None:
-        await self._exploring.explore(self.study.draft)
+    async def _explore_saved(self, draft: StudyDraft) -> None:
+        await self._exploring.explore(draft)
         self.draw()
 
     async def _offer_draft(self) -> None:
