@@ -6,6 +6,7 @@ from collections.abc import Mapping, Sequence
 
 from rise_tui.actions import BY_ID
 from rise_tui.editing.model.draft import StudyDraft
+from rise_tui.editing.model.explored import ExploredStudy, explored_line
 from rise_tui.editing.model.top_line import finding_line, top_line
 from rise_tui.key_labels import first_key_label
 from rise_tui.rendering.text import StyledLine, StyledSpan, TextRole, crop, line_width
@@ -36,10 +37,17 @@ class EditTopLine(StaticLines):
 class FindingLine(StaticLines):
     """The first thing that is wrong."""
 
-    def draw(self, draft: StudyDraft, about: str, explored: StyledLine, more: int) -> None:
-        """`about`: the file that is shown; `explored`: what exploring found there, which comes after all that is wrong
-        in the files; `more`: how many things it has found in all."""
-        line, number = finding_line(draft, about) or explored, len(draft.checked.diagnostics) + more
+    def draw(self, draft: StudyDraft, file: str, explored: ExploredStudy, about: tuple[str, str, str]) -> None:
+        """`file`: that is shown; `about`: kind and name of the page, and the state under the cursor.
+
+        What exploring has found about these comes after what is wrong in the file, and before warnings elsewhere.
+        """
+        found = explored.about(*about)
+        is_first = bool(draft.checked.errors) or any(each.location.file == file for each in draft.findings)
+        told = explored_line(explored, draft, found)
+        line = finding_line(draft, file) if is_first or not found else told
+        line = line or told
+        number = len(draft.checked.diagnostics) + len(explored.findings)
         if number < 2 and line_width(line) <= self.size.width:
             self.show(line)
             return

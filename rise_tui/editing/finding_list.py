@@ -1,19 +1,22 @@
-"""The list of what is wrong: enter goes there, tab shows what can be done about it."""
+"""The list of what is wrong: enter goes there, tab shows what can be done about it, or how a session comes to it."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 
+from textual import on
 from textual.app import App
 
 from rise_engine.edit.remedies import Remedy
 from rise_engine.scenario.diagnostics import Diagnostic
 from rise_engine.text import clean
 from rise_tui.editing.chooser import Chooser
-from rise_tui.editing.model.explored import ExploredPlace
+from rise_tui.editing.model.explored import ExploredPlace, explored_rows, find_explored
 from rise_tui.editing.model.fields import FieldChoice
 from rise_tui.editing.model.study_rows import find_at
 from rise_tui.editing.page import EditFrame
+from rise_tui.screens.detail import DetailScreen
+from rise_tui.widgets.row_list import RowView
 
 _MEND = "mend "
 """Before the number of a finding about which something is to be done."""
@@ -23,26 +26,32 @@ _TITLE_WIDTH = 70
 
 
 class FindingChooser(Chooser):
-    """One of the findings. The result is its number, with `_MEND` before it for what can be done about it."""
+    """One of the findings. The result is its number, with `_MEND` before it for what can be done about it, or how a
+    session comes to it."""
 
-    def __init__(self, choices: Sequence[FieldChoice]) -> None:
-        super().__init__("What is wrong", choices)
-        self._keys = "type to filter · enter goes there · tab what can be done · esc closes"
+    def __init__(self, title: str, choices: Sequence[FieldChoice], tab: Sequence[str], *, now: str = "") -> None:
+        """`tab`: what that key leads to, for each of them; empty: nowhere."""
+        super().__init__(title, choices, now=now)
+        self._tab = dict(zip((choice.value for choice in choices), tab, strict=True))
+        self._keys = self._keys_line("")
+
+    def draw(self) -> None:
+        super().draw()
+        self._show_keys()
+
+    @on(RowView.CursorMoved)
+    def _show_keys(self) -> None:
+        self.query_one("#box").border_subtitle = f" {self._keys_line(self._tab.get(self.list.current_id, ''))} "
+
+    def _keys_line(self, tab: str) -> str:
+        return " · ".join(["type to filter", "enter goes there", *([f"tab {tab}"] if tab else []), "esc closes"])
 
     def carry_out_key(self, key: str) -> bool:
         if key != "tab":
             return super().carry_out_key(key)
-        if self.list.current_id:
+        if self._tab.get(self.list.current_id):
             self.dismiss(_MEND + self.list.current_id)
         return True
-
-
-class WayList(Chooser):
-    """How a session comes to what exploring has found, a sentence for each step. There is nothing to choose."""
-
-    def __init__(self, title: str, steps: Sequence[FieldChoice]) -> None:
-        super().__init__(title, steps)
-        self._keys = "how it comes to that, step by step · esc closes"
 
 
 class RemedyChooser(Chooser):
@@ -52,29 +61,39 @@ class RemedyChooser(Chooser):
         return max(10, width - 4)
 
 
-def choose_finding(frame: EditFrame, app: App[object]) -> None:
-    """Show all that is wrong. The page of the one that is chosen opens, or what can be done about it."""
-    findings, explored = frame.study.draft.findings, frame.explored.findings
-    if not findings and not explored:
+def choose_finding(frame: EditFrame, app: App[object], *, now: str = "") -> None:
+    """Show all that is wrong. The page of the one that is chosen opens, or what can be done about it.
+
+    `now`: on which of them the cursor begins.
+    """
+    draft, explored = frame.study.draft, frame.explored
+    findings = draft.findings
+    if not findings and not explored.findings:
         frame.say("nothing is wrong: no errors and no warnings")
         return
 
     def take(chosen: str | None) -> None:
         if chosen is None:
             return
-        number = int(chosen.removeprefix(_MEND))
+        number, asks_more = int(chosen.removeprefix(_MEND)), chosen.startswith(_MEND)
         if number >= len(findings):
-            _open_explored(frame, app, explored[number - len(findings)], show_way=chosen.startswith(_MEND))
-            return
-        finding = findings[number]
-        if chosen.startswith(_MEND):
-            app.run_worker(_show_remedies(frame, app, finding))
+            finding = explored.findings[number - len(findings)]
+            if asks_more:
+                _show_way(frame, app, finding, str(number))
+            else:
+                _go_to_explored(frame, finding)
+        elif asks_more:
+            app.run_worker(_show_remedies(frame, app, findings[number]))
         else:
-            _go_to(frame, finding)
+            _go_to(frame, findings[number])
 
+    word = explored.word(draft)
     choices = [_choice(number, each) for number, each in enumerate(findings)]
-    choices += [_explored_choice(number, each) for number, each in enumerate(explored, len(findings))]
-    app.push_screen(FindingChooser(choices), take)
+    choices += [_explored_choice(number, each, word) for number, each in enumerate(explored.findings, len(findings))]
+    tab = ["what can be done"] * len(findings)
+    tab += ["step by step" if each.way else "" for each in explored.findings]
+    title = " · ".join(filter(None, ("What is wrong", explored.seen(draft))))
+    app.push_screen(FindingChooser(title, choices, tab, now=now), take)
 
 
 def _choice(number: int, finding: Diagnostic) -> FieldChoice:
@@ -83,22 +102,24 @@ def _choice(number: int, finding: Diagnostic) -> FieldChoice:
     return FieldChoice(str(number), where, clean(finding.message))
 
 
-def _explored_choice(number: int, finding: ExploredPlace) -> FieldChoice:
+def _explored_choice(number: int, finding: ExploredPlace, word: str) -> FieldChoice:
     where = f"{finding.mark} {finding.file}:{finding.line}" if finding.file else finding.mark
-    return FieldChoice(str(number), where, f"explored: {clean(finding.text)}")
+    return FieldChoice(str(number), where, f"{word}: {clean(finding.text)}")
 
 
-def _open_explored(frame: EditFrame, app: App[object], finding: ExploredPlace, *, show_way: bool) -> None:
-    """Go to what exploring has found something about, or show the way there."""
-    if show_way and finding.way:
-        steps = [FieldChoice(str(at), f"{at}.", clean(step)) for at, step in enumerate(finding.way, 1)]
-        app.push_screen(WayList(_shortened(clean(finding.text)), steps))
-        return
-    found = find_at(frame.study.draft, finding.file, finding.line) if finding.file else None
-    if found is None or show_way:
+def _go_to_explored(frame: EditFrame, finding: ExploredPlace) -> None:
+    found = find_explored(frame.study.draft, finding)
+    if found is None:
         frame.say(clean(finding.text), "wait")
     else:
         frame.open_page(*found)
+
+
+def _show_way(frame: EditFrame, app: App[object], finding: ExploredPlace, now: str) -> None:
+    """How a session comes to what was found; then the list again, at the same place."""
+    title = f"{frame.explored.word(frame.study.draft)}: {finding.file}:{finding.line}"
+    way = DetailScreen(title, lambda width: explored_rows(finding, width))
+    app.push_screen(way, lambda _: choose_finding(frame, app, now=now))
 
 
 def _go_to(frame: EditFrame, finding: Diagnostic) -> None:
@@ -124,10 +145,7 @@ async def _show_remedies(frame: EditFrame, app: App[object], finding: Diagnostic
 
 
 def _title_of(finding: Diagnostic) -> str:
-    return _shortened(clean(finding.message))
-
-
-def _shortened(text: str) -> str:
+    text = clean(finding.message)
     return text if len(text) <= _TITLE_WIDTH else f"{text[: _TITLE_WIDTH - 1]}…"
 
 

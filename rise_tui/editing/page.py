@@ -24,8 +24,10 @@ class EditFrame(Protocol):
     """The frame, as pages know it."""
 
     study: EditedStudy
-    explored: ExploredStudy
-    """What exploring has found in the files as they were saved."""
+
+    @property
+    def explored(self) -> ExploredStudy:
+        """What exploring has found in the files as they were saved."""
 
     def say(self, sentence: str, level: Level = "info") -> None:
         """Tell the author something, above the key hints."""
@@ -116,9 +118,9 @@ class EditPage(Vertical):
         return None
 
     @property
-    def rule_and_state(self) -> tuple[str, str]:
-        """The rule that is shown, and its state under the cursor; empty: none."""
-        return "", ""
+    def shown_state(self) -> str:
+        """The state of a rule under the cursor; empty: none."""
+        return ""
 
     @property
     def still_there(self) -> bool:

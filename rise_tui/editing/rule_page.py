@@ -19,6 +19,7 @@ from rise_engine.scenario.model import Scenario
 from rise_engine.trial.keeping import path_of_test, text_of_test
 from rise_engine.trial.trial import Trial
 from rise_tui.editing.model.draft import FilePlace, StudyDraft
+from rise_tui.editing.model.explored import findings_in_rules
 from rise_tui.editing.model.study_names import StudyNames, study_names
 from rise_tui.editing.model.trial_rows import standing_of
 from rise_tui.editing.page import EditFrame, EditPage
@@ -57,7 +58,7 @@ class DraftStudy:
 
     @property
     def findings(self) -> Sequence[Diagnostic]:
-        return self.draft.findings
+        return [*self.draft.findings, *findings_in_rules(self._frame.explored, self.draft)]
 
     @property
     def files(self) -> Mapping[str, bytes]:
@@ -83,9 +84,11 @@ class RulePage(EditPage):
     """
 
     def __init__(self, frame: EditFrame, name: str = "") -> None:
-        super().__init__(frame, name)
+        """`name`: the rule's; behind a zero character, the state on which the cursor begins."""
+        rule, _, state = name.partition("\0")
+        super().__init__(frame, rule)
         self._study = DraftStudy(frame)
-        self.editor, self.trial = RuleEditor(self._study, name), TrialView()
+        self.editor, self.trial = RuleEditor(self._study, rule, state), TrialView()
 
     def compose(self) -> ComposeResult:
         with Horizontal():
@@ -97,8 +100,8 @@ class RulePage(EditPage):
         return self.trial.rows if self.is_trying and not self._is_beside else self.editor.graph
 
     @property
-    def rule_and_state(self) -> tuple[str, str]:
-        return self.shown_name, self.editor.shown_state
+    def shown_state(self) -> str:
+        return self.editor.shown_state
 
     @property
     def still_there(self) -> bool:

@@ -20,14 +20,14 @@ from rise_engine.edit.edits import AnyEdit
 from rise_engine.edit.plan import EditRefused
 from rise_engine.edit.workspace import Change
 from rise_engine.text import clean
-from rise_tui.actions import BY_ID, IN_EDITOR, bindings_in, bindings_of
+from rise_tui.actions import IN_EDITOR, bindings_in, bindings_of
 from rise_tui.editing import external, overlays
 from rise_tui.editing.bars import BannerLine, EditHints, EditTopLine, FindingLine
 from rise_tui.editing.chooser import AskText, Chooser, ManyChooser
-from rise_tui.editing.exploring import Explorer
+from rise_tui.editing.exploring import Explorer, ExploringBeside
 from rise_tui.editing.finding_list import choose_finding
-from rise_tui.editing.model.draft import count
-from rise_tui.editing.model.explored import ExploredStudy, explored_line
+from rise_tui.editing.model.draft import StudyDraft, count
+from rise_tui.editing.model.explored import ExploredStudy
 from rise_tui.editing.model.fields import FieldChoice
 from rise_tui.editing.model.study_rows import row_id
 from rise_tui.editing.page import EditPage
@@ -36,7 +36,6 @@ from rise_tui.editing.save_dialog import SaveDialog
 from rise_tui.editing.sessions import NoSessions, RunningHere, SessionWatch
 from rise_tui.editing.study import EditedStudy
 from rise_tui.editing.study_page import StudyPage
-from rise_tui.key_labels import first_key_label
 from rise_tui.messages import RunAction
 from rise_tui.model.notice import Level
 from rise_tui.rendering.terminal_app import TerminalApp
@@ -82,7 +81,7 @@ class EditScreen(Screen[None]):
         super().__init__()
         self.study, self._sessions = study, sessions or NoSessions()
         self._may_suspend, self._first_notice = may_suspend, notice
-        self._explorer, self.explored = explorer, ExploredStudy()
+        self._exploring = ExploringBeside(explorer)
         self.running: RunningHere | None = None
         self._has_stop = sessions is not None
         self.home = StudyPage(self)
@@ -116,16 +115,13 @@ class EditScreen(Screen[None]):
 
     def _explore(self) -> None:
         """Explore what is saved now, beside everything else; what an earlier one has not found yet is not wanted."""
-        if self._explorer is not None:
-            self.run_worker(self._take_explored(self._explorer), group="explore", exclusive=True)
+        self.workers.cancel_group(self, "explore")
+        if self._exploring.ask(self.study.draft):
+            self.run_worker(self._explore_saved(self.study.draft), group="explore")
 
-    async def _take_explored(self, explorer: Explorer) -> None:
-        found = await explorer(str(overlays.folder_of(self.study)))
-        if found is not None:
-            self.explored = found
-            if found.findings:
-                self.say(f"{found.sentence} ({first_key_label(BY_ID['edit.findings'])} shows them)", "wait")
-            self.draw_bars()
+    async def _explore_saved(self, draft: StudyDraft) -> None:
+        await self._exploring.explore(draft)
+        self.draw()
 
     async def _offer_draft(self) -> None:
         """What an earlier editor has not saved is offered before anything is changed."""
@@ -159,6 +155,11 @@ class EditScreen(Screen[None]):
         await self.study.close()
 
     # --- the frame, as pages know it --------------------------------------------------------------------------------
+
+    @property
+    def explored(self) -> ExploredStudy:
+        """What exploring has found."""
+        return self._exploring.found
 
     @property
     def page(self) -> EditPage:
@@ -272,10 +273,8 @@ class EditScreen(Screen[None]):
     def draw_bars(self) -> None:
         place = self.page.place
         self.top.draw(self.study.draft, self.study.busy)
-        stale = self.explored.at if self.study.draft.changed_files else ""
-        explored = explored_line(self.explored.here(*self.page.rule_and_state), stale=stale)
-        more = len(self.explored.findings)
-        self.findings.draw(self.study.draft, place.file if place is not None else "", explored, more)
+        about = self.page.KIND, self.page.shown_name, self.page.shown_state
+        self.findings.draw(self.study.draft, place.file if place is not None else "", self.explored, about)
         self.banner.draw(self.running.sentence if self.running is not None else "")
         if self.page.is_typing:
             self.hints.draw_typing()
@@ -336,6 +335,7 @@ class EditScreen(Screen[None]):
         if outside is None:
             return False
         files = ", ".join(outside.files)
+        self._explore()
         self.draw()
         if outside.lost:
             overlays.ask_about_set_aside(self.app, self, outside)

@@ -90,10 +90,11 @@ class RuleDisplay(Vertical):
         rule: str
         state: str
 
-    def __init__(self, study: RuleStudy, rule: str) -> None:
+    def __init__(self, study: RuleStudy, rule: str, state: str = "") -> None:
+        """`state`: where the cursor begins; empty: where the rule does."""
         super().__init__(id="rule-page")
         self._study, self._rule_name = study, rule
-        self.spot: GraphSpot | None = None
+        self.spot = GraphSpot(state) if state else None
         self._layout: GraphLayout | None = None
         self._laid_out: tuple[WrittenRule, int] | None = None
         self._findings = NO_FINDINGS

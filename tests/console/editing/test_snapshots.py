@@ -13,6 +13,7 @@ from textual.pilot import Pilot
 from rise_engine.edit.workspace import Workspace
 from rise_tui.editing.app import EditApp
 from rise_tui.editing.chooser import Chooser
+from rise_tui.editing.exploring import Explorer
 from rise_tui.editing.model.draft import draft_of
 from rise_tui.editing.rule_page import RulePage
 from rise_tui.editing.save_dialog import SaveDialog
@@ -20,10 +21,11 @@ from rise_tui.editing.study import EditedStudy
 from tests.console.editing.conftest import STUDIES, Editor, OneSession
 from tests.console.editing.long_rule import long_rule_files
 from tests.console.editing.test_editor import open_speech
+from tests.console.editing.test_exploring import FOUND, Explorers, on_a_state
 
 SIZES = {"small": (80, 24), "usual": (120, 40)}
 Steps = Callable[[Editor], Awaitable[None]]
-Compare = Callable[[Path, str, Steps], bool]
+Compare = Callable[..., bool]
 
 
 @pytest.fixture
@@ -31,9 +33,10 @@ def looks_as_before(snap_compare: Any, monkeypatch: pytest.MonkeyPatch, tmp_path
     """Opens an editor on a study, does some steps, and compares the screen."""
     monkeypatch.setenv("XDG_STATE_HOME", str(tmp_path / "state"))
 
-    def compare(folder: Path, size: str, steps: Steps) -> bool:
+    def compare(folder: Path, size: str, steps: Steps, explorer: Explorer | None = None) -> bool:
         workspace = Workspace(folder)
-        app = EditApp(EditedStudy(workspace, draft_of(workspace)), sessions=OneSession())
+        study = EditedStudy(workspace, draft_of(workspace))
+        app = EditApp(study, sessions=OneSession(), explorer=explorer)
 
         async def before(pilot: Pilot[Any]) -> None:
             it = Editor(pilot, app.edit_screen, folder)
@@ -178,3 +181,14 @@ def test_what_is_wrong(looks_as_before: Compare, lablinking: Path) -> None:
         await is_open(it, Chooser)
 
     assert looks_as_before(lablinking, "small", steps)
+
+
+def test_what_exploring_has_found(looks_as_before: Compare, study: Path) -> None:
+    async def steps(it: Editor) -> None:
+        await it.until(lambda: it.screen.explored.at)
+        await it.open("rule", "Greeting\0Nobody")
+        await it.until(lambda: on_a_state(it, "Nobody"))
+        await it.press("f")
+        await is_open(it, Chooser)
+
+    assert looks_as_before(study, "usual", steps, Explorers(FOUND))
