@@ -1,4 +1,4 @@
-"""What a session leaves behind on a robot, with processes and the wire: its end says so, and the next engine finds it."""
+"""What a session leaves behind on a robot, with processes and the wire: its end says so, the next engine finds it."""
 
 from __future__ import annotations
 
@@ -29,8 +29,10 @@ PROFILE = """
 title = "Mini"
 driver = "ros2"
 {options}
-[actions.Speech]
-carrier = {{ action = "/pepper/rise/speech", type = "rise_interfaces/action/Speech", goal = {{ message = "{{message}}" }} }}
+[actions.Speech.carrier]
+action = "/pepper/rise/speech"
+type = "rise_interfaces/action/Speech"
+goal = {{ message = "{{message}}" }}
 """
 STUDY = {
     "scenario.toml": 'title = "leftovers"\nrobot = "mini"\nmode = "real"\n',
