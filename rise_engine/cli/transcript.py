@@ -38,6 +38,7 @@ from rise_engine.kernel.records import (
     SyncRecord,
     TaskRecord,
     TimingRecord,
+    stopper_words,
 )
 from rise_engine.scenario.ssml import plain_words
 
@@ -320,6 +321,8 @@ def _failure_text(record: FailureRecord) -> str:
 def _stop_text(record: StopRecord) -> str:
     if record.status == "requested":
         return f"by {record.source}" if record.source else ""
+    if record.status == "let-go":
+        return f"{stopper_words(record.source)} is not pressed any more"
     if record.status != "latched":
         return ""
     confirmed = f"confirmed: {', '.join(record.confirmed) or 'nobody'}"

@@ -34,7 +34,7 @@ COLUMNS = (
     *("rule", "expression", "values", "result", "error", "missing"),  # condition; state too
     *("key", "value", "old", "created", "deleted"),  # memory
     "detail",  # robot
-    *("confirmed", "unconfirmed"),  # stop
+    *("confirmed", "unconfirmed", "held_by"),  # stop
     *("by", "holder"),  # control
     "text",  # note
     *("scenario", "scenario_hash", "robot", "seed", "versions"),  # session

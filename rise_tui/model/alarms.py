@@ -100,13 +100,16 @@ def _stop_alarms(store: Store, key_name: KeyNames) -> Iterator[Alarm]:
             (("   if the robot goes on, use its own switch", "plain"),),
         )
     else:
+        head = "nothing starts until it is released"
         release: StyledLine = ((f"   {key_name('release')} release", "key"),) if store.has_control else ()
+        if stop.held_by:
+            head, release = f"{', '.join(map(short_name, stop.held_by))} is still pressed: let it go first", ()
         missing: StyledLine = (("   everything asked has confirmed", "plain"),)
         if stop.unconfirmed:
             what = f"   look at the robot; {key_name('stop')} asks again"
             missing = (("   NOT CONFIRMED  ", "fault"), (group_parts(stop.unconfirmed), "strong"), (what, "plain"))
         yield Alarm(
-            ((" ■ STOPPED ", "alarm"), ("  nothing starts until it is released", "strong"), *release),
+            ((" ■ STOPPED ", "alarm"), (f"  {head}", "strong"), *release),
             (
                 *_confirmed_line(group_parts(stop.confirmed) or "nobody"),
                 (f"   by {short_name(stop.source)}", "muted"),
