@@ -103,7 +103,7 @@ def _stop_alarms(store: Store, key_name: KeyNames) -> Iterator[Alarm]:
         head = "nothing starts until it is released"
         release: StyledLine = ((f"   {key_name('release')} release", "key"),) if store.has_control else ()
         if stop.held_by:
-            head, release = f"{', '.join(map(short_name, stop.held_by))} is still pressed: let it go first", ()
+            head, release = f"{', '.join(map(short_name, stop.held_by))} is still pressed", ()
         missing: StyledLine = (("   everything asked has confirmed", "plain"),)
         if stop.unconfirmed:
             what = f"   look at the robot; {key_name('stop')} asks again"

@@ -224,9 +224,7 @@ def short(record: AnyRecord) -> str:
             return f"robot {record.status}"
         case StopRecord():
             estop = record.source.startswith("estop:")
-            by = f" by {record.source}" * estop + " held by ".join(["", " ".join(record.held_by)]) * bool(
-                record.held_by
-            )
+            by = f" by {record.source}" * estop + "".join(f" [{each}]" for each in record.held_by)
             return f"stop {record.status} {list(record.confirmed)} {list(record.unconfirmed)}{by}"
         case NoteRecord():
             return f"note {record.text}"

@@ -258,7 +258,7 @@ def test_an_emergency_stop_stops_everything_and_holds_the_stop_until_it_is_let_g
     s.estop(door)
     assert s.lines("task", "stop") == [
         "task stopAll  SUCCEEDED",
-        "stop requested [] [] by estop:/door held by estop:/door",
+        "stop requested [] [] by estop:/door [estop:/door]",
     ]
     assert s.robot_stops == 1 and s.act("A").reason.startswith("everything is stopped")
     s.report("1/1", "canceled")
@@ -269,10 +269,10 @@ def test_an_emergency_stop_stops_everything_and_holds_the_stop_until_it_is_let_g
     assert s.submit("releaseStop").reason == "the emergency stop at /desk is still pressed"
     s.estop(desk, pressed=False)
     assert s.lines("stop") == [
-        "stop latched ['sim'] [] held by estop:/door",
-        "stop requested [] [] by estop:/desk held by estop:/door estop:/desk",
-        "stop latched ['sim'] [] held by estop:/door estop:/desk",
-        "stop let-go [] [] by estop:/door held by estop:/desk",
+        "stop latched ['sim'] [] [estop:/door]",
+        "stop requested [] [] by estop:/desk [estop:/door] [estop:/desk]",
+        "stop latched ['sim'] [] [estop:/door] [estop:/desk]",
+        "stop let-go [] [] by estop:/door [estop:/desk]",
         "stop let-go [] [] by estop:/desk",
     ]
     assert s.kernel.stop.latched, "that it is let go releases nothing"
