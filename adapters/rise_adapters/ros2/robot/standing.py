@@ -9,6 +9,7 @@ from msgspec import Struct
 
 from rise_adapters.ros2.compatibility import MISFIT_KINDS, SHORT_MISFITS, describe_misfits
 from rise_adapters.ros2.robot.endpoints import Endpoint
+from rise_adapters.ros2.robot.estop_input import EstopInput
 from rise_adapters.ros2.transport.port import Transport
 
 Status: TypeAlias = Literal["connected", "degraded", "lost"]
@@ -31,13 +32,17 @@ class Standing(Struct, frozen=True):
         return frozenset(each for each in self.faults if each[1] in MISFIT_KINDS)
 
 
-def assess(transport: Transport, endpoints: Sequence[Endpoint], busy: Collection[Endpoint]) -> Standing:
+def assess(
+    transport: Transport, endpoints: Sequence[Endpoint], busy: Collection[Endpoint], estop: EstopInput | None = None
+) -> Standing:
     """How the robot stands now. `busy`: the endpoints that do something of ours."""
     if transport.failure():
         return Standing("lost")
     faults = frozenset((each.label, each.misfit_kind or each.fault) for each in endpoints if each.fault)
     if faults and all(_is_useless(each, busy) for each in endpoints):
         return Standing("lost", faults)
+    if estop is not None and estop.fault:
+        faults |= {(estop.label, estop.fault)}
     return Standing("degraded" if faults else "connected", faults)
 
 
@@ -49,7 +54,9 @@ def _is_useless(endpoint: Endpoint, busy: Collection[Endpoint]) -> bool:
     return endpoint.fault == "missing"
 
 
-def describe(status: Status, title: str, transport: Transport, endpoints: Sequence[Endpoint]) -> str:
+def describe(
+    status: Status, title: str, transport: Transport, endpoints: Sequence[Endpoint], estop: EstopInput | None = None
+) -> str:
     """For a person; `title` is the robot's. Of what is wrong, what to do about it comes first: on a small screen the
     rest is cut."""
     failure = transport.failure()
@@ -62,6 +69,7 @@ def describe(status: Status, title: str, transport: Transport, endpoints: Sequen
         [
             *([describe_misfits(misfits)] if misfits else []),
             *(each.trouble for each in endpoints if each.fault not in ("", "unfit", "unheard")),
+            *([estop.trouble] if estop is not None and estop.fault else []),
         ]
     )
     if status == "degraded":
