@@ -29,7 +29,7 @@ class Standing(Struct, frozen=True):
         return self != before
 
     def _misfits(self) -> frozenset[tuple[str, str]]:
-        return frozenset(each for each in self.faults if each[1] in MISFIT_KINDS)
+        return frozenset(each for each in self.faults if each[1].startswith((*MISFIT_KINDS, "inactive")))
 
 
 def assess(
@@ -49,7 +49,7 @@ def assess(
 def _is_useless(endpoint: Endpoint, busy: Collection[Endpoint]) -> bool:
     """Nothing can be sent to it, and it does nothing of ours. (Beside what is doing something another program may have
     appeared that does not fit.)"""
-    if endpoint.fault == "unfit":
+    if endpoint.fault in ("unfit", "inactive"):
         return endpoint not in busy
     return endpoint.fault == "missing"
 
@@ -65,18 +65,19 @@ def describe(
     if status == "connected":
         return f"{title} on ROS 2 ({transport.about})"
     misfits = [misfit for each in endpoints for misfit in each.comparison.misfits]
-    trouble = "; ".join(
-        [
-            *([describe_misfits(misfits)] if misfits else []),
-            *(each.trouble for each in endpoints if each.fault not in ("", "unfit", "unheard")),
-            *([estop.trouble] if estop is not None and estop.fault else []),
-        ]
-    )
+    told = [
+        *([describe_misfits(misfits)] if misfits else []),
+        *(each.trouble for each in endpoints if each.fault not in ("", "unfit", "unheard")),
+        *([estop.trouble] if estop is not None and estop.fault else []),
+    ]
+    trouble = "; ".join(dict.fromkeys(told))
     if status == "degraded":
         return trouble
     if misfits:
         kind = misfits[0].kind
         return f"{kind}: {title} {SHORT_MISFITS[kind]} ({trouble})"
+    if any(each.fault == "inactive" for each in endpoints):
+        return f"inactive: {title} is not active ({trouble})"
     if any(each.presence.was_seen for each in endpoints):
         return f"server-gone: the program of {title} has gone; start it again ({trouble})"
     return f"server-missing: {title} is not there; is its wrapper running? ({trouble})"
