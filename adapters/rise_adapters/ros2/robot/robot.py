@@ -12,6 +12,7 @@ from itertools import cycle
 from math import inf
 
 from rise_adapters.ros2.compatibility import describe_uncompared
+from rise_adapters.ros2.graph_checks import describe_other_client, other_clients
 from rise_adapters.ros2.mapping import ActionMapping, read_options
 from rise_adapters.ros2.robot import standing
 from rise_adapters.ros2.robot.action_goal import ActionGoal
@@ -68,6 +69,8 @@ class Ros2Robot:
         self._seen_at: float | None = None
         self._uncompared: set[str] = set()
         """Names of endpoints that do not say what their types are, which was noted already."""
+        self._other_clients: set[str] = set()
+        """Nodes that may move the robot, too, which were noted already."""
         self._closed = False
         self._estop: EstopInput | None = None
         self._open_endpoints(transport)
@@ -306,6 +309,11 @@ class Ros2Robot:
         if unknown and is_there and endpoint.name not in self._uncompared:
             self._uncompared.add(endpoint.name)
             self.report_note(endpoint, describe_uncompared(endpoint.name))
+        if isinstance(endpoint, ActionEndpoint):
+            for node in other_clients(self._transport, endpoint.name):
+                if node not in self._other_clients:
+                    self._other_clients.add(node)
+                    self.report_note(endpoint, describe_other_client(node, endpoint.name))
 
     # --- how the robot stands -----------------------------------------------------------------------------------
 
