@@ -1,4 +1,4 @@
-"""The dead man's switch of the reference wrapper: when a robot may move (adapters/rise_ros/rise_ros/session_watch.py)."""
+"""The reference wrapper's dead man's switch (adapters/rise_ros/rise_ros/session_watch.py): when a robot may move."""
 
 from __future__ import annotations
 

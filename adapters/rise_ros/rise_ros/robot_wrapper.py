@@ -1,7 +1,7 @@
 """The reference robot wrapper: it takes RISE's behaviours from ROS and hands them to a robot's own API.
 
-Copy this file and `session_watch.py` into a package of your own, and fill in the class `MyRobot`; the rest can stay as it
-is. What you get:
+Copy this file and `session_watch.py` into a package of your own, and fill in the class `MyRobot`; the rest can stay as
+it is. What you get:
 
 - a ROS 2 action server for each behaviour that your robot has, under the names of the robot profile `rise`
   (rise/robot/speech, rise/robot/look_at, ...), relative, so that a namespace or a remapping moves them;
@@ -296,9 +296,7 @@ class DeadMansSwitch:
     def _look(self) -> None:
         why = self.why_not_move()
         if why != self._told:
-            self._log.warning(f"{why}: the robot stops, and takes no goals") if why else self._log.info(
-                "it may move again"
-            )
+            self._log.warning(f"{why}: the robot stops, and takes no goals" if why else "the robot takes goals again")
             self._told = why
         if why:  # again and again: a goal may just have been accepted
             self._stop(why)
