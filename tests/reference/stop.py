@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-
 from rise_engine.kernel.inputs import EstopReport, StopReport
 
 from .session import Clock, Session
@@ -69,7 +67,12 @@ class Stop:
             self.session.forget(self.clock)
             self.clock = None
             self.status = "latched"
-            self._record("latched", confirmed=input.confirmed, unconfirmed=input.unconfirmed)
+            self._record(
+                "latched",
+                confirmed=list(input.confirmed),
+                unconfirmed=list(input.unconfirmed),
+                unstoppable=list(input.unstoppable),
+            )
 
     def emergency(self, input: EstopReport) -> None:
         """An emergency stop says how it is."""
@@ -94,18 +97,6 @@ class Stop:
         self._record("released", source=task.source)
         self.session.going_on.released(words, task.source)
 
-    def _record(
-        self,
-        status: str,
-        source: str = "",
-        confirmed: Sequence[str] = (),
-        unconfirmed: Sequence[str] = (),
-    ) -> None:
-        self.session.put(
-            "stop",
-            status=status,
-            confirmed=list(confirmed),
-            unconfirmed=list(unconfirmed),
-            source=source,
-            held_by=list(self.pressed),
-        )
+    def _record(self, status: str, source: str = "", **parts: list[str]) -> None:
+        told = {"confirmed": [], "unconfirmed": [], "unstoppable": [], "held_by": list(self.pressed), **parts}
+        self.session.put("stop", status=status, source=source, **told)

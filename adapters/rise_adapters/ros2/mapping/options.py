@@ -52,9 +52,13 @@ def parse_options(
     if wrapper and not is_ros_name(wrapper):
         mistakes.add("options.wrapper", "is a ROS name such as `pepper`: letters, digits and `_`, parts divided by `/`")
         wrapper = ""
+    leftovers = profile.options.get("leftovers", "cancel")
+    if leftovers not in ("cancel", "keep"):
+        mistakes.add("options.leftovers", "is `cancel` or `keep`")
+        leftovers = "cancel"
     written = profile.options.get("estop")
     estop = None if written is None else parse_estop(written, types, mistakes)
-    return RosOptions(frame, deadlines, error, wrapper, tuple(folders), estop)
+    return RosOptions(frame, deadlines, error, wrapper, leftovers, tuple(folders), estop)
 
 
 def parse_deadlines(table: Any, before: GoalDeadlines, where: str, mistakes: ProfileMistakes) -> GoalDeadlines:
