@@ -69,6 +69,11 @@ def _stoppable(store: Store) -> Obstacle:
     return store.blocked_reason("reach") if store.gone_reason else None
 
 
+def _cancellable(store: Store) -> Obstacle:
+    """Asking the robot once more to stop needs no control either."""
+    return store.blocked_reason("reach") or (None if store.open_goals else "the robot has ended everything")
+
+
 def _own_console(store: Store) -> Obstacle:
     """What concerns this console alone, and would mean nothing where no key ever starts anything."""
     return _stoppable(store) or ("this is a replay" if store.attach_reply.replay else None)
@@ -115,7 +120,7 @@ def _releasable(store: Store) -> Obstacle:
     if blocked := store.blocked_reason("change"):
         return blocked
     if store.key_state != "STOPPED":
-        return "nothing is stopped"
+        return None if store.open_goals else "nothing is stopped or held"
     held_by = store.view.stop.held_by
     return f"{stopper_words(held_by[0])} is still pressed" if held_by else None
 
@@ -244,8 +249,12 @@ ACTIONS: tuple[ConsoleAction, ...] = (
            "The session goes on with the files of its study as they are saved now. Only while the robot does nothing, "
            "and where the rules stand must be there still; otherwise it says why not. It is recorded.", "",
            _taking_over),
-    ConsoleAction("release", "Release the stop", ("ctrl+r",), "console",
-           "After a stop: shows who confirmed it and who did not, and asks before anything can start again.",
+    ConsoleAction("cancel-open", "Stop what still runs", ("ctrl+w",), "console",
+           "When the robot may still be doing what has ended in the session: asks it once more to stop.", "",
+           _cancellable),
+    ConsoleAction("release", "Release the stop, or a part", ("ctrl+r",), "console",
+           "After a stop: shows who confirmed it and who did not, and asks before anything can start again. When a "
+           "part of the robot is held: asks whether it may be used again.",
            "release", _releasable),
     ConsoleAction("theme", "Choose a theme", (), "console",
            "Shows each theme while you move over it; esc keeps the one you had."),

@@ -356,13 +356,13 @@ class Ros2Robot:
             self._stop.poll()
 
     def _compare_endpoint(self, endpoint: Endpoint) -> None:
-        endpoint.compare()
+        looked = endpoint.compare()
         unknown = endpoint.comparison.unannounced or not endpoint.comparison.complete
         is_there = endpoint.presence.is_settled and endpoint.is_compared
         if unknown and is_there and endpoint.name not in self._uncompared:
             self._uncompared.add(endpoint.name)
             self.report_note(endpoint, describe_uncompared(endpoint.name))
-        if isinstance(endpoint, ActionEndpoint):
+        if looked and isinstance(endpoint, ActionEndpoint):
             for node in other_clients(self._transport, endpoint.name):
                 if node not in self._other_clients:
                     self._other_clients.add(node)
