@@ -105,7 +105,10 @@ def _stop_alarms(store: Store, key_name: KeyNames) -> Iterator[Alarm]:
             (("   if the robot goes on, use its own switch", "plain"),),
         )
     else:
+        head = "nothing starts until it is released"
         release: StyledLine = ((f"   {key_name('release')} release", "key"),) if store.has_control else ()
+        if stop.held_by:
+            head, release = f"{', '.join(map(short_name, stop.held_by))} is still pressed", ()
         missing: StyledLine = (("   everything asked has confirmed", "plain"),)
         if stop.unconfirmed:
             what = f"   look at the robot; {key_name('stop')} asks again"
@@ -114,7 +117,7 @@ def _stop_alarms(store: Store, key_name: KeyNames) -> Iterator[Alarm]:
         if stop.unstoppable:
             unstoppable = (("   CANNOT BE STOPPED  ", "fault"), (group_parts(stop.unstoppable), "strong"))
         yield Alarm(
-            ((" ■ STOPPED ", "alarm"), ("  nothing starts until it is released", "strong"), *release),
+            ((" ■ STOPPED ", "alarm"), (f"  {head}", "strong"), *release),
             (
                 *unstoppable,
                 *_confirmed_line(group_parts(stop.confirmed) or "nobody"),
