@@ -6,6 +6,7 @@ ROS 2 tells a client nothing when a server dies, so all this is found by polling
 from __future__ import annotations
 
 import logging
+from contextlib import suppress
 from typing import Literal, TypeAlias
 
 from rise_adapters.ros2 import compatibility
@@ -21,6 +22,11 @@ _LOG = logging.getLogger(__name__)
 Fault: TypeAlias = Literal["", "unfit", "missing", "double", "silent", "unheard"]
 """What can be wrong with an endpoint. unfit: it is there, and is another one than the profile says (`compatibility`).
 unheard: what is sent reaches it, and some of what it says does not arrive."""
+
+PROBE_SECONDS = 2.0
+"""Between two questions to a server that owes an answer: one that moves again says so, and nobody has to act first."""
+NO_GOAL = b"\xff" * 16
+"""A goal that no server has: that it does not know it is a sign of life. (Zeros would mean all goals to a cancel.)"""
 
 UNLISTED_SECONDS = 1.0
 """Seconds after its appearance in which everything of an endpoint must have been seen and compared before it gets
@@ -103,6 +109,7 @@ class ActionEndpoint(_ComparedEndpoint):
             transport, mapping.name, mapping.type, now=clock.now, feedback=feedback, status=status
         )
         self._unanswered_at: float | None = None
+        self._probed_at = 0.0
 
     def poll(self, count: int | None = None) -> bool:
         """See whether it is there (or be told). True when it has just gone; what it said of goals counts no more."""
@@ -110,11 +117,19 @@ class ActionEndpoint(_ComparedEndpoint):
         if gone:
             self.client.statuses.clear()
             self._unanswered_at = None
+        elif self.is_silent and self._clock.now() >= self._probed_at + PROBE_SECONDS:
+            self._probe()
         return gone
 
     def mark_unanswered(self) -> None:
         """It owes an answer that did not come in time."""
-        self._unanswered_at = self._clock.now()
+        self._unanswered_at = self._probed_at = self._clock.now()
+
+    def _probe(self) -> None:
+        """What it was asked while it stood still may be lost: its side has taken ours for dead meanwhile."""
+        self._probed_at = self._clock.now()
+        with suppress(PortError):
+            self.client.get_result(NO_GOAL, lambda status, result: None)
 
     @property
     def is_silent(self) -> bool:
