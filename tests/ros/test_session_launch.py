@@ -83,7 +83,9 @@ def test_every_option_of_serve_is_an_argument_with_its_help() -> None:
          {"": "-r rise/domain_task:=/a task --log-level debug -r __ns:=/lab"}),
     ],
 )  # fmt: skip
-def test_what_is_given_arrives(values: dict[str, str], options: dict[str, Any], monkeypatch: pytest.MonkeyPatch) -> None:
+def test_what_is_given_arrives(
+    values: dict[str, str], options: dict[str, Any], monkeypatch: pytest.MonkeyPatch
+) -> None:
     arrived = started(monkeypatch, given(**values))
     assert arrived == {"ros": "rclpy", "": "-r __ns:=/lab"} | options
 
@@ -141,19 +143,19 @@ def test_after_a_crash_the_same_session_goes_on(tmp_path: Path, monkeypatch: pyt
 
 
 def test_a_tree_without_py_trees_is_told_what_to_install(monkeypatch: pytest.MonkeyPatch) -> None:
-    def fail(name: str) -> None:
-        raise ModuleNotFoundError(f"No module named {absent!r}", name=absent)
+    def start_without(package: str) -> None:
+        def fail(name: str) -> None:
+            raise ModuleNotFoundError(f"No module named {package!r}", name=package)
 
-    monkeypatch.setattr(programs, "import_module", fail)
-    for absent, sentence in (
-        ("py_trees.common", "py_trees is not installed for this Python (.*): sudo apt install ros-jazzy-py-trees"),
-        ("rise_engine.cli", "rise-tui is not installed for this Python"),
-    ):
-        with pytest.raises(SystemExit, match=sentence):
-            programs.task_tree()
-    absent = "numpy"
-    with pytest.raises(ModuleNotFoundError):
+        monkeypatch.setattr(programs, "import_module", fail)
         programs.task_tree()
+
+    with pytest.raises(SystemExit, match="py_trees is not installed for .*: sudo apt install ros-jazzy-py-trees, or"):
+        start_without("py_trees.common")
+    with pytest.raises(SystemExit, match="rise-tui is not installed for this Python"):
+        start_without("rise_engine.cli")
+    with pytest.raises(ModuleNotFoundError):
+        start_without("numpy")
 
 
 @pytest.mark.skipif(find_spec("launch_ros") is None, reason="launch_ros is not installed, or ROS is not sourced")

@@ -38,8 +38,8 @@ SCENARIO = {
     # The robot of the profile `rise`, on a machine that may be busy.
     "robots/patient.toml": 'title = "Robot"\ndriver = "ros2"\n[options]\nwrapper = "rise/robot"\n'
     "deadlines = { server = 100, acceptance = 20 }\n[actions.Speech]\n",
-    "acts/acts.xml": "<Dialogs><Dialog name='Hello'><Speech><actionID>1</actionID><message>Hi</message></Speech></Dialog>"
-    "</Dialogs>",
+    "acts/acts.xml": "<Dialogs><Dialog name='Hello'><Speech><actionID>1</actionID><message>Hi</message></Speech>"
+    "</Dialog></Dialogs>",
 }
 
 

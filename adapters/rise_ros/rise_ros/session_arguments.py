@@ -9,6 +9,7 @@ from __future__ import annotations
 import shlex
 from collections.abc import Iterable, Mapping, Sequence
 from difflib import get_close_matches
+from itertools import pairwise
 
 SERVE_OPTIONS = {
     "study": "A session of this study, in the place of DIR (--participant).",
@@ -118,7 +119,7 @@ def robot_arguments(given: Mapping[str, str]) -> list[str]:
 def robot_ros_arguments(given: Mapping[str, str]) -> list[str]:
     """What of `ros_arguments` both sides of an action need: that it has another name."""
     words = shlex.split(given["ros_arguments"])
-    remaps = [after for word, after in zip(words, words[1:], strict=False) if word in ("-r", "--remap")]
+    remaps = [after for word, after in pairwise(words) if word in ("-r", "--remap")]
     return [word for remap in remaps if not remap.startswith("__") for word in ("-r", remap)]
 
 
