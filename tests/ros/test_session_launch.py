@@ -150,7 +150,7 @@ def test_a_tree_without_py_trees_is_told_what_to_install(monkeypatch: pytest.Mon
         monkeypatch.setattr(programs, "import_module", fail)
         programs.task_tree()
 
-    with pytest.raises(SystemExit, match="py_trees is not installed for .*: sudo apt install ros-jazzy-py-trees, or"):
+    with pytest.raises(SystemExit, match=r"py_trees is not installed for .*: sudo apt install ros-jazzy-py-trees, or"):
         start_without("py_trees.common")
     with pytest.raises(SystemExit, match="rise-tui is not installed for this Python"):
         start_without("rise_engine.cli")

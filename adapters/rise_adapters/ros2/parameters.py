@@ -120,8 +120,8 @@ def _why_unfollowed(name: str, value: Any) -> str:
         )
     if name.startswith(_QOS):
         return (
-            f"the parameter {name}: the quality of service of this program's topics is fixed, because others rely on it "
-            "(docs/explanation/ros2.md)"
+            f"the parameter {name}: the quality of service of this program's topics is fixed, because others rely on "
+            "it (docs/explanation/ros2.md)"
         )
     return ""
 

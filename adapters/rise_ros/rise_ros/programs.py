@@ -65,8 +65,8 @@ def _start(module: str, arguments: list[str] | None = None) -> None:
         missing = (error.name or "").partition(".")[0]
         if missing == "py_trees":
             sys.exit(
-                f"py_trees is not installed for this Python ({sys.executable}): sudo apt install ros-jazzy-py-trees, or "
-                "pip install py_trees (docs/how-to/behaviour-trees.md)."
+                f"py_trees is not installed for this Python ({sys.executable}): sudo apt install ros-jazzy-py-trees, "
+                "or pip install py_trees (docs/how-to/behaviour-trees.md)."
             )
         if missing not in ("rise_engine", "rise_tui", "rise_adapters"):
             raise
