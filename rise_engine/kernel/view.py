@@ -201,6 +201,8 @@ class StopView(Struct):
     since: float = 0.0
     confirmed: tuple[str, ...] = ()
     unconfirmed: tuple[str, ...] = ()
+    unstoppable: tuple[str, ...] = ()
+    """Parts that take no stop, and that this session has used."""
     source: str = ""
     stood: list[StoodView] = field(default_factory=list)
     """The rules that it has ended, the bottom of the stack first, until it is released."""
@@ -304,11 +306,13 @@ class SessionView(Struct):
             case KeptRecord():
                 self.kept.pop(record.task, None)
             case StopRecord():
+                again = self.stop.status == record.status == "latched"  # the robot has said more
                 self.stop = StopView(
                     record.status,
-                    record.t,
+                    self.stop.since if again else record.t,
                     record.confirmed,
                     record.unconfirmed,
+                    record.unstoppable,
                     record.source or self.stop.source,
                     self.stop.stood if record.status != "released" else [],
                 )

@@ -22,7 +22,11 @@ class Goal(Protocol):
 
     action: str
     """As the engine calls it."""
+    type: str
+    """What the robot does, as the profile calls it."""
     phase: Phase
+    may_be_running: bool
+    """On the robot, whatever the engine thinks of it."""
 
     @property
     def endpoint(self) -> Endpoint:
@@ -30,7 +34,25 @@ class Goal(Protocol):
         ...
 
     def cancel(self) -> None:
-        """Stop it. Before it was sent, that ends it."""
+        """Stop it. Before it was sent, that ends it. One that has ended, and may be running, is asked to stop again."""
+        ...
+
+    @property
+    def is_accepted(self) -> bool:
+        """The robot has taken it."""
+        ...
+
+    @property
+    def holds_its_part(self) -> bool:
+        """Whether its server or topic gets nothing else while it has ended and may be running."""
+        ...
+
+    def release(self) -> None:
+        """A person has looked: one that has ended counts as over on the robot."""
+        ...
+
+    def why_open(self) -> str:
+        """Of one that has ended and may be running: why it is not over, for a person."""
         ...
 
     def is_live(self) -> bool:

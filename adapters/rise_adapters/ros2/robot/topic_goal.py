@@ -10,6 +10,7 @@ from rise_adapters.ros2.robot import endings
 from rise_adapters.ros2.robot.endpoints import TopicEndpoint
 from rise_adapters.ros2.robot.goal_host import TIMER_TOLERANCE, Ending, GoalHost, Phase
 from rise_adapters.ros2.transport.port import Message, PortError
+from rise_engine.kernel.commands import StartAction
 
 
 class TopicGoal:
@@ -19,27 +20,58 @@ class TopicGoal:
         self,
         host: GoalHost,
         endpoint: TopicEndpoint,
-        action: str,
+        goal: StartAction,
         mapping: ActionMapping,
         message: Message,
         reset: Message | None,
-        expected: float,
     ) -> None:
-        """`expected`: seconds after which it has succeeded. `reset`: what is published at its end, if anything."""
-        self.action = action
+        """`reset`: what is published at its end, if anything."""
+        self.action = goal.action
+        self.type = goal.type
         self.phase: Phase = "waiting"
+        self.may_be_running = False
         self.endpoint = endpoint
         self._host = host
         self._message = message
         self._reset = reset
-        self._expected = expected
+        self._expected = goal.expected
         self._deadline = host.clock.now() + mapping.deadlines.server
 
+    def adopt(self, *, accepted: bool) -> None:
+        """Take over one that an engine before this one has published; it ends when it is reset."""
+        self.phase = "ended"
+        self.may_be_running = True
+        if self._reset is None:
+            self._leave_unstopped()
+        self._host.on_goal_changed(self)
+
+    def _leave_unstopped(self) -> None:
+        self.may_be_running = True
+        self.endpoint.unstopped = self
+
     def cancel(self) -> None:
-        if self.phase == "waiting":
+        if self.phase == "ended" and self.may_be_running and self._reset is not None:
+            self.endpoint.publish(self._reset)
+            self.release()
+        elif self.phase == "waiting":
             self._end("canceled", "it had not been sent yet")
         elif self.phase == "running":
             self._end("canceled", "")
+
+    @property
+    def is_accepted(self) -> bool:
+        return True
+
+    @property
+    def holds_its_part(self) -> bool:
+        return self._reset is not None
+
+    def release(self) -> None:
+        self.may_be_running = False
+        self._host.on_goal_changed(self)
+
+    def why_open(self) -> str:
+        return "an engine that has gone began it" if self._reset is not None else "its topic takes no stop"
 
     def is_live(self) -> bool:
         return self.phase != "ended"
@@ -90,5 +122,7 @@ class TopicGoal:
             self.endpoint.user = None
             if self._reset is not None:
                 self.endpoint.publish(self._reset)
+            else:
+                self._leave_unstopped()
         self._host.on_goal_changed(self)
         self._host.report_ended(self.action, status, reason)
