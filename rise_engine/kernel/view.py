@@ -42,6 +42,7 @@ from rise_engine.kernel.records import (
     SyncRecord,
     TaskRecord,
     TimingRecord,
+    describe_open_goals,
 )
 from rise_engine.kernel.reports import REPORT_KINDS, ReportRecord, report_words
 
@@ -340,7 +341,8 @@ class SessionView(Struct):
                 self._add_remark(RemarkView("note", record.t, record.source, text))
             case SessionRecord():
                 if record.status == "ended":
-                    self.ended, self.end_reason = True, record.reason
+                    self.ended = True
+                    self.end_reason = "; ".join(filter(None, (record.reason, describe_open_goals(record.open))))
                 else:
                     self.session = record
 

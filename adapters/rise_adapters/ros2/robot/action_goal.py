@@ -5,11 +5,11 @@
        +-- server-missing           +-- rejected        +-- lost, timed-out, aborted, cancel-refused, ...
            two-servers              +-- no-accept
 
-A goal that has ended for the engine may still run on the robot, or begin there: one that was not answered, was accepted
-too late, or refused to be cancelled. It is *open*: it is remembered under its id and cancelled as soon as the server can
-be reached, its server gets nothing else, and what it then says is noted. It is over when the server says how it ended,
-refuses it, or has forgotten it after having accepted it. A server that does not know a goal which it has never answered
-proves nothing, unless it is another program than the one that the goal was sent to.
+A goal that has ended for the engine may still run on the robot, or begin there: one that was not answered, was
+accepted too late, or refused to be cancelled. It is *open*: it is remembered under its id and cancelled as soon as the
+server can be reached, its server gets nothing else, and what it then says is noted. It is over when the server says how
+it ended, refuses it, or has forgotten it after having accepted it. A server that does not know a goal which it has never
+answered proves nothing, unless it is another program than the one that the goal was sent to.
 """
 
 from __future__ import annotations

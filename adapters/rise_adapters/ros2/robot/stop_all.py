@@ -3,8 +3,8 @@
 A server has confirmed when its answer has come and every goal that is known to run there has ended: ours by their
 results, those of others by the server's status topic. A goal that its answer does not name is asked about by its id,
 because what the status topic said last may be the word of a server that has been restarted since. One of ours that the
-server has not answered may still begin, so it has not ended. What cannot confirm is named with the reason. A server that
-is not there is never called confirmed, even if nothing was known to run: it could not be asked.
+server has not answered may still begin, so it has not ended. What cannot confirm is named with the reason. A server
+that is not there is never called confirmed, even if nothing was known to run: it could not be asked.
 
 The first report comes when all have confirmed, or after ANSWER_SECONDS. Until all have, whatever changes after that is
 reported again: a goal that begins late, one that ends late, a server that comes back and is asked then.
