@@ -35,9 +35,10 @@ FIREWALL = """table inet lab {{ chain input {{ type filter hook input priority 0
 }}"""
 SCENARIO = {
     "scenario.toml": 'title = "Two computers"\nrobot = "patient"\nmode = "real"\n',
-    # The robot of the profile `rise`, on a machine that may be busy.
-    "robots/patient.toml": 'title = "Robot"\ndriver = "ros2"\n[options]\nwrapper = "rise/robot"\n'
-    "deadlines = { server = 100, acceptance = 20 }\n[actions.Speech]\n",
+    # A type that every ROS has, and the patience of a machine that is busy.
+    "robots/patient.toml": 'title = "Robot"\ndriver = "ros2"\n'
+    "options = { deadlines = { server = 100, acceptance = 20 } }\n[actions.Speech.carrier]\n"
+    'action = "speech"\ntype = "example_interfaces/action/Fibonacci"\ngoal = { order = 3 }\n',
     "acts/acts.xml": "<Dialogs><Dialog name='Hello'><Speech><actionID>1</actionID><message>Hi</message></Speech>"
     "</Dialog></Dialogs>",
 }
