@@ -317,6 +317,12 @@ async def test_a_robot_by_another_name(only: Any) -> None:
     )
     findings = await lab.examined(profile(Speech=SPEECH, Emotion=LED))
     assert "of their types there are, by other names: /tin/speech, /tin/led;" in said(findings, "problem")
+    lab.node("/lab/rise").subscribe("/lab/rise/session", "std_msgs/msg/String", print)
+    findings = await lab.examined(profile(Speech={"topic": "/voice/say", "type": "std_msgs/msg/String"}))
+    assert "nothing listens to /voice/say is the robot's wrapper running" in said(findings, "problem")
+    lab.node("/voice").subscribe("/voice/text", "std_msgs/msg/String", print)
+    findings = await lab.examined(profile(Speech={"topic": "/voice/say", "type": "std_msgs/msg/String"}))
+    assert "there is one of this type, by other names: /voice/text;" in said(findings, "problem")
 
 
 async def test_two_robots_on_one_name(only: Any) -> None:

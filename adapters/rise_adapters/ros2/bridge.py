@@ -194,12 +194,12 @@ def session_parameters(hub: SessionHub) -> dict[str, ReadableParameter]:
 
 
 def read_parameters(
-    arguments: tuple[str, ...], *, switches: list[str], single: list[str], many: list[str], written: list[str]
+    arguments: tuple[str, ...], *, switches: dict[str, str], single: list[str], many: list[str], written: list[str]
 ) -> tuple[list[str], tuple[str, ...]]:
     """Parameters of the session's node as options of `rise-engine serve` (a `ParameterReader`)."""
     options = {
         flag.removeprefix("--").replace("-", "_"): ParameterOption(
-            flag, switch=flag in switches, repeatable=flag in many
+            flag, switch=flag in switches, opposite=switches.get(flag, ""), repeatable=flag in many
         )
         for flag in (*switches, *single, *many)
     }

@@ -13,6 +13,7 @@ from rise_adapters.ros2.mapping import ActionMapping, MappingError, read_mapping
 from rise_adapters.ros2.mapping.options import DRIVER
 from rise_adapters.ros2.robot.estop_input import EstopInput
 from rise_adapters.ros2.robot.lifecycle import LifecycleWatch
+from rise_adapters.ros2.session_node import neighbours
 from rise_adapters.ros2.transport.port import PortError, Transport
 from rise_engine.scenario.model import RobotProfile
 
@@ -154,8 +155,9 @@ class _ExpectedEndpoint:
         return self.count_receivers() > 0 or bool(compatibility.compare(self._transport, self._mapping).seen)
 
     def names_elsewhere(self) -> list[str]:
-        """The names under which there is something of its type."""
-        return graph_checks.names_elsewhere(self._transport, self._mapping)
+        """The names under which there is something of its type; sessions listen to one another, and are no robot."""
+        others = graph_checks.names_elsewhere(self._transport, self._mapping)
+        return [name for name in others if not name.endswith(f"/{neighbours.TOPIC}")]
 
     def findings(self) -> Iterator[DoctorFinding]:
         number, name, full = self.count_receivers(), self._name, self.full

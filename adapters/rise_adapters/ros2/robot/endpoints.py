@@ -6,6 +6,7 @@ ROS 2 tells a client nothing when a server dies, so all this is found by polling
 from __future__ import annotations
 
 import logging
+from contextlib import suppress
 from typing import Literal, Protocol, TypeAlias
 
 from rise_adapters.ros2 import compatibility
@@ -32,9 +33,13 @@ inactive: it is there, and its lifecycle says that it does nothing now.
 held: it may still be doing something that has ended for the session, and gets nothing else.
 unheard: what is sent reaches it, and some of what it says does not arrive."""
 
-
 ASKING_SECONDS = 0.5
 """Seconds after its appearance in which it is asked what has become of earlier goals, and people are not told yet."""
+
+PROBE_SECONDS = 2.0
+"""Between two questions to a server that owes an answer: one that moves again says so, and nobody has to act first."""
+NO_GOAL = b"\xff" * 16
+"""A goal that no server has: that it does not know it is a sign of life. (Zeros would mean all goals to a cancel.)"""
 
 
 class OpenOne(Protocol):
@@ -143,6 +148,7 @@ class ActionEndpoint(_ComparedEndpoint):
         )
         self.lifecycle = LifecycleWatch(transport, clock.now)
         self._unanswered_at: float | None = None
+        self._probed_at = 0.0
 
     def poll(self, count: int | None = None) -> bool:
         """See whether it is there (or be told). True when it has just gone; what it said of goals counts no more."""
@@ -153,6 +159,8 @@ class ActionEndpoint(_ComparedEndpoint):
             self.lifecycle.follow("")
         elif self.presence.count:
             self.lifecycle.poll()
+            if self.is_silent and self._clock.now() >= self._probed_at + PROBE_SECONDS:
+                self._probe()
         return gone
 
     def compare(self) -> bool:
@@ -168,7 +176,13 @@ class ActionEndpoint(_ComparedEndpoint):
 
     def mark_unanswered(self) -> None:
         """It owes an answer that did not come in time."""
-        self._unanswered_at = self._clock.now()
+        self._unanswered_at = self._probed_at = self._clock.now()
+
+    def _probe(self) -> None:
+        """What it was asked while it stood still may be lost: its side has taken ours for dead meanwhile."""
+        self._probed_at = self._clock.now()
+        with suppress(PortError):
+            self.client.get_result(NO_GOAL, lambda status, result: None)
 
     @property
     def is_silent(self) -> bool:
