@@ -173,7 +173,7 @@ class StopAll:
             if isinstance(endpoint, ActionEndpoint):
                 self._cancels.append(CancelAll(endpoint, find_goals))
             elif not endpoint.is_stoppable:
-                self._unstoppable.append(f"{endpoint.label} (its topic takes no stop)")
+                self._unstoppable.append(endpoint.label)
             elif endpoint.presence.count:
                 self._silent.append(f"{endpoint.label} (told to stop; a topic gives no answer)")
             else:
