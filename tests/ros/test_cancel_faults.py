@@ -236,3 +236,17 @@ def test_a29_a_robot_that_answers_again_is_connected_again_without_another_act()
     assert bench.robot_statuses() == ["connected", "degraded", "connected"]
     assert bench.speech.cancels == [], "asking how it is cancels nothing"
     bench.check()
+
+
+def test_a_server_that_moves_again_after_the_first_report_is_asked_again() -> None:
+    bench = Bench([LONG])
+    bench.act()
+    bench.run(1)
+    lost = bench.wire.drop("*/cancel_goal")
+    bench.stop_all()
+    bench.run(6)
+    assert "pepper/speech" in bench.stops()[-1].unconfirmed[-1]
+    lost.stop()
+    bench.run(16)
+    assert bench.stops()[-1].unconfirmed == () and bench.speech.running() == []
+    bench.check()

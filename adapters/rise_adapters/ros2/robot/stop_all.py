@@ -37,7 +37,9 @@ _LOG = logging.getLogger(__name__)
 ANSWER_SECONDS = 2.5
 """Seconds until the report is given; the kernel waits STOP_LIMIT, 3 s."""
 REPEAT_SECONDS = 0.8
-"""After which a server that has not answered is asked again, until ANSWER_WITHIN."""
+"""After which a server that has not answered is asked again, until the first report ..."""
+SLOW_REPEAT_SECONDS = 2.0
+"""... and afterwards: what it was asked while it stood still may be lost."""
 
 MAX_BY_ID = 20
 """Goals of others that one server is asked about by id at most, in one stop."""
@@ -186,7 +188,7 @@ class StopAll:
         return self._reported is not None
 
     def begin(self) -> None:
-        self._ask_servers()
+        self._keep_asking()
         self.poll()
 
     def poll(self) -> None:
@@ -204,21 +206,19 @@ class StopAll:
     def abandon(self) -> None:
         """No report any more."""
         self._is_abandoned = True
-        self._drop_timer()
-
-    def _drop_timer(self) -> None:
         if self._timer is not None:
             self._timer.cancel()
-            self._timer = None
 
-    def _ask_servers(self) -> None:
-        """Ask those that have not answered, and again a while later."""
+    def _keep_asking(self) -> None:
+        """Ask those that have not answered, and again a while later, until all have confirmed."""
+        now = self._clock.now()
+        if self._reported is None and now >= self._until:
+            self._finish()
+        if self._is_abandoned or (self._reported is not None and not self._reported.unconfirmed):
+            return
         self._ask(cancel for cancel in self._cancels if cancel.answer is None)
-        again = self._clock.now() + REPEAT_SECONDS
-        if again < self._until:
-            self._timer = self._clock.call_at(again, self._ask_servers)
-        else:
-            self._timer = self._clock.call_at(self._until, self._finish)
+        again = min(now + REPEAT_SECONDS, self._until) if self._reported is None else now + SLOW_REPEAT_SECONDS
+        self._timer = self._clock.call_at(again, self._keep_asking)
 
     def _ask(self, cancels: Iterable[CancelAll]) -> None:
         for cancel in tuple(cancels):
@@ -236,7 +236,6 @@ class StopAll:
 
     def _finish(self) -> None:
         """Say how things stand."""
-        self._drop_timer()
         if self._reported is None:
             for cancel in self._cancels:
                 if cancel.answer is None and cancel.endpoint.presence.count == 1:
