@@ -39,8 +39,8 @@ def read_mappings(
     narrows it down to some actions. Raises MappingError with everything that is wrong.
     """
     mistakes = ProfileMistakes()
-    options = parse_options(profile, mistakes)
     types = FieldTypes(fields)
+    options = parse_options(profile, mistakes, types)
     mappings: dict[str, ActionMapping] = {}
     for name, spec in profile.actions.items():
         if not _is_done_by_itself(spec) or (actions is not None and name not in actions):

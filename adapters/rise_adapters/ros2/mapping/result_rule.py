@@ -8,7 +8,6 @@ from typing import Any
 from rise_adapters.ros2.mapping.action_mapping import ResultRule
 from rise_adapters.ros2.mapping.compiler import ProfileMistakes
 from rise_adapters.ros2.mapping.field_types import FieldTypes, MessageFieldType
-from rise_engine.nearest_name import did_you_mean
 
 _KEYS = ("code", "ok", "text", "codes")
 
@@ -53,16 +52,8 @@ def _read_field_path(
     names = tuple(path.split("."))
     if not type:
         return names, None
-    inside = MessageFieldType(f"{type}_Result")
-    for name in names:
-        fields = types.fields_of(inside.base)
-        if fields is None:
-            if missing := types.why_unknown(inside.base):
-                mistakes.add(f"{where}.{key}", f"cannot be checked: {missing}")
-            return names, None
-        if name not in fields:
-            wrong = f"names `{name}`, which is no field of {inside.base}{did_you_mean(name, fields)}"
-            mistakes.add(f"{where}.{key}", wrong)
-            return names, None
-        inside = fields[name]
-    return names, inside
+    try:
+        return names, types.find(f"{type}_Result", names)
+    except ValueError as error:
+        mistakes.add(f"{where}.{key}", str(error))
+        return names, None

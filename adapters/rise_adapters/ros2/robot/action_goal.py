@@ -8,7 +8,7 @@
 A goal that has ended for the engine may still run on the robot, or begin there: one that was not answered, was
 accepted too late, or refused to be cancelled. It is *open*: it is remembered under its id and cancelled as soon as the
 server can be reached, its server gets nothing else, and what it then says is noted. It is over when the server says how
-it ended, refuses it, or has forgotten it after having accepted it. A server that does not know a goal which it has never
+it ended, refuses it, or has forgotten it after having accepted it. That a server does not know a goal which it never
 answered proves nothing, unless it is another program than the one that the goal was sent to.
 """
 
@@ -138,7 +138,7 @@ class ActionGoal:
             self._mark_over()
 
     def why_open(self) -> str:
-        if not self.endpoint.presence.count:
+        if self.endpoint.presence.was_seen and not self.endpoint.presence.count:
             return "its program has gone"
         if self._is_adopted and not self.cancellation.confirmed and self.cancellation.refused_at is None:
             return f"an engine that has gone {'began' if self._accepted else 'may have begun'} it"
