@@ -38,7 +38,7 @@ from rise_engine.scenario.session_keys import factors_read
 from rise_engine.scenario.shipped_studies import shipped_hint
 from rise_engine.scenario.source_files import MAX_TOML_BYTES, FileReader, SourceFile
 from rise_engine.scenario.spoken_texts import SpokenText
-from rise_engine.scenario.study_paths import OUTSIDE, why_not_read
+from rise_engine.scenario.study_paths import why_not_read
 from rise_engine.scenario.suppressions import (
     SuppressedWarning,
     Suppression,
@@ -375,7 +375,7 @@ class ScenarioLoader:
             where = self.file.value_location(kind) if named == self.file.values.get(kind) else self.caller
         try:
             if problem := why_not_read(self.folder, named or path.name):
-                self.diagnostics.error(OUTSIDE, where, problem)
+                self.diagnostics.error("outside-study", where, problem)
                 self.draft.unreadable_parts.add(kind)
                 return False
             if self.tree.exists(path):  # a link that leads nowhere is there, and cannot be read

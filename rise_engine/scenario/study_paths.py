@@ -14,8 +14,6 @@ from pathlib import Path, PurePosixPath
 from rise_engine.scenario.file_names import SCENARIO_FILE, STUDY_FILE
 from rise_engine.text import UNSEEN, clean
 
-OUTSIDE = "outside-study"
-"""The code of a finding about a path that leads out of the study."""
 SUFFIXES = (".xml", ".toml", ".json", ".jsonl", ".csv", ".md", ".txt")
 """The ends of the names of a study's files: all of them are text."""
 RECORDED = ("sessions", "bundles", "exports")

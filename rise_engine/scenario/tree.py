@@ -9,7 +9,7 @@ from collections.abc import Mapping
 from pathlib import Path
 
 from rise_engine.errors import RiseError
-from rise_engine.scenario.study_paths import OUTSIDE, why_not_read
+from rise_engine.scenario.study_paths import why_not_read
 
 Held = Mapping[str, bytes | None]
 """Contents by the names of files relative to a scenario's folder, `acts/greet.xml`; None: the file is not there."""
@@ -91,7 +91,7 @@ class FileTree:
         else:
             is_of_study = self._closed and path.is_relative_to(self.folder)
             if is_of_study and (problem := why_not_read(self.folder, path.relative_to(self.folder))):
-                raise UnreadableError(problem, OUTSIDE)
+                raise UnreadableError(problem, "outside-study")
             data, size = _read_from_disk(path, most)
         if size > most:
             raise UnreadableError(f"this file is larger than {most // 1_000_000} MB", "too-large")

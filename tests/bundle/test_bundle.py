@@ -184,10 +184,13 @@ def test_a_bundle_can_be_looked_at_as_the_study_could(study: Path, bundle: Path)
 
 def test_a_withdrawal_erases_the_bundle(tmp_path: Path) -> None:
     study = make_study(tmp_path / "study")
-    bundle_of(study, tmp_path / "bundle", folders=sessions_of(study)[1:4])
+    for out in (study / "bundle", tmp_path / "elsewhere"):
+        bundle_of(study, out, folders=sessions_of(study)[1:4])
     report = withdraw(study, "P01")
-    assert not (tmp_path / "bundle").exists()
-    assert report.make_again == [f"{tmp_path / 'bundle'} (with P02)"]
+    assert not (study / "bundle").exists()
+    assert report.make_again == [f"{study / 'bundle'} (with P02)"]
+    assert (tmp_path / "elsewhere").exists()
+    assert any(f"{tmp_path / 'elsewhere'} was exported of them" in sentence for sentence in report.beyond)
 
 
 def test_the_plan_is_left_out_while_somebody_is_to_come(tmp_path: Path) -> None:

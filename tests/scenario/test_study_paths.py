@@ -22,7 +22,7 @@ from rise_engine.scenario import load
 from rise_engine.scenario.interrupted_save import FRESH, NOTE, SavedFile, sum_of
 from rise_engine.scenario.new_study import write_new_folder
 from rise_engine.scenario.shipped_studies import StudyCopyError
-from rise_engine.scenario.study_paths import OUTSIDE, why_not_read, why_not_written
+from rise_engine.scenario.study_paths import why_not_read, why_not_written
 from rise_engine.study.study_toml import load_study
 
 from ..study.studies import write_study
@@ -157,12 +157,12 @@ def test_a_scenario_reads_nothing_outside_of_its_folder(study: Path, kind: str) 
         (study / "scenario.toml").write_text(f"{kind} = {json.dumps(place)}\n{settings}")
         result = load(study)
         assert result.scenario is None
-        (found,) = [each for each in result.errors if each.code == OUTSIDE]
+        (found,) = [each for each in result.errors if each.code == "outside-study"]
         assert str(found.location) == f"scenario.toml:1:{len(kind) + 4}"
         assert f"`{place}` leads out of the study's folder" in found.message
         assert not [name for name in result.files if "outside" in name or name.startswith("/etc")]
     (study / "scenario.toml").write_text(settings)
-    assert load(study, paths={kind: "../outside"}).errors[0].code == OUTSIDE
+    assert load(study, paths={kind: "../outside"}).errors[0].code == "outside-study"
 
 
 def test_files_that_are_links_out_are_told_at_once_and_not_read(study: Path, tmp_path: Path) -> None:
@@ -171,7 +171,7 @@ def test_files_that_are_links_out_are_told_at_once_and_not_read(study: Path, tmp
     for name in links[1:]:
         (study / name).parent.mkdir(exist_ok=True)
         (study / name).symlink_to(tmp_path / "outside" / "file.xml")
-    found = [each for each in load(study).errors if each.code == OUTSIDE]
+    found = [each for each in load(study).errors if each.code == "outside-study"]
     assert sorted(str(each.location) for each in found) == sorted(f"{name}:1:1" for name in links)
     assert not {*links} & read_study_files(study).keys()
     for name in links:
@@ -199,6 +199,6 @@ def test_a_study_has_its_scenarios_in_its_folder(tmp_path: Path, place: str) -> 
     found = load_study(study)
     assert found.study is None
     (error,) = found.errors
-    assert error.code == OUTSIDE and f"`{place}` leads out of the study's folder" in error.message
+    assert error.code == "outside-study" and f"`{place}` leads out of the study's folder" in error.message
     assert error.location.file == "study.toml" and error.location.line > 1
     assert os.path.lexists(tmp_path / "outside")
