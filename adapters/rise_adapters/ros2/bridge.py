@@ -12,7 +12,14 @@ from contextlib import ExitStack
 from functools import partial
 from pathlib import Path
 
-from rise_adapters.ros2.mapping import ActionMapping, MappingError, mapping_problems, read_mappings, read_options
+from rise_adapters.ros2.mapping import (
+    ActionMapping,
+    MappingError,
+    mapping_findings,
+    mapping_problems,
+    read_mappings,
+    read_options,
+)
 from rise_adapters.ros2.mapping.field_types import ReadFields
 from rise_adapters.ros2.parameters import ParameterOption, ParameterServices, ReadableParameter, parameters_as_options
 from rise_adapters.ros2.robot import Ros2Robot
@@ -26,7 +33,7 @@ from rise_adapters.ros2.transport.port import PortError, Transport
 from rise_adapters.ros2.transport.rclpy.types import InstalledTypes
 from rise_adapters.ros2.transport.selection import open_transport, why_unavailable
 from rise_engine.kernel.inputs import Note
-from rise_engine.ports.bridge import BridgeError, RosConnection
+from rise_engine.ports.bridge import BridgeError, ProfileFinding, RosConnection
 from rise_engine.ports.robot import Clock, Robot
 from rise_engine.scenario.model import RobotProfile
 from rise_engine.server.hub import SessionHub
@@ -206,16 +213,16 @@ def read_parameters(
         raise BridgeError([str(error)]) from None
 
 
-def check_profile(profile: RobotProfile) -> list[str]:
-    """What is wrong with a profile, as far as that shows without a connection (`rise-engine check` in real mode): the
-    same that a session, which takes the types from where the check takes them, is refused for."""
+def check_profile(profile: RobotProfile) -> list[ProfileFinding]:
+    """What there is to say about a profile without a connection (`rise-engine check`): also what a session, which takes
+    the types from where the check takes them, is refused for."""
     try:
         fields = _field_reader(read_options(profile).share)
     except MappingError:
-        return mapping_problems(profile)
+        return mapping_findings(profile)
     except PortError as error:
-        return [str(error)]
-    return mapping_problems(profile, fields)
+        return [ProfileFinding(str(error), "options.share", "missing")]
+    return mapping_findings(profile, fields)
 
 
 def _field_reader(share: Sequence[str]) -> ReadFields | None:

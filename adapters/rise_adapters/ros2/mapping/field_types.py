@@ -16,6 +16,8 @@ ReadFields: TypeAlias = Callable[[str], Mapping[str, str]]
 """`Transport.fields`: the fields of a message type. Raises PortError where the type is not known."""
 
 DURATION = "builtin_interfaces/msg/Duration"
+TIME = "builtin_interfaces/msg/Time"
+QUATERNION = "geometry_msgs/msg/Quaternion"
 
 _INTEGERS = {"byte": (0, 255), **INTEGER_RANGES}
 _FLOATS = {"float32": 3.4028234663852886e38, "float64": math.inf}
