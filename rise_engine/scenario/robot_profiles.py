@@ -70,10 +70,8 @@ def _make(source: SourceFile, name: str, diagnostics: Diagnostics) -> RobotProfi
 
 
 def locate_in_profile(where: str, name: str, files: FileReader) -> SourceLocation:
-    """Where a key of a robot stands, `actions.Wave.carrier.goal`: in its profile, or in a scenario.toml that changes it.
-
-    `files` reads the scenario's folder. Of a key that is not there, where its nearest parent stands.
-    """
+    """Where a key of a robot stands, `actions.Wave.carrier.goal`: in its profile, or in the scenario.toml that `files`
+    reads, which may change it. Of a key that is not there, where its nearest parent stands."""
     best, location = -1, SourceLocation(name)
     for path in (find_profile(name, files.folder, files.tree), files.folder / SCENARIO_FILE):
         source = files.read(path, MAX_TOML_BYTES) if path is not None and files.tree.is_file(path) else None

@@ -3,15 +3,17 @@
 from __future__ import annotations
 
 import asyncio
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
 
 from rise_adapters.ros2 import compatibility, graph_checks
 from rise_adapters.ros2.actions.client import ActionClient
-from rise_adapters.ros2.doctor.finding import DoctorFinding
-from rise_adapters.ros2.mapping import ActionMapping, MappingError, read_mappings, read_options
+from rise_adapters.ros2.doctor.finding import DoctorFinding, Level
+from rise_adapters.ros2.doctor.live_names import LiveNames
+from rise_adapters.ros2.mapping import ActionMapping, MappingError, mapping_findings, read_mappings, read_options
 from rise_adapters.ros2.mapping.options import DRIVER
 from rise_adapters.ros2.transport.port import PortError, Transport
+from rise_engine.ports.bridge import ProfileFindingKind
 from rise_engine.scenario.model import RobotProfile
 
 SEARCH_SECONDS = 3.0
@@ -36,26 +38,33 @@ async def check_robot(
                 f"the robot {profile.name} was not looked for: its driver is {profile.driver!r}, which is not on ROS",
             )
         ]
+    said = mapping_findings(profile, transport.fields)
     try:
         mappings = read_mappings(profile, transport.fields)
-    except MappingError as errors:
-        return [DoctorFinding("problem", "robot", sentence) for sentence in errors.findings]
+    except MappingError:
+        levels: dict[ProfileFindingKind, Level] = {"wrong": "problem", "missing": "problem", "unstoppable": "warning"}
+        return [DoctorFinding(levels[each.kind], "robot", each.sentence) for each in said]
+    unstoppable = [DoctorFinding("warning", "robot", each.sentence) for each in said]
     expected: list[_ExpectedEndpoint] = []
+    live: LiveNames | None = None
     try:
+        live = LiveNames(transport, profile, mappings)
         for name, mapping in _by_route(mappings).items():
             expected.append(_ExpectedEndpoint(transport, name, mapping))
-        await _wait_for(expected, seconds)
+        await _wait_for(expected, seconds, live.are_complete)
         if len(expected) > 1 and not any(each.is_seen() for each in expected):
             names = ", ".join(each.full for each in expected)
             others = list(dict.fromkeys(name for each in expected for name in each.names_elsewhere()))
             remedy = _advise_renaming("these", others) if others else _advise_start("these")
             return [DoctorFinding("problem", "robot", f"nothing of {profile.name} is there: {names}", remedy)]
-        return [finding for each in expected for finding in each.findings()]
+        return [*(finding for each in expected for finding in each.findings()), *live.findings(), *unstoppable]
     except PortError as error:
         return [DoctorFinding("problem", "robot", str(error))]
     finally:
         for each in expected:
             each.close()
+        if live is not None:
+            live.close()
 
 
 def _by_route(mappings: Mapping[str, ActionMapping]) -> dict[str, ActionMapping]:
@@ -66,12 +75,14 @@ def _by_route(mappings: Mapping[str, ActionMapping]) -> dict[str, ActionMapping]
     return {", ".join(each): mappings[each[0]] for each in names.values()}
 
 
-async def _wait_for(expected: Sequence[_ExpectedEndpoint], seconds: float) -> None:
+async def _wait_for(
+    expected: Sequence[_ExpectedEndpoint], seconds: float, are_names_complete: Callable[[], bool]
+) -> None:
     loop = asyncio.get_running_loop()
     until = loop.time() + seconds
     complete: float | None = None
     while loop.time() < until and (complete is None or loop.time() < complete + SETTLE_SECONDS):
-        if complete is None and all(each.is_complete() for each in expected):
+        if complete is None and all(each.is_complete() for each in expected) and are_names_complete():
             complete = loop.time()
         await asyncio.sleep(_POLL_SECONDS)
 
@@ -89,6 +100,9 @@ class _ExpectedEndpoint:
                 transport, mapping.name, mapping.type, feedback=mapping.feedback_qos, status=mapping.status_qos
             )
             self.count_receivers, self.close = client.count_servers, client.close
+        elif mapping.kind == "service":
+            service = transport.client(mapping.name, mapping.type)
+            self.count_receivers, self.close = service.count_servers, service.close
         else:
             publisher = transport.publisher(mapping.name, mapping.type, mapping.topic_qos)
             self.count_receivers, self.close = publisher.count_subscribers, publisher.close
@@ -107,17 +121,17 @@ class _ExpectedEndpoint:
 
     def findings(self) -> Iterator[DoctorFinding]:
         number, name, full = self.count_receivers(), self._name, self.full
-        action = self._mapping.kind == "action"
+        is_served = self._mapping.kind != "topic"
         found = compatibility.compare(self._transport, self._mapping)
         for misfit in found.misfits:
             yield DoctorFinding("problem", "robot", f"{name}: {misfit.sentence}", misfit.remedy)
-        if number > 1 and action:
+        if number > 1 and is_served:
             several = compatibility.describe_several_servers(number, full)
             yield DoctorFinding("problem", "robot", f"{name}: {several}", "end all but one of them")
         elif number and not found.misfits:
             listens = f"has {number} subscriber{'s' if number > 1 else ''}"
             yield DoctorFinding(
-                "ok", "robot", f"{name}: {full} {f'is offered, as {self._mapping.type}' if action else listens}"
+                "ok", "robot", f"{name}: {full} {f'is offered, as {self._mapping.type}' if is_served else listens}"
             )
         elif not found.misfits:
             others = self.names_elsewhere()

@@ -1,4 +1,5 @@
-"""What of a robot goals go to: its action servers and the topics that it listens to, and whether they can be relied on.
+"""What of a robot goals go to: its action servers, the topics that it listens to and its services, and whether they can
+be relied on.
 
 ROS 2 tells a client nothing when a server dies, so all this is found by polling, several times a second.
 """
@@ -13,7 +14,7 @@ from rise_adapters.ros2.actions.client import ActionClient
 from rise_adapters.ros2.compatibility import EndpointComparison
 from rise_adapters.ros2.mapping import ActionMapping
 from rise_adapters.ros2.robot.presence import ServerPresence
-from rise_adapters.ros2.transport.port import Message, PortError, Publisher, Transport
+from rise_adapters.ros2.transport.port import Message, PortError, Publisher, ServiceClient, Transport
 from rise_engine.ports.robot import Clock
 
 _LOG = logging.getLogger(__name__)
@@ -174,7 +175,38 @@ class TopicEndpoint(_ComparedEndpoint):
         self.publisher.close()
 
 
-Endpoint: TypeAlias = ActionEndpoint | TopicEndpoint
+class ServiceEndpoint(_ComparedEndpoint):
+    """One service of the robot."""
+
+    def __init__(self, label: str, transport: Transport, mapping: ActionMapping, clock: Clock) -> None:
+        """Raises PortError."""
+        super().__init__(label, transport, mapping, clock)
+        self.client: ServiceClient = transport.client(mapping.name, mapping.type)
+        self.holders: set[object] = set()
+        """The calls that have ended for the engine, and are still to be answered: until then nothing else goes out."""
+
+    def poll(self, count: int | None = None) -> bool:
+        return self.presence.update(self.client.count_servers() if count is None else count)
+
+    @property
+    def fault(self) -> Fault:
+        return super().fault or ("double" if self.presence.count > 1 else "")
+
+    @property
+    def trouble(self) -> str:
+        if trouble := super().trouble:
+            return trouble
+        if not self.presence.is_settled:
+            return f"{self.name} comes and goes"
+        if self.presence.count > 1:
+            return compatibility.describe_several_servers(self.presence.count, self.name)
+        return f"{self.name} has only just been found"
+
+    def close(self) -> None:
+        self.client.close()
+
+
+Endpoint: TypeAlias = ActionEndpoint | TopicEndpoint | ServiceEndpoint
 
 
 def close_all(endpoints: tuple[Endpoint, ...]) -> None:

@@ -1,7 +1,7 @@
 """A robot on ROS 2, behind the engine's port: `Ros2Robot` keeps its goals, and watches whether it is there.
 
-Every action of the profile goes to an action server, or is published on a topic. One timer drives everything: it polls
-the servers (ROS says nothing when one dies) and the goals whose time has come.
+Every action of the profile goes to an action server or a service, or is published on a topic. One timer drives
+everything: it polls the servers (ROS says nothing when one dies) and the goals whose time has come.
 """
 
 from __future__ import annotations
@@ -15,8 +15,16 @@ from rise_adapters.ros2.compatibility import describe_uncompared
 from rise_adapters.ros2.mapping import ActionMapping
 from rise_adapters.ros2.robot import standing
 from rise_adapters.ros2.robot.action_goal import ActionGoal
-from rise_adapters.ros2.robot.endpoints import ActionEndpoint, Endpoint, TopicEndpoint, close_all, short_labels
+from rise_adapters.ros2.robot.endpoints import (
+    ActionEndpoint,
+    Endpoint,
+    ServiceEndpoint,
+    TopicEndpoint,
+    close_all,
+    short_labels,
+)
 from rise_adapters.ros2.robot.goal_host import TIMER_TOLERANCE, Ending, Goal
+from rise_adapters.ros2.robot.service_goal import ServiceGoal
 from rise_adapters.ros2.robot.standing import Standing
 from rise_adapters.ros2.robot.stop_all import StopAll
 from rise_adapters.ros2.robot.topic_goal import TopicGoal
@@ -89,6 +97,8 @@ class Ros2Robot:
     def _make_endpoint(self, mapping: ActionMapping, label: str) -> Endpoint:
         if mapping.kind == "topic":
             return TopicEndpoint(label, self._transport, mapping, self.clock)
+        if mapping.kind == "service":
+            return ServiceEndpoint(label, self._transport, mapping, self.clock)
         endpoint = ActionEndpoint(label, self._transport, mapping, self.clock)
         endpoint.client.on_feedback = self._take_feedback
         endpoint.client.on_status = partial(self._take_status, endpoint)
@@ -122,12 +132,15 @@ class Ros2Robot:
     def _make_goal(self, goal: StartAction, mapping: ActionMapping) -> Goal:
         """Raises PortError and ValueError for what cannot be sent."""
         node, frame = self._transport.node, self._frame
-        message = mapping.make_message(goal.parameters, node=node, goal=goal.action, frame=frame)
+        make_message = partial(mapping.make_message, goal.parameters, node=node, goal=goal.action, frame=frame)
+        message = make_message()
         endpoint = self._endpoint_of[goal.type]
         if isinstance(endpoint, TopicEndpoint):
-            reset = mapping.make_reset(node=node, goal=goal.action, frame=frame)
-            return TopicGoal(self, endpoint, goal.action, mapping, message, reset, goal.expected)
+            make_reset = partial(mapping.make_reset, node=node, goal=goal.action, frame=frame)
+            return TopicGoal(self, endpoint, goal.action, mapping, make_message, make_reset, goal.expected)
         limit = limit_seconds(self._profile.actions[goal.type], goal.parameters)
+        if isinstance(endpoint, ServiceEndpoint):
+            return ServiceGoal(self, endpoint, goal.action, mapping, make_message, goal.expected, limit)
         made = ActionGoal(self, endpoint, goal.action, mapping, message, goal.expected, limit)
         self._by_id[made.id] = made
         return made

@@ -24,7 +24,7 @@ from rise_adapters.ros2.actions.client import (
     CancelResponse,
 )
 from rise_adapters.ros2.robot.action_goal import ActionGoal
-from rise_adapters.ros2.robot.endpoints import ActionEndpoint, Endpoint
+from rise_adapters.ros2.robot.endpoints import ActionEndpoint, Endpoint, TopicEndpoint
 from rise_adapters.ros2.transport.port import PortError
 from rise_engine.kernel.inputs import StopReport
 from rise_engine.ports.robot import Clock, Timer
@@ -158,8 +158,10 @@ class StopAll:
                 self._unasked.append(f"{endpoint.label} ({why})")
             elif isinstance(endpoint, ActionEndpoint):
                 self._cancels.append(CancelAll(endpoint, find_goals))
-            else:
+            elif isinstance(endpoint, TopicEndpoint):
                 self._unasked.append(f"{endpoint.label} (told to stop; a topic gives no answer)")
+            elif endpoint.holders:
+                self._unasked.append(f"{endpoint.label} (cannot be stopped; it has not answered)")
 
     def begin(self) -> None:
         self._ask_servers()

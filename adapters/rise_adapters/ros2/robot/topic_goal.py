@@ -1,15 +1,19 @@
-"""An action that a topic carries: it is published, takes its expected time, and is taken back by the profile's reset.
+"""An action that a topic carries: it is published, once or at a rate, takes its expected time, and is taken back by the
+profile's reset.
 
 Nobody answers on a topic. That something listens counts as acceptance, that the time is over as success.
 """
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 from rise_adapters.ros2.mapping import ActionMapping
 from rise_adapters.ros2.robot import endings
 from rise_adapters.ros2.robot.endpoints import TopicEndpoint
 from rise_adapters.ros2.robot.goal_host import TIMER_TOLERANCE, Ending, GoalHost, Phase
 from rise_adapters.ros2.transport.port import Message, PortError
+from rise_engine.ports.robot import Timer
 
 
 class TopicGoal:
@@ -21,17 +25,19 @@ class TopicGoal:
         endpoint: TopicEndpoint,
         action: str,
         mapping: ActionMapping,
-        message: Message,
-        reset: Message | None,
+        make_message: Callable[[], Message],
+        make_reset: Callable[[], Message | None],
         expected: float,
     ) -> None:
-        """`expected`: seconds after which it has succeeded. `reset`: what is published at its end, if anything."""
+        """`expected`: seconds after which it has succeeded. `make_reset`: what is published at its end, if anything."""
         self.action = action
         self.phase: Phase = "waiting"
         self.endpoint = endpoint
         self._host = host
-        self._message = message
-        self._reset = reset
+        self._make_message = make_message
+        self._make_reset = make_reset
+        self._rate = mapping.rate
+        self._repeat: Timer | None = None
         self._expected = expected
         self._deadline = host.clock.now() + mapping.deadlines.server
 
@@ -72,10 +78,7 @@ class TopicGoal:
             self._end(*endings.of_lost_robot(reason, was_sent=self.phase != "waiting"))
 
     def _publish(self) -> None:
-        try:
-            self.endpoint.publisher.publish(self._message)
-        except PortError as error:
-            self._end("failed", f"not-sent: {error}")
+        if not self._send():
             return
         self.endpoint.user = self
         self.phase = "running"
@@ -83,12 +86,31 @@ class TopicGoal:
         self._host.report_accepted(self.action)
         self._host.on_goal_changed(self)
 
+    def _send(self) -> bool:
+        """Publish the message now, and at its rate again. False: that has ended it."""
+        try:
+            self.endpoint.publisher.publish(self._make_message())
+        except (PortError, ValueError) as error:
+            self._end("failed", f"not-sent: {error}")
+            return False
+        if self._rate:
+            clock = self._host.clock
+            self._repeat = clock.call_at(clock.now() + 1 / self._rate, self._send_again)
+        return True
+
+    def _send_again(self) -> None:
+        if self.phase == "running" and self.endpoint.user is self:
+            self._send()
+
     def _end(self, status: Ending, reason: str) -> None:
         assert self.phase != "ended"
         self.phase = "ended"
+        if self._repeat is not None:
+            self._repeat.cancel()
         if self.endpoint.user is self:  # a later one has the topic to itself
             self.endpoint.user = None
-            if self._reset is not None:
-                self.endpoint.publish(self._reset)
+            reset = self._make_reset()
+            if reset is not None:
+                self.endpoint.publish(reset)
         self._host.on_goal_changed(self)
         self._host.report_ended(self.action, status, reason)

@@ -1,0 +1,127 @@
+"""An action that a service carries: one call, and its response.
+
+Nothing takes a call back. Who stops the action ends it for the engine; the robot may go on until it answers, and until
+then nothing else goes out on that service.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from math import inf
+
+from rise_adapters.ros2.mapping import ActionMapping
+from rise_adapters.ros2.robot import endings
+from rise_adapters.ros2.robot.endpoints import ServiceEndpoint
+from rise_adapters.ros2.robot.goal_host import TIMER_TOLERANCE, Ending, GoalHost, Phase
+from rise_adapters.ros2.transport.port import Message, PortError
+
+
+class ServiceGoal:
+    """One call of ours of one service. Implements `Goal`."""
+
+    def __init__(
+        self,
+        host: GoalHost,
+        endpoint: ServiceEndpoint,
+        action: str,
+        mapping: ActionMapping,
+        make_request: Callable[[], Message],
+        expected: float,
+        limit: float,
+    ) -> None:
+        """`expected` and `limit` in seconds: how long it will take, and when the kernel gives it up."""
+        self.action = action
+        self.phase: Phase = "waiting"
+        self.endpoint = endpoint
+        self.may_be_running = False
+        """On the robot, whatever the engine thinks of it."""
+        self._host = host
+        self._mapping = mapping
+        self._make_request = make_request
+        self._expected = expected
+        self._deadline = host.clock.now() + mapping.deadlines.server
+        self._limit_at = host.clock.now() + limit
+        self._ended_at = 0.0
+
+    def cancel(self) -> None:
+        if self.phase == "waiting":
+            self._end("canceled", "it had not been sent yet")
+        elif self.phase == "running":
+            is_overdue = endings.is_overdue(self._host.clock.now(), self._limit_at)
+            self._end(*endings.of_unstoppable_call(self.endpoint.name, is_overdue=is_overdue))
+
+    def is_live(self) -> bool:
+        return self.phase != "ended" or self.may_be_running
+
+    def next_deadline(self) -> float:
+        return self._deadline if self.phase != "ended" else inf
+
+    def poll(self) -> None:
+        now = self._host.clock.now() + TIMER_TOLERANCE
+        endpoint = self.endpoint
+        if self.phase == "waiting":
+            endpoint.compare()
+            if endpoint.misfit:
+                self._end("failed", endpoint.misfit)
+            elif endpoint.holders:
+                self._end(*endings.of_held_service(endpoint.name))
+            elif endpoint.is_ready and endpoint.presence.count == 1:
+                self._call()
+            elif now >= self._deadline:
+                several = endpoint.presence.count > 1
+                self._end(*(endings.of_two_servers(endpoint) if several else endings.of_missing_server(endpoint, 0)))
+        elif self.phase == "running" and now >= self._deadline:
+            grace = self._mapping.deadlines.result
+            self._end(*endings.of_overdue_result(endpoint.name, self._expected, grace))
+
+    def on_server_gone(self) -> None:
+        self._mark_over()
+        if self.phase == "running":
+            self._end("lost", f"server-gone: what offered {self.endpoint.name} has gone away in the middle of it")
+
+    def on_server_changed(self) -> None:
+        """Another one would not know the call: only the one that has it can answer."""
+
+    def on_robot_lost(self, reason: str) -> None:
+        if self.phase != "ended":
+            self._end(*endings.of_lost_robot(reason, was_sent=self.phase != "waiting"))
+        self._mark_over()
+
+    def _call(self) -> None:
+        try:
+            self.endpoint.client.call(self._make_request(), self._take_response)
+        except (PortError, ValueError) as error:
+            self._end("failed", f"not-sent: {error}")
+            return
+        grace = self._mapping.deadlines.result
+        self._deadline = self._host.clock.now() + self._expected + grace if grace else inf
+        self.phase = "running"
+        self.may_be_running = True
+        self._host.report_accepted(self.action)
+        self._host.on_goal_changed(self)
+
+    def _take_response(self, response: Message) -> None:
+        if self.phase == "ended":
+            if self.may_be_running:
+                seconds = self._host.clock.now() - self._ended_at
+                answer = f"{self.endpoint.name} answered {self.action} {seconds:.1f} s after its end"
+                self._host.report_note(self.endpoint, f"late: {answer}; it changes nothing")
+            self._mark_over()
+            return
+        self.may_be_running = False
+        self._end(*endings.of_response(response, self._mapping, self.endpoint.name))
+
+    def _end(self, status: Ending, reason: str) -> None:
+        assert self.phase != "ended"
+        self.phase = "ended"
+        self._ended_at = self._host.clock.now()
+        if self.may_be_running:
+            self.endpoint.holders.add(self)
+        self._host.on_goal_changed(self)
+        self._host.report_ended(self.action, status, reason)
+
+    def _mark_over(self) -> None:
+        """Nothing of it runs on the robot any more, or nobody will ever say so."""
+        self.may_be_running = False
+        self.endpoint.holders.discard(self)
+        self._host.on_goal_changed(self)
