@@ -498,11 +498,11 @@ async def test_check_doctor_and_session_say_the_same_about_a_profile(
     robot, definition, sentence = STATIC[fault]
     lab = Lab(tmp_path, monkeypatch, robot, definition)
     (checked,) = check_profile(lab.scenario.robot)
-    assert sentence in checked
-    assert await lab.doctor() == [checked]
+    assert sentence in checked.sentence
+    assert await lab.doctor() == [checked.sentence]
     with pytest.raises(BridgeError) as refused:
         await lab.session()
-    assert refused.value.lines == [checked]
+    assert refused.value.lines == [checked.sentence]
     assert not lab.wire.messages("/tin/*")
 
 

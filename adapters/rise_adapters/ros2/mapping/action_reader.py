@@ -94,20 +94,22 @@ class ActionReader:
 
     def _check_stopping(self, mapping: ActionMapping) -> None:
         """Say so of what nothing can stop, unless the profile does."""
+        if mapping.kind == "action":
+            return
         known = self._table.get("unstoppable", False)
         if not isinstance(known, bool):
             self._add_mistake("unstoppable", "is true or false")
         elif known and mapping.stoppable:
             self._add_mistake("unstoppable", "stands beside `reset`, which stops it")
         elif not known and not mapping.stoppable:
-            acknowledge = "write `unstoppable = true` if you know"
+            acknowledge = "`unstoppable = true` where that is no danger"
             if mapping.kind == "topic":
                 how = f"nothing is published on {mapping.name} to stop it; write `reset = {{ ... }}`, or {acknowledge}"
             else:
                 how = f"a call of {mapping.name} cannot be taken back; use an action of the robot, or {acknowledge}"
             self._mistakes.add(
                 self._path_of(mapping.kind),
-                f"cannot be stopped: F9 leaves the robot going on, because {how}",
+                f"cannot be stopped: after F9 the robot goes on, because {how}",
                 "unstoppable",
             )
 
