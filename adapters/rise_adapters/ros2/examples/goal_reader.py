@@ -54,7 +54,7 @@ class _ActionPattern:
         return all(
             field_at(message, path) == value
             for path, value in self._fields
-            if not isinstance(value, list) and not any(isinstance(piece, Placeholder) for piece in _parse_pieces(value))
+            if not any(isinstance(piece, Placeholder) for piece in _parse_pieces(value))
         )
 
     def read_parameters(self, message: Message) -> dict[str, Any]:
@@ -152,6 +152,9 @@ def _list_fields(table: Mapping[str, Any], path: tuple[str, ...] = ()) -> Iterat
         inside = (*path, *key.split("."))
         if isinstance(value, dict):
             yield from _list_fields(value, inside)
+        elif isinstance(value, list):  # only what parameters fill: numbers of a list may be rounded on the way
+            items = {str(number): item for number, item in enumerate(value)}
+            yield from (each for each in _list_fields(items, inside) if isinstance(each[1], str) and "{" in each[1])
         else:
             yield inside, value
 

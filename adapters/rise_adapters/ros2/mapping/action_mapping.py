@@ -157,7 +157,10 @@ def _context(parameters: Mapping[str, Any], node: str, goal: str, frame: str) ->
 
 
 def field_at(message: Any, path: Sequence[str]) -> Any:
-    """The value of a field in a message, or in one of those nested in it; None when there is no such field."""
+    """The value of a field in a message, in one of those nested in it, or of an item of a list; None: there is none."""
     for name in path:
-        message = message.get(name) if isinstance(message, dict) else None
+        if isinstance(message, list):
+            message = dict(enumerate(message)).get(int(name)) if name.isdecimal() else None
+        else:
+            message = message.get(name) if isinstance(message, dict) else None
     return message
