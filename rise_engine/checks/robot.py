@@ -56,9 +56,9 @@ async def look_at_robot(request: ChildRequest) -> Finding:
         needed = needed_actions(scenario)
         profile = narrow_profile(scenario.robot, needed)
         found_in_profile = [] if _is_simulated(scenario) else profile_findings(profile)
-        if problems := [each.sentence for each in found_in_profile if each.kind != "unstoppable"]:
+        if problems := [each.sentence for each in found_in_profile if each.refuses]:
             return Finding(False, reason="; ".join(problems))
-        unstoppable = [each.where.split(".")[1] for each in found_in_profile]
+        unstoppable = [each.where.split(".")[1] for each in found_in_profile if each.kind == "unstoppable"]
         changes = _RobotChanges()
         async with _connected_robot(request, scenario, profile) as (robot, _):
             robot.connect(changes.take)

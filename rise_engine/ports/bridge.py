@@ -74,7 +74,7 @@ class Bridge(Protocol[SessionT]):
         ...
 
 
-ProfileFindingKind: TypeAlias = Literal["wrong", "missing", "unstoppable"]
+ProfileFindingKind: TypeAlias = Literal["wrong", "missing", "unstoppable", "unread"]
 
 
 class ProfileFinding(Struct, frozen=True):
@@ -85,7 +85,12 @@ class ProfileFinding(Struct, frozen=True):
     """The key that it is about, `actions.Speech.carrier.goal.text`; empty: the profile as a whole."""
     kind: ProfileFindingKind = "wrong"
     """wrong: it can never work. missing: it cannot work on this computer, or not yet; a rehearsal can. unstoppable: it
-    works, and nothing stops the robot while it does."""
+    works, and nothing stops the robot while it does. unread: nothing takes it, which may be a slip."""
+
+    @property
+    def refuses(self) -> bool:
+        """Whether no session with this robot can begin."""
+        return self.kind in ("wrong", "missing")
 
 
 ProfileChecker: TypeAlias = Callable[[RobotProfile], list[ProfileFinding]]

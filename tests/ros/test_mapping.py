@@ -495,6 +495,15 @@ def test_a_service(tmp_path: Path) -> None:
     assert one.result_rule.failure({"code": 3}) == "error code 3"
 
 
+def test_a_value_of_a_place_that_nothing_takes_may_be_a_slip(tmp_path: Path) -> None:
+    one = robot(tmp_path, ACTION_CARRIER + 'carrier.goal.pose = "{place}"')
+    assert mapping_findings(one, fields) == []
+    slip = replace(one, places={"desk": {"x": 1.0, "y": 0.0, "yow": 1.0}})
+    (found,) = mapping_findings(slip, fields)
+    assert (found.kind, found.where, found.refuses) == ("unread", "places.desk.yow", False)
+    assert found.sentence == "robot bob: `places.desk.yow` is taken by no carrier; did you mean `yaw`?"
+
+
 def test_a_place_that_there_is_not(tmp_path: Path) -> None:
     with pytest.raises(ValueError, match="needs a place, and `dor` is none; did you mean `door`"):
         made(carrier(tmp_path, 'carrier.goal.real = "{place.x}"'), place="dor")

@@ -8,12 +8,11 @@ from pathlib import Path
 
 from rise_adapters.ros2 import compatibility, graph_checks
 from rise_adapters.ros2.actions.client import ActionClient
-from rise_adapters.ros2.doctor.finding import DoctorFinding, Level
+from rise_adapters.ros2.doctor.finding import DoctorFinding
 from rise_adapters.ros2.doctor.live_names import LiveNames
 from rise_adapters.ros2.mapping import ActionMapping, MappingError, mapping_findings, read_mappings, read_options
 from rise_adapters.ros2.mapping.options import DRIVER
 from rise_adapters.ros2.transport.port import PortError, Transport
-from rise_engine.ports.bridge import ProfileFindingKind
 from rise_engine.scenario.model import RobotProfile
 
 SEARCH_SECONDS = 3.0
@@ -42,9 +41,8 @@ async def check_robot(
     try:
         mappings = read_mappings(profile, transport.fields)
     except MappingError:
-        levels: dict[ProfileFindingKind, Level] = {"wrong": "problem", "missing": "problem", "unstoppable": "warning"}
-        return [DoctorFinding(levels[each.kind], "robot", each.sentence) for each in said]
-    unstoppable = [DoctorFinding("warning", "robot", each.sentence) for each in said]
+        return [DoctorFinding("problem" if each.refuses else "warning", "robot", each.sentence) for each in said]
+    warnings = [DoctorFinding("warning", "robot", each.sentence) for each in said]
     expected: list[_ExpectedEndpoint] = []
     live: LiveNames | None = None
     try:
@@ -57,7 +55,7 @@ async def check_robot(
             others = list(dict.fromkeys(name for each in expected for name in each.names_elsewhere()))
             remedy = _advise_renaming("these", others) if others else _advise_start("these")
             return [DoctorFinding("problem", "robot", f"nothing of {profile.name} is there: {names}", remedy)]
-        return [*(finding for each in expected for finding in each.findings()), *live.findings(), *unstoppable]
+        return [*(finding for each in expected for finding in each.findings()), *live.findings(), *warnings]
     except PortError as error:
         return [DoctorFinding("problem", "robot", str(error))]
     finally:

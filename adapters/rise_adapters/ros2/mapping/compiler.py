@@ -56,6 +56,8 @@ class ProfileMistakes:
     def __init__(self, robot: str) -> None:
         self._robot = robot
         self._found: dict[ProfileFinding, None] = {}
+        self.place_keys: set[str] = set()
+        """What some field takes of places."""
 
     @property
     def found(self) -> list[ProfileFinding]:
@@ -65,7 +67,7 @@ class ProfileMistakes:
     @property
     def refusals(self) -> list[ProfileFinding]:
         """What a session with this robot would be refused for."""
-        return [each for each in self._found if each.kind != "unstoppable"]
+        return [each for each in self._found if each.refuses]
 
     def add(self, where: str, sentence: str, kind: ProfileFindingKind = "wrong") -> None:
         self._found[ProfileFinding(f"robot {self._robot}: `{where}` {sentence}", where, kind)] = None
@@ -196,6 +198,7 @@ class MessageCompiler:
             inside = replace(slot, function="", unit=None if slot.key else "rad")
             return YawSource(where, self._compile_parameter(inside, MessageFieldType("float64"), where, in_text=False))
         if slot.key:
+            self._mistakes.place_keys.add(slot.key)
             return compile_place_value(slot, parameter, self._places, type, where)
         if parameter.place and type is not None and not type.is_list and (pose := pose_fields(type.base, slot.name)):
             return self._compile_message(pose, type, where)

@@ -15,6 +15,7 @@ from rise_adapters.ros2.mapping.action_reader import ActionReader
 from rise_adapters.ros2.mapping.compiler import ProfileMistakes
 from rise_adapters.ros2.mapping.field_types import FieldTypes, ReadFields
 from rise_adapters.ros2.mapping.options import parse_options
+from rise_engine.nearest_name import did_you_mean
 from rise_engine.ports.bridge import ProfileFinding
 from rise_engine.scenario.model import ActionSpec, RobotProfile
 
@@ -69,6 +70,7 @@ def _read(
         if mapping is not None:
             mappings[name] = mapping
             _check_qos(name, mappings, mistakes)
+    _check_places(profile, mistakes)
     return mappings, mistakes
 
 
@@ -76,6 +78,15 @@ def with_all_carriers(profile: RobotProfile) -> RobotProfile:
     """The profile with every carrier in its action: also those that `options.wrapper` and `options.error` stand for."""
     options = parse_options(profile, ProfileMistakes(profile.name))
     return replace(profile, actions={name: _write_out_carrier(spec, options) for name, spec in profile.actions.items()})
+
+
+def _check_places(profile: RobotProfile, mistakes: ProfileMistakes) -> None:
+    """What is said of a place and no carrier takes may be a slip, where carriers take anything of places."""
+    taken = mistakes.place_keys
+    for name, place in profile.places.items() if taken else ():
+        for key in place:
+            if key not in taken:
+                mistakes.add(f"places.{name}.{key}", f"is taken by no carrier{did_you_mean(key, taken)}", "unread")
 
 
 def _check_qos(name: str, mappings: Mapping[str, ActionMapping], mistakes: ProfileMistakes) -> None:
