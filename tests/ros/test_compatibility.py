@@ -12,10 +12,11 @@ from typing import Any
 import pytest
 from msgspec.structs import replace
 from rise_adapters.ros2 import bridge as bridges
-from rise_adapters.ros2 import compatibility, doctor
+from rise_adapters.ros2 import compatibility, doctor, profile_check
 from rise_adapters.ros2.actions.server import ActionServer
-from rise_adapters.ros2.bridge import Ros2Bridge, check_profile
+from rise_adapters.ros2.bridge import Ros2Bridge
 from rise_adapters.ros2.mapping import ActionMapping, read_mappings
+from rise_adapters.ros2.profile_check import check_profile
 from rise_adapters.ros2.robot import Ros2Robot
 from rise_adapters.ros2.transport import selection, vendors
 from rise_adapters.ros2.transport.port import FEEDBACK, STATUS_TOPIC, QoS, RemoteEndpoint, Transport, action_types
@@ -456,7 +457,7 @@ class Lab:
         self.wire = MemoryWire()
         self.loop = asyncio.get_running_loop()
         monkeypatch.setattr(selection, "why_unavailable", lambda: {"rclpy": "rclpy is not here", "dds": ""})
-        monkeypatch.setattr(bridges, "why_unavailable", selection.why_unavailable)
+        monkeypatch.setattr(profile_check, "why_unavailable", selection.why_unavailable)
         monkeypatch.setattr(bridges, "open_transport", self.open)
 
     async def open(
