@@ -68,6 +68,11 @@ def _stoppable(store: Store) -> Obstacle:
     return store.blocked_reason("reach") if store.gone_reason else None
 
 
+def _cancellable(store: Store) -> Obstacle:
+    """Asking the robot once more to stop needs no control either."""
+    return store.blocked_reason("reach") or (None if store.open_goals else "the robot has ended everything")
+
+
 def _own_console(store: Store) -> Obstacle:
     """What concerns this console alone, and would mean nothing where no key ever starts anything."""
     return _stoppable(store) or ("this is a replay" if store.attach_reply.replay else None)
@@ -100,7 +105,9 @@ _cue_open = _blocks(
 )
 _failed = _blocks("change", lambda store: store.view.failed or store.view.questions, "no act has failed")
 _asked = _blocks("change", lambda store: store.view.questions, "the study waits for no failed act")
-_releasable = _blocks("change", lambda store: store.key_state == "STOPPED", "nothing is stopped")
+_releasable = _blocks(
+    "change", lambda store: store.key_state == "STOPPED" or store.open_goals, "nothing is stopped or held"
+)
 _savable_values = _blocks("change", lambda store: store.scenario.folder, "this session's scenario has no folder")
 _memory = _blocks("change", lambda store: store.view.memory, "the memory is empty")
 _queue = _blocks("change", lambda store: store.view.running or store.view.waiting, "nothing runs or waits")
@@ -234,8 +241,12 @@ ACTIONS: tuple[ConsoleAction, ...] = (
            "The session goes on with the files of its study as they are saved now. Only while the robot does nothing, "
            "and where the rules stand must be there still; otherwise it says why not. It is recorded.", "",
            _taking_over),
-    ConsoleAction("release", "Release the stop", ("ctrl+r",), "console",
-           "After a stop: shows who confirmed it and who did not, and asks before anything can start again.",
+    ConsoleAction("cancel-open", "Stop what still runs", ("ctrl+w",), "console",
+           "When the robot may still be doing what has ended in the session: asks it once more to stop.", "",
+           _cancellable),
+    ConsoleAction("release", "Release the stop, or a part", ("ctrl+r",), "console",
+           "After a stop: shows who confirmed it and who did not, and asks before anything can start again. When a "
+           "part of the robot is held: asks whether it may be used again.",
            "release", _releasable),
     ConsoleAction("theme", "Choose a theme", (), "console",
            "Shows each theme while you move over it; esc keeps the one you had."),

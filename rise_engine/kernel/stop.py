@@ -8,6 +8,7 @@ from msgspec import Struct
 
 from rise_engine.kernel.commands import StopRobot
 from rise_engine.kernel.core import Core, TimerTarget
+from rise_engine.kernel.inputs import StopReport
 from rise_engine.kernel.records import StopRecord
 
 STOP_LIMIT = 3.0
@@ -55,12 +56,12 @@ class StopLatch:
         self._cancel_timer()
         self.timer = self._core.set_timer(STOP_LIMIT, TimerTarget("stop"))
 
-    def record_answer(self, confirmed: tuple[str, ...], unconfirmed: tuple[str, ...]) -> None:
-        """The robot's answer; one that comes after the limit is recorded too, one after the release is not."""
+    def record_answer(self, answer: StopReport) -> None:
+        """The robot's answer, the first one or a later one: also one after the limit, but none after the release."""
         if self.latched:
             self._cancel_timer()
             self.status = "latched"
-            self._core.emit(StopRecord, "latched", confirmed, unconfirmed)
+            self._core.emit(StopRecord, "latched", answer.confirmed, answer.unconfirmed, unstoppable=answer.unstoppable)
 
     def time_out(self) -> None:
         self.timer = None

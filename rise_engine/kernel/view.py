@@ -42,6 +42,7 @@ from rise_engine.kernel.records import (
     SyncRecord,
     TaskRecord,
     TimingRecord,
+    describe_open_goals,
 )
 from rise_engine.kernel.reports import REPORT_KINDS, ReportRecord, report_words
 
@@ -201,6 +202,8 @@ class StopView(Struct):
     since: float = 0.0
     confirmed: tuple[str, ...] = ()
     unconfirmed: tuple[str, ...] = ()
+    unstoppable: tuple[str, ...] = ()
+    """Parts that take no stop, and that this session has used."""
     source: str = ""
     stood: list[StoodView] = field(default_factory=list)
     """The rules that it has ended, the bottom of the stack first, until it is released."""
@@ -304,11 +307,13 @@ class SessionView(Struct):
             case KeptRecord():
                 self.kept.pop(record.task, None)
             case StopRecord():
+                again = self.stop.status == record.status == "latched"  # the robot has said more
                 self.stop = StopView(
                     record.status,
-                    record.t,
+                    self.stop.since if again else record.t,
                     record.confirmed,
                     record.unconfirmed,
+                    record.unstoppable,
                     record.source or self.stop.source,
                     self.stop.stood if record.status != "released" else [],
                 )
@@ -336,7 +341,8 @@ class SessionView(Struct):
                 self._add_remark(RemarkView("note", record.t, record.source, text))
             case SessionRecord():
                 if record.status == "ended":
-                    self.ended, self.end_reason = True, record.reason
+                    self.ended = True
+                    self.end_reason = "; ".join(filter(None, (record.reason, describe_open_goals(record.open))))
                 else:
                     self.session = record
 

@@ -34,6 +34,8 @@ FUNCTION_LABELS = {
     "moveTask": "move",
     "stopAll": "STOP ALL",
     "releaseStop": "release",
+    "cancelOpenGoals": "cancel again",
+    "releaseOpenGoals": "release part",
     "say": "say",
     "markCue": "cue",
     "undoCue": "undo cue",

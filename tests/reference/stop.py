@@ -65,7 +65,11 @@ class Stop:
             self.session.forget(self.clock)
             self.clock = None
             self.status = "latched"
-            self._record(confirmed=list(input.confirmed), unconfirmed=list(input.unconfirmed))
+            self._record(
+                confirmed=list(input.confirmed),
+                unconfirmed=list(input.unconfirmed),
+                unstoppable=list(input.unstoppable),
+            )
 
     def release(self, task: Task) -> None:
         """Things may start again."""
@@ -76,12 +80,9 @@ class Stop:
         words = self.session.going_on.read_release(task.behavior)
         self.session.tasks.record(task, "SUCCEEDED")
         self.status = ""
-        self.session.put("stop", status="released", confirmed=[], unconfirmed=[], source=task.source)
+        self.session.put("stop", status="released", confirmed=[], unconfirmed=[], source=task.source, unstoppable=[])
         self.session.going_on.released(words, task.source)
 
-    def _record(
-        self, source: str = "", confirmed: list[str] | None = None, unconfirmed: list[str] | None = None
-    ) -> None:
-        self.session.put(
-            "stop", status=self.status, confirmed=confirmed or [], unconfirmed=unconfirmed or [], source=source
-        )
+    def _record(self, source: str = "", **parts: list[str]) -> None:
+        told = {"confirmed": [], "unconfirmed": [], "unstoppable": [], **parts}
+        self.session.put("stop", status=self.status, source=source, **told)

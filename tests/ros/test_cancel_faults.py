@@ -86,7 +86,7 @@ def test_a20_the_cancel_is_never_answered() -> None:
     assert bench.ending(TASK) == f"lost: cancel-unanswered: {SPEECH} did not answer within 4 s"
     assert bench.ended_at(TASK) == pytest.approx(5, abs=0.01)
     bench.run(60)
-    assert 5 <= len(bench.speech.cancels) <= 10
+    assert 15 <= len(bench.speech.cancels) <= 20, "it is asked again, and not often"
     assert [note.split(":")[0] for note in bench.notes()] == ["still-running"]
     bench.check()
 
@@ -213,7 +213,7 @@ def test_a29_stop_while_the_robot_is_away(fault: str) -> None:
     bench.run(3.6)
     assert len(bench.stops()) == 1
     stop = bench.stops()[0]
-    reason = {"killed": "no answer", "restarted": ""}.get(fault, "not there")
+    reason = {"killed": "asked, no answer", "restarted": ""}.get(fault, "gone")
     if reason:
         assert stop.unconfirmed == (f"pepper/look_at ({reason})", f"pepper/speech ({reason})")
     else:

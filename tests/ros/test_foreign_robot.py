@@ -19,6 +19,8 @@ from rise_adapters.ros2.transport.port import QoS
 
 from rise_engine.cli.check import check_report
 from rise_engine.engine.clock import RealClock
+from rise_engine.kernel.commands import StartAction
+from rise_engine.kernel.inputs import StopReport
 from rise_engine.scenario.model import RobotProfile
 from tests.ros.memory import MemoryTransport, MemoryWire
 from tests.ros.zora import FOLDER, Zora, definitions, zora
@@ -122,16 +124,34 @@ def test_a_call_that_is_stopped_ends_here_and_holds_the_service_until_its_answer
     robot.robot.cancel("a")
     assert robot.endings() == [("a", "canceled", f"unstoppable: {UNSTOPPABLE}")]
     robot.start("b", "Speech", message="Hi")
-    held = "held: /zora/say has not answered the call before, so the robot may still be doing that"
+    robot.run(5)
+    why = "nothing stops a call, and it has not answered"
+    held = f"held: /zora/say may still be doing Speech ({why}) and gets nothing else"
     assert robot.endings()[1:] == [("b", "failed", held)]
     assert robot.log("Speech") == ["arrived", "accepted", "begun"]
-    assert any(each.startswith("zora/say (cannot be stopped") for each in robot.stop().unconfirmed)
-    robot.run(10)
+    assert robot.stop().unstoppable == ("zora/say (nothing stops a call of a service)",)
+    robot.run(3)
+    assert [each.unstoppable for each in robot.told if isinstance(each, StopReport)][-1] == ()
     assert robot.notes() == ["late: /zora/say answered a 9.3 s after its end; it changes nothing"]
     robot.start("c", "Speech", message="Hi")
     robot.run(1)
     assert robot.endings()[2:] == [("c", "succeeded", "")]
     assert robot.log("Speech").count("begun") == 2
+
+
+def test_a_call_of_an_engine_that_has_gone_holds_the_service_until_somebody_releases_it() -> None:
+    robot = Zora(connect=False)
+    robot.robot.adopt([StartAction("old", "Speech", {}, 1.0)])
+    robot.connect()
+    robot.start("new", "Speech", message="Hi")
+    robot.run(6)
+    robot.robot.release_open_goals("zora/say")
+    robot.start("newer", "Speech", message="Hi")
+    robot.run(1)
+    assert [each[:2] for each in robot.endings()] == [("new", "failed"), ("newer", "succeeded")]
+    why = "an engine that has gone called it"
+    assert robot.endings()[0][2] == f"held: /zora/say may still be doing Speech ({why}) and gets nothing else"
+    assert robot.notes() == [f"released: somebody has released /zora/say; {why}"]
 
 
 def test_a_call_is_not_sent_where_nobody_would_answer_it_or_two_would() -> None:

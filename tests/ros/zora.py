@@ -50,7 +50,9 @@ def definitions() -> Mapping[str, Mapping[str, str]]:
 class Zora:
     """A session's robot, without an engine, and the simulated robot that it reaches."""
 
-    def __init__(self, *faults: str, serving: bool = True, profile: RobotProfile | None = None) -> None:
+    def __init__(
+        self, *faults: str, serving: bool = True, connect: bool = True, profile: RobotProfile | None = None
+    ) -> None:
         self.clock = VirtualClock()
         self.loop = ClockLoop(self.clock)
         self.wire = MemoryWire(definitions())
@@ -63,6 +65,10 @@ class Zora:
             self.serve(*faults)
         self.told: list[RobotReport] = []
         self.robot = Ros2Robot(self.profile, self.clock, self.near, read_mappings(self.profile, self.near.fields))
+        if connect:
+            self.connect()
+
+    def connect(self) -> None:
         self.robot.connect(self.told.append)
         self.run(1)
 

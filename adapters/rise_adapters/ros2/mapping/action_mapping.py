@@ -45,6 +45,8 @@ class RosOptions(Struct, frozen=True):
     """`carrier.error` of every action that has none of its own."""
     wrapper: str = ""
     """The name under which a wrapper offers the actions of the profile `rise`; empty: there is none."""
+    leftovers: Literal["cancel", "keep"] = "cancel"
+    """What becomes of goals that a killed engine left behind, when no wizard is there to decide."""
     share: tuple[str, ...] = ()
     """Folders with the definitions of further interface packages, for the transport without ROS."""
 

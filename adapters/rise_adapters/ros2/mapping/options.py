@@ -48,7 +48,11 @@ def parse_options(profile: RobotProfile, mistakes: ProfileMistakes) -> RosOption
     if wrapper and not is_ros_name(wrapper):
         mistakes.add("options.wrapper", "is a ROS name such as `pepper`: letters, digits and `_`, parts divided by `/`")
         wrapper = ""
-    return RosOptions(frame, deadlines, error, wrapper, tuple(folders))
+    leftovers = profile.options.get("leftovers", "cancel")
+    if leftovers not in ("cancel", "keep"):
+        mistakes.add("options.leftovers", "is `cancel` or `keep`")
+        leftovers = "cancel"
+    return RosOptions(frame, deadlines, error, wrapper, leftovers, tuple(folders))
 
 
 def parse_deadlines(table: Any, before: GoalDeadlines, where: str, mistakes: ProfileMistakes) -> GoalDeadlines:

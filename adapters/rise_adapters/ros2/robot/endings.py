@@ -54,11 +54,6 @@ def of_unstoppable_call(name: str, *, is_overdue: bool) -> Outcome:
     return ("timed-out", f"no-result: {what}") if is_overdue else ("canceled", f"unstoppable: {what}")
 
 
-def of_held_service(name: str) -> Outcome:
-    """A call before it has not been answered, although it was stopped or its time was over."""
-    return "failed", f"held: {name} has not answered the call before, so the robot may still be doing that"
-
-
 def is_overdue(now: float, limit_at: float) -> bool:
     """Whether a cancel at this time is the kernel's, at the end of the time that the action may take."""
     return now >= limit_at - OVERDUE_SECONDS

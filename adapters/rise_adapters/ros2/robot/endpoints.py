@@ -7,21 +7,47 @@ ROS 2 tells a client nothing when a server dies, so all this is found by polling
 from __future__ import annotations
 
 import logging
-from typing import Literal, TypeAlias
+from typing import Literal, Protocol, TypeAlias
 
 from rise_adapters.ros2 import compatibility
 from rise_adapters.ros2.actions.client import ActionClient
 from rise_adapters.ros2.compatibility import EndpointComparison
 from rise_adapters.ros2.mapping import ActionMapping
 from rise_adapters.ros2.robot.presence import ServerPresence
-from rise_adapters.ros2.transport.port import Message, PortError, Publisher, ServiceClient, Transport
+from rise_adapters.ros2.transport.port import (
+    SEND_GOAL,
+    Message,
+    PortError,
+    Publisher,
+    ServiceClient,
+    Transport,
+    action_topic,
+)
 from rise_engine.ports.robot import Clock
 
 _LOG = logging.getLogger(__name__)
 
-Fault: TypeAlias = Literal["", "unfit", "missing", "double", "silent", "unheard"]
+Fault: TypeAlias = Literal["", "unfit", "missing", "double", "held", "silent", "unheard"]
 """What can be wrong with an endpoint. unfit: it is there, and is another one than the profile says (`compatibility`).
+held: it may still be doing something that has ended for the session, and gets nothing else.
 unheard: what is sent reaches it, and some of what it says does not arrive."""
+
+
+ASKING_SECONDS = 0.5
+"""Seconds after its appearance in which it is asked what has become of earlier goals, and people are not told yet."""
+
+
+class OpenOne(Protocol):
+    """A goal that has ended for the session, and may be running."""
+
+    action: str
+    type: str
+
+    @property
+    def is_accepted(self) -> bool: ...
+
+    def why_open(self) -> str: ...
+
 
 UNLISTED_SECONDS = 1.0
 """Seconds after its appearance in which everything of an endpoint must have been seen and compared before it gets
@@ -39,6 +65,8 @@ class _ComparedEndpoint:
         self.presence = ServerPresence(clock)
         self.comparison = EndpointComparison()
         """What was seen when it was compared last."""
+        self.open: dict[str, OpenOne] = {}
+        """What holds it, by action: while there is any, nothing else is sent to it."""
         self._transport = transport
         self._mapping = mapping
         self._clock = clock
@@ -70,7 +98,12 @@ class _ComparedEndpoint:
     def fault(self) -> Fault:
         if self.comparison.unusable:
             return "unfit"
-        return "" if self.presence.is_settled and self.is_compared else "missing"
+        if not (self.presence.is_settled and self.is_compared):
+            return "missing"
+        if not self.open:
+            return ""
+        was_asked = self._clock.now() >= self.presence.appeared_at + ASKING_SECONDS
+        return "held" if was_asked else "missing"
 
     @property
     def trouble(self) -> str:
@@ -79,6 +112,10 @@ class _ComparedEndpoint:
             return compatibility.describe_misfits(self.comparison.misfits)
         if not self.presence.count:
             return compatibility.describe_absence(self.comparison, self._mapping, self.name)
+        if self.open and self.presence.is_settled:
+            first, *others = self.open.values()
+            more = f" and {len(others)} more" if others else ""
+            return f"{self.name} may still be doing {first.type} ({first.why_open()}){more} and gets nothing else"
         return ""
 
     @property
@@ -113,6 +150,11 @@ class ActionEndpoint(_ComparedEndpoint):
             self._unanswered_at = None
         return gone
 
+    def programs(self) -> frozenset[bytes]:
+        """The programs that take goals now (`RemoteEndpoint.program`), as far as they can be told apart."""
+        ends = self._transport.server_endpoints(action_topic(self.name, SEND_GOAL))
+        return frozenset(end.program for end in ends if end.program)
+
     def mark_unanswered(self) -> None:
         """It owes an answer that did not come in time."""
         self._unanswered_at = self._clock.now()
@@ -125,10 +167,13 @@ class ActionEndpoint(_ComparedEndpoint):
 
     @property
     def fault(self) -> Fault:
-        if fault := super().fault:
+        fault = super().fault
+        if fault not in ("", "held"):
             return fault
         if self.presence.count > 1:
             return "double"
+        if fault:
+            return fault
         return "silent" if self.is_silent else "unheard" if self.comparison.unheard else ""
 
     @property
@@ -154,6 +199,10 @@ class TopicEndpoint(_ComparedEndpoint):
         self.publisher: Publisher = transport.publisher(mapping.name, mapping.type, mapping.topic_qos)
         self.user: object | None = None
         """The goal that published last: only its end takes back what was said."""
+        self.is_stoppable = mapping.reset is not None
+        """Whether anything can be published that stops what was asked for."""
+        self.unstopped: OpenOne | None = None
+        """The goal that published last and has ended, where nothing can stop what it asked for."""
 
     def poll(self, count: int | None = None) -> bool:
         return self.presence.update(self.publisher.count_subscribers() if count is None else count)
@@ -182,15 +231,14 @@ class ServiceEndpoint(_ComparedEndpoint):
         """Raises PortError."""
         super().__init__(label, transport, mapping, clock)
         self.client: ServiceClient = transport.client(mapping.name, mapping.type)
-        self.holders: set[object] = set()
-        """The calls that have ended for the engine, and are still to be answered: until then nothing else goes out."""
 
     def poll(self, count: int | None = None) -> bool:
         return self.presence.update(self.client.count_servers() if count is None else count)
 
     @property
     def fault(self) -> Fault:
-        return super().fault or ("double" if self.presence.count > 1 else "")
+        fault = super().fault
+        return "double" if fault in ("", "held") and self.presence.count > 1 else fault
 
     @property
     def trouble(self) -> str:

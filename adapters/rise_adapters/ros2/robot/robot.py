@@ -6,7 +6,7 @@ everything: it polls the servers (ROS says nothing when one dies) and the goals 
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from functools import partial
 from itertools import cycle
 from math import inf
@@ -76,6 +76,8 @@ class Ros2Robot:
         self._uncompared: set[str] = set()
         """Names of endpoints that do not say what their types are, which was noted already."""
         self._closed = False
+        self._adopted: list[Goal] = []
+        """What an engine before this one may have left running."""
         self._open_endpoints(transport)
 
     def _open_endpoints(self, transport: Transport) -> None:
@@ -111,15 +113,53 @@ class Ros2Robot:
         self._report = report
         deadlines = [mapping.deadlines.server for mapping in self._mappings.values()]
         self._grace_until = self.clock.now() + max(deadlines, default=0.0)
+        if self._adopted:  # first of all: nobody has seen yet what the robot is doing
+            goals = standing.open_goals(self._endpoints)
+            why = "an engine that has gone left goals behind; the robot is asked about them"
+            self._report(RobotChanged(status="degraded", detail=why, open=goals))
         self._poll()
+
+    def adopt(self, goals: Sequence[StartAction]) -> None:
+        """As `rise_engine.ports.robot.RobotWithOpenGoals.adopt`; before `connect`."""
+        for goal in goals:
+            mapping = self._mappings.get(goal.type)
+            if mapping is None:
+                continue
+            made = self._make_goal(goal, mapping, {})
+            self._goals[goal.action] = made
+            self._adopted.append(made)
+            made.adopt(accepted=goal.accepted)
+
+    def cancel_open_goals(self, part: str) -> None:
+        for goal in self._goals_at(part):
+            goal.cancel()
+
+    def release_open_goals(self, part: str) -> None:
+        for goal in self._goals_at(part):
+            goal.release()
+        self._reported = None  # also of a robot that is lost
+        self._report_standing()
+
+    def _goals_at(self, part: str) -> list[Goal]:
+        """Open goals that hold a part; empty: any part."""
+        return [
+            goal
+            for goal in tuple(self._goals.values())
+            if goal.phase == "ended" and goal.may_be_running and part in ("", goal.endpoint.label)
+        ]
 
     def start(self, goal: StartAction) -> None:
         mapping = self._mappings.get(goal.type)
         if mapping is None:
             self.report_ended(goal.action, "failed", f"not-sent: nothing carries {goal.type} to {self._profile.title}")
             return
+        if self._stop is not None and self._stop.is_answered:
+            self._stop.abandon()  # it was released
+            self._stop = None
         try:
-            made = self._make_goal(goal, mapping)
+            node, frame = self._transport.node, self._frame
+            message = mapping.make_message(goal.parameters, node=node, goal=goal.action, frame=frame)
+            made = self._make_goal(goal, mapping, message)
         except (PortError, ValueError) as error:
             self.report_ended(goal.action, "failed", f"not-sent: {error}")
             return
@@ -129,19 +169,18 @@ class Ros2Robot:
         made.poll()
         self.on_goal_changed(made)
 
-    def _make_goal(self, goal: StartAction, mapping: ActionMapping) -> Goal:
-        """Raises PortError and ValueError for what cannot be sent."""
+    def _make_goal(self, goal: StartAction, mapping: ActionMapping, message: Message) -> Goal:
+        """Raises ValueError for what cannot be sent. `message` is as of now; what may be sent later is made then."""
         node, frame = self._transport.node, self._frame
         make_message = partial(mapping.make_message, goal.parameters, node=node, goal=goal.action, frame=frame)
-        message = make_message()
         endpoint = self._endpoint_of[goal.type]
         if isinstance(endpoint, TopicEndpoint):
             make_reset = partial(mapping.make_reset, node=node, goal=goal.action, frame=frame)
-            return TopicGoal(self, endpoint, goal.action, mapping, make_message, make_reset, goal.expected)
+            return TopicGoal(self, endpoint, goal, mapping, make_message, make_reset)
         limit = limit_seconds(self._profile.actions[goal.type], goal.parameters)
         if isinstance(endpoint, ServiceEndpoint):
-            return ServiceGoal(self, endpoint, goal.action, mapping, make_message, goal.expected, limit)
-        made = ActionGoal(self, endpoint, goal.action, mapping, message, goal.expected, limit)
+            return ServiceGoal(self, endpoint, goal, mapping, make_message, limit)
+        made = ActionGoal(self, endpoint, goal, mapping, message, limit)
         self._by_id[made.id] = made
         return made
 
@@ -199,6 +238,8 @@ class Ros2Robot:
         before = self._endpoints
         self._open_endpoints(transport)
         close_all(before)
+        for endpoint in before:
+            self._endpoint_of[actions[endpoint]].open = endpoint.open
         for goal in self._by_id.values():
             moved = self._endpoint_of[actions[goal.endpoint]]
             assert isinstance(moved, ActionEndpoint)
@@ -223,9 +264,21 @@ class Ros2Robot:
             self._live[goal.action] = goal
         else:
             self._live.pop(goal.action, None)
+        self._note_open(goal)
         self._set_timer()
         if self._stop is not None:
             self._stop.poll()
+
+    def _note_open(self, goal: Goal) -> None:
+        """A goal that ends here and may be running holds its part; people hear of it before they hear of its end."""
+        was_open = goal.action in goal.endpoint.open
+        is_open = (goal.phase == "ended" or was_open) and goal.may_be_running and goal.holds_its_part
+        if is_open:
+            goal.endpoint.open[goal.action] = goal
+        else:
+            goal.endpoint.open.pop(goal.action, None)
+        if is_open and not was_open and self._reported is not None:
+            self._report_standing()
 
     # --- stopping everything ------------------------------------------------------------------------------------
 
@@ -233,7 +286,8 @@ class Ros2Robot:
         return {id: goal for id, goal in self._by_id.items() if goal.endpoint is endpoint}
 
     def _report_stop(self, report: StopReport) -> None:
-        self._stop = None
+        if not report.unconfirmed and not (self._stop is not None and self._stop.waits_for_calls):
+            self._stop = None
         self._report(report)
 
     # --- polling ------------------------------------------------------------------------------------------------
@@ -326,7 +380,7 @@ class Ros2Robot:
             self._report_lost(detail)
         else:
             self._reported = now
-            self._report(RobotChanged(status=now.status, detail=detail))
+            self._report(RobotChanged(status=now.status, detail=detail, open=now.open))
 
     def _is_discovering(self) -> bool:
         """What is missing may still be found."""
@@ -335,12 +389,16 @@ class Ros2Robot:
 
     def _report_lost(self, detail: str) -> None:
         """Nothing of the robot is there. What was not sent has failed; what the robot was doing, nobody knows."""
-        self._reported = Standing("lost", self._assess_standing().faults)
         goals = [goal for goal in self._goals.values() if goal.phase != "ended"]
+        for goal in goals:
+            if goal.may_be_running:
+                goal.endpoint.open[goal.action] = goal  # in a moment, and it is told once
+        now = self._assess_standing()
+        self._reported = Standing("lost", now.faults, now.open)
         for goal in goals:
             if goal.phase == "waiting":
                 goal.on_robot_lost(detail)
-        self._report(RobotChanged(status="lost", detail=detail))
+        self._report(RobotChanged(status="lost", detail=detail, open=now.open))
         for goal in goals:
             goal.on_robot_lost(detail)
 
@@ -360,7 +418,8 @@ class Ros2Robot:
 
     def _forget_oldest(self) -> None:
         """Keep what is remembered within bounds."""
-        oldest = next((goal for goal in self._goals.values() if not goal.is_live()), None)
+        goals = self._goals.values()
+        oldest = next((goal for goal in goals if not goal.is_live() and not goal.may_be_running), None)
         if len(self._goals) > MAX_REMEMBERED and oldest is not None:
             del self._goals[oldest.action]
             if isinstance(oldest, ActionGoal):

@@ -14,6 +14,7 @@ from rise_adapters.ros2.robot import endings
 from rise_adapters.ros2.robot.endpoints import ServiceEndpoint
 from rise_adapters.ros2.robot.goal_host import TIMER_TOLERANCE, Ending, GoalHost, Phase
 from rise_adapters.ros2.transport.port import Message, PortError
+from rise_engine.kernel.commands import StartAction
 
 
 class ServiceGoal:
@@ -23,25 +24,51 @@ class ServiceGoal:
         self,
         host: GoalHost,
         endpoint: ServiceEndpoint,
-        action: str,
+        goal: StartAction,
         mapping: ActionMapping,
         make_request: Callable[[], Message],
-        expected: float,
         limit: float,
     ) -> None:
-        """`expected` and `limit` in seconds: how long it will take, and when the kernel gives it up."""
-        self.action = action
+        """`limit`: seconds after which the kernel gives it up."""
+        self.action = goal.action
+        self.type = goal.type
         self.phase: Phase = "waiting"
         self.endpoint = endpoint
         self.may_be_running = False
-        """On the robot, whatever the engine thinks of it."""
         self._host = host
         self._mapping = mapping
         self._make_request = make_request
-        self._expected = expected
+        self._expected = goal.expected
         self._deadline = host.clock.now() + mapping.deadlines.server
         self._limit_at = host.clock.now() + limit
         self._ended_at = 0.0
+        self._is_adopted = False
+
+    def adopt(self, *, accepted: bool) -> None:
+        """Take over one that an engine before this one has called; its answer has nobody to go to."""
+        self.phase = "ended"
+        self.may_be_running = self._is_adopted = True
+        self._host.on_goal_changed(self)
+
+    @property
+    def is_accepted(self) -> bool:
+        return True
+
+    @property
+    def holds_its_part(self) -> bool:
+        return True
+
+    def release(self) -> None:
+        if self.phase == "ended" and self.may_be_running:
+            self._host.report_note(
+                self.endpoint, f"released: somebody has released {self.endpoint.name}; {self.why_open()}"
+            )
+            self._mark_over()
+
+    def why_open(self) -> str:
+        return (
+            "an engine that has gone called it" if self._is_adopted else "nothing stops a call, and it has not answered"
+        )
 
     def cancel(self) -> None:
         if self.phase == "waiting":
@@ -63,16 +90,20 @@ class ServiceGoal:
             endpoint.compare()
             if endpoint.misfit:
                 self._end("failed", endpoint.misfit)
-            elif endpoint.holders:
-                self._end(*endings.of_held_service(endpoint.name))
-            elif endpoint.is_ready and endpoint.presence.count == 1:
+            elif endpoint.is_ready:
                 self._call()
             elif now >= self._deadline:
-                several = endpoint.presence.count > 1
-                self._end(*(endings.of_two_servers(endpoint) if several else endings.of_missing_server(endpoint, 0)))
+                self._end(*self._why_not_sent())
         elif self.phase == "running" and now >= self._deadline:
             grace = self._mapping.deadlines.result
             self._end(*endings.of_overdue_result(endpoint.name, self._expected, grace))
+
+    def _why_not_sent(self) -> endings.Outcome:
+        if self.endpoint.presence.count > 1:
+            return endings.of_two_servers(self.endpoint)
+        if self.endpoint.open:
+            return "failed", f"held: {self.endpoint.trouble}"
+        return endings.of_missing_server(self.endpoint, 0)
 
     def on_server_gone(self) -> None:
         self._mark_over()
@@ -115,13 +146,10 @@ class ServiceGoal:
         assert self.phase != "ended"
         self.phase = "ended"
         self._ended_at = self._host.clock.now()
-        if self.may_be_running:
-            self.endpoint.holders.add(self)
         self._host.on_goal_changed(self)
         self._host.report_ended(self.action, status, reason)
 
     def _mark_over(self) -> None:
         """Nothing of it runs on the robot any more, or nobody will ever say so."""
         self.may_be_running = False
-        self.endpoint.holders.discard(self)
         self._host.on_goal_changed(self)

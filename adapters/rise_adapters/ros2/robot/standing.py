@@ -8,8 +8,9 @@ from typing import Literal, TypeAlias
 from msgspec import Struct
 
 from rise_adapters.ros2.compatibility import MISFIT_KINDS, SHORT_MISFITS, describe_misfits
-from rise_adapters.ros2.robot.endpoints import Endpoint
+from rise_adapters.ros2.robot.endpoints import Endpoint, TopicEndpoint
 from rise_adapters.ros2.transport.port import Transport
+from rise_engine.kernel.records import OpenGoal
 
 Status: TypeAlias = Literal["connected", "degraded", "lost"]
 
@@ -20,12 +21,18 @@ class Standing(Struct, frozen=True):
     status: Status
     faults: frozenset[tuple[str, str]] = frozenset()
     """By the endpoint's label, the kind of its misfit, or its fault."""
+    open: tuple[OpenGoal, ...] = ()
+    """What it may still be doing of actions that have ended."""
 
     def is_news_after(self, before: Standing) -> bool:
-        """Whether people have to be told. (Of a robot that is lost anyway only what does not fit is.)"""
+        """Whether people have to be told. (Of a robot that is lost anyway only what does not fit is, and what more it
+        may be doing.)"""
         if self.status == "lost" == before.status:
-            return self._misfits() != before._misfits()
-        return self != before
+            return self._misfits() != before._misfits() or not self._open() <= before._open()
+        return (self.status, self.faults, self._open()) != (before.status, before.faults, before._open())
+
+    def _open(self) -> set[tuple[str, bool]]:
+        return {(goal.action, goal.accepted) for goal in self.open}
 
     def _misfits(self) -> frozenset[tuple[str, str]]:
         return frozenset(each for each in self.faults if each[1] in MISFIT_KINDS)
@@ -33,12 +40,26 @@ class Standing(Struct, frozen=True):
 
 def assess(transport: Transport, endpoints: Sequence[Endpoint], busy: Collection[Endpoint]) -> Standing:
     """How the robot stands now. `busy`: the endpoints that do something of ours."""
+    goals = open_goals(endpoints)
     if transport.failure():
-        return Standing("lost")
+        return Standing("lost", open=goals)
     faults = frozenset((each.label, each.misfit_kind or each.fault) for each in endpoints if each.fault)
     if faults and all(_is_useless(each, busy) for each in endpoints):
-        return Standing("lost", faults)
-    return Standing("degraded" if faults else "connected", faults)
+        return Standing("lost", faults, goals)
+    return Standing("degraded" if faults else "connected", faults, goals)
+
+
+def open_goals(endpoints: Sequence[Endpoint]) -> tuple[OpenGoal, ...]:
+    """What the robot may still be doing of actions that have ended."""
+    found = []
+    for each in endpoints:
+        found += [
+            OpenGoal(each.label, goal.action, goal.type, goal.why_open(), accepted=goal.is_accepted)
+            for goal in each.open.values()
+        ]
+        if isinstance(each, TopicEndpoint) and (goal := each.unstopped) is not None:
+            found.append(OpenGoal(each.label, goal.action, goal.type, goal.why_open(), holds=False))
+    return tuple(found)
 
 
 def _is_useless(endpoint: Endpoint, busy: Collection[Endpoint]) -> bool:

@@ -13,6 +13,7 @@ from rise_adapters.ros2.robot import endings
 from rise_adapters.ros2.robot.endpoints import TopicEndpoint
 from rise_adapters.ros2.robot.goal_host import TIMER_TOLERANCE, Ending, GoalHost, Phase
 from rise_adapters.ros2.transport.port import Message, PortError
+from rise_engine.kernel.commands import StartAction
 from rise_engine.ports.robot import Timer
 
 
@@ -23,29 +24,61 @@ class TopicGoal:
         self,
         host: GoalHost,
         endpoint: TopicEndpoint,
-        action: str,
+        goal: StartAction,
         mapping: ActionMapping,
         make_message: Callable[[], Message],
         make_reset: Callable[[], Message | None],
-        expected: float,
     ) -> None:
-        """`expected`: seconds after which it has succeeded. `make_reset`: what is published at its end, if anything."""
-        self.action = action
+        """`make_reset`: what is published at its end, if anything."""
+        self.action = goal.action
+        self.type = goal.type
         self.phase: Phase = "waiting"
+        self.may_be_running = False
         self.endpoint = endpoint
         self._host = host
         self._make_message = make_message
         self._make_reset = make_reset
+        self._is_stoppable = mapping.stoppable
         self._rate = mapping.rate
         self._repeat: Timer | None = None
-        self._expected = expected
+        self._expected = goal.expected
         self._deadline = host.clock.now() + mapping.deadlines.server
 
+    def adopt(self, *, accepted: bool) -> None:
+        """Take over one that an engine before this one has published; it ends when it is reset."""
+        self.phase = "ended"
+        self.may_be_running = True
+        if not self._is_stoppable:
+            self._leave_unstopped()
+        self._host.on_goal_changed(self)
+
+    def _leave_unstopped(self) -> None:
+        self.may_be_running = True
+        self.endpoint.unstopped = self
+
     def cancel(self) -> None:
-        if self.phase == "waiting":
+        if self.phase == "ended" and self.may_be_running and self._is_stoppable:
+            self._publish_reset()
+            self.release()
+        elif self.phase == "waiting":
             self._end("canceled", "it had not been sent yet")
         elif self.phase == "running":
             self._end("canceled", "")
+
+    @property
+    def is_accepted(self) -> bool:
+        return True
+
+    @property
+    def holds_its_part(self) -> bool:
+        return self._is_stoppable
+
+    def release(self) -> None:
+        self.may_be_running = False
+        self._host.on_goal_changed(self)
+
+    def why_open(self) -> str:
+        return "an engine that has gone began it" if self._is_stoppable else "its topic takes no stop"
 
     def is_live(self) -> bool:
         return self.phase != "ended"
@@ -109,8 +142,14 @@ class TopicGoal:
             self._repeat.cancel()
         if self.endpoint.user is self:  # a later one has the topic to itself
             self.endpoint.user = None
-            reset = self._make_reset()
-            if reset is not None:
-                self.endpoint.publish(reset)
+            if self._is_stoppable:
+                self._publish_reset()
+            else:
+                self._leave_unstopped()
         self._host.on_goal_changed(self)
         self._host.report_ended(self.action, status, reason)
+
+    def _publish_reset(self) -> None:
+        reset = self._make_reset()
+        if reset is not None:
+            self.endpoint.publish(reset)

@@ -57,6 +57,9 @@ class RemoteEndpoint(Struct, frozen=True):
     """Whose software carries it, by the number that DDS gives out (`0110`); empty when that is not known."""
     qos: QoS | None = None
     """What it promises, or asks for; None: not known. (Of the depth others know nothing.)"""
+    program: bytes = b""
+    """What tells the program that has it from all others, also from itself after a restart (12 bytes, the prefix of
+    the DDS GUID); empty when that is not known."""
 
 
 RELIABLE = QoS()

@@ -209,6 +209,7 @@ class DdsGraph:
                 end.user_data.get("typehash", ""),
                 key[:2].hex(),
                 end.qos,
+                key[:12],
             )
             for key, end in endpoints.get(topic, {}).items()
             if not key.startswith(self._own)

@@ -91,6 +91,7 @@ class RclpyGraph:
             _read_hash(info.topic_type_hash),
             bytes(info.endpoint_gid[:2]).hex() if self._vendor else "",
             self._spinning.read_profile(info.qos_profile),
+            bytes(info.endpoint_gid[:12]) if self._vendor else b"",
         )
 
     def _find_servers_by_node(self, service: str) -> list[RemoteEndpoint]:
