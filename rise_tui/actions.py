@@ -11,6 +11,7 @@ from typing import Literal, TypeAlias
 from msgspec import Struct
 from textual.binding import Binding
 
+from rise_engine.kernel.records import stopper_words
 from rise_engine.kernel.speech import why_not_speak
 from rise_engine.scenario.fillers import filler_acts
 from rise_tui.model.blocked import BlockedReason, Deed
@@ -105,9 +106,6 @@ _cue_open = _blocks(
 )
 _failed = _blocks("change", lambda store: store.view.failed or store.view.questions, "no act has failed")
 _asked = _blocks("change", lambda store: store.view.questions, "the study waits for no failed act")
-_releasable = _blocks(
-    "change", lambda store: store.key_state == "STOPPED" or store.open_goals, "nothing is stopped or held"
-)
 _savable_values = _blocks("change", lambda store: store.scenario.folder, "this session's scenario has no folder")
 _memory = _blocks("change", lambda store: store.view.memory, "the memory is empty")
 _queue = _blocks("change", lambda store: store.view.running or store.view.waiting, "nothing runs or waits")
@@ -115,6 +113,16 @@ _waiting = _blocks("change", lambda store: len(store.view.waiting) > 1, "fewer t
 _acts = _blocks("change", lambda store: store.view.running or store.view.waiting, "no act runs or waits")
 _undo = _blocks("change", lambda store: store.undo_stack, "nothing to undo")
 _rules = _blocks("change", lambda store: store.view.running_rules(), "no rule runs")
+
+
+def _releasable(store: Store) -> Obstacle:
+    """An emergency stop is let go where it was pressed."""
+    if blocked := store.blocked_reason("change"):
+        return blocked
+    if store.key_state != "STOPPED":
+        return None if store.open_goals else "nothing is stopped or held"
+    held_by = store.view.stop.held_by
+    return f"{stopper_words(held_by[0])} is still pressed" if held_by else None
 
 
 def _shadowed(store: Store) -> Obstacle:

@@ -39,6 +39,7 @@ from rise_engine.kernel.records import (
     TaskRecord,
     TimingRecord,
     describe_open_goals,
+    stopper_words,
 )
 from rise_engine.scenario.ssml import plain_words
 
@@ -323,6 +324,8 @@ def _failure_text(record: FailureRecord) -> str:
 def _stop_text(record: StopRecord) -> str:
     if record.status == "requested":
         return f"by {record.source}" if record.source else ""
+    if record.status == "let-go":
+        return f"{stopper_words(record.source)} is not pressed any more"
     if record.status != "latched":
         return ""
     text = f"confirmed: {', '.join(record.confirmed) or 'nobody'}"

@@ -29,6 +29,7 @@ from rise_engine.kernel.commands import CancelAction, Command, StartAction, Stop
 from rise_engine.kernel.inputs import (
     ActionReport,
     AnyInput,
+    EstopReport,
     Note,
     RobotChanged,
     ScenarioChanged,
@@ -339,6 +340,8 @@ class Engine:
         if self._unrecorded_stops and isinstance(input, StopReport):
             self._unrecorded_stops.append(_stop_sentence(input))
             self._update_journal_status()
+        if self.paused and isinstance(input, EstopReport) and input.pressed:
+            self._stop_unrecorded(input.source)
         if not self._stepping:
             self._process_queue()
 
@@ -348,7 +351,11 @@ class Engine:
             answer(Reply(False, f"nothing can be recorded, so the session is paused: {self._journal.error}"))
             return
         self._queue.append((self._with_time(input), answer))
-        self._unrecorded_stops.append(f"stop was sent to the robot by {input.source}")
+        self._stop_unrecorded(input.source)
+
+    def _stop_unrecorded(self, source: str) -> None:
+        """Nothing can be recorded, and the robot stops all the same."""
+        self._unrecorded_stops.append(f"stop was sent to the robot by {source}")
         self._carry_out_before_recording(StopRobot())
         self._update_journal_status()
 

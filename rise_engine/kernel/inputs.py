@@ -96,6 +96,14 @@ class StopReport(Input, frozen=True, tag="stop_report", kw_only=True, gc=False):
     """Parts that take no stop at all, and that this session has used."""
 
 
+class EstopReport(Input, frozen=True, tag="estop", kw_only=True, gc=False):
+    """An emergency stop of the laboratory was pressed, or let go; also said again, when that is heard anew."""
+
+    source: str
+    """`estop:<where>`, as `estop:/estop_pressed`."""
+    pressed: bool
+
+
 class Note(Input, frozen=True, tag="note", kw_only=True, gc=False):
     """A remark for the record."""
 
@@ -211,6 +219,7 @@ AnyInput: TypeAlias = (
     | TimerElapsed
     | RobotChanged
     | StopReport
+    | EstopReport
     | Note
     | ControlChanged
     | SessionStarted

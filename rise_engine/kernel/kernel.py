@@ -20,6 +20,7 @@ from rise_engine.kernel.inputs import (
     AnyInput,
     CheckReport,
     ControlChanged,
+    EstopReport,
     Note,
     OutcomeReport,
     RecordingReport,
@@ -209,6 +210,7 @@ class Kernel:
             stop=self.stop.status,
             stop_timer=self.stop.timer,
             stood=self.stop.stood,
+            held_by=self.stop.held_by,
             wizard_marks=self.wizard_marks.state,
             failures=self.failures.state,
             open_cue_at=core.open_cue_at,
@@ -252,6 +254,7 @@ class Kernel:
         runner.last_pick = snapshot.last_pick
         runner.robot_lost = snapshot.robot_lost
         self.stop.status, self.stop.timer, self.stop.stood = snapshot.stop, snapshot.stop_timer, snapshot.stood
+        self.stop.held_by = snapshot.held_by
         self.wizard_marks.state, core.open_cue_at = snapshot.wizard_marks, snapshot.open_cue_at
         self.failures.state = snapshot.failures
         core.open_goals = snapshot.open_goals
@@ -299,6 +302,8 @@ class Kernel:
                     runner.robot_lost = None
             case StopReport():
                 self.stop.record_answer(input)
+            case EstopReport():
+                self._handlers.take_estop(input)
             case Note():
                 core.record_note(input.text, input.source)
             case ControlChanged():

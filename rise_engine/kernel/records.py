@@ -175,11 +175,20 @@ class RobotRecord(Record, tag="robot"):
 
 
 class StopRecord(Record, tag="stop"):
-    status: Literal["requested", "latched", "released"]
+    status: Literal["requested", "latched", "let-go", "released"]
+    """let-go: the emergency stop `source` is not pressed any more; everything stays stopped."""
     confirmed: tuple[str, ...] = ()
     unconfirmed: tuple[str, ...] = ()
     source: str = ""
     unstoppable: tuple[str, ...] = ()
+    held_by: tuple[str, ...] = ()
+    """The emergency stops that are pressed: it is not released before they are let go."""
+
+
+def stopper_words(source: str) -> str:
+    """Who stopped everything, for a person: an emergency stop by where it is, anybody else by the source."""
+    name = source.removeprefix("estop:")
+    return source if name == source else f"the emergency stop at {name}"
 
 
 class ControlRecord(Record, tag="control"):

@@ -79,6 +79,7 @@ class Snapshot(Struct, frozen=True):
     stop: StopStatus
     stop_timer: int | None
     stood: list[StoodRule]
+    held_by: list[str]
     wizard_marks: WizardMarksState
     failures: FailuresState
     open_cue_at: float | None

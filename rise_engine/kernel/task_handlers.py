@@ -21,7 +21,7 @@ from rise_engine.kernel.commands import CancelOpenGoals, ReleaseOpenGoals
 from rise_engine.kernel.core import Core, EventTopic, Task, parse_task_id
 from rise_engine.kernel.failures import FailedActs
 from rise_engine.kernel.history import ValueBefore, step_before
-from rise_engine.kernel.inputs import Submit
+from rise_engine.kernel.inputs import EstopReport, Submit
 from rise_engine.kernel.records import TaskRecord, TaskStatus
 from rise_engine.kernel.rule_stack import RuleRun
 from rise_engine.kernel.rules import RuleMachine
@@ -390,6 +390,16 @@ class TaskHandlers:
         self.rules.stop_all(reason)
         self._scheduler.stop(reason)
         self._stop.ask_robot()
+
+    def take_estop(self, report: EstopReport) -> None:
+        """Pressed, it stops everything as a person does. What is said again changes nothing."""
+        if report.pressed == (report.source in self._stop.held_by):
+            return
+        if report.pressed:
+            self._stop.held_by.append(report.source)
+            self._stop_all(Submit(function="stopAll", source=report.source))
+        else:
+            self._stop.let_go(report.source)
 
     def _release_stop(self, task: Submit) -> None:
         stood = self._stop.stood

@@ -207,6 +207,8 @@ class StopView(Struct):
     source: str = ""
     stood: list[StoodView] = field(default_factory=list)
     """The rules that it has ended, the bottom of the stack first, until it is released."""
+    held_by: tuple[str, ...] = ()
+    """The emergency stops that are pressed: it cannot be released before they are let go."""
 
     @property
     def latched(self) -> bool:
@@ -306,6 +308,8 @@ class SessionView(Struct):
                 self._apply_kept(record)
             case KeptRecord():
                 self.kept.pop(record.task, None)
+            case StopRecord(status="let-go"):
+                self.stop.held_by = record.held_by
             case StopRecord():
                 again = self.stop.status == record.status == "latched"  # the robot has said more
                 self.stop = StopView(
@@ -316,6 +320,7 @@ class SessionView(Struct):
                     record.unstoppable,
                     record.source or self.stop.source,
                     self.stop.stood if record.status != "released" else [],
+                    record.held_by,
                 )
             case CueRecord():
                 self._apply_cue(record)

@@ -120,12 +120,19 @@ class ParameterReader(Protocol):
     """The callable that an entry point of the group `rise.parameters` names."""
 
     def __call__(
-        self, arguments: tuple[str, ...], *, switches: list[str], single: list[str], many: list[str], written: list[str]
+        self,
+        arguments: tuple[str, ...],
+        *,
+        switches: dict[str, str],
+        single: list[str],
+        many: list[str],
+        written: list[str],
     ) -> tuple[list[str], tuple[str, ...]]:
         """Read the middleware's parameters as options of a command line.
 
         :param arguments: what stands after `--ros-args`, `-p mode:=real` among it.
-        :param switches: the flags of options without a value (`--recover`), ...
+        :param switches: the flags of options without a value, with the one that says the opposite or nothing
+            (`--record`: `--no-record`), ...
         :param single: ... with one value (`--mode`), ...
         :param many: ... and of those that can be given several times (`--fault`).
         :param written: what the command line says itself, which counts more.

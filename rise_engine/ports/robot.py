@@ -14,11 +14,13 @@ from collections.abc import Callable, Sequence
 from typing import Protocol, TypeAlias, runtime_checkable
 
 from rise_engine.kernel.commands import StartAction
-from rise_engine.kernel.inputs import ActionReport, Note, RobotChanged, StopReport
+from rise_engine.kernel.inputs import ActionReport, EstopReport, Note, RobotChanged, StopReport
 from rise_engine.scenario.model import RobotProfile
 
-RobotReport: TypeAlias = ActionReport | RobotChanged | StopReport | Note
-"""What a robot says. A note is for the record only: what came too late to count, or twice."""
+RobotReport: TypeAlias = ActionReport | RobotChanged | StopReport | EstopReport | Note
+"""What a robot says. An `EstopReport` tells of an emergency stop that the robot's profile names: pressed, it stops
+everything, and nobody releases that before it is let go. A note is for the record only: what came too late to count, or
+twice."""
 ReportCallback: TypeAlias = Callable[[RobotReport], None]
 """Takes one report. It belongs to the thread of the engine's loop; whoever has another one calls it by
 `loop.call_soon_threadsafe(report, ...)`. It may be called within `connect`, `start`, `cancel` and `stop_all`."""

@@ -17,6 +17,7 @@ from rise_engine.scenario.diagnostics import Diagnostics
 from rise_engine.scenario.file_names import SCENARIO_FILE
 from rise_engine.scenario.model import RobotProfile, SourceLocation
 from rise_engine.scenario.source_files import MAX_TOML_BYTES, FileReader, SourceFile
+from rise_engine.scenario.study_paths import why_no_name
 from rise_engine.scenario.toml_locations import read_toml, toml_of
 from rise_engine.scenario.toml_tables import TomlTable
 from rise_engine.scenario.tree import FileTree
@@ -98,7 +99,7 @@ def find_profile(
     `tree` is what is taken to lie in the folder; `packages` are the folders of installed packages, if they are known.
     """
     tree = tree or FileTree(folder)
-    if not name or "/" in name or "\\" in name or name.startswith("."):
+    if "/" in name or why_no_name(f"{name}.toml", (".toml",)):
         return None
     for directory in profile_folders(folder, packages):
         path = directory / f"{name}.toml"

@@ -34,7 +34,7 @@ _NEW_FIELDS: dict[int, dict[str, frozenset[str]]] = {
     },
     3: {"sync": frozenset({"at", "within"})},
     4: {"session": frozenset({"language"})},
-    5: {"session": frozenset({"open"}), "robot": frozenset({"open"}), "stop": frozenset({"unstoppable"})},
+    5: {"session": frozenset({"open"}), "robot": frozenset({"open"}), "stop": frozenset({"unstoppable", "held_by"})},
 }
 """What a format has added to kinds of records that were there before, by format and kind."""
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
+from rise_engine.kernel.records import stopper_words
 from rise_engine.protocol.client import ControlVerb
 from rise_engine.scenario.model import rule_start_behavior
 from rise_tui.actions import BY_ID
@@ -37,7 +38,7 @@ class Confirmations:
         if not stop.latched and console.store.open_goals:
             self._ask_to_release_parts()
             return
-        lines = [f"Stopped by {stop.source or 'the console'}."]
+        lines = [f"Stopped by {stopper_words(stop.source) or 'the console'}."]
         lines.append(f"Confirmed: {', '.join(stop.confirmed) or 'nobody'}.")
         if stop.unconfirmed:
             lines.append(f"NOT confirmed: {', '.join(stop.unconfirmed)}. Look at the robot first.")

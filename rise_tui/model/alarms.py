@@ -105,19 +105,21 @@ def _stop_alarms(store: Store, key_name: KeyNames) -> Iterator[Alarm]:
             (("   if the robot goes on, use its own switch", "plain"),),
         )
     else:
+        head = "nothing starts until it is released"
         release: StyledLine = ((f"   {key_name('release')} release", "key"),) if store.has_control else ()
-        missing: StyledLine = ()
+        if stop.held_by:
+            head, release = f"{', '.join(map(short_name, stop.held_by))} is still pressed", ()
+        missing: StyledLine = (("   everything asked has confirmed", "plain"),)
         if stop.unconfirmed:
-            missing = (("   NOT CONFIRMED  ", "fault"), (group_parts(stop.unconfirmed), "strong"))
+            what = f"   look at the robot; {key_name('stop')} asks again"
+            missing = (("   NOT CONFIRMED  ", "fault"), (group_parts(stop.unconfirmed), "strong"), (what, "plain"))
+        unstoppable: StyledLine = ()
         if stop.unstoppable:
-            missing += (("   CANNOT BE STOPPED  ", "fault"), (group_parts(stop.unstoppable), "strong"))
-        if missing:
-            missing += ((f"   look at the robot; {key_name('stop')} asks again", "plain"),)
-        else:
-            missing = (("   everything asked has confirmed", "plain"),)
+            unstoppable = (("   CANNOT BE STOPPED  ", "fault"), (group_parts(stop.unstoppable), "strong"))
         yield Alarm(
-            ((" ■ STOPPED ", "alarm"), ("  nothing starts until it is released", "strong"), *release),
+            ((" ■ STOPPED ", "alarm"), (f"  {head}", "strong"), *release),
             (
+                *unstoppable,
                 *_confirmed_line(group_parts(stop.confirmed) or "nobody"),
                 (f"   by {short_name(stop.source)}", "muted"),
             ),
@@ -174,9 +176,9 @@ def _open_goal_alarms(store: Store, key_name: KeyNames) -> Iterator[Alarm]:
     yield Alarm(
         (
             (" ✗ STILL RUNNING? ", "alarm"),
-            (f"  {first.part} may still be doing {first.type}: {first.reason}{more}", "strong"),
+            (f"  {first.part} may still be doing {first.type}{more}", "strong"),
         ),
-        ((f"   look at the robot; {first.part} gets nothing else until that has ended", "plain"),),
+        ((f"   {first.reason}", "wait"), ("; the part gets nothing else; look at the robot", "plain")),
         keys if not store.attach_reply.replay else (),
     )
 

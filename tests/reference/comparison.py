@@ -26,6 +26,7 @@ from rise_engine.kernel.inputs import (
     AnyInput,
     CheckReport,
     ControlChanged,
+    EstopReport,
     Note,
     OutcomeReport,
     RecordingReport,
@@ -277,6 +278,8 @@ class Play:
                 self.submit("stopAll")
                 if pick([True, False, False]):
                     self.do(StopReport(confirmed=("x",), unconfirmed=pick([(), ("y",)])))
+            case 8 if random.random() < 0.6:
+                self.do(EstopReport(source=pick(["estop:/a", "estop:/b"]), pressed=pick([True, False])))
             case 8:
                 self.do(StopReport(confirmed=("late",)))
             case 9:

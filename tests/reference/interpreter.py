@@ -12,6 +12,7 @@ from rise_engine.kernel.inputs import (
     AnyInput,
     CheckReport,
     ControlChanged,
+    EstopReport,
     Note,
     OutcomeReport,
     RecordingReport,
@@ -76,6 +77,8 @@ class Interpreter:
                 session.acts.robot_changed(input)
             case StopReport():
                 session.stop.report(input)
+            case EstopReport():
+                session.stop.emergency(input)
             case SessionStarted():
                 self._start(input)
             case ControlChanged():

@@ -17,7 +17,8 @@ import signal
 import sys
 import time
 from collections.abc import Awaitable, Callable
-from itertools import product
+from contextlib import suppress
+from itertools import pairwise, product
 
 import msgspec
 from rise_adapters.ros2.actions.client import ABORTED
@@ -80,9 +81,8 @@ class Case(Records):
 
     async def begun(self, seconds: float) -> None:
         """So long after the robot has begun, or has had the time to."""
-        end = time.monotonic() + 6
-        while not self.process.said("begin") and not self.ending("1/1") and time.monotonic() < end:
-            await asyncio.sleep(0.01)
+        with suppress(AssertionError):
+            await until(lambda: self.process.said("begin") or self.ending("1/1"), 6)
         await asyncio.sleep(seconds)
 
 
@@ -199,7 +199,7 @@ def find_lies(case: Case, ended: float) -> list[str]:
             found.append(f"confirmed at {stop.t:.2f} s while it moved")
         if any(begin > at + TOLERANCE and any(one < at for one in asked) for begin, _ in spans):
             found.append(f"confirmed at {stop.t:.2f} s, and it began afterwards")
-    for (_, over), (begin, _) in zip(spans, spans[1:], strict=False):
+    for (_, over), (begin, _) in pairwise(spans):
         if begin < over - TOLERANCE:
             found.append("a second goal ran beside the first")
     goes_on = any(begin < ended + AFTER and over > ended + TOLERANCE for begin, over in spans) and not killed

@@ -448,8 +448,9 @@ class MemoryTransport:
             for end in ("Request", "Response")
         ]
 
-    def topics(self) -> list[str]:
-        return sorted({each.topic for t in self._others() for each in (*t.publishers, *t.subscriptions)})
+    def topics(self, ending: str = "") -> list[str]:
+        found = {each.topic for t in self._others() for each in (*t.publishers, *t.subscriptions)}
+        return sorted(topic for topic in found if topic.endswith(ending))
 
     def programs_of_other_vendors(self) -> list[tuple[str, str]]:
         return [(t.node, t.vendor) for t in self._others() if t.vendor != self.vendor]

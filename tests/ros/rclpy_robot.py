@@ -10,6 +10,7 @@ from __future__ import annotations
 import json
 import sys
 import time
+from contextlib import suppress
 from typing import Any
 
 import msgspec
@@ -81,10 +82,8 @@ def main() -> None:
     executor = MultiThreadedExecutor(4)
     executor.add_node(node)
     say(event="ready", id="")
-    try:
+    with suppress(ExternalShutdownException, KeyboardInterrupt):
         executor.spin()
-    except (ExternalShutdownException, KeyboardInterrupt):
-        pass
     del robot
 
 

@@ -220,3 +220,19 @@ def test_a29_stop_while_the_robot_is_away(fault: str) -> None:
         assert stop.confirmed == ("pepper/look_at", "pepper/speech")
     bench.run(7)
     bench.check()
+
+
+def test_a29_a_robot_that_answers_again_is_connected_again_without_another_act() -> None:
+    """What it was asked while it stood still is lost: with a short lease it has taken this side for dead meanwhile."""
+    bench = Bench()
+    bench.run(1)
+    lost = bench.wire.drop("*", what="request")
+    bench.stop_all()
+    bench.run(6)
+    assert bench.stops()[0].unconfirmed == ("pepper/look_at (asked, no answer)", "pepper/speech (asked, no answer)")
+    assert bench.robot_statuses() == ["connected", "degraded"]
+    lost.stop()
+    bench.run(8.5)
+    assert bench.robot_statuses() == ["connected", "degraded", "connected"]
+    assert bench.speech.cancels == [], "asking how it is cancels nothing"
+    bench.check()

@@ -234,6 +234,23 @@ def test_the_robot_does_wrong_as_it_is_asked_to_and_writes_down_what_it_does(fau
     assert " ".join(heard) == did
 
 
+def test_a_robot_that_becomes_inactive_is_not_sent_anything_and_comes_back() -> None:
+    robot = Zora("inactive@2-12")
+    robot.run(3)
+    robot.start("a", "Go", place="dock")
+    robot.start("b", "Speech", message="Hi")  # of a service's node nothing is known: it refuses
+    robot.run(8)
+    robot.run(3)
+    robot.start("c", "Go", place="dock")
+    robot.run(4)
+    assert [(name, status, reason.partition(":")[0]) for name, status, reason in robot.endings()] == [
+        ("a", "failed", "inactive"),
+        ("b", "failed", "robot-error"),
+        ("c", "succeeded", ""),
+    ]
+    assert robot.log("Go") == ["arrived", "accepted", "begun", "ended succeeded"]
+
+
 @pytest.mark.parametrize(
     ("fault", "said"),
     [

@@ -9,7 +9,7 @@ import msgspec
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from rise_adapters.ros2.actions.client import ABORTED, CANCELED, SUCCEEDED
+from rise_adapters.ros2.actions.client import ABORTED, CANCELED, SUCCEEDED, ActionClient
 from rise_adapters.ros2.mapping import read_mappings
 from rise_adapters.ros2.robot import Ros2Robot
 from rise_adapters.ros2.robot.endpoints import short_labels
@@ -153,6 +153,18 @@ def test_a_goal_that_is_stopped_before_it_was_accepted() -> None:
     assert robot.stop() == StopReport(confirmed=("pepper/look_at", "pepper/speech"))
     assert robot.servers[SPEECH].running() == []
     assert [report.status for report in robot.of(ActionReport)] == ["accepted", "canceled"]
+
+
+def test_who_else_may_send_goals_is_noted_once() -> None:
+    robot = Alone()
+    for node in ("/teleop", "/lab/rise_doctor", "/engine"):
+        there = MemoryTransport(robot.wire, robot.loop, node)
+        for name, type in TYPES.items():
+            ActionClient(there, name, type)
+    robot.run(5)
+    (note,) = robot.of(Note)
+    assert note.text.startswith("the node /teleop may send goals to /pepper/rise/")
+    assert robot.of(RobotChanged)[-1].status == "connected"
 
 
 # --- topics ---------------------------------------------------------------------------------------------------------

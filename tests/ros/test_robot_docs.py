@@ -325,7 +325,7 @@ def test_the_defaults_of_the_options_and_deadlines() -> None:
     for name in ("server", "acceptance", "feedback", "result", "cancel"):
         (told,) = re.findall(rf"^\| `{name}` \| (\d+) \|", ROBOTS, re.M)
         assert float(told) == getattr(defaults.deadlines, name)
-    told = re.findall(r"^\| `(wrapper|frame|deadlines|error|share)` \| (.*?) \|", ROBOTS, re.M)
+    told = re.findall(r"^\| `(wrapper|frame|deadlines|error|estop|leftovers|share)` \| (.*?) \|", ROBOTS, re.M)
     assert {name for name, _ in told} >= set(RosOptions.__struct_fields__)
     assert dict(told)["frame"] == f"`{defaults.frame}`"
 

@@ -93,7 +93,9 @@ class Ros2Bridge:
         self._neighbours = neighbours
         self._interface = RosSessionInterface(self._transport, self._hub, neighbours, rosout=self._rosout)
         ParameterServices(self._transport, partial(session_parameters, self._hub))
-        neighbours.on_other_session = lambda other: self._record_note(describe_other_session(other))
+        neighbours.on_other_session = lambda other: self._record_note(
+            describe_other_session(other, neighbours.shared_with(other))
+        )
         neighbours.announce_serving(self._hub.engine.scenario.title, Path(self._hub.folder).name)
 
     async def close(self) -> None:
@@ -161,18 +163,19 @@ async def open_bridge(wire: RosConnection, profile: RobotProfile | None) -> Ros2
     with ExitStack() as unless_opened:
         unless_opened.callback(transport.close)
         try:
-            neighbours = NeighbourSessions(transport)
             for type in INTERFACE_TYPES:
                 transport.fields(type)
             mappings = read_mappings(profile, transport.fields) if profile is not None else {}
+            neighbours = NeighbourSessions(transport, carriers=[mapping.name for mapping in mappings.values()])
             other = await neighbours.find_earlier()
         except MappingError as errors:
             raise BridgeError(errors.findings) from None
         except PortError as error:
             raise BridgeError([str(error)]) from None
         if other is not None:
+            lines = describe_refusal(other, neighbours.shared_with(other), transport)
             neighbours.close()
-            raise BridgeError(describe_refusal(other, transport))
+            raise BridgeError(lines)
         unless_opened.pop_all()
     rosout = "--disable-rosout-logs" not in arguments
     return Ros2Bridge(transport, profile, mappings, neighbours, connect, rosout=rosout)
@@ -195,12 +198,12 @@ def session_parameters(hub: SessionHub) -> dict[str, ReadableParameter]:
 
 
 def read_parameters(
-    arguments: tuple[str, ...], *, switches: list[str], single: list[str], many: list[str], written: list[str]
+    arguments: tuple[str, ...], *, switches: dict[str, str], single: list[str], many: list[str], written: list[str]
 ) -> tuple[list[str], tuple[str, ...]]:
     """Parameters of the session's node as options of `rise-engine serve` (a `ParameterReader`)."""
     options = {
         flag.removeprefix("--").replace("-", "_"): ParameterOption(
-            flag, switch=flag in switches, repeatable=flag in many
+            flag, switch=flag in switches, opposite=switches.get(flag, ""), repeatable=flag in many
         )
         for flag in (*switches, *single, *many)
     }

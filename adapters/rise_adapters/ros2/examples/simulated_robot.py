@@ -29,7 +29,8 @@ from rise_adapters.ros2.examples.run_node import NodeError, node_parser, run_nod
 from rise_adapters.ros2.examples.simulated_action import PrintLine, SimulatedAction, WhenBusy, describe_action
 from rise_adapters.ros2.examples.simulated_messages import is_same
 from rise_adapters.ros2.mapping import ActionMapping, MappingError, read_mappings, read_options, with_all_carriers
-from rise_adapters.ros2.transport.port import Message, Subscription, Transport
+from rise_adapters.ros2.robot.lifecycle import EVENT_TYPE, STATE_TYPE
+from rise_adapters.ros2.transport.port import Closable, Message, SendReply, Subscription, Transport
 from rise_adapters.simulated.faults import OF_CANCELS, ActionFault, LinkFault, parse_fault
 from rise_engine.engine.clock import RealClock
 from rise_engine.ports.robot import Clock, Timer
@@ -68,6 +69,8 @@ class RobotOnWire:
         self._actions: list[SimulatedAction] = []
         self._subscriptions: list[Subscription] = []
         self._timers: list[Timer] = []
+        self._has_lifecycle = any(isinstance(fault, LinkFault) and fault.kind == "inactive" for fault in parsed)
+        self._lifecycle: list[Closable] = []
         self.appear()
         for vanish in parsed:
             if isinstance(vanish, LinkFault):
@@ -92,6 +95,10 @@ class RobotOnWire:
             return
         self._is_there = True
         self._log.note("appeared")
+        if self._has_lifecycle:  # as a lifecycle node; others have none
+            self._lifecycle.append(self._transport.serve("~/get_state", STATE_TYPE, self._tell_state))
+            self._events = self._transport.publisher("~/transition_event", EVENT_TYPE)
+            self._lifecycle.append(self._events)
         shared: dict[tuple[str, str, str], list[str]] = {}
         for name, mapping in self._mappings.items():
             shared.setdefault(mapping.route, []).append(name)
@@ -131,14 +138,26 @@ class RobotOnWire:
     def deactivate(self) -> None:
         """Go on with what runs, and take nothing more, as a lifecycle node that is inactive."""
         self._is_active = False
+        self._tell_transition()
         self._log.note("inactive")
         self._print("the robot is inactive (simulated fault)")
 
     def activate(self) -> None:
         """Take goals again."""
         self._is_active = True
+        self._tell_transition()
         self._log.note("active")
         self._print("the robot is active")
+
+    def _tell_state(self, request: Message, reply: SendReply) -> None:
+        reply({"current_state": self._state()})
+
+    def _tell_transition(self) -> None:
+        if self._is_there:
+            self._events.publish({"goal_state": self._state()})
+
+    def _state(self) -> Message:
+        return {"id": 3, "label": "active"} if self._is_active else {"id": 2, "label": "inactive"}
 
     def _die(self, seconds: float | None) -> None:
         """Vanish, for so many seconds; None: for good. (Not within a request, whose server that would close.)"""
@@ -157,9 +176,10 @@ class RobotOnWire:
 
     def _withdraw(self) -> None:
         self._actions.clear()
-        for subscription in self._subscriptions:
-            subscription.close()
+        for handle in (*self._subscriptions, *self._lifecycle):
+            handle.close()
         self._subscriptions.clear()
+        self._lifecycle.clear()
         self._is_there = False
 
     def _next_fault(self, action: str) -> ActionFault | None:

@@ -35,6 +35,22 @@ class GoalDeadlines(Struct, frozen=True):
     """Until a goal that is canceled has ended."""
 
 
+class EstopMapping(Struct, frozen=True):
+    """Where the emergency stop of a laboratory is heard: on a topic, or by a service that this side offers."""
+
+    name: str
+    """As written: not resolved yet."""
+    type: str = ""
+    """Of the topic's messages; empty: it is a service, `std_srvs/srv/SetBool`."""
+    when: tuple[tuple[tuple[str, ...], tuple[Any, ...]], ...] = ()
+    """It is pressed when each of these fields has one of its values."""
+    silent_after: float = 0.0
+    """Seconds without a message after which it counts as silent; 0: it may say nothing for ever."""
+
+    def is_pressed(self, message: Mapping[str, Any]) -> bool:
+        return all(field_at(message, path) in values for path, values in self.when)
+
+
 class RosOptions(Struct, frozen=True):
     """`[options]` of a profile whose driver is `ros2`."""
 
@@ -49,6 +65,7 @@ class RosOptions(Struct, frozen=True):
     """What becomes of goals that a killed engine left behind, when no wizard is there to decide."""
     share: tuple[str, ...] = ()
     """Folders with the definitions of further interface packages, for the transport without ROS."""
+    estop: EstopMapping | None = None
 
 
 class MappingError(RiseError):

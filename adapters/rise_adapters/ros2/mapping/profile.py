@@ -60,8 +60,8 @@ def _read(
     profile: RobotProfile, fields: ReadFields | None, actions: Collection[str] | None
 ) -> tuple[dict[str, ActionMapping], ProfileMistakes]:
     mistakes = ProfileMistakes(profile.name)
-    options = parse_options(profile, mistakes)
     types = FieldTypes(fields)
+    options = parse_options(profile, mistakes, types)
     mappings: dict[str, ActionMapping] = {}
     for name, spec in profile.actions.items():
         if not _is_done_by_itself(spec) or (actions is not None and name not in actions):

@@ -8,8 +8,7 @@ from typing import Any
 
 from rise_adapters.ros2.mapping.action_mapping import ResultRule
 from rise_adapters.ros2.mapping.compiler import ProfileMistakes
-from rise_adapters.ros2.mapping.field_types import FieldTypes, MessageFieldType
-from rise_engine.nearest_name import did_you_mean
+from rise_adapters.ros2.mapping.field_types import FieldTypes, MessageFieldType, MissingTypeError
 
 _KEYS = ("code", "ok", "minimum", "maximum", "text", "codes")
 _LIMITS = ("minimum", "maximum")
@@ -103,16 +102,8 @@ def _read_field_path(
     names = tuple(path.split("."))
     if not type:
         return names, None
-    inside = MessageFieldType(type)
-    for name in names:
-        fields = types.fields_of(inside.base)
-        if fields is None:
-            if missing := types.why_unknown(inside.base):
-                mistakes.add(f"{where}.{key}", f"cannot be checked: {missing}", "missing")
-            return names, None
-        if name not in fields:
-            wrong = f"names `{name}`, which is no field of {inside.base}{did_you_mean(name, fields)}"
-            mistakes.add(f"{where}.{key}", wrong)
-            return names, None
-        inside = fields[name]
-    return names, inside
+    try:
+        return names, types.find(type, names)
+    except ValueError as error:
+        mistakes.add(f"{where}.{key}", str(error), "missing" if isinstance(error, MissingTypeError) else "wrong")
+        return names, None

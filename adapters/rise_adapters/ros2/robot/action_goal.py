@@ -138,7 +138,7 @@ class ActionGoal:
             self._mark_over()
 
     def why_open(self) -> str:
-        if not self.endpoint.presence.count:
+        if self.endpoint.presence.was_seen and not self.endpoint.presence.count:
             return "its program has gone"
         if self._is_adopted and not self.cancellation.confirmed and self.cancellation.refused_at is None:
             return f"an engine that has gone {'began' if self._accepted else 'may have begun'} it"

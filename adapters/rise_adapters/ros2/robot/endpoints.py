@@ -7,12 +7,14 @@ ROS 2 tells a client nothing when a server dies, so all this is found by polling
 from __future__ import annotations
 
 import logging
+from contextlib import suppress
 from typing import Literal, Protocol, TypeAlias
 
 from rise_adapters.ros2 import compatibility
 from rise_adapters.ros2.actions.client import ActionClient
 from rise_adapters.ros2.compatibility import EndpointComparison
 from rise_adapters.ros2.mapping import ActionMapping
+from rise_adapters.ros2.robot.lifecycle import LifecycleWatch
 from rise_adapters.ros2.robot.presence import ServerPresence
 from rise_adapters.ros2.transport.port import (
     SEND_GOAL,
@@ -27,14 +29,19 @@ from rise_engine.ports.robot import Clock
 
 _LOG = logging.getLogger(__name__)
 
-Fault: TypeAlias = Literal["", "unfit", "missing", "double", "held", "silent", "unheard"]
+Fault: TypeAlias = Literal["", "unfit", "missing", "inactive", "double", "held", "silent", "unheard"]
 """What can be wrong with an endpoint. unfit: it is there, and is another one than the profile says (`compatibility`).
+inactive: it is there, and its lifecycle says that it does nothing now.
 held: it may still be doing something that has ended for the session, and gets nothing else.
 unheard: what is sent reaches it, and some of what it says does not arrive."""
 
-
 ASKING_SECONDS = 0.5
 """Seconds after its appearance in which it is asked what has become of earlier goals, and people are not told yet."""
+
+PROBE_SECONDS = 2.0
+"""Between two questions to a server that owes an answer: one that moves again says so, and nobody has to act first."""
+NO_GOAL = b"\xff" * 16
+"""A goal that no server has: that it does not know it is a sign of life. (Zeros would mean all goals to a cancel.)"""
 
 
 class OpenOne(Protocol):
@@ -73,16 +80,17 @@ class _ComparedEndpoint:
         self._compared_version: int | None = None
         """Of the graph (`Transport.graph_version`), when it was compared."""
 
-    def compare(self) -> None:
+    def compare(self) -> bool:
         """Compare what is there with what the profile says, unless nothing has changed since that was done last: it is
-        asked for before each goal, and is 2 % of a task (benchmarks/ros)."""
+        asked for before each goal, and is 2 % of a task (benchmarks/ros). Whether it was done."""
         version = self._transport.graph_version()
         if version is not None and version == self._compared_version:
-            return
+            return False
         self._compared_version = version
         before, self.comparison = self.comparison, compatibility.compare(self._transport, self._mapping)
         if before.complete and not self.comparison.complete:  # another one is appearing
             self.presence.appeared_at = self._clock.now()
+        return True
 
     @property
     def is_compared(self) -> bool:
@@ -140,7 +148,9 @@ class ActionEndpoint(_ComparedEndpoint):
         self.client = ActionClient(
             transport, mapping.name, mapping.type, now=clock.now, feedback=feedback, status=status
         )
+        self.lifecycle = LifecycleWatch(transport, clock.now)
         self._unanswered_at: float | None = None
+        self._probed_at = 0.0
 
     def poll(self, count: int | None = None) -> bool:
         """See whether it is there (or be told). True when it has just gone; what it said of goals counts no more."""
@@ -148,7 +158,18 @@ class ActionEndpoint(_ComparedEndpoint):
         if gone:
             self.client.statuses.clear()
             self._unanswered_at = None
+            self.lifecycle.follow("")
+        elif self.presence.count:
+            self.lifecycle.poll()
+            if self.is_silent and self._clock.now() >= self._probed_at + PROBE_SECONDS:
+                self._probe()
         return gone
+
+    def compare(self) -> bool:
+        looked = super().compare()
+        if self.presence.count and (looked or not self.lifecycle.node):
+            self.lifecycle.follow_server(self.name)
+        return looked
 
     def programs(self) -> frozenset[bytes]:
         """The programs that take goals now (`RemoteEndpoint.program`), as far as they can be told apart."""
@@ -157,7 +178,13 @@ class ActionEndpoint(_ComparedEndpoint):
 
     def mark_unanswered(self) -> None:
         """It owes an answer that did not come in time."""
-        self._unanswered_at = self._clock.now()
+        self._unanswered_at = self._probed_at = self._clock.now()
+
+    def _probe(self) -> None:
+        """What it was asked while it stood still may be lost: its side has taken ours for dead meanwhile."""
+        self._probed_at = self._clock.now()
+        with suppress(PortError):
+            self.client.get_result(NO_GOAL, lambda status, result: None)
 
     @property
     def is_silent(self) -> bool:
@@ -166,10 +193,20 @@ class ActionEndpoint(_ComparedEndpoint):
         return since is not None and (heard is None or heard <= since)
 
     @property
+    def misfit_kind(self) -> str:
+        return super().misfit_kind or (f"inactive, {self.lifecycle.state}" if self.fault == "inactive" else "")
+
+    @property
+    def misfit(self) -> str:
+        return super().misfit or (f"inactive: {self.lifecycle.trouble}" if self.lifecycle.sentence else "")
+
+    @property
     def fault(self) -> Fault:
         fault = super().fault
         if fault not in ("", "held"):
             return fault
+        if self.lifecycle.sentence:
+            return "inactive"
         if self.presence.count > 1:
             return "double"
         if fault:
@@ -182,12 +219,15 @@ class ActionEndpoint(_ComparedEndpoint):
             return trouble
         if not self.presence.is_settled:
             return f"{self.name} comes and goes"
+        if self.lifecycle.sentence:
+            return self.lifecycle.trouble
         if self.presence.count > 1:
             return compatibility.describe_several_servers(self.presence.count, self.name)
         return f"{self.name} does not answer" if self.is_compared else f"{self.name} has only just been found"
 
     def close(self) -> None:
         self.client.close()
+        self.lifecycle.close()
 
 
 class TopicEndpoint(_ComparedEndpoint):

@@ -12,7 +12,8 @@ from itertools import cycle
 from math import inf
 
 from rise_adapters.ros2.compatibility import describe_uncompared
-from rise_adapters.ros2.mapping import ActionMapping
+from rise_adapters.ros2.graph_checks import describe_other_client, other_clients
+from rise_adapters.ros2.mapping import ActionMapping, read_options
 from rise_adapters.ros2.robot import standing
 from rise_adapters.ros2.robot.action_goal import ActionGoal
 from rise_adapters.ros2.robot.endpoints import (
@@ -23,6 +24,7 @@ from rise_adapters.ros2.robot.endpoints import (
     close_all,
     short_labels,
 )
+from rise_adapters.ros2.robot.estop_input import EstopInput
 from rise_adapters.ros2.robot.goal_host import TIMER_TOLERANCE, Ending, Goal
 from rise_adapters.ros2.robot.service_goal import ServiceGoal
 from rise_adapters.ros2.robot.standing import Standing
@@ -75,7 +77,10 @@ class Ros2Robot:
         self._seen_at: float | None = None
         self._uncompared: set[str] = set()
         """Names of endpoints that do not say what their types are, which was noted already."""
+        self._other_clients: set[str] = set()
+        """Nodes that may move the robot, too, which were noted already."""
         self._closed = False
+        self._estop: EstopInput | None = None
         self._adopted: list[Goal] = []
         """What an engine before this one may have left running."""
         self._open_endpoints(transport)
@@ -117,6 +122,7 @@ class Ros2Robot:
             goals = standing.open_goals(self._endpoints)
             why = "an engine that has gone left goals behind; the robot is asked about them"
             self._report(RobotChanged(status="degraded", detail=why, open=goals))
+        self._open_estop()
         self._poll()
 
     def adopt(self, goals: Sequence[StartAction]) -> None:
@@ -147,6 +153,11 @@ class Ros2Robot:
             for goal in tuple(self._goals.values())
             if goal.phase == "ended" and goal.may_be_running and part in ("", goal.endpoint.label)
         ]
+
+    def _open_estop(self) -> None:
+        """Hear the emergency stop that the profile names. Raises PortError."""
+        if (estop := read_options(self._profile).estop) is not None:
+            self._estop = EstopInput(estop, self._transport, self.clock.now, lambda report: self._report(report))
 
     def start(self, goal: StartAction) -> None:
         mapping = self._mappings.get(goal.type)
@@ -224,6 +235,8 @@ class Ros2Robot:
             self._stop.abandon()
         if self._timer is not None:
             self._timer.cancel()
+        if self._estop is not None:
+            self._estop.close()
         # A request that has only just been sent could be lost with its client.
         self.clock.call_at(self.clock.now() + FAREWELL_SECONDS, partial(close_all, self._endpoints))
 
@@ -244,6 +257,7 @@ class Ros2Robot:
             moved = self._endpoint_of[actions[goal.endpoint]]
             assert isinstance(moved, ActionEndpoint)
             goal.move_to(moved)
+        self._open_estop()
         self._poll()
 
     # --- what goals need (`GoalHost`) ---------------------------------------------------------------------------
@@ -320,6 +334,8 @@ class Ros2Robot:
         if self._closed:
             return
         self._poll_endpoints()
+        if self._estop is not None and not self._transport.failure():
+            self._estop.poll()
         for goal in tuple(self._live.values()):
             goal.poll()
         self._report_standing()
@@ -354,18 +370,23 @@ class Ros2Robot:
             self._stop.poll()
 
     def _compare_endpoint(self, endpoint: Endpoint) -> None:
-        endpoint.compare()
+        looked = endpoint.compare()
         unknown = endpoint.comparison.unannounced or not endpoint.comparison.complete
         is_there = endpoint.presence.is_settled and endpoint.is_compared
         if unknown and is_there and endpoint.name not in self._uncompared:
             self._uncompared.add(endpoint.name)
             self.report_note(endpoint, describe_uncompared(endpoint.name))
+        if looked and isinstance(endpoint, ActionEndpoint):
+            for node in other_clients(self._transport, endpoint.name):
+                if node not in self._other_clients:
+                    self._other_clients.add(node)
+                    self.report_note(endpoint, describe_other_client(node, endpoint.name))
 
     # --- how the robot stands -----------------------------------------------------------------------------------
 
     def _assess_standing(self) -> Standing:
         busy = [goal.endpoint for goal in self._live.values() if goal.phase == "running"]
-        return standing.assess(self._transport, self._endpoints, busy)
+        return standing.assess(self._transport, self._endpoints, busy, self._estop)
 
     def _report_standing(self) -> None:
         """Report how the robot stands, when that has changed."""
@@ -375,7 +396,7 @@ class Ros2Robot:
                 return
         elif not now.is_news_after(self._reported):
             return
-        detail = standing.describe(now.status, self._profile.title, self._transport, self._endpoints)
+        detail = standing.describe(now.status, self._profile.title, self._transport, self._endpoints, self._estop)
         if now.status == "lost":
             self._report_lost(detail)
         else:
@@ -385,7 +406,7 @@ class Ros2Robot:
     def _is_discovering(self) -> bool:
         """What is missing may still be found."""
         is_early = self.clock.now() + TIMER_TOLERANCE < self._grace_until
-        return is_early and any(endpoint.fault == "missing" for endpoint in self._endpoints)
+        return is_early and any(each.fault == "missing" for each in (*self._endpoints, self._estop) if each is not None)
 
     def _report_lost(self, detail: str) -> None:
         """Nothing of the robot is there. What was not sent has failed; what the robot was doing, nobody knows."""

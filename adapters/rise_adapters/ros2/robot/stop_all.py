@@ -108,7 +108,6 @@ class CancelAll:
         if presence.count > 1:
             return f"{presence.count} servers, and only one can have answered"
         if self.answer is None:
-            endpoint.mark_unanswered()
             return "asked, no answer"
         ours = [goal for goal in own.values() if goal.may_be_running and goal.phase == "ended"]
         if ours:
@@ -177,7 +176,7 @@ class StopAll:
             elif isinstance(endpoint, ServiceEndpoint):
                 self._services.append(endpoint)
             elif not endpoint.is_stoppable:
-                self._unstoppable.append(f"{endpoint.label} (its topic takes no stop)")
+                self._unstoppable.append(endpoint.label)
             elif endpoint.presence.count:
                 self._silent.append(f"{endpoint.label} (told to stop; a topic gives no answer)")
             else:
@@ -246,6 +245,10 @@ class StopAll:
     def _finish(self) -> None:
         """Say how things stand."""
         self._drop_timer()
+        if self._reported is None:
+            for cancel in self._cancels:
+                if cancel.answer is None and cancel.endpoint.presence.count == 1:
+                    cancel.endpoint.mark_unanswered()
         self._reported = report = self._make_report()
         for cancel in self._cancels:
             cancel.is_closed = True

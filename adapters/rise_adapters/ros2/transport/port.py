@@ -262,8 +262,12 @@ class Transport(Protocol):
         """
         ...
 
-    def topics(self) -> list[str]:
-        """List the topics that other nodes publish on or subscribe to, by full name."""
+    def topics(self, ending: str = "") -> list[str]:
+        """List the topics that other nodes publish on or subscribe to.
+
+        :param ending: of their names; empty: all of them.
+        :returns: full names.
+        """
         ...
 
     def programs_of_other_vendors(self) -> list[tuple[str, str]]:
