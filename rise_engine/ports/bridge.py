@@ -7,7 +7,7 @@ entry-point group `rise.bridges` and never imported by name (architecture, "Impo
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import Any, Literal, Protocol, TypeAlias, TypeVar, get_args
 
 from msgspec import Struct
@@ -72,6 +72,29 @@ class Bridge(Protocol[SessionT]):
     async def close(self) -> None:
         """Let go of everything, and tell other programs that the session has gone. It takes some seconds at most."""
         ...
+
+
+ProfileFindingKind: TypeAlias = Literal["wrong", "missing", "unstoppable", "unread"]
+
+
+class ProfileFinding(Struct, frozen=True):
+    """One thing that a driver has to say about a robot's profile, before anything is connected."""
+
+    sentence: str
+    where: str = ""
+    """The key that it is about, `actions.Speech.carrier.goal.text`; empty: the profile as a whole."""
+    kind: ProfileFindingKind = "wrong"
+    """wrong: it can never work. missing: it cannot work on this computer, or not yet; a rehearsal can. unstoppable: it
+    works, and nothing stops the robot while it does. unread: nothing takes it, which may be a slip."""
+
+    @property
+    def refuses(self) -> bool:
+        """Whether no session with this robot can begin."""
+        return self.kind in ("wrong", "missing")
+
+
+ProfileChecker: TypeAlias = Callable[[RobotProfile], list[ProfileFinding]]
+"""The callable that an entry point of the group `rise.checks` names; that name is a profile's `driver`."""
 
 
 class BridgeOpener(Protocol):

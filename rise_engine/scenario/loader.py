@@ -14,7 +14,7 @@ from msgspec.structs import replace
 
 from rise_engine.nearest_name import did_you_mean, in_backquotes, limited_comparisons
 from rise_engine.scenario.act_settings import ActTables
-from rise_engine.scenario.action_declarations import apply_declarations
+from rise_engine.scenario.action_declarations import apply_declarations, name_places, read_places
 from rise_engine.scenario.acts import read_acts, report_unsent_ssml
 from rise_engine.scenario.cross_references import check_cross_references
 from rise_engine.scenario.diagnostics import Diagnostic, Diagnostics
@@ -291,7 +291,9 @@ class ScenarioLoader:
 
         def make(diagnostics: Diagnostics) -> RobotProfile:
             table = TomlTable(file, (), file.values, diagnostics)
-            return replace(profile, actions=apply_declarations(table, profile.actions, "scenario"))
+            places = read_places(table, profile.places)
+            actions = apply_declarations(table, profile.actions, "scenario")
+            return replace(profile, actions=name_places(actions, places), places=places)
 
         return self.memo.read(("robot", file, self.memo.number("profile", profile)), self.diagnostics, make)
 

@@ -7,13 +7,18 @@ from __future__ import annotations
 
 import asyncio
 import logging
-from collections.abc import Awaitable, Callable, Mapping, Sequence
+from collections.abc import Awaitable, Callable, Mapping
 from contextlib import ExitStack
 from functools import partial
 from pathlib import Path
 
-from rise_adapters.ros2.mapping import ActionMapping, MappingError, mapping_problems, read_mappings, read_options
-from rise_adapters.ros2.mapping.field_types import ReadFields
+from rise_adapters.ros2.mapping import (
+    ActionMapping,
+    MappingError,
+    mapping_problems,
+    read_mappings,
+    read_options,
+)
 from rise_adapters.ros2.parameters import ParameterOption, ParameterServices, ReadableParameter, parameters_as_options
 from rise_adapters.ros2.robot import Ros2Robot
 from rise_adapters.ros2.session_node import RosSessionInterface
@@ -23,8 +28,7 @@ from rise_adapters.ros2.session_node.neighbours import (
     describe_refusal,
 )
 from rise_adapters.ros2.transport.port import PortError, Transport
-from rise_adapters.ros2.transport.rclpy.types import InstalledTypes
-from rise_adapters.ros2.transport.selection import open_transport, why_unavailable
+from rise_adapters.ros2.transport.selection import open_transport
 from rise_engine.kernel.inputs import Note
 from rise_engine.ports.bridge import BridgeError, RosConnection
 from rise_engine.ports.robot import Clock, Robot
@@ -207,27 +211,3 @@ def read_parameters(
         return parameters_as_options(arguments, DEFAULT_NODE_NAME, options, written)
     except PortError as error:
         raise BridgeError([str(error)]) from None
-
-
-def check_profile(profile: RobotProfile) -> list[str]:
-    """What is wrong with a profile, as far as that shows without a connection (`rise-engine check` in real mode): the
-    same that a session, which takes the types from where the check takes them, is refused for."""
-    try:
-        fields = _field_reader(read_options(profile).share)
-    except MappingError:
-        return mapping_problems(profile)
-    except PortError as error:
-        return [str(error)]
-    return mapping_problems(profile, fields)
-
-
-def _field_reader(share: Sequence[str]) -> ReadFields | None:
-    """The types as the transport has them that a session would use here; None: there is none."""
-    missing = why_unavailable()
-    if not missing["rclpy"]:
-        return InstalledTypes().fields
-    if missing["dds"]:
-        return None
-    from rise_adapters.ros2.transport.interfaces import InterfaceCatalog  # needs rosbags, which is an extra
-
-    return InterfaceCatalog(share).fields

@@ -19,10 +19,13 @@ DOCTOR_NODE_NAME = "rise_doctor"
 
 
 def names_elsewhere(transport: Transport, mapping: ActionMapping) -> list[str]:
-    """The full names under which others offer an action of the mapping's type (listen to a topic of it)."""
+    """The full names under which others offer an action of the mapping's type (listen to a topic of it). None are known
+    of services, which a transport does not list."""
     own = transport.resolve(mapping.name)
     names: list[str] = []
     for topic in transport.topics():
+        if mapping.kind == "service":
+            break
         if mapping.kind == "action":
             name = topic.removesuffix(action_topic("", FEEDBACK))
             found = transport.publisher_endpoints(topic) if name != topic else []

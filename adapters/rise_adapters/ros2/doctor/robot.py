@@ -9,7 +9,8 @@ from pathlib import Path
 from rise_adapters.ros2 import compatibility, graph_checks
 from rise_adapters.ros2.actions.client import ActionClient
 from rise_adapters.ros2.doctor.finding import DoctorFinding
-from rise_adapters.ros2.mapping import ActionMapping, MappingError, read_mappings, read_options
+from rise_adapters.ros2.doctor.live_names import LiveNames
+from rise_adapters.ros2.mapping import ActionMapping, MappingError, mapping_findings, read_mappings, read_options
 from rise_adapters.ros2.mapping.options import DRIVER
 from rise_adapters.ros2.robot.estop_input import EstopInput
 from rise_adapters.ros2.robot.lifecycle import LifecycleWatch
@@ -39,30 +40,37 @@ async def check_robot(
                 f"the robot {profile.name} was not looked for: its driver is {profile.driver!r}, which is not on ROS",
             )
         ]
+    said = mapping_findings(profile, transport.fields)
     try:
         mappings = read_mappings(profile, transport.fields)
-    except MappingError as errors:
-        return [DoctorFinding("problem", "robot", sentence) for sentence in errors.findings]
+    except MappingError:
+        return [DoctorFinding("problem" if each.refuses else "warning", "robot", each.sentence) for each in said]
+    warnings = [DoctorFinding("warning", "robot", each.sentence) for each in said]
     expected: list[_ExpectedEndpoint] = []
+    live: LiveNames | None = None
     estop: EstopInput | None = None
     try:
+        live = LiveNames(transport, profile, mappings)
         for name, mapping in _by_route(mappings).items():
             expected.append(_ExpectedEndpoint(transport, name, mapping))
         if (named := read_options(profile).estop) is not None and named.type:
             estop = EstopInput(named, transport, asyncio.get_running_loop().time, lambda report: None)
-        await _wait_for(expected, estop, seconds)
+        await _wait_for(expected, estop, live, seconds)
         if len(expected) > 1 and not any(each.is_seen() for each in expected):
             names = ", ".join(each.full for each in expected)
             others = list(dict.fromkeys(name for each in expected for name in each.names_elsewhere()))
             remedy = _advise_renaming("these", others) if others else _advise_start("these")
             return [DoctorFinding("problem", "robot", f"nothing of {profile.name} is there: {names}", remedy)]
         found = [finding for each in expected for finding in each.findings()]
-        return [*found, *_describe_estop(estop), *_describe_clients(transport, expected)]
+        found += live.findings()
+        return [*found, *_describe_estop(estop), *_describe_clients(transport, expected), *warnings]
     except PortError as error:
         return [DoctorFinding("problem", "robot", str(error))]
     finally:
         for each in expected:
             each.close()
+        if live is not None:
+            live.close()
         if estop is not None:
             estop.close()
 
@@ -102,7 +110,9 @@ def _by_route(mappings: Mapping[str, ActionMapping]) -> dict[str, ActionMapping]
     return {", ".join(each): mappings[each[0]] for each in names.values()}
 
 
-async def _wait_for(expected: Sequence[_ExpectedEndpoint], estop: EstopInput | None, seconds: float) -> None:
+async def _wait_for(
+    expected: Sequence[_ExpectedEndpoint], estop: EstopInput | None, live: LiveNames, seconds: float
+) -> None:
     loop = asyncio.get_running_loop()
     until = loop.time() + seconds
     complete: float | None = None
@@ -111,7 +121,7 @@ async def _wait_for(expected: Sequence[_ExpectedEndpoint], estop: EstopInput | N
             each.poll()
         if estop is not None:
             estop.poll()
-        heard = estop is None or estop.pressed is not None
+        heard = live.are_complete() and (estop is None or estop.pressed is not None)
         if complete is None and heard and all(each.is_complete() for each in expected):
             complete = loop.time()
         await asyncio.sleep(_POLL_SECONDS)
@@ -132,6 +142,9 @@ class _ExpectedEndpoint:
                 transport, mapping.name, mapping.type, feedback=mapping.feedback_qos, status=mapping.status_qos
             )
             self.count_receivers, self._close = client.count_servers, client.close
+        elif mapping.kind == "service":
+            service = transport.client(mapping.name, mapping.type)
+            self.count_receivers, self._close = service.count_servers, service.close
         else:
             publisher = transport.publisher(mapping.name, mapping.type, mapping.topic_qos)
             self.count_receivers, self._close = publisher.count_subscribers, publisher.close
@@ -161,11 +174,12 @@ class _ExpectedEndpoint:
 
     def findings(self) -> Iterator[DoctorFinding]:
         number, name, full = self.count_receivers(), self._name, self.full
-        action, lifecycle = self.is_action, self._lifecycle
+        is_served = self._mapping.kind != "topic"
+        lifecycle = self._lifecycle
         found = compatibility.compare(self._transport, self._mapping)
         for misfit in found.misfits:
             yield DoctorFinding("problem", "robot", f"{name}: {misfit.sentence}", misfit.remedy)
-        if number > 1 and action:
+        if number > 1 and is_served:
             several = compatibility.describe_several_servers(number, full)
             yield DoctorFinding("problem", "robot", f"{name}: {several}", "end all but one of them")
         elif lifecycle.sentence and not found.misfits:
@@ -173,7 +187,7 @@ class _ExpectedEndpoint:
         elif number and not found.misfits:
             listens = f"has {number} subscriber{'s' if number > 1 else ''}"
             yield DoctorFinding(
-                "ok", "robot", f"{name}: {full} {f'is offered, as {self._mapping.type}' if action else listens}"
+                "ok", "robot", f"{name}: {full} {f'is offered, as {self._mapping.type}' if is_served else listens}"
             )
         elif not found.misfits:
             others = self.names_elsewhere()

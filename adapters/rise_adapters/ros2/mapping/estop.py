@@ -9,7 +9,7 @@ from typing import Any
 from rise_adapters.ros2.mapping.action_mapping import EstopMapping
 from rise_adapters.ros2.mapping.compiler import ProfileMistakes
 from rise_adapters.ros2.mapping.field_sources import fit_literal
-from rise_adapters.ros2.mapping.field_types import FieldTypes
+from rise_adapters.ros2.mapping.field_types import FieldTypes, MissingTypeError
 from rise_adapters.ros2.transport.names import is_ros_name
 from rise_engine.scenario.durations import MAX_SECONDS
 
@@ -70,5 +70,6 @@ def _read_values(
             raise ValueError(f"is a list ({field}), and lists are not compared")
         return tuple(fit_literal(value, field) for value in values)
     except ValueError as error:
-        mistakes.add(f"{WHERE}.when.{'.'.join(path)}", str(error))
+        is_missing = isinstance(error, MissingTypeError)
+        mistakes.add(f"{WHERE}.when.{'.'.join(path)}", str(error), "missing" if is_missing else "wrong")
         return ()

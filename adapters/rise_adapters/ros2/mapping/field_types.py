@@ -17,6 +17,8 @@ ReadFields: TypeAlias = Callable[[str], Mapping[str, str]]
 """`Transport.fields`: the fields of a message type. Raises PortError where the type is not known."""
 
 DURATION = "builtin_interfaces/msg/Duration"
+TIME = "builtin_interfaces/msg/Time"
+QUATERNION = "geometry_msgs/msg/Quaternion"
 
 _INTEGERS = {"byte": (0, 255), **INTEGER_RANGES}
 _FLOATS = {"float32": 3.4028234663852886e38, "float64": math.inf}
@@ -64,6 +66,10 @@ def parse_field_type(text: str) -> MessageFieldType:
     return MessageFieldType(*astuple(read_field_type(text, "a field")))
 
 
+class MissingTypeError(ValueError):
+    """A type is not installed here; a sentence."""
+
+
 class FieldTypes:
     """The fields of message types, asked for once. Without `fields` (no transport yet), no type is known."""
 
@@ -89,7 +95,7 @@ class FieldTypes:
             fields = self.fields_of(inside.base)
             if fields is None:
                 if missing := self.why_unknown(inside.base):
-                    raise ValueError(f"cannot be checked: {missing}")
+                    raise MissingTypeError(f"cannot be checked: {missing}")
                 return None
             if name not in fields:
                 raise ValueError(f"names `{name}`, which is no field of {inside.base}{did_you_mean(name, fields)}")

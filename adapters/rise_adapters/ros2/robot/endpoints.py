@@ -1,4 +1,5 @@
-"""What of a robot goals go to: its action servers and the topics that it listens to, and whether they can be relied on.
+"""What of a robot goals go to: its action servers, the topics that it listens to and its services, and whether they can
+be relied on.
 
 ROS 2 tells a client nothing when a server dies, so all this is found by polling, several times a second.
 """
@@ -20,6 +21,7 @@ from rise_adapters.ros2.transport.port import (
     Message,
     PortError,
     Publisher,
+    ServiceClient,
     Transport,
     action_topic,
 )
@@ -262,7 +264,37 @@ class TopicEndpoint(_ComparedEndpoint):
         self.publisher.close()
 
 
-Endpoint: TypeAlias = ActionEndpoint | TopicEndpoint
+class ServiceEndpoint(_ComparedEndpoint):
+    """One service of the robot."""
+
+    def __init__(self, label: str, transport: Transport, mapping: ActionMapping, clock: Clock) -> None:
+        """Raises PortError."""
+        super().__init__(label, transport, mapping, clock)
+        self.client: ServiceClient = transport.client(mapping.name, mapping.type)
+
+    def poll(self, count: int | None = None) -> bool:
+        return self.presence.update(self.client.count_servers() if count is None else count)
+
+    @property
+    def fault(self) -> Fault:
+        fault = super().fault
+        return "double" if fault in ("", "held") and self.presence.count > 1 else fault
+
+    @property
+    def trouble(self) -> str:
+        if trouble := super().trouble:
+            return trouble
+        if not self.presence.is_settled:
+            return f"{self.name} comes and goes"
+        if self.presence.count > 1:
+            return compatibility.describe_several_servers(self.presence.count, self.name)
+        return f"{self.name} has only just been found"
+
+    def close(self) -> None:
+        self.client.close()
+
+
+Endpoint: TypeAlias = ActionEndpoint | TopicEndpoint | ServiceEndpoint
 
 
 def close_all(endpoints: tuple[Endpoint, ...]) -> None:

@@ -17,7 +17,8 @@ TIMER_TOLERANCE = 1e-5
 class Goal(Protocol):
     """One action on its way to the robot and back.
 
-    It has no timer of its own: `next_deadline` says when it wants to be polled, and `poll` does what is due.
+    It has no timer of its own (but for what a topic repeats): `next_deadline` says when it wants to be polled, and
+    `poll` does what is due.
     """
 
     action: str
@@ -31,6 +32,10 @@ class Goal(Protocol):
     @property
     def endpoint(self) -> Endpoint:
         """Where it is sent."""
+        ...
+
+    def adopt(self, *, accepted: bool) -> None:
+        """Take over one that an engine before this one has sent, and that has ended for the session."""
         ...
 
     def cancel(self) -> None:

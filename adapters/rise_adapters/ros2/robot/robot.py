@@ -1,7 +1,7 @@
 """A robot on ROS 2, behind the engine's port: `Ros2Robot` keeps its goals, and watches whether it is there.
 
-Every action of the profile goes to an action server, or is published on a topic. One timer drives everything: it polls
-the servers (ROS says nothing when one dies) and the goals whose time has come.
+Every action of the profile goes to an action server or a service, or is published on a topic. One timer drives
+everything: it polls the servers (ROS says nothing when one dies) and the goals whose time has come.
 """
 
 from __future__ import annotations
@@ -16,9 +16,17 @@ from rise_adapters.ros2.graph_checks import describe_other_client, other_clients
 from rise_adapters.ros2.mapping import ActionMapping, read_options
 from rise_adapters.ros2.robot import standing
 from rise_adapters.ros2.robot.action_goal import ActionGoal
-from rise_adapters.ros2.robot.endpoints import ActionEndpoint, Endpoint, TopicEndpoint, close_all, short_labels
+from rise_adapters.ros2.robot.endpoints import (
+    ActionEndpoint,
+    Endpoint,
+    ServiceEndpoint,
+    TopicEndpoint,
+    close_all,
+    short_labels,
+)
 from rise_adapters.ros2.robot.estop_input import EstopInput
 from rise_adapters.ros2.robot.goal_host import TIMER_TOLERANCE, Ending, Goal
+from rise_adapters.ros2.robot.service_goal import ServiceGoal
 from rise_adapters.ros2.robot.standing import Standing
 from rise_adapters.ros2.robot.stop_all import StopAll
 from rise_adapters.ros2.robot.topic_goal import TopicGoal
@@ -96,6 +104,8 @@ class Ros2Robot:
     def _make_endpoint(self, mapping: ActionMapping, label: str) -> Endpoint:
         if mapping.kind == "topic":
             return TopicEndpoint(label, self._transport, mapping, self.clock)
+        if mapping.kind == "service":
+            return ServiceEndpoint(label, self._transport, mapping, self.clock)
         endpoint = ActionEndpoint(label, self._transport, mapping, self.clock)
         endpoint.client.on_feedback = self._take_feedback
         endpoint.client.on_status = partial(self._take_status, endpoint)
@@ -170,13 +180,17 @@ class Ros2Robot:
         made.poll()
         self.on_goal_changed(made)
 
-    def _make_goal(self, goal: StartAction, mapping: ActionMapping, message: Message) -> ActionGoal | TopicGoal:
-        """Raises ValueError for what cannot be sent."""
+    def _make_goal(self, goal: StartAction, mapping: ActionMapping, message: Message) -> Goal:
+        """Raises ValueError for what cannot be sent. `message` is as of now; what may be sent later is made then."""
+        node, frame = self._transport.node, self._frame
+        make_message = partial(mapping.make_message, goal.parameters, node=node, goal=goal.action, frame=frame)
         endpoint = self._endpoint_of[goal.type]
         if isinstance(endpoint, TopicEndpoint):
-            reset = mapping.make_reset(node=self._transport.node, goal=goal.action, frame=self._frame)
-            return TopicGoal(self, endpoint, goal, mapping, message, reset)
+            make_reset = partial(mapping.make_reset, node=node, goal=goal.action, frame=frame)
+            return TopicGoal(self, endpoint, goal, mapping, make_message, make_reset)
         limit = limit_seconds(self._profile.actions[goal.type], goal.parameters)
+        if isinstance(endpoint, ServiceEndpoint):
+            return ServiceGoal(self, endpoint, goal, mapping, make_message, limit)
         made = ActionGoal(self, endpoint, goal, mapping, message, limit)
         self._by_id[made.id] = made
         return made
@@ -286,7 +300,7 @@ class Ros2Robot:
         return {id: goal for id, goal in self._by_id.items() if goal.endpoint is endpoint}
 
     def _report_stop(self, report: StopReport) -> None:
-        if not report.unconfirmed:
+        if not report.unconfirmed and not (self._stop is not None and self._stop.waits_for_calls):
             self._stop = None
         self._report(report)
 

@@ -27,7 +27,7 @@ from rise_adapters.ros2.actions.client import (
     CancelResponse,
 )
 from rise_adapters.ros2.robot.action_goal import ActionGoal
-from rise_adapters.ros2.robot.endpoints import ActionEndpoint, Endpoint
+from rise_adapters.ros2.robot.endpoints import ActionEndpoint, Endpoint, ServiceEndpoint
 from rise_adapters.ros2.transport.port import PortError
 from rise_engine.kernel.inputs import StopReport
 from rise_engine.ports.robot import Clock, Timer
@@ -169,11 +169,14 @@ class StopAll:
         self._silent: list[str] = []
         """Parts that cannot confirm, with the reason."""
         self._unstoppable: list[str] = []
+        self._services: list[ServiceEndpoint] = []
         self._reported: StopReport | None = None
         self._is_abandoned = False
         for endpoint in endpoints:
             if isinstance(endpoint, ActionEndpoint):
                 self._cancels.append(CancelAll(endpoint, find_goals))
+            elif isinstance(endpoint, ServiceEndpoint):
+                self._services.append(endpoint)
             elif not endpoint.is_stoppable:
                 self._unstoppable.append(endpoint.label)
             elif endpoint.presence.count:
@@ -186,6 +189,11 @@ class StopAll:
     def is_answered(self) -> bool:
         """It was reported at least once."""
         return self._reported is not None
+
+    @property
+    def waits_for_calls(self) -> bool:
+        """Whether something that cannot be stopped will end by itself, and be told."""
+        return any(endpoint.open for endpoint in self._services)
 
     def begin(self) -> None:
         self._keep_asking()
@@ -252,8 +260,9 @@ class StopAll:
                 confirmed.append(cancel.endpoint.label)
             else:
                 unconfirmed.append(f"{cancel.endpoint.label} ({cancel.why_unconfirmed()})")
+        calls = [f"{each.label} (nothing stops a call of a service)" for each in self._services if each.open]
         return StopReport(
             confirmed=tuple(sorted(confirmed)),
             unconfirmed=tuple(sorted(unconfirmed)),
-            unstoppable=tuple(sorted(self._unstoppable)),
+            unstoppable=tuple(sorted([*self._unstoppable, *calls])),
         )
