@@ -133,6 +133,8 @@ class ActionMapping(Struct, frozen=True):
     """What fills the goal; of a topic, the message, of a service, the request."""
     reset: MessageSource | None = None
     """What is published when the action's time is over, or it is canceled; None: nothing."""
+    harmless: bool = False
+    """That nothing stops it is no danger (`unstoppable = true`)."""
     rate: float = 0.0
     """How often in a second a topic's message is published while the action lasts; 0: once."""
     result_rule: ResultRule = ResultRule()

@@ -90,13 +90,13 @@ class ActionReader:
         else:
             qos = parse_qos(self._read_table("qos"), kind, self._path_of("qos"), self._mistakes)
             mapping = replace(mapping, **qos)
-        self._check_stopping(mapping)
-        return replace(mapping, unused_parameters=tuple(each for each in self._spec.parameters if each not in used))
+        unused = tuple(each for each in self._spec.parameters if each not in used)
+        return replace(mapping, unused_parameters=unused, harmless=self._is_harmless(mapping))
 
-    def _check_stopping(self, mapping: ActionMapping) -> None:
-        """Say so of what nothing can stop, unless the profile does."""
+    def _is_harmless(self, mapping: ActionMapping) -> bool:
+        """Whether the profile says so of what nothing can stop; what it says nothing of is a mistake."""
         if mapping.kind == "action":
-            return
+            return False
         known = self._table.get("unstoppable", False)
         if not isinstance(known, bool):
             self._add_mistake("unstoppable", "is true or false")
@@ -113,6 +113,7 @@ class ActionReader:
                 f"cannot be stopped: after F9 the robot goes on, because {how}",
                 "unstoppable",
             )
+        return known is True
 
     def _read_rate(self) -> float:
         rate = self._table.get("rate", 0.0)

@@ -28,6 +28,7 @@ from rise_adapters.ros2.actions.client import (
 )
 from rise_adapters.ros2.robot.action_goal import ActionGoal
 from rise_adapters.ros2.robot.endpoints import ActionEndpoint, Endpoint, ServiceEndpoint
+from rise_adapters.ros2.robot.goal_host import TIMER_TOLERANCE
 from rise_adapters.ros2.transport.port import PortError
 from rise_engine.kernel.inputs import StopReport
 from rise_engine.ports.robot import Clock, Timer
@@ -178,7 +179,8 @@ class StopAll:
             elif isinstance(endpoint, ServiceEndpoint):
                 self._services.append(endpoint)
             elif not endpoint.is_stoppable:
-                self._unstoppable.append(endpoint.label)
+                if not endpoint.is_harmless:
+                    self._unstoppable.append(endpoint.label)
             elif endpoint.presence.count:
                 self._silent.append(f"{endpoint.label} (told to stop; a topic gives no answer)")
             else:
@@ -220,7 +222,7 @@ class StopAll:
     def _keep_asking(self) -> None:
         """Ask those that have not answered, and again a while later, until all have confirmed."""
         now = self._clock.now()
-        if self._reported is None and now >= self._until:
+        if self._reported is None and now + TIMER_TOLERANCE >= self._until:
             self._finish()
         if self._is_abandoned or (self._reported is not None and not self._reported.unconfirmed):
             return

@@ -39,6 +39,7 @@ class TopicGoal:
         self._make_message = make_message
         self._make_reset = make_reset
         self._is_stoppable = mapping.stoppable
+        self._is_harmless = mapping.harmless
         self._rate = mapping.rate
         self._repeat: Timer | None = None
         self._expected = goal.expected
@@ -53,7 +54,9 @@ class TopicGoal:
         self._host.on_goal_changed(self)
 
     def _leave_unstopped(self) -> None:
-        self.may_be_running = True
+        self.may_be_running = not self._is_harmless
+        if self._is_harmless:
+            return
         self.endpoint.unstopped = self
 
     def cancel(self) -> None:
