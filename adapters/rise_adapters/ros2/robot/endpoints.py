@@ -240,8 +240,8 @@ class TopicEndpoint(_ComparedEndpoint):
         self.user: object | None = None
         """The goal that published last: only its end takes back what was said."""
         self.is_stoppable = mapping.stoppable
-        self.is_harmless = mapping.harmless
         """Whether anything can be published that stops what was asked for."""
+        self.is_harmless = mapping.harmless
         self.unstopped: OpenOne | None = None
         """The goal that published last and has ended, where nothing can stop what it asked for."""
 
