@@ -134,10 +134,10 @@ class Scheduler:
         self.runner.start(task)
 
     def _finish_act(self, run: ActRun, status: TaskStatus, reason: str) -> None:
-        self._record_end(run.task, status, reason)
+        self._record_end(run.task, status, reason, interfered=run.interfered)
         self.advance()
 
-    def _record_end(self, task: Task, status: TaskStatus, reason: str) -> None:
+    def _record_end(self, task: Task, status: TaskStatus, reason: str, *, interfered: bool = False) -> None:
         core = self._core
         task.status = status
         core.record_task(task, reason)
@@ -158,7 +158,8 @@ class Scheduler:
             filler=task.filler,
             voice_at=task.voice_at,
         )
-        if status == "ABORTED" and self._failures.holds(task, reason, by_itself=self.runner.can_start):
+        may_repeat = not (interfered or self.runner.restarted)
+        if status == "ABORTED" and self._failures.holds(task, reason, may_repeat, self.runner.robot_lost is not None):
             self._wizard.forget_failure(task)
         else:
             self._raise_end(task)

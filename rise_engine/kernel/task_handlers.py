@@ -104,11 +104,14 @@ class TaskHandlers:
         name = task.behavior
         if name not in self._scenario.acts:
             self._reject(task, f"there is no act {name!r}" + _did_you_mean(name, self._scenario.acts))
-        elif not self._scheduler.has_task_of(name):
+            return
+        failed = [each for each in self._failures.waiting if each.behavior == name]
+        if not (failed or self._scheduler.has_task_of(name)):
             self._reject(task, f"{name} is neither running nor waiting")
         else:
             self._succeed(task)
             self._scheduler.stop(f"stopped by {task.source}", name)
+            self._failures.stop(failed, task.source)
 
     def _calling_type(self, task: Submit) -> str:
         if task.function != "startCommunicationRobotAct":
@@ -279,6 +282,10 @@ class TaskHandlers:
         if (kept := self.rules.kept.get(parse_task_id(task.behavior))) is not None:
             self._succeed(task)
             self.rules.kept.take_back(kept, reason)
+            return
+        if failed := [each for each in self._failures.waiting if str(each.id) == task.behavior]:
+            self._succeed(task)
+            self._failures.stop(failed, task.source)
             return
         for rule in self.rules.stack.values():
             if str(rule.task.id) == task.behavior:
