@@ -82,12 +82,14 @@ class Scheduler:
         name, why = task.behavior.strip(), f"stopped by {task.source}"
         waiting = [each for each, act in self.line if act.name == name and each.function == STARTS_ACT]
         running = [run.task for run in self.running if run.act.name == name and run.task.function == STARTS_ACT]
-        if not waiting and not running:
+        failed = self.session.failures.that_wait(name, by_name=True)
+        if not waiting and not running and not failed:
             raise Refused("it is neither running nor waiting")
         self.session.tasks.record(task, "SUCCEEDED")
         for other in waiting + running:
             self._take_out(other, why)
         self.arrange()
+        self.session.failures.stop(failed, task.source)
 
     def move(self, task: Task) -> None:
         """Another place in the line."""

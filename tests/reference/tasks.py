@@ -202,6 +202,9 @@ class Tasks:
         elif other is not None and (kept := self.session.kept.of(other)) is not None:
             self.record(task, "SUCCEEDED")
             self.session.kept.take_back(kept, why)
+        elif failed := self.session.failures.that_wait(number, by_name=False):
+            self.record(task, "SUCCEEDED")
+            self.session.failures.stop(failed, task.source)
         else:
             raise Refused("no such task is running or waiting")
 
