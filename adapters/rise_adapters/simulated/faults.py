@@ -3,6 +3,7 @@
 ==========================  ========================================================================================
 `Speech=reject`             the robot refuses every Speech
 `Speech=fail`               every Speech fails half-way
+`Speech=abort`              the robot gives up every Speech half-way by itself, as after a protective stop
 `Speech=slow:3`             every Speech takes 3 times as long
 `Speech=hang`               Speech never ends and never confirms a cancel; stop-all lists that part as unconfirmed
 `Speech=fail@2`             only the second Speech of the session (`@N` goes with every kind)
@@ -23,10 +24,13 @@ from msgspec import Struct
 from rise_engine.nearest_name import nearest_name
 from rise_engine.scenario.model import RobotProfile
 
-FaultKind: TypeAlias = Literal["reject", "fail", "slow", "hang"]
+FaultKind: TypeAlias = Literal["reject", "fail", "abort", "slow", "hang"]
 FAULT_KINDS: tuple[FaultKind, ...] = get_args(FaultKind)
 
-_FORM = "write ACTION=reject, ACTION=fail, ACTION=slow:FACTOR or ACTION=hang (each also with @N), or vanish@SECONDS"
+_FORM = (
+    "write ACTION=reject, ACTION=fail, ACTION=abort, ACTION=slow:FACTOR or ACTION=hang (each also with @N), "
+    "or vanish@SECONDS"
+)
 _NUMBER = r"\d+(?:\.\d+)?"
 _VANISH = re.compile(rf"vanish@(?P<at>{_NUMBER})(?:-(?P<back>{_NUMBER}))?")
 _ACTION = re.compile(r"(?P<action>[^=@]+)=(?P<kind>[^:@]*)(?::(?P<factor>[^@]*))?(?:@(?P<nth>.*))?")

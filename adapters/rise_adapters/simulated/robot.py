@@ -101,10 +101,11 @@ class SimulatedRobot:
         ending = ActionReport(action=goal.action, status="succeeded")
         if fault is not None and kind == "slow":
             seconds *= fault.factor
-        elif kind == "fail":
+        elif kind in ("fail", "abort"):
             seconds /= 2
-            mishap = "it went wrong on the robot (simulated fault)"
-            ending = ActionReport(action=goal.action, status="failed", reason=mishap)
+            aborted = kind == "abort"
+            mishap = f"{'the robot gave it up' if aborted else 'it went wrong on the robot'} (simulated fault)"
+            ending = ActionReport(action=goal.action, status="failed", reason=mishap, aborted=aborted)
         running.timers.append(self._call_after(max(seconds, self._latency + _TICK), self._end, ending))
 
     def cancel(self, action: str) -> None:
