@@ -106,8 +106,9 @@ class Moves:
             ),
         ]
         self._has_cue = cue_matters(scenario)
-        self._repeated = {name for name in scenario.acts if scenario.failure_policy(name).kind == "repeat"}
-        """The acts of which it matters who has ended them."""
+        policies = {name: scenario.failure_policy(name).kind for name in scenario.acts} if bounds.lost else {}
+        self._repeated = {name for name, policy in policies.items() if policy == "repeat"}
+        """The acts of which it is told apart who has ended them."""
 
     def possible(self, situation: Situation) -> Iterator[Possibility]:
         """What can come next, people first. Which of it time allows, the clocks must say."""
@@ -117,6 +118,8 @@ class Moves:
             if situation.cue_open:
                 yield _CUE_UNDONE
         for index, act in enumerate(situation.asked):
+            if act.phase == "pausing":
+                continue  # nobody need say anything: it is repeated by itself
             for answer in ("goOn", "repeatAct", "stopRuleOfAct"):
                 if answer != "stopRuleOfAct" or act.is_own:
                     yield Possibility(

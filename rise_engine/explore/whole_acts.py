@@ -41,9 +41,9 @@ class WholeActRun(ActRun):
 class WholeActs(ActRunner):
     """All running acts, each as one thing.
 
-    The robot's word about one is an `ActionReport` for the action `ACT` of its task: `succeeded`, `failed`, `failed`
-    and aborted by the robot or somebody else, `canceled` for what was failing or being cancelled and is now over; `accepted` says that it has changed between speaking and
-    being silent.
+    The robot's word about one is an `ActionReport` for the action `ACT` of its task: `succeeded`; `failed`, also
+    `aborted`, by the robot or somebody else; `canceled` for what was failing or being cancelled and is now over;
+    `accepted` says that it has changed between speaking and being silent.
     """
 
     def __init__(self, core: Core, on_ended: Callable[[ActRun, TaskStatus, str], None]) -> None:

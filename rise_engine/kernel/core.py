@@ -74,7 +74,7 @@ class Task(Struct):
     voice_at: float | None = None
     filler: bool = False
     attempt: int = 1
-    """Of an act that was repeated after a failure: the how-manieth time this is, since the robot was back at the latest."""
+    """Of an act that was repeated after a failure: the how-manieth time it is, counted anew when the robot is back."""
     first: int = 0
     """The task that it repeats, the first of them; 0: it repeats none."""
 

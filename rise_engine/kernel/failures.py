@@ -13,7 +13,7 @@ from rise_engine.kernel.speech import SAY
 
 REPEATING = "repeats task {}"
 """The reason of a task that is a repetition."""
-FIRST_PAUSE, LONGEST_PAUSE = 2.0, 30.0
+FIRST_PAUSE, LONGEST_PAUSE = 2.0, 10.0
 """Seconds before an act is repeated by itself for the first time; each further pause is twice as long as the last, up
 to the longest."""
 
@@ -38,6 +38,8 @@ class FailedActs:
         """Schedules a task before all that wait; the reason stands in its record."""
         self.finish: Callable[[Task], None] = lambda task: None
         """Raises the events of an act's end."""
+        self.advance: Callable[[], None] = lambda: None
+        """Called when others may start, because a pause has ended."""
         self.note_repeated: Callable[[Task, Task], None] = lambda before, now: None
         """Called when a second task takes the place of a first."""
 
@@ -80,6 +82,7 @@ class FailedActs:
             self._repeat(self._take(task), "engine")
         else:
             self._wait_for_robot(task, robot_lost)
+            self.advance()
 
     def robot_back(self) -> None:
         """What has waited for the robot is repeated after a pause, and counted anew."""
@@ -93,10 +96,17 @@ class FailedActs:
         """The failed acts that are repeated by themselves."""
         return [task for id, task in self.state.asked.items() if id in self.state.pauses]
 
-    def stop(self, tasks: list[Task], source: str) -> None:
-        """Somebody stops acts that are repeated by themselves: they are not, and their events are raised."""
+    @property
+    def pausing(self) -> list[Task]:
+        """Those of them whose pause has begun: they keep others from starting as if they ran."""
+        return [task for task in self.waiting if self.state.pauses[task.id] is not None]
+
+    def stop(self, tasks: list[Task], source: str, reason: str = "") -> None:
+        """These acts are not repeated by themselves, and their events are raised."""
         for task in tasks:
-            self._go_on(self._take(task), source)
+            self._record(self._take(task), "gone-on", source, reason=reason)
+            self.finish(task)
+        self.advance()
 
     def _pause(self, task: Task, reason: str) -> None:
         seconds = min(FIRST_PAUSE * 2 ** (task.attempt - 1), LONGEST_PAUSE)
@@ -125,18 +135,19 @@ class FailedActs:
 
     def go_on(self, behavior: str, source: str) -> None:
         """Raise the events of the failure, as if nobody had been asked."""
-        self._go_on(self._take(self._found(behavior)), source)
+        self.stop([self._found(behavior)], source)
 
-    def drop(self, source: str, reason: str, started_after: int = 0) -> None:
-        """Forget the questions about what `source` has started by tasks after this id; nothing is raised."""
-        if self.state.asked:
-            asked = [
-                task
-                for task in self.state.asked.values()
-                if source in ("", task.source) and first_task(task) > started_after
-            ]
-            for task in asked:
-                self._record(self._take(task), "dropped", "engine", reason=reason)
+    def drop(self, source: str, reason: str, started_after: int = 0) -> bool:
+        """Forget the questions about what `source` has started by tasks after this id; nothing is raised. Whether there
+        were any."""
+        asked = [
+            task
+            for task in self.state.asked.values()
+            if source in ("", task.source) and first_task(task) > started_after
+        ]
+        for task in asked:
+            self._record(self._take(task), "dropped", "engine", reason=reason)
+        return bool(asked)
 
     def _found(self, behavior: str) -> Task:
         task = self.find(behavior)
@@ -149,10 +160,6 @@ class FailedActs:
         if (timer := self.state.pauses.pop(task.id, None)) is not None:
             self._core.cancel_timer(timer)
         return task
-
-    def _go_on(self, task: Task, source: str) -> None:
-        self._record(task, "gone-on", source)
-        self.finish(task)
 
     def _repeat(self, task: Task, source: str) -> None:
         core = self._core

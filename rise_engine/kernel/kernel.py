@@ -103,8 +103,10 @@ class Kernel:
 
     @property
     def is_busy(self) -> bool:
-        """True while an act runs or waits, or a stop is not yet confirmed. Rules that wait do not count."""
-        return bool(self.scheduler.runner.runs or self.scheduler.waiting) or self.stop.status == "requested"
+        """True while an act runs, waits or is about to be repeated, or a stop is not yet confirmed. Rules that wait do
+        not count."""
+        acts = self.scheduler.runner.runs or self.scheduler.waiting or self.failures.pausing
+        return bool(acts) or self.stop.status == "requested"
 
     def handle(self, input: AnyInput) -> tuple[list[AnyRecord], list[Command]]:
         """Take one input, run everything that it sets off to completion (SCXML's macrostep), and say what came of it.

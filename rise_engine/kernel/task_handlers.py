@@ -378,7 +378,8 @@ class TaskHandlers:
             self.rules.stop(rule.name, f"stopped by {task.source}, because {failed.behavior} failed")
 
     def _forget_questions(self, rule: RuleRun) -> None:
-        self._failures.drop(f"rule:{rule.name}", f"rule {rule.name} was stopped", rule.task.id)
+        if self._failures.drop(f"rule:{rule.name}", f"rule {rule.name} was stopped", rule.task.id):
+            self._scheduler.advance()
 
     # --- stop-all ---
 

@@ -169,10 +169,11 @@ def possible_inputs(scenario: Scenario, situation: Situation, world: World, alwa
             elif action.state == "running":
                 yield ActionReport(action=goal, status="succeeded")
                 yield ActionReport(action=goal, status="failed")
-                if scenario.failure_policy(act.task.behavior).kind == "repeat":
+                if world.robot and scenario.failure_policy(act.task.behavior).kind == "repeat":
                     yield ActionReport(action=goal, status="failed", aborted=True)
     yield from (Elapsed(timer=timer) for timer in next_timers(situation))
-    for task in snapshot.failures.asked.values():
+    pauses = snapshot.failures.pauses
+    for task in (task for id, task in snapshot.failures.asked.items() if pauses.get(id) is None):
         for answer in ("goOn", "repeatAct", "stopRuleOfAct"):
             yield Submit(function=answer, behavior=str(task.id), source=SOURCE)
     if snapshot.stop == "requested":

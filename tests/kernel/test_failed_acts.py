@@ -13,10 +13,10 @@ from rise_engine.kernel.records import EventRecord, FailureRecord, RuleRecord, T
 from rise_engine.kernel.view import SessionView
 from rise_engine.scenario import load
 
-from .harness import Session, dialog, pause, read, speech, write
+from .harness import Session, dialog, gaze, pause, read, speech, write
 from .test_rules import do, on, rule, state
 
-ACTS = dialog("A", speech(1)) + dialog("B", speech(1)) + dialog("Wait", pause(1, 10))
+ACTS = dialog("A", speech(1)) + dialog("B", speech(1)) + dialog("Wait", pause(1, 10)) + dialog("Gaze", gaze(1))
 OWN = '<transition ended="A" outcome="succeeded" target="good"/><transition ended="A" target="bad"/>'
 R = rule(
     "R",
@@ -181,15 +181,58 @@ def test_repeating_by_itself_and_then_going_on(tmp_path: Path) -> None:
     assert last.reason == "failed 3 times"
 
 
-def test_in_the_pause_others_go_on_and_the_repetition_goes_before_all_that_wait(tmp_path: Path) -> None:
+def begun(s: Session) -> list[str]:
+    tasks = [r for r in s.records if isinstance(r, TaskRecord) and r.function == "startCommunicationRobotAct"]
+    return [task.behavior for task in tasks if task.status == "ACTIVE"]
+
+
+def test_in_its_pause_an_act_keeps_its_place(tmp_path: Path) -> None:
     s = session(tmp_path, "repeat:1")
-    for act in ("A", "B", "Wait"):
+    for act in ("A", "B", "Gaze"):
         s.act(act)
     fail(s)
+    s.act("Gaze", "None")
+    assert begun(s) == ["A", "Gaze"], "what needs nothing of it starts"
+    s.finish_all()
+    assert begun(s) == ["A", "Gaze"] and s.kernel.is_busy
     wait_for_pause(s)
     s.finish_all()
-    begun = [r.behavior for r in s.records if isinstance(r, TaskRecord) and r.status == "ACTIVE"]
-    assert begun == ["A", "B", "A", "Wait"]
+    assert begun(s) == ["A", "Gaze", "A", "B", "Gaze"]
+
+
+@pytest.mark.parametrize(
+    ("calling", "other", "ends"),
+    [("Blocking", "Interrupt", True), ("None", "Blocking", True), ("Blocking", "None", False)],
+)
+def test_in_its_pause_an_act_gives_way_as_if_it_ran(tmp_path: Path, calling: str, other: str, ends: bool) -> None:
+    s = session(tmp_path, "repeat:1")
+    s.act("A", calling)
+    fail(s)
+    s.act("B", other)
+    assert begun(s) == (["A", "B"] if ends else ["A"])
+    assert [status for status, _, _ in failures(s)] == (["waiting", "gone-on"] if ends else ["waiting"])
+
+
+@pytest.mark.parametrize("function", ["goOn", "stopInteractionRule", "stopCommunicationRobotAct"])
+def test_who_ends_a_pause_lets_others_start(tmp_path: Path, function: str) -> None:
+    s = session(tmp_path, "repeat:1")
+    s.rule("R")
+    s.act("B")
+    fail(s)
+    assert begun(s) == ["A"]
+    s.submit(function, "R" if function == "stopInteractionRule" else "A")
+    assert begun(s) == ["A", "B"]
+
+
+def test_what_has_waited_for_the_robot_is_repeated_in_its_order(tmp_path: Path) -> None:
+    s = session(tmp_path, "repeat:1")
+    s.robot("lost")
+    for act in ("B", "A", "B"):
+        s.act(act)
+    s.robot("connected")
+    s.wait(2)
+    s.finish_all()
+    assert begun(s) == ["B", "A", "B"] * 2
 
 
 def test_pauses_are_twice_as_long_each_time_up_to_a_limit(tmp_path: Path) -> None:
@@ -200,7 +243,7 @@ def test_pauses_are_twice_as_long_each_time_up_to_a_limit(tmp_path: Path) -> Non
         wait_for_pause(s)
     fail(s)
     pauses = [r.seconds for r in s.records if isinstance(r, FailureRecord) and r.status == "waiting"]
-    assert pauses == [2.0, 4.0, 8.0, 16.0, 30.0, 30.0, 30.0, 30.0, 30.0, 30.0]
+    assert pauses == [2.0, 4.0, 8.0, 10.0, 10.0, 10.0, 10.0, 10.0, 10.0, 10.0]
     assert failures(s)[-1] == ("gone-on", None, "engine")
 
 

@@ -8,7 +8,7 @@ from .rules import Run
 from .session import Clock, Session
 from .tasks import STARTS_ACT, Refused, Task
 
-FIRST_PAUSE, LONGEST_PAUSE = 2.0, 30.0
+FIRST_PAUSE, LONGEST_PAUSE = 2.0, 10.0
 
 
 @dataclass(eq=False)
@@ -76,6 +76,7 @@ class Failures:
         question.pause = None
         if not self.session.acts.connected:
             self._wait(question, "the robot is not there")
+            self.session.scheduler.arrange()
             return
         self._close(question)
         self._repeat(question.task, "engine")
@@ -93,12 +94,17 @@ class Failures:
         waiting = [each for each in self.questions if each.by_itself]
         return [each for each in waiting if behavior == (each.act if by_name else str(each.task.id))]
 
-    def stop(self, questions: list[Question], source: str) -> None:
-        """Somebody wants no repetition."""
+    def in_pause(self) -> list[Question]:
+        """Those in whose pause the session is."""
+        return [each for each in self.questions if each.pause is not None]
+
+    def stop(self, questions: list[Question], source: str, why: str = "") -> None:
+        """There is no repetition."""
         for question in questions:
             self._close(question)
-            self._record(question.task, "gone-on", source)
+            self._record(question.task, "gone-on", source, reason=why)
             self.session.rules.act_ended(question.task, question.act, "failed")
+        self.session.scheduler.arrange()
 
     def _close(self, question: Question) -> None:
         self.questions.remove(question)
@@ -156,9 +162,16 @@ class Failures:
     # --- questions that are void ---
 
     def rule_stopped(self, run: Run) -> None:
-        """Its acts' questions are void."""
-        for question in [each for each in self.questions if each.starter is run]:
+        """Its acts' questions are void, and others may start."""
+        if self.drop_those_of(run):
+            self.session.scheduler.arrange()
+
+    def drop_those_of(self, run: Run) -> bool:
+        """Questions about what a rule has started are void."""
+        found = [each for each in self.questions if each.starter is run]
+        for question in found:
             self._drop(question)
+        return bool(found)
 
     def drop_all(self) -> None:
         """A stop-all."""

@@ -39,6 +39,8 @@ class Task:
     refused: bool = False
     follows: bool = False
     """Whether it is part of what another task of somebody does."""
+    again: bool = False
+    """Whether it repeats another one."""
 
 
 class Refused(Exception):
