@@ -24,6 +24,7 @@ from rise_engine.kernel.view import SessionView
 from rise_engine.session.folder import JOURNAL
 from rise_engine.session.journal_reader import read_journal
 from tests.console.terminals import Terminal, environment_of, terminal
+from tests.patience import PATIENCE
 
 pytestmark = pytest.mark.pty
 
@@ -160,7 +161,7 @@ async def test_a_console_that_could_not_read_shows_the_state_as_it_is_and_has_ke
             os.kill(it.process.pid, signal.SIGCONT)
             await asyncio.to_thread(it.until, "the last one")
             it.press(b"p")
-            async with asyncio.timeout(20):
+            async with asyncio.timeout(PATIENCE):
                 await noise.wait_until(lambda view: "R_Praise" in view.acts)
             taken = [record.source for record in noise.view.tasks.values()]
             assert taken == ["wizard:anna"], "it has control as before"
@@ -179,7 +180,7 @@ def test_a_console_that_comes_back_looks_like_one_that_never_left() -> None:
             ).stdout
 
         def shown(window: str, text: str) -> list[str]:
-            deadline = time.monotonic() + 40
+            deadline = time.monotonic() + PATIENCE
             while text not in (screen := run("capture-pane", "-p", "-t", window)):
                 assert time.monotonic() < deadline, screen
                 time.sleep(0.05)
@@ -200,7 +201,7 @@ def test_a_console_that_comes_back_looks_like_one_that_never_left() -> None:
             shown("stays", "everything asked has confirmed")
             run("new-window", "-n", "back", observe)
             shown("back", "everything asked has confirmed")
-            deadline = time.monotonic() + 20
+            deadline = time.monotonic() + PATIENCE
             while (stays := shown("stays", "STOPPED")[1:]) != (back := shown("back", "STOPPED")[1:]):
                 assert time.monotonic() < deadline, "\n".join([*stays, *back])  # one may still be painting
                 time.sleep(0.05)

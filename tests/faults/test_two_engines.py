@@ -36,6 +36,7 @@ from rise_engine.session.lock import (
     read_holder,
 )
 from rise_engine.session.recovery import recover
+from tests.patience import PATIENCE
 
 from ..engine.processes import ENGINE, engine, folder
 from .test_serve import Serving, wait_for_record
@@ -44,8 +45,8 @@ pytestmark = pytest.mark.slow
 
 TUI = Path(ENGINE).with_name("rise-tui")
 RUNNING = " is running: "
-"""What is said to whoever is refused; then which process it is. One that has taken the lock and not yet written its note
-is "another program"."""
+"""What is said to whoever is refused; then which process it is, or "another program" when that has only just begun and
+not yet written who it is."""
 
 
 class Runtimes:
@@ -214,7 +215,7 @@ def _end(tried: list[subprocess.Popen[str]], lines: list[str]) -> None:
         refused = RUNNING in line
         if not refused:
             each.terminate()
-        assert each.wait(60) == (3 if refused else 0)
+        assert each.wait(PATIENCE) == (3 if refused else 0)
 
 
 def test_a_copied_folder_is_not_locked(runtimes: Runtimes) -> None:
@@ -304,7 +305,7 @@ def wait_for_file(path: Path) -> None:
     """Until the engine, which looks once a second, has put it back."""
     import time
 
-    deadline = time.monotonic() + 30
+    deadline = time.monotonic() + PATIENCE
     while not path.exists():
         assert time.monotonic() < deadline
         time.sleep(0.02)

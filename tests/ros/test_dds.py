@@ -27,12 +27,12 @@ from rise_adapters.ros2.transport.dds import DdsTransport, domain, graph, names
 from rise_adapters.ros2.transport.dds.entities import dds_qos
 from rise_adapters.ros2.transport.port import PortError, QoS, RemoteEndpoint
 
+from tests.patience import PATIENCE
 from tests.ros.dds_peer import SET, TEXT
 
 pytestmark = pytest.mark.dds
 
 ROOT = Path(__file__).parents[2]
-PATIENCE = 15.0
 LATCHED = QoS(depth=3, latched=True)
 ENVIRONMENT = {
     "ROS_DOMAIN_ID": str(random.SystemRandom().randrange(102, 200)),

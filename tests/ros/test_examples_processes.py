@@ -12,9 +12,10 @@ from pathlib import Path
 import pytest
 from rise_adapters.ros2.transport.selection import open_transport
 
+from tests.patience import PATIENCE
 from tests.ros.contract.peers import environment, missing
 from tests.ros.model_server import ModelServer
-from tests.ros.programs import PATIENCE, Program
+from tests.ros.programs import Program
 from tests.ros.session_node_bench import until
 
 pytestmark = pytest.mark.dds

@@ -27,9 +27,10 @@ pytest.importorskip("rosbags")
 
 from rise_adapters.ros2.transport.dds import DdsTransport
 
+from tests.patience import PATIENCE
+
 pytestmark = pytest.mark.dds
 
-PATIENCE = 20.0
 LONG = Plan(seconds=60)
 TASK = "2/1"
 

@@ -26,6 +26,7 @@ pytest.importorskip("rosbags")
 
 from rise_adapters.ros2.transport.dds import DdsTransport
 
+from tests.patience import PATIENCE
 from tests.ros.session_node_process import environment
 
 pytestmark = pytest.mark.dds
@@ -41,7 +42,7 @@ class Session:
         self.process, self.socket, self.domain = process, socket, domain
 
     async def end(self) -> dict[str, float]:
-        figures, _ = await asyncio.wait_for(self.process.communicate(b""), 30)
+        figures, _ = await asyncio.wait_for(self.process.communicate(b""), PATIENCE)
         assert self.process.returncode == 0
         found: dict[str, float] = json.loads(figures)
         return found
@@ -59,7 +60,7 @@ async def on_the_wire() -> AsyncIterator[tuple[Session, Node]]:
         transport = DdsTransport(asyncio.get_running_loop(), node="node", environment=environment(domain))
         try:
             assert process.stdout is not None
-            words = (await asyncio.wait_for(process.stdout.readline(), 30)).decode().split()
+            words = (await asyncio.wait_for(process.stdout.readline(), PATIENCE)).decode().split()
             node = Node(transport)
             await node.ready()
             yield Session(process, Path(words[1]), domain), node

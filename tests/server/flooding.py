@@ -103,7 +103,7 @@ async def main() -> None:
         *[babbles] * 5,
     ]
     tasks = [asyncio.create_task(again(kind)) for kind in kinds]
-    while sent["messages"] <= MESSAGES or sent["connections"] <= CONNECTIONS:
+    while sent["messages"] <= MESSAGES or sent["connections"] <= CONNECTIONS:  # noqa: ASYNC110
         await asyncio.sleep(0.01)
     print("flooding", flush=True)
     await asyncio.to_thread(sys.stdin.read)

@@ -17,12 +17,12 @@ import pytest
 from rise_engine.client.socket import SocketClient
 from rise_engine.kernel.inputs import Submit
 from rise_engine.protocol.client import EngineGone
+from tests.patience import PATIENCE
 
 from .serving import ROOT, Follower
 
 STOPS = 10
 MEMORY = 100_000_000
-PATIENCE = 120
 
 
 @asynccontextmanager

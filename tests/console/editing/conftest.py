@@ -17,9 +17,9 @@ from rise_tui.editing.screen import EditScreen
 from rise_tui.editing.sessions import RunningHere
 from rise_tui.editing.study import EditedStudy
 from rise_tui.rendering.terminal_reader import mark_together
+from tests.patience import PATIENCE
 from tests.virtual_time import real_monotonic
 
-PATIENCE = 60.0
 STUDIES = Path(__file__).parents[3] / "scenarios"
 
 

@@ -18,10 +18,11 @@ from pathlib import Path
 from types import TracebackType
 from typing import Any
 
+from tests.patience import PATIENCE
+
 from .lines import decode, encode
 
 ROOT = Path(__file__).parents[3]
-PATIENCE = 15.0
 """Seconds until what must happen is missed. Long, because a machine can be busy."""
 LEASE = 2.0
 """Seconds after which a participant that says nothing is taken as gone (with Cyclone DDS and Fast DDS, here)."""
