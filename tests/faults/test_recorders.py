@@ -37,7 +37,6 @@ input = ["-re", "-f", "lavfi", "-i", "testsrc=size=64x48:rate=10"]
 output = ["-c:v", "mpeg4"]
 """
 PEOPLE = "participant,consent_study,consent_recording,status,comment\nP01,2026-11-01,2026-11-01,,\nP02,2026-11-01,,,\n"
-"""After which something that is waited for does not come any more."""
 
 
 @pytest.fixture

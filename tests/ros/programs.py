@@ -13,8 +13,6 @@ from tests.patience import PATIENCE
 from tests.ros.contract.peers import environment
 from tests.ros.session_node_bench import until
 
-"""Seconds until something that must happen is missed; a machine can be busy."""
-
 
 class Program:
     """A process, and what it has written."""

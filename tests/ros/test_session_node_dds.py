@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import asyncio
 import json
-import random
 import sys
 import tempfile
 from collections.abc import AsyncIterator
@@ -27,6 +26,7 @@ pytest.importorskip("rosbags")
 from rise_adapters.ros2.transport.dds import DdsTransport
 
 from tests.patience import PATIENCE
+from tests.ros.domains import own_domain
 from tests.ros.session_node_process import environment
 
 pytestmark = pytest.mark.dds
@@ -50,7 +50,7 @@ class Session:
 
 @asynccontextmanager
 async def on_the_wire() -> AsyncIterator[tuple[Session, Node]]:
-    domain = random.SystemRandom().randrange(1, 100)
+    domain = own_domain()
     pipe = asyncio.subprocess.PIPE
     with tempfile.TemporaryDirectory(prefix="rise-", dir=PLACE) as place:
         process = await asyncio.create_subprocess_exec(

@@ -91,19 +91,6 @@ def test_an_input_that_makes_the_kernel_fail_is_told(made: Made, monkeypatch: py
             action(made.folder)
 
 
-def test_reading_is_quick(made: Made) -> None:
-    """Not measured strictly here: a hundred thousand records take well under a second."""
-    import time
-
-    record = made.records[-1]
-    lines = [with_checksum(encode_record(replace(record, seq=number))) for number in range(1, 20_001)]
-    made.write(encode_header("x") + b"".join(lines))
-    start = time.perf_counter()
-    contents = read_journal(made.journal)
-    assert contents.records == sum(1 for _ in contents.read_records()) == 20_000
-    assert time.perf_counter() - start < 2
-
-
 def test_a_session_that_was_recovered_twice_replays(made: Made) -> None:
     made.write(made.whole[:-5])
     for _ in range(2):

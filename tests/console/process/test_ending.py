@@ -24,7 +24,6 @@ from tests.patience import PATIENCE
 pytestmark = pytest.mark.pty
 
 GREETING = str(ROOT / "scenarios" / "greeting")
-"""For a busy machine; an orderly end takes less than 3."""
 
 
 def busy(it: Terminal) -> None:
