@@ -5,7 +5,6 @@ from __future__ import annotations
 import re
 import signal
 import sys
-import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
@@ -82,9 +81,7 @@ async def test_the_loop_of_figure_8_in_processes(
     finally:
         transport.close()
 
-    begun = time.monotonic()
     assert [program.end() for program in (ears, answers, robot)] == [0, 0, 0]
-    assert time.monotonic() - begun < PATIENCE / 2
     assert session.end(signal.SIGTERM) == 0
     for program in (robot, ears, answers, session):
         assert "Traceback" not in program.said()

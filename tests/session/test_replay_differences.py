@@ -10,12 +10,10 @@ from rise_engine.kernel.inputs import SessionRecovered
 from rise_engine.kernel.records import MemoryRecord
 from rise_engine.session.folder import SessionError
 from rise_engine.session.journal_format import (
-    encode_header,
     encode_input,
     encode_record,
     with_checksum,
 )
-from rise_engine.session.journal_reader import read_journal
 from rise_engine.session.recovery import recover
 from rise_engine.session.replay import NO_RECORD, compare_replay
 

@@ -82,6 +82,12 @@ class Terminal:
                 os.close(descriptor)
 
 
+@pytest.fixture
+def patient(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A reader that waits for the rest of a sequence for as long as a busy machine needs to send it."""
+    monkeypatch.setattr("textual.constants.ESCAPE_DELAY", PATIENCE)
+
+
 @pytest_asyncio.fixture
 async def terminal() -> AsyncIterator[Terminal]:
     made = Terminal()
@@ -120,7 +126,7 @@ async def test_what_came_with_escape_did_not_come_alone(data: bytes, key: str, t
     assert await terminal.keys(data, 1) == [(key, True)]
 
 
-async def test_a_sequence_in_two_pieces_is_one_key(terminal: Terminal) -> None:
+async def test_a_sequence_in_two_pieces_is_one_key(terminal: Terminal, patient: None) -> None:
     terminal.messages.clear()
     os.write(terminal.master, b"\x1b[2")
     await terminal.taken()
