@@ -50,7 +50,8 @@ class Editor:
 
     @property
     def notice(self) -> str:
-        return self.screen.notice.text
+        """As one line, however it is wrapped here: it may name a file, and a folder has a name of any length."""
+        return " ".join(self.screen.notice.text.split())
 
     async def press(self, *keys: str) -> None:
         for key in keys:
