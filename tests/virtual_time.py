@@ -15,6 +15,9 @@ from collections.abc import Callable
 from concurrent.futures import Executor
 from typing import Any
 
+import textual.app
+import textual.pilot
+
 real_monotonic = time.monotonic
 _now: float | None = None
 """What time it is for the loop that runs; None: no VirtualLoop runs."""
@@ -36,6 +39,29 @@ def install() -> None:
         if name.partition(".")[0] == "textual":
             for held in [held for held, value in vars(module).items() if value is real_monotonic]:
                 setattr(module, held, monotonic)
+    _install_in_pilot()
+
+
+def _install_in_pilot() -> None:
+    """Textual's pilot sleeps until the process computes little, which on a busy machine is later, and asks every widget
+    of the screen after each key. In a `VirtualLoop` no time passes before all that is ready has been done.
+    """
+    wait_for_idle, wait_for_screen = textual.pilot.wait_for_idle, textual.pilot.Pilot._wait_for_screen
+
+    async def idle(min_sleep: float = 0.02, max_sleep: float = 1) -> None:
+        if _now is None:
+            await wait_for_idle(min_sleep, max_sleep)
+        else:
+            await asyncio.sleep(0.02)
+
+    async def screen(self: textual.pilot.Pilot[Any], timeout: float = 30.0) -> bool:
+        if _now is None:
+            return await wait_for_screen(self, timeout)
+        await asyncio.sleep(0.000_001)
+        return True
+
+    textual.app.wait_for_idle = textual.pilot.wait_for_idle = idle
+    textual.pilot.Pilot._wait_for_screen = screen
 
 
 class VirtualLoop(asyncio.SelectorEventLoop):
