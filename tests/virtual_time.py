@@ -17,6 +17,7 @@ from typing import Any
 
 import textual.app
 import textual.pilot
+from textual._wait import SLEEP_GRANULARITY, wait_for_idle
 
 real_monotonic = time.monotonic
 _now: float | None = None
@@ -46,22 +47,23 @@ def _install_in_pilot() -> None:
     """Textual's pilot sleeps until the process computes little, which on a busy machine is later, and asks every widget
     of the screen after each key. In a `VirtualLoop` no time passes before all that is ready has been done.
     """
-    wait_for_idle, wait_for_screen = textual.pilot.wait_for_idle, textual.pilot.Pilot._wait_for_screen
+    for_screen = textual.pilot.Pilot._wait_for_screen
 
-    async def idle(min_sleep: float = 0.02, max_sleep: float = 1) -> None:
+    async def idle(*seconds: float) -> None:
         if _now is None:
-            await wait_for_idle(min_sleep, max_sleep)
+            await wait_for_idle(*seconds)
         else:
-            await asyncio.sleep(0.02)
+            await asyncio.sleep(SLEEP_GRANULARITY)
 
-    async def screen(self: textual.pilot.Pilot[Any], timeout: float = 30.0) -> bool:
+    async def screen(self: textual.pilot.Pilot[Any]) -> bool:
         if _now is None:
-            return await wait_for_screen(self, timeout)
+            return await for_screen(self)
         await asyncio.sleep(0.000_001)
         return True
 
-    textual.app.wait_for_idle = textual.pilot.wait_for_idle = idle
-    textual.pilot.Pilot._wait_for_screen = screen
+    for module in (textual.app, textual.pilot):
+        module.wait_for_idle = idle  # type: ignore[attr-defined]
+    textual.pilot.Pilot._wait_for_screen = screen  # type: ignore[method-assign, assignment]
 
 
 class VirtualLoop(asyncio.SelectorEventLoop):
