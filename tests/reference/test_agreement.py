@@ -39,7 +39,7 @@ def test_a_kernel_that_does_something_else_is_found(
     owner: object, name: str, wrong: object, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(owner, name, wrong)
-    study = next(study for study in range(200) if difference(study))
+    study = next(study for study in range(100) if difference(study))
     told = shortest_difference(study)
     assert f"study {study}, input" in told and ("  kernel " in told or "  interpreter " in told)
     assert f" of {MOVES} moves; again: python -m tests.reference --study {study})" in told
@@ -48,7 +48,7 @@ def test_a_kernel_that_does_something_else_is_found(
 @pytest.mark.slow
 def test_the_studies_use_everything() -> None:
     kinds: set[str] = set()
-    for study in range(200):
+    for study in range(100):
         play = Play(study)
         play.run()
         kinds |= play.seen
