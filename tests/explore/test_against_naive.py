@@ -8,7 +8,7 @@ from rise_engine.explore.exploration import sessions_of
 from rise_engine.explore.moves import cue_matters
 from rise_engine.kernel import rules
 from rise_engine.kernel.inputs import SessionStarted
-from tests.chance import seeds
+from tests.chance import SEARCH, seeds
 from tests.explore.exploring import all_projections, shipped
 from tests.explore.naive import explore_naively
 from tests.explore.projection import difference, project
@@ -71,7 +71,7 @@ def test_random_studies_have_no_situation_less_and_hardly_one_more() -> None:
         if naive.complete:
             compared += 1
             assert projections == naive.states, f"study {seed}: {difference(projections, naive.states)}"
-    assert compared > len(studies) // 3
+    assert SEARCH or compared > len(studies) // 3
 
 
 @pytest.mark.search
@@ -91,4 +91,4 @@ def test_random_runs_meet_nothing_that_exploring_has_not_found() -> None:
             for kernel in random_run(study.scenario, run, INPUTS, world=world):
                 met = project(kernel, keys, in_order=False)
                 assert met in projections, f"study {seed}, run {run}: {met}"
-    assert explored > len(studies) // 2
+    assert SEARCH or explored > len(studies) // 2

@@ -13,7 +13,7 @@ from pathlib import Path
 
 import pytest
 
-from tests.chance import seeds
+from tests.chance import SEARCH, seeds
 from tests.scxml.playing import Steps, alone, document_of, needs_scion, play, run_documents
 from tests.scxml.traces import Case, random_cases, shipped_cases
 
@@ -41,7 +41,7 @@ def test_all_rules_of_the_shipped_studies_do_the_same() -> None:
 def test_random_rules_do_the_same() -> None:
     modules, drawn = needs_scion(), seeds(100, 100)
     cases = list(random_cases(drawn))
-    assert len(cases) > len(drawn) * 2 // 3
+    assert SEARCH or len(cases) > len(drawn) * 2 // 3
     assert differing(modules, cases) == []
 
 
