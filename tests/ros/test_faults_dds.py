@@ -118,8 +118,8 @@ class Session(Records):
         self.transport.close()
 
 
-async def until(holds: Callable[[], Any]) -> None:
-    limit = time.monotonic() + PATIENCE
+async def until(holds: Callable[[], Any], patience: float = PATIENCE) -> None:
+    limit = time.monotonic() + patience
     while not holds():
         assert time.monotonic() < limit, "it did not come to that"
         await asyncio.sleep(0.005)
