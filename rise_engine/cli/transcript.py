@@ -308,10 +308,13 @@ def _cue_text(record: CueRecord) -> tuple[str, str]:
 
 
 def _failure_text(record: FailureRecord) -> str:
+    answers = f"repeatAct {record.task}, goOn {record.task} or stopRuleOfAct {record.task}"
     match record.status:
         case "asked":
-            id = record.task
-            return f"WAITS FOR AN ANSWER: repeatAct {id}, goOn {id} or stopRuleOfAct {id}"
+            return f"WAITS FOR AN ANSWER: {answers}"
+        case "waiting":
+            when = "when the robot is back" if record.seconds is None else f"in {record.seconds:g} s"
+            return f"is repeated {when}, or at an answer: {answers}"
         case "repeated":
             return f"task {record.by} repeats it" + ("" if record.source == "engine" else f", says {record.source}")
         case "gone-on":

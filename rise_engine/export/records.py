@@ -42,7 +42,7 @@ COLUMNS = (
     "since",  # cue
     "mark",  # mistake
     *("cue_at", "key_at", "accepted_at", "started_at", "robot_at", "ended_at"),  # timing
-    "seconds",  # countdown, kept; transition, topic and rule too
+    "seconds",  # countdown, failure, kept; transition, topic and rule too
     *("study", "study_hash", "slot", "run", "attempt", "purpose", "factors"),  # session
     "language",  # session
     *("path", "bytes"),  # recording

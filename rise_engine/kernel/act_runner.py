@@ -46,6 +46,8 @@ class ActRun(Struct):
     """Why it is being stopped, when it is."""
     failure: str | None = None
     """Why it failed, when it did; what still runs is being cancelled."""
+    interfered: bool = False
+    """Whether an action of it was ended by the robot itself, or by somebody else."""
     starting: bool = False
     ready: list[str] = field(default_factory=list)
     """Actions that can start now."""
@@ -78,11 +80,6 @@ class ActRunner:
             if action.state in ("running", "canceling")
         )
         return any(SPEECH_CHANNEL in spec.channels for spec in under_way)
-
-    @property
-    def can_start(self) -> bool:
-        """Whether an act could be started by itself now: the robot is there, and no engine has just gone."""
-        return self.robot_lost is None and not self.restarted
 
     def running_goals(self) -> list[StartAction]:
         """The goals that the robot has and has not ended."""
@@ -178,8 +175,8 @@ class ActRunner:
 
     # --- what the robot and the clock say ---
 
-    def report(self, goal: str, status: ActionStatus, reason: str) -> None:
-        """The robot's word about a goal; late and unknown ones change nothing."""
+    def report(self, goal: str, status: ActionStatus, reason: str, *, aborted: bool = False) -> None:
+        """The robot's word about a goal; late and unknown ones change nothing. `aborted` as in `ActionReport`."""
         task, _, id = goal.partition("/")
         run = self.runs.get(parse_task_id(task))
         state = run.actions.get(id) if run is not None else None
@@ -193,6 +190,7 @@ class ActRunner:
             state.accepted = True
             self._record(run, id, "accepted")
         else:
+            run.interfered |= aborted or (status == "canceled" and state.state == "running")
             self._end_action(run, id, status, reason)
             self._advance(run)
 

@@ -74,7 +74,7 @@ class Task(Struct):
     voice_at: float | None = None
     filler: bool = False
     attempt: int = 1
-    """Of an act that was repeated after a failure: the how-manieth time this is."""
+    """Of an act that was repeated after a failure: the how-manieth time it is, counted anew when the robot is back."""
     first: int = 0
     """The task that it repeats, the first of them; 0: it repeats none."""
 
@@ -85,7 +85,7 @@ def parse_task_id(number: str) -> int:
 
 
 class TimerTarget(Struct, frozen=True):
-    """What a timer is for. `purpose`: after, keep, wait, limit, cancel, stop or filler."""
+    """What a timer is for. `purpose`: after, keep, wait, limit, cancel, stop, repeat or filler."""
 
     purpose: str
     owner: str = ""

@@ -67,7 +67,10 @@ class ActionReport(Input, frozen=True, tag="action", kw_only=True, gc=False):
     action: str
     """The goal id of `StartAction`."""
     status: Literal["accepted", "succeeded", "failed", "canceled", "timed-out", "lost"]
+    """`canceled` without having been asked for: somebody else has stopped it."""
     reason: str = ""
+    aborted: bool = False
+    """With `failed`: the robot took it, and has given it up by itself, as after a protective stop."""
 
 
 class TimerElapsed(Input, frozen=True, tag="timer", kw_only=True, gc=False):

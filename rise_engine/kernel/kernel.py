@@ -105,8 +105,10 @@ class Kernel:
 
     @property
     def is_busy(self) -> bool:
-        """True while an act runs or waits, or a stop is not yet confirmed. Rules that wait do not count."""
-        return bool(self.scheduler.runner.runs or self.scheduler.waiting) or self.stop.status == "requested"
+        """True while an act runs, waits or is about to be repeated, or a stop is not yet confirmed. Rules that wait do
+        not count."""
+        acts = self.scheduler.runner.runs or self.scheduler.waiting or self.failures.pausing
+        return bool(acts) or self.stop.status == "requested"
 
     @property
     def holding_goals(self) -> tuple[OpenGoal, ...]:
@@ -290,7 +292,7 @@ class Kernel:
         core, runner = self.core, self.scheduler.runner
         match input:
             case ActionReport():
-                runner.report(input.action, input.status, input.reason)
+                runner.report(input.action, input.status, input.reason, aborted=input.aborted)
             case TimerElapsed():
                 self._timer_elapsed(input.timer)
             case RobotChanged():
@@ -298,8 +300,9 @@ class Kernel:
                 core.emit(RobotRecord, input.status, input.detail, input.open)
                 if input.status == "lost":
                     runner.lose_robot(input.detail or "the link is lost")
-                else:
+                elif runner.robot_lost is not None:
                     runner.robot_lost = None
+                    self.failures.robot_back()
             case StopReport():
                 self.stop.record_answer(input)
             case EstopReport():
@@ -320,7 +323,7 @@ class Kernel:
                 record_report(core, input)
 
     def _timer_elapsed(self, timer: int) -> None:
-        target = self.core.timers.pop(timer, None)
+        target, runner = self.core.timers.pop(timer, None), self.scheduler.runner
         if target is None:
             return  # cancelled meanwhile
         if target.purpose == "after":
@@ -329,10 +332,12 @@ class Kernel:
             self.rules.kept.expire(self.rules.kept[int(target.owner)], "no rule waited for it in time")
         elif target.purpose == "stop":
             self.stop.time_out()
+        elif target.purpose == "repeat":
+            self.failures.pause_elapsed(int(target.owner), runner.robot_lost)
         elif target.purpose == "filler":
             self._start_due_filler()
         else:
-            self.scheduler.runner.timer_elapsed(target)
+            runner.timer_elapsed(target)
 
     def _start_due_filler(self) -> None:
         """The scenario wants a filler when nothing has answered the cue for so long; not over anything that runs."""

@@ -17,6 +17,7 @@ ActionStatus: TypeAlias = Literal[
 ]
 Mark: TypeAlias = Literal["wrong", "late", "early", "double", "none"]
 """What was wrong about something that a wizard did; `none`: nothing after all."""
+FailureStatus: TypeAlias = Literal["asked", "waiting", "repeated", "gone-on", "dropped"]
 CheckResult: TypeAlias = Literal["passed", "failed", "skipped"]
 OutcomeStatus: TypeAlias = Literal["complete", "aborted", "excluded"]
 """complete: the run counts. aborted: it was broken off, and the participant may run it again. excluded: the participant
@@ -238,15 +239,19 @@ class FailureRecord(Record, tag="failure"):
 
     task: int
     act: str
-    status: Literal["asked", "repeated", "gone-on", "dropped"]
-    """asked: the events of its end are held until somebody answers; gone-on: they are raised; repeated: another task
-    takes its place; dropped: a stop has made the question void, and they are not raised."""
+    status: FailureStatus
+    """asked: the events of its end are held until somebody answers; waiting: they are held, too, and it is repeated
+    after a pause unless somebody answers before; gone-on: they are raised; repeated: another task takes its place;
+    dropped: a stop has made the question void, and they are not raised."""
     source: str
     """Who decided it: `engine`, when nobody had to."""
     by: int | None = None
     """repeated: the task that takes its place."""
     reason: str = ""
-    """asked: why the act failed; gone-on: how often, when it was repeated in vain; dropped: what made it void."""
+    """asked, waiting: why the act failed; gone-on: how often, when it was repeated in vain; dropped: what made it
+    void."""
+    seconds: float | None = None
+    """waiting: how long the pause is; null: it begins when the robot is back."""
 
 
 class TimingRecord(Record, tag="timing"):

@@ -107,11 +107,14 @@ class TaskHandlers:
         name = task.behavior
         if name not in self._scenario.acts:
             self._reject(task, f"there is no act {name!r}" + _did_you_mean(name, self._scenario.acts))
-        elif not self._scheduler.has_task_of(name):
+            return
+        failed = [each for each in self._failures.waiting if each.behavior == name]
+        if not (failed or self._scheduler.has_task_of(name)):
             self._reject(task, f"{name} is neither running nor waiting")
         else:
             self._succeed(task)
             self._scheduler.stop(f"stopped by {task.source}", name)
+            self._failures.stop(failed, task.source)
 
     def _calling_type(self, task: Submit) -> str:
         if task.function != "startCommunicationRobotAct":
@@ -283,6 +286,10 @@ class TaskHandlers:
             self._succeed(task)
             self.rules.kept.take_back(kept, reason)
             return
+        if failed := [each for each in self._failures.waiting if str(each.id) == task.behavior]:
+            self._succeed(task)
+            self._failures.stop(failed, task.source)
+            return
         for rule in self.rules.stack.values():
             if str(rule.task.id) == task.behavior:
                 self._succeed(task)
@@ -374,7 +381,8 @@ class TaskHandlers:
             self.rules.stop(rule.name, f"stopped by {task.source}, because {failed.behavior} failed")
 
     def _forget_questions(self, rule: RuleRun) -> None:
-        self._failures.drop(f"rule:{rule.name}", f"rule {rule.name} was stopped", rule.task.id)
+        if self._failures.drop(f"rule:{rule.name}", f"rule {rule.name} was stopped", rule.task.id):
+            self._scheduler.advance()
 
     # --- stop-all ---
 

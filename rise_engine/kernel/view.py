@@ -259,6 +259,9 @@ class SessionView(Struct):
     questions: list[int] = field(default_factory=list)
     """Acts that failed and whose events are held until somebody says what is to become of them, the oldest first; they
     are not in `failed`."""
+    repeats: dict[int, float | None] = field(default_factory=dict)
+    """Those of them that are repeated by themselves when nobody says anything, and when; null: after a pause, once the
+    robot is back."""
     tasks: dict[int, TaskView] = field(default_factory=dict)
     """Every task of the session (of those that have ended, the latest MAX_ENDED_TASKS), by id, in order of arrival."""
     forgotten: int = 0
@@ -471,10 +474,15 @@ class SessionView(Struct):
 
     def _apply_question(self, record: FailureRecord) -> None:
         """Whether somebody has to say what is to become of a failed act."""
-        self.questions = [id for id in self.questions if id != record.task]
-        if record.status == "asked":
+        is_open = record.status in ("asked", "waiting")
+        if not is_open:
+            self.questions = [id for id in self.questions if id != record.task]
+        elif record.task not in self.questions:
             self.questions.append(record.task)
-        if record.status in ("asked", "repeated"):
+        self.repeats.pop(record.task, None)
+        if record.status == "waiting":
+            self.repeats[record.task] = None if record.seconds is None else round(record.t + record.seconds, 6)
+        if is_open or record.status == "repeated":
             self.failed = [id for id in self.failed if id != record.task]
 
     def _apply_action(self, record: ActionRecord) -> None:
@@ -554,4 +562,5 @@ class SessionView(Struct):
             del self.tasks[id]
         self.failed = [id for id in self.failed if id in self.tasks]
         self.questions = [id for id in self.questions if id in self.tasks]
+        self.repeats = {id: at for id, at in self.repeats.items() if id in self.tasks}
         self.forgotten += len(oldest)

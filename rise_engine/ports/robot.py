@@ -122,7 +122,9 @@ class Robot(Protocol):
 
         Reports `ActionReport(status="accepted")` when the robot takes it, then exactly one ending: `succeeded`,
         `failed` (also when it is refused), `canceled`, `timed-out` or `lost`, with a reason in words wherever it did
-        not succeed. An ending without `accepted` before it is allowed.
+        not succeed. An ending without `accepted` before it is allowed. `failed` is `aborted=True` when the robot had
+        taken it and gave it up by itself, as after a protective stop; `canceled` without `cancel` says that somebody
+        else stopped it. Neither is repeated by itself (semantics.md 12.2).
 
         :param goal: `goal.action` is the name to report it under, `<task>/<actionID>`, unique in the session;
             `goal.type` one of the profile's actions; `goal.parameters` what the author gave, by name, typed, without

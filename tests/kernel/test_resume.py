@@ -114,6 +114,8 @@ def test_the_highest_rule_says_its_first_and_the_record_says_how(tmp_path: Path)
     release(s, Low="wait")
     assert s.goals == {}
     assert [r.trigger for r in s.records if isinstance(r, RuleRecord)][-1] == "resumed, without onEntry"
+    resumed = [r for r in s.records if isinstance(r, TaskRecord)][-1]
+    assert (resumed.behavior, resumed.source) == ('{"rule": "Low", "state": "a", "enter": false}', "wizard:w")
 
 
 @pytest.mark.parametrize(

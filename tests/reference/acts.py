@@ -45,6 +45,10 @@ class Run:
     status: str = "SUCCEEDED"
     why: str = ""
     """Why it comes to an end before its time."""
+    cancelled: list[str] = field(default_factory=list)
+    """The actionIDs of what the robot was asked to cancel."""
+    ours: bool = True
+    """Whether nobody else, and not the robot by itself, has ended an action of it."""
 
 
 class Acts:
@@ -70,6 +74,9 @@ class Acts:
                     if input.status == "succeeded":
                         self._confirmed(run, doing)
                     if input.status != "accepted":
+                        wanted = doing.action.id in run.cancelled
+                        if input.aborted or (input.status == "canceled" and not wanted):
+                            run.ours = False
                         self._end(run, doing, input.status, input.reason)
                         self._go_on(run)
                     else:
@@ -88,9 +95,11 @@ class Acts:
         """The link to the robot."""
         self.open = [msgspec.to_builtins(goal) for goal in input.open]
         self.session.put("robot", status=input.status, detail=input.detail, open=self.open)
-        self.connected = input.status != "lost"
+        was_connected, self.connected = self.connected, input.status != "lost"
         if not self.connected:
             self.lose(input.detail or "the robot is lost")
+        elif not was_connected:
+            self.session.failures.robot_is_back()
 
     def lose(self, why: str) -> None:
         """What the robot does is lost."""
@@ -117,7 +126,7 @@ class Acts:
             self._begin_action(run, run.to_begin.pop(0))
         if run in self.session.scheduler.running and not run.doing and len(run.ended) == len(run.act.actions):
             self.session.scheduler.running.remove(run)
-            self.tell_end(run.task, run.act, run.status, run.why)
+            self.tell_end(run.task, run.act, run.status, run.why, run.ours)
             self.session.scheduler.arrange()
 
     def _begin_action(self, run: Run, action: Action) -> None:
@@ -205,6 +214,7 @@ class Acts:
             elif doing.engine:
                 self._end(run, doing, "canceled", why)
             else:
+                run.cancelled.append(doing.action.id)
                 self.session.forget(doing.clock)
                 self.session.order("cancel", f"{run.task.id}/{doing.action.id}")
                 doing.clock = self.session.after(CONFIRM, lambda doing=doing: self._time_is_over(run, doing, "lost"))
@@ -230,7 +240,7 @@ class Acts:
 
     # --- the end ---
 
-    def tell_end(self, task: Task, act: Act, status: str, why: str) -> None:
+    def tell_end(self, task: Task, act: Act, status: str, why: str, ours: bool = True) -> None:
         """An act has ended, or was taken out of the line."""
         session = self.session
         session.tasks.record(task, status, why)
@@ -250,7 +260,7 @@ class Acts:
             voice_at=task.voice_at,
         )
         session.marks.act_ends(task, status)
-        if session.failures.ended(task, act.name, status, why):
+        if session.failures.ended(task, act.name, status, why, ours):
             session.rules.act_ended(task, act.name, OUTCOMES[status])
 
 

@@ -368,7 +368,8 @@ class Play:
         status: Any = self.random.choice(
             ["accepted", "accepted", "succeeded", "succeeded", "succeeded", "failed", "canceled", "timed-out", "lost"]
         )
-        self.do(ActionReport(action=goal, status=status, reason=self.random.choice(["", "why"])))
+        aborted = status == "failed" and self.random.random() < 0.3
+        self.do(ActionReport(action=goal, status=status, reason=self.random.choice(["", "why"]), aborted=aborted))
 
     def wait(self) -> None:
         """Let time pass; what is due on the way comes, now and then late, or not all of one moment."""

@@ -39,6 +39,8 @@ class Task:
     refused: bool = False
     follows: bool = False
     """Whether it is part of what another task of somebody does."""
+    again: bool = False
+    """Whether it repeats another one."""
 
 
 class Refused(Exception):
@@ -208,6 +210,9 @@ class Tasks:
         elif other is not None and (kept := self.session.kept.of(other)) is not None:
             self.record(task, "SUCCEEDED")
             self.session.kept.take_back(kept, why)
+        elif failed := self.session.failures.that_wait(number, by_name=False):
+            self.record(task, "SUCCEEDED")
+            self.session.failures.stop(failed, task.source)
         else:
             raise Refused("no such task is running or waiting")
 

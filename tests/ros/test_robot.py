@@ -69,6 +69,25 @@ class Alone:
         return reports[-1]  # type: ignore[no-any-return]
 
 
+# --- who has ended it -----------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("plan", "status", "aborted", "word"),
+    [
+        (Plan(end=ABORTED), "failed", True, "aborted: "),
+        (Plan(end=CANCELED), "canceled", False, "canceled: somebody else stopped it"),
+        (Plan(accept=False), "failed", False, "rejected: "),
+    ],
+)
+def test_what_the_robot_gave_up_is_told_from_what_it_refused(plan: Plan, status: str, aborted: bool, word: str) -> None:
+    robot = Alone(plan)
+    robot.start()
+    robot.run(60)
+    end = robot.of(ActionReport)[-1]
+    assert (end.status, end.aborted, end.reason.startswith(word)) == (status, aborted, True), end
+
+
 # --- stop-all -------------------------------------------------------------------------------------------------------
 
 

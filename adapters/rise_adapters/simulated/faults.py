@@ -3,6 +3,7 @@
 ==========================  ========================================================================================
 `Speech=reject`             the robot refuses every Speech
 `Speech=fail`               every Speech fails half-way
+`Speech=abort`              the robot gives up every Speech half-way by itself, as after a protective stop
 `Speech=slow:3`             every Speech takes 3 times as long
 `Speech=hang`               Speech never ends and never confirms a cancel; stop-all lists that part as unconfirmed
 `Speech=slow-accept:2`      the robot says only after 2 s that it takes a Speech, and begins then
@@ -36,6 +37,7 @@ from rise_engine.scenario.model import RobotProfile
 FaultKind: TypeAlias = Literal[
     "reject",
     "fail",
+    "abort",
     "slow",
     "hang",
     "slow-accept",

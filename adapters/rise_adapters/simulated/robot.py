@@ -115,10 +115,11 @@ class SimulatedRobot:
             seconds *= amount
         elif running.has_fault("slow-accept", "late-begin"):
             seconds += amount
-        elif running.has_fault("fail"):
+        elif running.has_fault("fail", "abort"):
             seconds /= 2
-            mishap = "it went wrong on the robot (simulated fault)"
-            ending = ActionReport(action=goal.action, status="failed", reason=mishap)
+            aborted = running.has_fault("abort")
+            mishap = f"{'the robot gave it up' if aborted else 'it went wrong on the robot'} (simulated fault)"
+            ending = ActionReport(action=goal.action, status="failed", reason=mishap, aborted=aborted)
         running.timers.append(self._call_after(max(seconds, accepting + _TICK), self._end, ending))
 
     def cancel(self, action: str) -> None:

@@ -34,7 +34,7 @@ def of_result(status: int, result: Message, mapping: ActionMapping, name: str, *
         return "canceled", "" if cancel_wanted else f"canceled: somebody else stopped it at {name}"
     if status == ABORTED:
         why = _read(mapping.result_rule.why_not_succeeded, result, name) or "the robot gave it up and did not say why"
-        return "failed", f"aborted: {why}"
+        return "aborted", f"aborted: {why}"
     if wrong := _read(mapping.result_rule.failure, result, name):
         return "failed", f"robot-error: {wrong}"
     if cancel_wanted:
@@ -82,7 +82,7 @@ def of_missing_result(status: int | None, name: str, *, cancel_wanted: bool) -> 
     if status == CANCELED:
         return "canceled", "" if cancel_wanted else f"canceled: somebody else stopped it, {_NO_RESULT}"
     if status == ABORTED:
-        return "failed", f"aborted: {_NO_RESULT}"
+        return "aborted", f"aborted: {_NO_RESULT}"
     return "timed-out", f"no-result: {name} says that it has ended, {_NO_RESULT}"
 
 
@@ -96,7 +96,7 @@ def of_discarded_result(status: int, name: str, *, cancel_wanted: bool) -> Outco
     if status == CANCELED:
         return "canceled", "" if cancel_wanted else f"canceled: somebody else stopped it; {gone}"
     if status == ABORTED:
-        return "failed", f"aborted: why is not known; {gone}"
+        return "aborted", f"aborted: why is not known; {gone}"
     return of_restart(name)
 
 

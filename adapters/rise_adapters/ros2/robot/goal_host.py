@@ -8,7 +8,8 @@ from rise_adapters.ros2.robot.endpoints import Endpoint
 from rise_engine.ports.robot import Clock
 
 Phase: TypeAlias = Literal["waiting", "sent", "running", "ended"]
-Ending: TypeAlias = Literal["succeeded", "failed", "canceled", "timed-out", "lost"]
+Ending: TypeAlias = Literal["succeeded", "failed", "aborted", "canceled", "timed-out", "lost"]
+"""As `ActionReport.status`; aborted: it has failed because the robot gave it up by itself."""
 
 TIMER_TOLERANCE = 1e-5
 """Seconds that a timer may be early."""

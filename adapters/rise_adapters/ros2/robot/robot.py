@@ -266,7 +266,10 @@ class Ros2Robot:
         self._report(ActionReport(action=action, status="accepted"))
 
     def report_ended(self, action: str, status: Ending, reason: str) -> None:
-        self._report(ActionReport(action=action, status=status, reason=reason))
+        if status == "aborted":
+            self._report(ActionReport(action=action, status="failed", reason=reason, aborted=True))
+        else:
+            self._report(ActionReport(action=action, status=status, reason=reason))
 
     def report_note(self, endpoint: Endpoint, text: str) -> None:
         self._report(Note(text=text, source=f"ros:{endpoint.name}"))
