@@ -35,7 +35,7 @@ _READ = "from pathlib import Path; import sys; from rise_engine.session.journal_
 _FLOOR = (
     _READ + "print(sum(1 for p in Path(sys.argv[1]).glob('*/journal.jsonl') for _ in read_journal(p).read_records()))"
 )
-_LAUNCH = """
+LAUNCH = """
 import os, sys
 child = os.posix_spawn(sys.argv[1], sys.argv[1:], os.environ)
 _, status, usage = os.wait4(child, 0)
@@ -105,7 +105,7 @@ def make_study(folder: Path) -> None:
 def measured(command: Sequence[str]) -> tuple[float, float]:
     """Seconds of a process that must succeed, and the megabytes that it had at most."""
     start = time.perf_counter()
-    launch = [sys.executable, "-I", "-S", "-c", _LAUNCH, *command]
+    launch = [sys.executable, "-I", "-S", "-c", LAUNCH, *command]
     process = subprocess.run(launch, capture_output=True, text=True, check=False)
     seconds = time.perf_counter() - start
     if process.returncode:
