@@ -95,6 +95,7 @@ def main() -> bool:
 
 if __name__ == "__main__":
     import time
+
     t = time.process_time()
     f = play_long(Path(sys.argv[1]), int(sys.argv[2]))
     c = read_journal(f / "journal.jsonl")
