@@ -2,7 +2,11 @@
 
 from __future__ import annotations
 
+import asyncio
+from collections import deque
 from collections.abc import Callable
+from functools import partial
+from threading import Lock
 from typing import Any
 
 from rise_adapters.ros2.transport.port import Message, PortError, QoS
@@ -37,6 +41,44 @@ class RclpyPublisher(RclpyEntity):
         return int(self._entity.get_subscription_count()) if self.works else 0
 
 
+class _NewestMessages:
+    """What a subscription that may pause has heard and not read yet, as bytes: reading it is what takes time."""
+
+    def __init__(
+        self,
+        read: Callable[[bytes], None],
+        depth: int,
+        pause: float,
+        loop: asyncio.AbstractEventLoop,
+        hand_over: Callable[[Callable[[], None]], None],
+    ) -> None:
+        """`read` reads one, on the loop; `hand_over`, from any thread, has something called there."""
+        self._read, self._pause, self._loop, self._hand_over = read, pause, loop, hand_over
+        self._kept: deque[bytes] = deque(maxlen=max(depth, 1))
+        self._lock = Lock()
+        self._pausing = False
+        """Whether somebody will look at what is kept."""
+
+    def put(self, message: bytes) -> None:
+        """In the spinning thread."""
+        with self._lock:
+            self._kept.append(message)
+            if self._pausing:
+                return
+            self._pausing = True
+        self._hand_over(self._deliver)
+
+    def _deliver(self) -> None:
+        with self._lock:
+            messages = list(self._kept)
+            self._kept.clear()
+            self._pausing = bool(messages)
+        if messages:
+            self._loop.call_later(self._pause, self._hand_over, self._deliver)
+        for message in messages:
+            self._hand_over(partial(self._read, message))
+
+
 class RclpySubscription(RclpyEntity):
     """Implements `port.Subscription`."""
 
@@ -48,15 +90,21 @@ class RclpySubscription(RclpyEntity):
         converter: MessageConverter,
         on_message: Callable[[Message], None],
         qos: QoS,
+        pause: float,
     ) -> None:
-        """As `RclpyPublisher`."""
+        """As `RclpyPublisher`; `pause` as of `port.Transport`."""
 
         def take(message: Any) -> None:
             """In the spinning thread."""
             self.hand_over(on_message, converter.read(message))
 
+        def read(message: bytes) -> None:
+            on_message(converter.read(node.rclpy.deserialize(message, type)))
+
+        newest = _NewestMessages(read, qos.depth, pause, node.loop, self.hand_over) if pause else None
         events = node.rclpy.events.SubscriptionEventCallbacks(use_default_callbacks=False)
-        super().__init__(node, "subscription", topic, converter.type, type, qos, callback=take, event_callbacks=events)
+        more = {"callback": take if newest is None else newest.put, "raw": newest is not None}
+        super().__init__(node, "subscription", topic, converter.type, type, qos, event_callbacks=events, **more)
 
     def count_publishers(self) -> int:
         return int(self._entity.get_publisher_count()) if self.works else 0
