@@ -78,8 +78,8 @@ class ActionClient:
         self.statuses: dict[bytes, int] = {}
         """What the server said last about each goal that it knows, also about those of others."""
         self.on_feedback: Callable[[bytes, Message], None] = _ignore
-        """Called with the goal's id and the action's feedback: of what comes quickly, with the newest (`FEEDBACK_PAUSE`,
-        and as many as the depth of the topic, since several goals share it)."""
+        """Called with the goal's id and the action's feedback: of what comes quickly, with the newest
+        (`FEEDBACK_PAUSE`), as many as the depth of the topic, since several goals share it."""
         self.on_status: Callable[[Mapping[bytes, int]], None] = _ignore
         """Called with `statuses` when the server has published it."""
         self._now = now
