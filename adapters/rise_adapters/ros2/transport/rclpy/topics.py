@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import asyncio
 from collections import deque
 from collections.abc import Callable
 from functools import partial
@@ -41,7 +40,7 @@ class RclpyPublisher(RclpyEntity):
         return int(self._entity.get_subscription_count()) if self.works else 0
 
 
-class _NewestMessages:
+class NewestMessages:
     """What a subscription that may pause has heard and not read yet, as bytes: reading it is what takes time."""
 
     def __init__(
@@ -49,11 +48,12 @@ class _NewestMessages:
         read: Callable[[bytes], None],
         depth: int,
         pause: float,
-        loop: asyncio.AbstractEventLoop,
-        hand_over: Callable[[Callable[[], None]], None],
+        call_later: Callable[..., object],
+        hand_over: Callable[..., None],
     ) -> None:
-        """`read` reads one, on the loop; `hand_over`, from any thread, has something called there."""
-        self._read, self._pause, self._loop, self._hand_over = read, pause, loop, hand_over
+        """`read` reads one, on the loop, where `call_later` belongs; `hand_over`, from any thread, has something called
+        there."""
+        self._read, self._pause, self._call_later, self._hand_over = read, pause, call_later, hand_over
         self._kept: deque[bytes] = deque(maxlen=max(depth, 1))
         self._lock = Lock()
         self._pausing = False
@@ -74,7 +74,7 @@ class _NewestMessages:
             self._kept.clear()
             self._pausing = bool(messages)
         if messages:
-            self._loop.call_later(self._pause, self._hand_over, self._deliver)
+            self._call_later(self._pause, self._hand_over, self._deliver)
         for message in messages:
             self._hand_over(partial(self._read, message))
 
@@ -101,7 +101,7 @@ class RclpySubscription(RclpyEntity):
         def read(message: bytes) -> None:
             on_message(converter.read(node.rclpy.deserialize(message, type)))
 
-        newest = _NewestMessages(read, qos.depth, pause, node.loop, self.hand_over) if pause else None
+        newest = NewestMessages(read, qos.depth, pause, node.loop.call_later, self.hand_over) if pause else None
         events = node.rclpy.events.SubscriptionEventCallbacks(use_default_callbacks=False)
         more = {"callback": take if newest is None else newest.put, "raw": newest is not None}
         super().__init__(node, "subscription", topic, converter.type, type, qos, event_callbacks=events, **more)
