@@ -13,7 +13,7 @@ import sys
 import tempfile
 from pathlib import Path
 
-from exports import LAUNCH
+from exports import measured
 from measure import Report
 
 from rise_engine.session.journal_reader import read_journal
@@ -24,7 +24,7 @@ ROUND_S = 10.0
 ROUND_RECORDS = 950
 """About so many in a round."""
 NODE = "ros:/seer"
-TIMES_FLOOR = 3.5
+TIMES_KERNEL = 6.0
 """Recovery may take so many times what the kernel takes."""
 RECOVERY_MB, EXPORT_MB = 150.0, 300.0
 FORMATS = ("jsonl", "tables", "eaf")
@@ -45,7 +45,7 @@ kernel = Kernel(load_session_scenario(folder, info, []), info.seed)
 began = process_time()
 for each in inputs:
     kernel.handle(each)
-print("took", process_time() - began)
+print(process_time() - began)
 """
 )
 _READING = _READ + (
@@ -89,14 +89,36 @@ def play_long(folder: Path, records: int = RECORDS) -> Path:
     return play_session(folder / "sessions", script, scenario=scenario, until=5.0 + ROUND_S * rounds, ends=False)  # type: ignore[arg-type]
 
 
+def kernel_seconds(session: Path) -> float:
+    """CPU seconds of a fresh kernel for all inputs, in a process of its own."""
+    done = subprocess.run([sys.executable, "-c", _FLOOR, str(session)], capture_output=True, text=True, check=True)
+    return float(done.stdout)
+
+
 def main() -> bool:
-    raise SystemExit
+    with tempfile.TemporaryDirectory() as name:
+        session = play_long(Path(name))
+        contents = read_journal(session / "journal.jsonl")
+        report = Report(
+            f"A session of {contents.records:,} records, {contents.size / 1e6:,.0f} MB", "CPU time and memory"
+        )
+        report.target("records", contents.records, RECORDS, at_least=True)
+        kernel = kernel_seconds(session)
+        report.row("floor: the kernel alone", f"{kernel:.1f} s")
+        _, seconds, memory = measured([sys.executable, "-c", _READING, str(session)])
+        report.row("floor: reading it", f"{seconds:.1f} s", f"{memory:.0f} MB")
+        _, seconds, memory = measured([sys.executable, "-c", _RECOVER, str(session)])
+        report.row("recovery", f"{seconds:.1f} s")
+        report.target("recovery: times the kernel alone", seconds / kernel, TIMES_KERNEL, at_least=False)
+        report.target("recovery: megabytes", memory, RECOVERY_MB, at_least=False)
+        for format in FORMATS:
+            out = Path(name) / format
+            command = (sys.executable, "-m", "rise_engine", "export", str(session), "--format", format, "-o", str(out))
+            _, seconds, memory = measured(command)
+            report.row(f"{format}", f"{seconds:.1f} s")
+            report.target(f"{format}: megabytes", memory, EXPORT_MB, at_least=False)
+    return report.met
 
 
 if __name__ == "__main__":
-    import time
-
-    t = time.process_time()
-    f = play_long(Path(sys.argv[1]), int(sys.argv[2]))
-    c = read_journal(f / "journal.jsonl")
-    print(f, c.inputs, c.records, c.size, time.process_time() - t)
+    sys.exit(not main())
