@@ -19,6 +19,9 @@ And the wizard: how long a key takes until it is acknowledged, while 1,000 feedb
 come in, and while nothing does. The journal of that session is in memory where the machine has such a place:
 how long a disk takes is measured by `acknowledge`.
 
+And how long a stop takes, from the key to the answer of every part, of a robot that answers at once and is in the
+middle of a long act.
+
 And what part of a core it takes to listen to 1,000 messages a second: a session to the feedback of its robot, and a
 feature node to points, best effort, beside a node without anything of ours between (`ros_peers.py listen plainly`).
 
@@ -47,10 +50,12 @@ from rise_adapters.ros2.transport.selection import open_transport
 
 from rise_engine.client.socket import SocketClient
 from rise_engine.kernel.inputs import Note, Submit
+from rise_engine.kernel.records import ActionRecord, StopRecord
 
 HERE = Path(__file__).parent
 ROUNDS, GOALS, KEYS = 7, 60, 600
 KEY_P50_MS, KEY_P99_MS = 5, 30
+STOPS, STOP_P50_MS, STOP_P99_MS = 100, 25, 60
 TALK_SECONDS = 10.0
 FEEDBACK_PERCENT = 10
 LISTENER_PERCENT = {"dds": 5, "rclpy": 10}
@@ -215,10 +220,13 @@ class Wizard:
 
     async def _attach(self) -> None:
         await self._client.attach()
+        self._updates: asyncio.Queue[object] = asyncio.Queue()
 
         async def follow() -> None:
-            async for _ in self._client.records():
-                pass
+            async for update in self._client.records():
+                for record in update if isinstance(update, list) else [update]:
+                    if isinstance(record, StopRecord | ActionRecord):
+                        self._updates.put_nowait(record)
 
         self._following = asyncio.get_running_loop().create_task(follow())
 
@@ -229,6 +237,33 @@ class Wizard:
         """Milliseconds until a key is acknowledged: the median, and what 99 of 100 take at most."""
         hundredths = statistics.quantiles(self._await(self._press_keys()), n=100)  # type: ignore[arg-type]
         return hundredths[49] * 1e3, hundredths[98] * 1e3
+
+    def stop_times(self) -> tuple[float, float]:
+        """Milliseconds from the stop key to the robot's answer: the median, and what 99 of 100 take at most."""
+        hundredths = statistics.quantiles(self._await(self._stop()), n=100)  # type: ignore[arg-type]
+        return hundredths[49] * 1e3, hundredths[98] * 1e3
+
+    async def _stop(self) -> list[float]:
+        took = []
+        for _ in range(STOPS):
+            while not self._updates.empty():
+                self._updates.get_nowait()
+            await self._client.send(Submit(function="startCommunicationRobotAct", behavior="Talk"))
+            await self._until("accepted")
+            began = perf_counter()
+            await self._client.send(Submit(function="stopAll"))
+            answer = await self._until("latched")
+            took.append(perf_counter() - began)
+            assert isinstance(answer, StopRecord) and not answer.unconfirmed, answer
+            await self._client.send(Submit(function="releaseStop"))
+        return took
+
+    async def _until(self, status: str) -> object:
+        async with asyncio.timeout(20):
+            while True:
+                record = await self._updates.get()
+                if getattr(record, "status", "") == status:
+                    return record
 
     async def _press_keys(self) -> list[float]:
         took = []
@@ -303,7 +338,7 @@ def main() -> bool:
             report.row(
                 "one goal through a relay", f"{relay * 1e3:.2f} ms", f"the task takes {task / relay:.2f} times that"
             )
-            report.target("times two plain round trips", task / floor, 1.5, at_least=False)
+            report.target("times two plain round trips", task / floor, 1, at_least=False)
             wizard = Wizard(folder / "run" / "bench.sock")
             keys = {"while nothing comes in": wizard.key_times()}
             with process(peers, "flood", "1000", "--ros", choice, environment=environment) as flood:
@@ -313,6 +348,9 @@ def main() -> bool:
                 flood.stdin.close()
                 rate, accepted, sent = flood.stdout.readline().split()
             report.row("tasks a second that really came", rate, f"{accepted} of {sent} accepted")
+            half, most_stops = wizard.stop_times()
+            report.target("ms a stop takes, p50", half, STOP_P50_MS, at_least=False)
+            report.target("ms a stop takes, p99", most_stops, STOP_P99_MS, at_least=False)
             wizard.send("startCommunicationRobotAct", "Talk")
             keys["at 1,000 feedbacks/s"] = wizard.key_times()
             percent = core_percent(engine.pid)
