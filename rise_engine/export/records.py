@@ -51,6 +51,8 @@ COLUMNS = (
     "downtime",  # session
     *("at", "within"),  # sync
     *("hash", "was", "changes"),  # scenario; source too
+    *("unstoppable", "held_by"),  # stop
+    "open",  # robot, session
 )
 """Of the table: always all of them, in this order. New ones may only come at the end."""
 

@@ -31,6 +31,8 @@ class ActionRun(Struct):
     type: str = ""
     parameters: dict[str, Any] = {}
     sent_as: str | None = None
+    accepted: bool = False
+    """The robot has taken it."""
     timer: int | None = None
     """Of the wait, of the time limit, or of the cancel."""
 
@@ -78,6 +80,18 @@ class ActRunner:
             if action.state in ("running", "canceling")
         )
         return any(SPEECH_CHANNEL in spec.channels for spec in under_way)
+
+    def running_goals(self) -> list[StartAction]:
+        """The goals that the robot has and has not ended."""
+        specs = self._core.scenario.robot.actions
+        return [
+            StartAction(
+                f"{run.task.id}/{id}", state.sent_as or state.type, state.parameters, 0.0, accepted=state.accepted
+            )
+            for run in self.runs.values()
+            for id, state in run.actions.items()
+            if state.state in ("running", "canceling") and not specs[state.type].engine
+        ]
 
     # --- start ---
 
@@ -173,6 +187,7 @@ class ActRunner:
         if status in ("accepted", "succeeded") and run.task.voice_at is None:
             self._note_confirmation(run.task, state)
         if status == "accepted":
+            state.accepted = True
             self._record(run, id, "accepted")
         else:
             run.interfered |= aborted or (status == "canceled" and state.state == "running")

@@ -13,7 +13,7 @@ from rise_engine.expression import Environment, lookup
 from rise_engine.kernel.commands import CancelTimer, Command, SetTimer
 from rise_engine.kernel.history import MemoryLog
 from rise_engine.kernel.inputs import Submit
-from rise_engine.kernel.records import AnyRecord, NoteRecord, TaskRecord, TaskStatus
+from rise_engine.kernel.records import AnyRecord, NoteRecord, OpenGoal, TaskRecord, TaskStatus
 from rise_engine.kernel.rng import Rng
 from rise_engine.scenario.model import Scenario
 
@@ -124,6 +124,8 @@ class Core:
         """The participant's cue that has not been answered yet."""
         self.key_at: float | None = None
         """When the key was pressed that this step came of."""
+        self.open_goals: tuple[OpenGoal, ...] = ()
+        """What the robot may still be doing of actions that have ended."""
         self.memory: dict[str, Any] = {}
         self.tables = frozenset(scenario.tables)
         """Keys of the memory that nothing can change. They are there from the beginning, and in no snapshot."""

@@ -17,10 +17,11 @@ from rise_engine.kernel.behaviors import (
     read_rule_start,
     read_step_back,
 )
+from rise_engine.kernel.commands import CancelOpenGoals, ReleaseOpenGoals
 from rise_engine.kernel.core import Core, EventTopic, Task, parse_task_id
 from rise_engine.kernel.failures import FailedActs
 from rise_engine.kernel.history import ValueBefore, step_before
-from rise_engine.kernel.inputs import Submit
+from rise_engine.kernel.inputs import EstopReport, Submit
 from rise_engine.kernel.records import TaskRecord, TaskStatus
 from rise_engine.kernel.rule_stack import RuleRun
 from rise_engine.kernel.rules import RuleMachine
@@ -68,6 +69,8 @@ class TaskHandlers:
             "moveTask": self._move_task,
             "stopAll": self._stop_all,
             "releaseStop": self._release_stop,
+            "cancelOpenGoals": self._cancel_open_goals,
+            "releaseOpenGoals": self._release_open_goals,
             "say": self._speak,
             "markCue": self._mark_cue,
             "undoCue": self._undo_cue,
@@ -396,6 +399,16 @@ class TaskHandlers:
         self._scheduler.stop(reason)
         self._stop.ask_robot()
 
+    def take_estop(self, report: EstopReport) -> None:
+        """Pressed, it stops everything as a person does. What is said again changes nothing."""
+        if report.pressed == (report.source in self._stop.held_by):
+            return
+        if report.pressed:
+            self._stop.held_by.append(report.source)
+            self._stop_all(Submit(function="stopAll", source=report.source))
+        else:
+            self._stop.let_go(report.source)
+
     def _release_stop(self, task: Submit) -> None:
         stood = self._stop.stood
         try:
@@ -417,6 +430,25 @@ class TaskHandlers:
         started.status = "ACTIVE"
         self._core.record_task(started)
         self.rules.resume(rule, started, enter)
+
+    # --- what the robot may still be doing ---
+
+    def _cancel_open_goals(self, task: Submit) -> None:
+        if self._succeed_unless(task, self._why_nothing_open(task.behavior)):
+            self._core.commands.append(CancelOpenGoals(task.behavior))
+
+    def _release_open_goals(self, task: Submit) -> None:
+        if self._succeed_unless(task, self._why_nothing_open(task.behavior)):
+            self._core.commands.append(ReleaseOpenGoals(task.behavior))
+
+    def _why_nothing_open(self, part: str) -> str:
+        """Why this part of the robot (empty: any part) holds nothing, or empty."""
+        parts = sorted({goal.part for goal in self._core.open_goals if goal.holds})
+        if not parts:
+            return "the robot has ended everything that it was given"
+        if part and part not in parts:
+            return f"{part} has ended everything that it was given{_did_you_mean(part, parts)}"
+        return ""
 
     # --- answers ---
 

@@ -42,6 +42,7 @@ from rise_engine.kernel.records import (
     SyncRecord,
     TaskRecord,
     TimingRecord,
+    describe_open_goals,
 )
 from rise_engine.kernel.reports import REPORT_KINDS, ReportRecord, report_words
 
@@ -201,9 +202,13 @@ class StopView(Struct):
     since: float = 0.0
     confirmed: tuple[str, ...] = ()
     unconfirmed: tuple[str, ...] = ()
+    unstoppable: tuple[str, ...] = ()
+    """Parts that take no stop, and that this session has used."""
     source: str = ""
     stood: list[StoodView] = field(default_factory=list)
     """The rules that it has ended, the bottom of the stack first, until it is released."""
+    held_by: tuple[str, ...] = ()
+    """The emergency stops that are pressed: it cannot be released before they are let go."""
 
     @property
     def latched(self) -> bool:
@@ -306,14 +311,19 @@ class SessionView(Struct):
                 self._apply_kept(record)
             case KeptRecord():
                 self.kept.pop(record.task, None)
+            case StopRecord(status="let-go"):
+                self.stop.held_by = record.held_by
             case StopRecord():
+                again = self.stop.status == record.status == "latched"  # the robot has said more
                 self.stop = StopView(
                     record.status,
-                    record.t,
+                    self.stop.since if again else record.t,
                     record.confirmed,
                     record.unconfirmed,
+                    record.unstoppable,
                     record.source or self.stop.source,
                     self.stop.stood if record.status != "released" else [],
+                    record.held_by,
                 )
             case CueRecord():
                 self._apply_cue(record)
@@ -339,7 +349,8 @@ class SessionView(Struct):
                 self._add_remark(RemarkView("note", record.t, record.source, text))
             case SessionRecord():
                 if record.status == "ended":
-                    self.ended, self.end_reason = True, record.reason
+                    self.ended = True
+                    self.end_reason = "; ".join(filter(None, (record.reason, describe_open_goals(record.open))))
                 else:
                     self.session = record
 

@@ -25,7 +25,8 @@ from rise_engine.kernel.records import AnyRecord
 FORMAT = 5
 """Goes up when older programs could not read what is written. 2: sessions of studies, with what is reported about them
 (`check`, `outcome`, `recording`, `sync`); as early as 1 there were kinds that its first programs do not know. 3: when a
-mark began. 4: the language of the session. 5: the pause before a failed act is repeated."""
+mark began. 4: the language of the session. 5: what the robot may still be doing, what takes no stop, and the pause
+before a failed act is repeated."""
 _NEW_FIELDS: dict[int, dict[str, frozenset[str]]] = {
     2: {
         "session": frozenset({"study", "study_hash", "slot", "run", "attempt", "purpose", "factors", "downtime"}),
@@ -33,7 +34,12 @@ _NEW_FIELDS: dict[int, dict[str, frozenset[str]]] = {
     },
     3: {"sync": frozenset({"at", "within"})},
     4: {"session": frozenset({"language"})},
-    5: {"failure": frozenset({"seconds"})},
+    5: {
+        "session": frozenset({"open"}),
+        "robot": frozenset({"open"}),
+        "stop": frozenset({"unstoppable", "held_by"}),
+        "failure": frozenset({"seconds"}),
+    },
 }
 """What a format has added to kinds of records that were there before, by format and kind."""
 

@@ -12,7 +12,7 @@ from typing import Any
 from rise_engine.engine.clock import RealClock
 from rise_engine.engine.engine import Engine
 from rise_engine.kernel.commands import StartAction
-from rise_engine.kernel.inputs import ActionReport, RobotChanged, StopReport, Submit
+from rise_engine.kernel.inputs import ActionReport, EstopReport, RobotChanged, StopReport, Submit
 from rise_engine.kernel.records import ActionRecord, AnyRecord, NoteRecord, SessionRecord, StopRecord, TaskRecord
 from rise_engine.ports.robot import ReportCallback
 from rise_engine.protocol.client import JournalStatus, Reply
@@ -207,6 +207,20 @@ async def test_stop_reaches_the_robot_also_when_nothing_can_be_recorded(tmp_path
         await it.until(lambda: len(it.replies) == 2)
         await it.until(lambda: [record for record in it.of(StopRecord) if record.status == "latched"])
         assert it.of(StopRecord)[0].source == "wizard:anna"
+
+
+async def test_an_emergency_stop_reaches_the_robot_also_when_nothing_can_be_recorded(tmp_path: Path) -> None:
+    disk = FullDisk()
+    async with session(tmp_path, disk) as it:
+        disk.number = errno.EIO
+        it.robot.report(ActionReport(action="1/1", status="accepted"))
+        await it.until(lambda: it.engine.paused)
+        it.robot.report(EstopReport(source="estop:/door", pressed=True))
+        assert it.robot.calls == ["stop"]
+        assert it.journalings[-1].trouble.endswith("stop was sent to the robot by estop:/door")
+        disk.number = None
+        await it.until(lambda: it.of(StopRecord))
+        assert it.of(StopRecord)[0].held_by == ("estop:/door",)
 
 
 async def test_the_end_is_recorded_before_the_session_is_over(tmp_path: Path) -> None:

@@ -5,6 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import Any
 
+import msgspec
+
 from rise_engine.kernel.inputs import ActionReport, RobotChanged
 from rise_engine.scenario.model import Act, Action, ActionCall, ActionSpec
 
@@ -55,6 +57,8 @@ class Acts:
     def __init__(self, session: Session) -> None:
         self.session = session
         self.connected = True
+        self.open: list[dict[str, Any]] = []
+        """What the robot may still be doing (9.3)."""
         self.last_variant: dict[tuple[str, str], int] = {}
 
     def begin(self, run: Run) -> None:
@@ -89,7 +93,8 @@ class Acts:
 
     def robot_changed(self, input: RobotChanged) -> None:
         """The link to the robot."""
-        self.session.put("robot", status=input.status, detail=input.detail)
+        self.open = [msgspec.to_builtins(goal) for goal in input.open]
+        self.session.put("robot", status=input.status, detail=input.detail, open=self.open)
         was_connected, self.connected = self.connected, input.status != "lost"
         if not self.connected:
             self.lose(input.detail or "the robot is lost")

@@ -140,6 +140,12 @@ class Tasks:
                 session.stop.stop_all(task)
             case "releaseStop":
                 session.stop.release(task)
+            case "cancelOpenGoals" | "releaseOpenGoals":
+                holding = {goal["part"] for goal in session.acts.open if goal["holds"]}
+                if not holding or task.behavior not in ("", *holding):
+                    raise Refused("nothing of that is open")
+                self.record(task, "SUCCEEDED")
+                session.orders.append((task.function, task.behavior))
             case "say":
                 session.scheduler.say(task, calling_type)
             case "markCue":

@@ -453,7 +453,7 @@ def test_endpoints_of_others_come_and_go() -> None:
     assert seen.find_writers("rt/a") == [RemoteEndpoint("", TEXT, "RIHS01_1", "0110")]
     seen.set_nodes(key, [("/camera", [key])])
     assert [end.node for end in seen.find_writers("rt/a")] == ["/camera"]
-    assert seen.topics() == ["/a"]
+    assert seen.topics("") == ["/a"] and seen.topics("/b") == []
     assert seen.find_readers("rt/a") == seen.find_writers("rt/b") == []
     seen.update_writer(graph.DdsEndpoint(key, alive=False))
     assert seen.find_writers("rt/a") == []

@@ -13,8 +13,8 @@ from typing import TypeAlias
 from rise_adapters.ros2.actions.client import ABORTED, CANCELED, SUCCEEDED
 from rise_adapters.ros2.compatibility import MISFIT_KINDS, describe_several_servers
 from rise_adapters.ros2.mapping import ActionMapping
-from rise_adapters.ros2.robot.cancellation import Cancellation
-from rise_adapters.ros2.robot.endpoints import ActionEndpoint, Endpoint
+from rise_adapters.ros2.robot.cancellation import OVERDUE_SECONDS, Cancellation
+from rise_adapters.ros2.robot.endpoints import ActionEndpoint, Endpoint, ServiceEndpoint
 from rise_adapters.ros2.robot.goal_host import Ending
 from rise_adapters.ros2.transport.port import Message
 
@@ -40,6 +40,23 @@ def of_result(status: int, result: Message, mapping: ActionMapping, name: str, *
     if cancel_wanted:
         return "succeeded", "succeeded-during-cancel: the robot finished it although it was to stop"
     return "succeeded", ""
+
+
+def of_response(response: Message, mapping: ActionMapping, name: str) -> Outcome:
+    """A service has answered."""
+    wrong = _read(mapping.result_rule.failure, response, name)
+    return ("failed", f"robot-error: {wrong}") if wrong else ("succeeded", "")
+
+
+def of_unstoppable_call(name: str, *, is_overdue: bool) -> Outcome:
+    """A call was to be stopped, which no service can. `is_overdue`: its time was over."""
+    what = f"nothing stops a call of {name}; the robot may go on until it answers"
+    return ("timed-out", f"no-result: {what}") if is_overdue else ("canceled", f"unstoppable: {what}")
+
+
+def is_overdue(now: float, limit_at: float) -> bool:
+    """Whether a cancel at this time is the kernel's, at the end of the time that the action may take."""
+    return now >= limit_at - OVERDUE_SECONDS
 
 
 def of_missing_answer(name: str, seconds: float | None) -> Outcome:
@@ -98,7 +115,7 @@ def of_failed_cancel(cancellation: Cancellation, name: str) -> Outcome:
     return "lost", f"cancel-unanswered: {name} did not answer within {seconds:g} s"
 
 
-def of_missing_server(endpoint: ActionEndpoint, sends: int) -> Outcome:
+def of_missing_server(endpoint: ActionEndpoint | ServiceEndpoint, sends: int) -> Outcome:
     """Nothing took it in time. `sends`: how often it was sent nevertheless."""
     presence = endpoint.presence
     if sends:
@@ -110,7 +127,7 @@ def of_missing_server(endpoint: ActionEndpoint, sends: int) -> Outcome:
     return "failed", f"server-missing: {why}"
 
 
-def of_two_servers(endpoint: ActionEndpoint) -> Outcome:
+def of_two_servers(endpoint: ActionEndpoint | ServiceEndpoint) -> Outcome:
     return "failed", f"two-servers: {describe_several_servers(endpoint.presence.count, endpoint.name)}; end all but one"
 
 
