@@ -30,6 +30,8 @@ UNFINISHED = 4
 """`serve`: an earlier session did not end, and nobody said what is to become of it."""
 UNRECOVERABLE = 5
 """`serve`: it cannot be recovered."""
+STILL_RUNNING = 6
+"""`serve`, `run`: the session has ended, and the robot may still be doing what it was given."""
 
 FAILED = 70
 """The program itself failed, or did not end in time (EX_SOFTWARE)."""

@@ -11,6 +11,7 @@ from typing import Literal, TypeAlias
 from msgspec import Struct
 from textual.binding import Binding
 
+from rise_engine.kernel.records import stopper_words
 from rise_engine.kernel.speech import why_not_speak
 from rise_engine.scenario.fillers import filler_acts
 from rise_tui.model.blocked import BlockedReason, Deed
@@ -68,6 +69,11 @@ def _stoppable(store: Store) -> Obstacle:
     return store.blocked_reason("reach") if store.gone_reason else None
 
 
+def _cancellable(store: Store) -> Obstacle:
+    """Asking the robot once more to stop needs no control either."""
+    return store.blocked_reason("reach") or (None if store.open_goals else "the robot has ended everything")
+
+
 def _own_console(store: Store) -> Obstacle:
     """What concerns this console alone, and would mean nothing where no key ever starts anything."""
     return _stoppable(store) or ("this is a replay" if store.attach_reply.replay else None)
@@ -100,7 +106,6 @@ _cue_open = _blocks(
 )
 _failed = _blocks("change", lambda store: store.view.failed or store.view.questions, "no act has failed")
 _asked = _blocks("change", lambda store: store.view.questions, "the study waits for no failed act")
-_releasable = _blocks("change", lambda store: store.key_state == "STOPPED", "nothing is stopped")
 _savable_values = _blocks("change", lambda store: store.scenario.folder, "this session's scenario has no folder")
 _memory = _blocks("change", lambda store: store.view.memory, "the memory is empty")
 _queue = _blocks("change", lambda store: store.view.running or store.view.waiting, "nothing runs or waits")
@@ -108,6 +113,16 @@ _waiting = _blocks("change", lambda store: len(store.view.waiting) > 1, "fewer t
 _acts = _blocks("change", lambda store: store.view.running or store.view.waiting, "no act runs or waits")
 _undo = _blocks("change", lambda store: store.undo_stack, "nothing to undo")
 _rules = _blocks("change", lambda store: store.view.running_rules(), "no rule runs")
+
+
+def _releasable(store: Store) -> Obstacle:
+    """An emergency stop is let go where it was pressed."""
+    if blocked := store.blocked_reason("change"):
+        return blocked
+    if store.key_state != "STOPPED":
+        return None if store.open_goals else "nothing is stopped or held"
+    held_by = store.view.stop.held_by
+    return f"{stopper_words(held_by[0])} is still pressed" if held_by else None
 
 
 def _shadowed(store: Store) -> Obstacle:
@@ -234,8 +249,12 @@ ACTIONS: tuple[ConsoleAction, ...] = (
            "The session goes on with the files of its study as they are saved now. Only while the robot does nothing, "
            "and where the rules stand must be there still; otherwise it says why not. It is recorded.", "",
            _taking_over),
-    ConsoleAction("release", "Release the stop", ("ctrl+r",), "console",
-           "After a stop: shows who confirmed it and who did not, and asks before anything can start again.",
+    ConsoleAction("cancel-open", "Stop what still runs", ("ctrl+w",), "console",
+           "When the robot may still be doing what has ended in the session: asks it once more to stop.", "",
+           _cancellable),
+    ConsoleAction("release", "Release the stop, or a part", ("ctrl+r",), "console",
+           "After a stop: shows who confirmed it and who did not, and asks before anything can start again. When a "
+           "part of the robot is held: asks whether it may be used again.",
            "release", _releasable),
     ConsoleAction("theme", "Choose a theme", (), "console",
            "Shows each theme while you move over it; esc keeps the one you had."),

@@ -34,10 +34,10 @@ setup(
                     "keyword_spotter",
                     "gaze_trigger",
                     "answer_node",
+                    "task_tree",
                 )
             ),
             "robot_wrapper = rise_ros.robot_wrapper:main",
-            "task_tree = rise_ros.task_leaf:main",
         ]
     },
 )

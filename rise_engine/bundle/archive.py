@@ -6,15 +6,26 @@ import shutil
 import stat
 import tempfile
 import zipfile
+import zlib
 from collections.abc import Iterator
-from contextlib import contextmanager
-from pathlib import Path, PurePosixPath
+from contextlib import ExitStack, contextmanager
+from pathlib import Path
 
 from rise_engine.bundle.errors import BundleError
 from rise_engine.bundle.manifest import files_in
+from rise_engine.scenario.study_paths import why_no_name
+from rise_engine.session.unfinished_files import erase_unfinished, private_folder
+from rise_engine.text import clean
 
-MAX_BYTES, MAX_FILES = 20_000_000_000, 1_000_000
+MAX_BYTES, MAX_FILES = 20_000_000_000, 200_000
 """Of what a zip file may hold when it is unpacked."""
+MAX_RATIO, SMALL_BYTES = 100, 100_000_000
+"""How many times its own size a zip file may hold, and how much it may hold in any case. What sessions write becomes a
+tenth of its size."""
+SPARE_BYTES = 100_000_000
+"""What unpacking leaves free on the disk."""
+_NAMED = 5
+"""Names that a sentence shows."""
 _DATE = (1980, 1, 1, 0, 0, 0)
 """The first that a zip file can say: it tells nobody when something was."""
 
@@ -32,38 +43,75 @@ def write_zip(folder: Path, path: Path) -> None:
 
 @contextmanager
 def opened_bundle(path: Path) -> Iterator[Path]:
-    """The folder of a bundle, within a `with` statement; a zip file is unpacked for that long.
+    """The folder of a bundle, within a `with` statement; a zip file is unpacked for that long, for its owner alone.
 
-    :raises BundleError: it is neither.
+    What a killed program has left of one that was unpacked is erased first.
+
+    :raises BundleError: it is neither, or would do harm.
     """
+    beside = Path(tempfile.gettempdir(), "rise-bundle")
     if path.is_dir():
+        erase_unfinished(beside)
         yield path
         return
     if not path.exists():
         raise BundleError(f"there is no {path}")
-    with tempfile.TemporaryDirectory(prefix="rise-bundle-") as name:  # for its owner alone
-        folder = Path(name)
+    with ExitStack() as stack:
         try:
-            with zipfile.ZipFile(path) as archive:
-                _unpack(archive, folder)
-        except (zipfile.BadZipFile, NotImplementedError, RuntimeError) as error:
+            archive = stack.enter_context(zipfile.ZipFile(path))
+            folder = stack.enter_context(private_folder(beside))
+            _check(archive, path.stat().st_size, shutil.disk_usage(folder).free)
+            _unpack(archive, folder)
+        except (zipfile.BadZipFile, zlib.error, EOFError, NotImplementedError, RuntimeError) as error:
             raise BundleError(f"{path} is no zip file that can be read ({error})") from None
         except OSError as error:
             raise BundleError(f"{path} cannot be unpacked: {error.strerror or error}") from None
         yield folder
 
 
-def _unpack(archive: zipfile.ZipFile, folder: Path) -> None:
+def _check(archive: zipfile.ZipFile, size: int, free: int) -> None:
+    """Look at what a zip file says that it holds, before any of it is unpacked.
+
+    :param size: how large it is. :param free: how much room there is.
+    :raises BundleError: it holds what no bundle has, or too much; all that is wrong, a line for each.
+    """
     entries = archive.infolist()
-    if len(entries) > MAX_FILES or sum(entry.file_size for entry in entries) > MAX_BYTES:
-        raise BundleError("this zip file would unpack to more than any bundle has")
-    for entry in entries:
-        parts = PurePosixPath(entry.filename).parts
-        if entry.filename.startswith("/") or "\\" in entry.filename or ".." in parts or not parts:
-            raise BundleError(f"{entry.filename!r} in this zip file would lie outside of it, so it is no bundle")
-        if stat.S_ISLNK(entry.external_attr >> 16):
-            raise BundleError(f"{entry.filename!r} in this zip file is a link, so it is no bundle")
-        target = folder.joinpath(*parts)
+    total = sum(entry.file_size for entry in entries)
+    problems = []
+    if len(entries) > MAX_FILES:
+        problems.append(f"it holds {len(entries):,} files, and a bundle has at most {MAX_FILES:,}")
+    if total > MAX_BYTES or total > max(MAX_RATIO * size, SMALL_BYTES):
+        problems.append(
+            f"it is {_megabytes(size)} and would become {_megabytes(total)}: more than any bundle, so it is none"
+        )
+    elif total + SPARE_BYTES > free:
+        problems.append(
+            f"it needs {_megabytes(total)} to be unpacked, and the disk has {_megabytes(free)} left; make room, or set "
+            "TMPDIR to a folder on another disk"
+        )
+    elsewhere = [entry.filename for entry in entries if why_no_name(entry.filename, None)]
+    other = [entry.filename for entry in entries if not _is_plain(entry)]
+    for names, what in ((elsewhere, "would lie outside of it, or be hidden"), (other, "are links, or no files")):
+        if names:
+            shown = ", ".join(f"`{clean(name)}`" for name in names[:_NAMED]) + ", ..." * (len(names) > _NAMED)
+            problems.append(f"it is no bundle, because these in it {what}: {shown}")
+    if problems:
+        raise BundleError("\n".join(problems))
+
+
+def _is_plain(entry: zipfile.ZipInfo) -> bool:
+    """A file or a folder; programs that are not of Unix say nothing about it."""
+    return stat.S_IFMT(entry.external_attr >> 16) in (0, stat.S_IFREG, stat.S_IFDIR)
+
+
+def _megabytes(size: int) -> str:
+    return f"{size / 1_000_000:,.1f} MB"
+
+
+def _unpack(archive: zipfile.ZipFile, folder: Path) -> None:
+    """What was checked, into a folder. Of each file only as much comes as the check has counted."""
+    for entry in archive.infolist():
+        target = folder / entry.filename
         if entry.is_dir():
             target.mkdir(parents=True, exist_ok=True)
             continue

@@ -10,6 +10,7 @@ from pathlib import Path
 
 from msgspec import Struct, field
 
+from rise_engine.scenario.study_paths import why_no_name
 from rise_engine.study.traces import MANIFEST_FILE
 
 _BLOCK = 1 << 20
@@ -58,7 +59,7 @@ def check_manifest(root: Path) -> ManifestCheck:
     listed: dict[str, str] = {}
     for number, line in enumerate((root / MANIFEST_FILE).read_text("utf-8", "replace").splitlines(), start=1):
         digest, blanks, name = line.partition("  ")
-        if not blanks or len(digest) != 64 or Path(name).is_absolute() or ".." in Path(name).parts:
+        if not blanks or len(digest) != 64 or why_no_name(name, None):
             check.unreadable.append(f"line {number} of {MANIFEST_FILE} is no check sum of a file in here")
         else:
             listed[name] = digest

@@ -18,7 +18,7 @@ from rise_engine.engine.drivers import (
     driver_name_for,
     make_robot,
     open_bridge,
-    profile_problems,
+    profile_findings,
 )
 from rise_engine.engine.engine import Engine
 from rise_engine.errors import RiseError
@@ -55,8 +55,10 @@ async def look_at_robot(request: ChildRequest) -> Finding:
         scenario = _load(request)
         needed = needed_actions(scenario)
         profile = narrow_profile(scenario.robot, needed)
-        if problems := profile_problems(profile, scenario.mode):
+        found_in_profile = [] if _is_simulated(scenario) else profile_findings(profile)
+        if problems := [each.sentence for each in found_in_profile if each.refuses]:
             return Finding(False, reason="; ".join(problems))
+        unstoppable = [each.where.split(".")[1] for each in found_in_profile if each.kind == "unstoppable"]
         changes = _RobotChanges()
         async with _connected_robot(request, scenario, profile) as (robot, _):
             robot.connect(changes.take)
@@ -68,7 +70,9 @@ async def look_at_robot(request: ChildRequest) -> Finding:
     if found.status != "connected":
         return Finding(False, reason=found.detail or f"{profile.title} is {found.status}")
     what = found.detail or f"{profile.title} is connected"
-    return Finding(True, what if _is_simulated(scenario) else f"{what}: {pluralize(len(needed), 'action')} offered")
+    if not _is_simulated(scenario):
+        what += f": {pluralize(len(needed), 'action')} offered"
+    return Finding(True, f"{what}; F9 cannot stop {', '.join(unstoppable)}" if unstoppable else what)
 
 
 async def say_word(request: ChildRequest) -> Finding:

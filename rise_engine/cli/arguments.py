@@ -54,7 +54,7 @@ def add_ros_parameters(
         read_parameters: ParameterReader = load_ros_plugin(PARAMETERS)
         more, ros_args = read_parameters(
             ros_args,
-            switches=[each.opts[0] for each in options if each.is_flag],
+            switches={each.opts[0]: "".join(each.secondary_opts[:1]) for each in options if each.is_flag},
             single=[each.opts[0] for each in options if not each.is_flag and not each.multiple],
             many=[each.opts[0] for each in options if each.multiple],
             written=own,

@@ -15,7 +15,7 @@ from msgspec import UNSET, to_builtins
 
 from rise_engine.bml.schema import block_schema_text
 from rise_engine.cli.terminal import write_json
-from rise_engine.engine.drivers import DOCTORS, DriverError, driver_names, load_ros_plugin, profile_problems
+from rise_engine.engine.drivers import DOCTORS, DriverError, driver_names, load_ros_plugin, profile_findings
 from rise_engine.errors import RiseError
 from rise_engine.explore.exploration import Exploration, explore_quickly
 from rise_engine.expression import EvaluationError, Expression, ExpressionError
@@ -26,9 +26,17 @@ from rise_engine.nearest_name import did_you_mean
 from rise_engine.ports.bridge import Examiner, RosConnection
 from rise_engine.scenario import LoadResult, act_schema_text, load, rule_schema_text
 from rise_engine.scenario.diagnostics import Diagnostic, Diagnostics
+from rise_engine.scenario.file_names import SCENARIO_FILE
+from rise_engine.scenario.finding_ends import with_ends
 from rise_engine.scenario.model import ActionSpec, RobotProfile, Scenario, SourceLocation
 from rise_engine.scenario.new_study import write_agents_file
-from rise_engine.scenario.robot_profiles import DEFAULT_ROBOT, find_profile, read_robot, robot_names
+from rise_engine.scenario.robot_profiles import (
+    DEFAULT_ROBOT,
+    find_profile,
+    locate_in_profile,
+    read_robot,
+    robot_names,
+)
 from rise_engine.scenario.shipped_studies import StudyCopyError, copy_study, shipped_studies, study_lines
 from rise_engine.scenario.source_files import FileReader
 from rise_engine.text import clean, pluralize
@@ -58,9 +66,9 @@ def check_report(
     :return: the exit status, 1 when something is an error, or a problem that exploring has found.
     """
     loaded = load(folder, robot=robot, mode=mode, language=language or None)
-    scenario, diagnostics, silenced = loaded.scenario, loaded.diagnostics, loaded.suppressed
-    if scenario is not None:
-        diagnostics += _driver_diagnostics(scenario)
+    scenario, silenced = loaded.scenario, loaded.suppressed
+    is_real = (scenario.mode if scenario is not None else mode) == "real"
+    diagnostics = loaded.diagnostics + _driver_diagnostics(folder, loaded, is_real=is_real)
     errors = sum(diagnostic.severity == "error" for diagnostic in diagnostics)
     warnings = len(diagnostics) - errors
     exploration = explore_quickly(scenario) if deep and scenario is not None and not errors else None
@@ -144,19 +152,19 @@ def diagnostic_row(diagnostic: Diagnostic) -> dict[str, Any]:
     }
 
 
-def _driver_diagnostics(scenario: Scenario) -> list[Diagnostic]:
-    """What a real session would be refused for, because the robot's driver cannot use the profile."""
-    if scenario.mode != "real":
-        return []
-    folder = Path(scenario.folder)
-    path = find_profile(scenario.robot.name, folder)
-    location = SourceLocation(scenario.robot.name if path is None else str(path))
-    if path is not None and path.is_relative_to(folder):
-        location = SourceLocation(path.relative_to(folder).as_posix())
-    return [
-        Diagnostic("error", "robot-profile", problem, location)
-        for problem in profile_problems(scenario.robot, scenario.mode)
-    ]
+def _driver_diagnostics(folder: str, loaded: LoadResult, *, is_real: bool) -> list[Diagnostic]:
+    """What the robot's driver has to say about the profile. What only keeps a real session from beginning is a warning
+    in a rehearsal."""
+    files = FileReader(_robots_folder(folder), Diagnostics())
+    found = Diagnostics()
+    errors = {each.location.file for each in loaded.errors}
+    if SCENARIO_FILE in errors or any(name.endswith(f"{loaded.robot.name}.toml") for name in errors):
+        return []  # what could be read of the robot is less than what is written
+    for finding in profile_findings(loaded.robot):
+        location = locate_in_profile(finding.where, loaded.robot.name, files)
+        refused = finding.kind == "wrong" or (finding.kind == "missing" and is_real)
+        (found.error if refused else found.warning)("robot-profile", location, finding.sentence)
+    return with_ends(found.sorted(), {source.name: source for source in files.sources})
 
 
 def load_or_refuse(

@@ -3,11 +3,10 @@
 from __future__ import annotations
 
 import os
-import shutil
 import sys
 from pathlib import Path
 from shlex import quote
-from tempfile import NamedTemporaryFile, mkdtemp
+from tempfile import NamedTemporaryFile
 from typing import NoReturn
 
 import click
@@ -17,7 +16,10 @@ from rise_engine.exit_status import NOT_WRITTEN, REFUSED
 from rise_engine.scenario import load
 from rise_engine.scenario.diagnostics import Diagnostic, Diagnostics
 from rise_engine.scenario.file_names import DEFAULT_PATHS
+from rise_engine.scenario.new_study import write_new_folder
+from rise_engine.scenario.shipped_studies import StudyCopyError
 from rise_engine.scenario.source_files import FileReader
+from rise_engine.scenario.study_paths import why_not_written
 from rise_engine.scxml.chart_in_study import called_acts, check_neighbours, file_name, is_made_file, new_study_files
 from rise_engine.scxml.rules_file import flattening_notes, rules_text
 from rise_engine.scxml.rules_of_chart import MadeRules, rules_of_chart
@@ -78,19 +80,11 @@ def _write_new(folder: Path, made: MadeRules, title: str, text: str) -> Path:
     files = new_study_files(made, made.chart.name or title, text)
     held = {name: content.encode() for name, content in files.items()}
     _refuse_errors(load(folder, held=held).errors)
-    temporary = ""
     try:
-        folder.absolute().parent.mkdir(parents=True, exist_ok=True)
-        temporary = mkdtemp(prefix=f".{folder.name}.", dir=folder.absolute().parent)
-        for name, content in files.items():
-            path = Path(temporary) / name
-            path.parent.mkdir(exist_ok=True)
-            path.write_text(content, "utf-8")
-        Path(temporary).chmod(0o755)
-        os.replace(temporary, folder)  # noqa: PTH105  # an empty folder may be there
+        write_new_folder(folder, files)
+    except StudyCopyError as error:
+        _refuse_name(str(error))
     except OSError as error:
-        if temporary:
-            shutil.rmtree(temporary, ignore_errors=True)
         _not_written(folder, error)
     return folder / "rules" / file_name(made)
 
@@ -108,6 +102,8 @@ def _write_into(folder: Path, made: MadeRules, text: str) -> Path:
     except (OSError, UnicodeDecodeError):
         exit_with_usage(f"{target} is there, and cannot be read; choose another --name")
     name = target.relative_to(folder).as_posix()
+    if problem := why_not_written(folder, name):
+        _refuse_name(problem)
     after = load(folder, held={name: text.encode()})
     _refuse_errors(after.errors)
     diagnostics = Diagnostics()
@@ -127,6 +123,11 @@ def _write_into(folder: Path, made: MadeRules, text: str) -> Path:
             Path(temporary).unlink(missing_ok=True)
         _not_written(target, error)
     return target
+
+
+def _refuse_name(problem: str) -> NoReturn:
+    click.echo(f"error: {problem}; nothing was written", err=True)
+    sys.exit(REFUSED)
 
 
 def _refuse_errors(errors: list[Diagnostic]) -> None:

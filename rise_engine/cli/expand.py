@@ -13,6 +13,7 @@ from rise_engine.scenario import load
 from rise_engine.scenario.element_templates import PATTERNS
 from rise_engine.scenario.loader import expanded_files
 from rise_engine.scenario.plain_xml import additions, plain_text
+from rise_engine.scenario.study_paths import why_not_read
 from rise_engine.scenario.xml import XmlFile
 from rise_engine.text import pluralize
 
@@ -48,11 +49,6 @@ def expand_report(folder: str, new: str | None) -> int:
 
 def _write_copy(folder: Path, new: Path, texts: dict[str, str]) -> int:
     """Copy a scenario with other texts; how many files it has. Hidden files and patterns stay behind."""
-    for name in texts:
-        if Path(name).is_absolute():
-            raise ExpandError(
-                f"{name} lies outside of the scenario; move it into {folder}, and name it in scenario.toml"
-            )
     try:
         if new.exists() and (not new.is_dir() or any(new.iterdir())):
             raise ExpandError(f"{new} is {'not empty' if new.is_dir() else 'no folder'}; name a new folder")
@@ -60,7 +56,12 @@ def _write_copy(folder: Path, new: Path, texts: dict[str, str]) -> int:
         for path in sorted(path for path in folder.rglob("*") if path.is_file()):
             relative = path.relative_to(folder)
             text = texts.get(relative.as_posix())
-            if text == "" or relative.parts[0] == PATTERNS or any(part.startswith(".") for part in relative.parts):
+            if (
+                text == ""
+                or why_not_read(folder, relative)
+                or relative.parts[0] == PATTERNS
+                or any(part.startswith(".") for part in relative.parts)
+            ):
                 continue
             target = new / relative
             target.parent.mkdir(parents=True, exist_ok=True)

@@ -136,6 +136,10 @@ class _Progress:
         self._next = time.monotonic() + _SECONDS_BETWEEN
 
     def __call__(self, space: Space) -> bool:
+        if self._interrupted:
+            if self._shown:
+                print("broken off: what was found so far comes now (ctrl+c again: without it)", file=sys.stderr)
+            return False
         now = time.monotonic()
         if self._shown and now >= self._next:
             self._next = now + _SECONDS_BETWEEN
@@ -143,7 +147,7 @@ class _Progress:
             print(
                 f"{count:,} situations, {left:,} still to look at (ctrl+c: tell what was found so far)", file=sys.stderr
             )
-        return not self._interrupted
+        return True
 
 
 # --- what it found --------------------------------------------------------------------------------------------------

@@ -2,12 +2,9 @@
 
 from __future__ import annotations
 
-import os
-import shutil
 import sys
 from pathlib import Path
 from shlex import quote
-from tempfile import mkdtemp
 
 import click
 
@@ -17,6 +14,9 @@ from rise_engine.imports.woz4u_file import NotWoz4uError, read_woz4u
 from rise_engine.imports.woz4u_study import ImportedStudy, make_study
 from rise_engine.scenario import load
 from rise_engine.scenario.diagnostics import Diagnostics
+from rise_engine.scenario.new_study import write_new_folder
+from rise_engine.scenario.shipped_studies import StudyCopyError
+from rise_engine.scenario.study_paths import why_not_read
 from rise_engine.text import clean
 
 _LARGEST = 10_000_000
@@ -78,8 +78,8 @@ def _read(path: Path) -> str:
 
 def _said_file(folder: Path, name: str) -> str | None:
     """A text file beside the configuration, never one outside of its folder."""
-    path = (folder / name).resolve()
-    if not path.is_relative_to(folder.resolve()) or not path.is_file() or path.stat().st_size > _LARGEST:
+    path = folder / name
+    if why_not_read(folder, name) or not path.is_file() or path.stat().st_size > _LARGEST:
         return None
     try:
         return path.read_text("utf-8-sig")
@@ -89,19 +89,12 @@ def _said_file(folder: Path, name: str) -> str | None:
 
 def _write(folder: Path, study: ImportedStudy) -> None:
     """The whole folder or nothing. Ends the program when it cannot be written."""
-    made = ""
     try:
-        folder.absolute().parent.mkdir(parents=True, exist_ok=True)
-        made = mkdtemp(prefix=f".{folder.name}.", dir=folder.absolute().parent)
-        for name, text in study.files.items():
-            path = Path(made) / name
-            path.parent.mkdir(exist_ok=True)
-            path.write_text(text, "utf-8")
-        Path(made).chmod(0o755)
-        os.replace(made, folder)  # noqa: PTH105  # an empty folder may be there
+        write_new_folder(folder, study.files)
+    except StudyCopyError as error:
+        click.echo(f"error: {error}; nothing was written", err=True)
+        sys.exit(REFUSED)
     except OSError as error:
-        if made:
-            shutil.rmtree(made, ignore_errors=True)
         click.echo(f"error: {folder} cannot be written: {error.strerror or error}", err=True)
         sys.exit(NOT_WRITTEN)
 

@@ -22,13 +22,13 @@ from rise_engine.engine.clock import RealClock, SessionClock, VirtualClock
 from rise_engine.engine.drivers import make_robot, open_bridge, simulated_robot_warning
 from rise_engine.engine.engine import Engine
 from rise_engine.kernel.inputs import Note, SessionStarted
-from rise_engine.kernel.records import AnyRecord, TaskRecord
+from rise_engine.kernel.records import AnyRecord, TaskRecord, describe_open_goals
 from rise_engine.ports.bridge import Bridge
 from rise_engine.protocol.session_options import SessionOptions
 from rise_engine.protocol.session_start import first_input, start_remarks
 from rise_engine.protocol.task_file import TaskFileError, TaskFileReader, TimedTask, warning_for_task
 from rise_engine.scenario.model import Scenario
-from rise_engine.server.hub import END_SECONDS, SessionHub
+from rise_engine.server.hub import SessionHub
 
 LIVELOCK = 20_000
 """Inputs, tasks of the script not counted, within which virtual time must get on by LIVELOCK_SECONDS."""
@@ -167,6 +167,9 @@ class _HeadlessSession:
         if self.output.failure is not None:
             self.end_if_output_failed()
             return exit_status.FAILED
+        if self.engine.open_goals:
+            print_message(f"error: the session has ended; {describe_open_goals(self.engine.open_goals)}")
+            return exit_status.STILL_RUNNING if self.status == exit_status.OK else self.status
         if self.status == exit_status.OK and self.options.strict and self._unsuccessful:
             return exit_status.TASK_FAILED
         return self.status
@@ -287,15 +290,11 @@ async def _run_connected(options: RunOptions, bridge: Bridge[SessionHub] | None)
     output.on_failure = on_output_failure
     interrupts: list[int] = []
 
-    def stop_session() -> None:
-        session.interrupt()
-        loop.call_later(END_SECONDS, engine.end_now, "interrupted")
-
     def on_signal(number: int, frame: FrameType | None) -> None:
         if interrupts:
             sys.exit(exit_status.INTERRUPTED)
         interrupts.append(number)
-        loop.call_soon_threadsafe(stop_session)
+        loop.call_soon_threadsafe(session.interrupt)
 
     with _signals_to(on_signal):
         try:

@@ -38,6 +38,8 @@ from rise_engine.kernel.records import (
     SyncRecord,
     TaskRecord,
     TimingRecord,
+    describe_open_goals,
+    stopper_words,
 )
 from rise_engine.scenario.ssml import plain_words
 
@@ -56,6 +58,8 @@ _FUNCTION_LABELS = {
     "moveTask": "move task",
     "stopAll": "stop all",
     "releaseStop": "release stop",
+    "cancelOpenGoals": "cancel again",
+    "releaseOpenGoals": "release part",
     "markCue": "mark cue",
     "undoCue": "undo cue",
     "nextFiller": "next filler",
@@ -142,7 +146,7 @@ class Transcript:
 
     def _describe_session(self, record: SessionRecord) -> tuple[str, str, str]:
         if record.status == "ended":
-            return "session", "ended", record.reason
+            return "session", "ended", "; ".join(filter(None, (record.reason, describe_open_goals(record.open))))
         who = "".join(f", {word}" for word in (record.participant, record.condition) if word)
         away = "" if record.downtime is None else f" after {record.downtime:.1f} s without engine"
         how = f"{record.status}{away}, {record.mode}, robot {record.robot}, seed {record.seed}{who}"
@@ -304,10 +308,13 @@ def _cue_text(record: CueRecord) -> tuple[str, str]:
 
 
 def _failure_text(record: FailureRecord) -> str:
+    answers = f"repeatAct {record.task}, goOn {record.task} or stopRuleOfAct {record.task}"
     match record.status:
         case "asked":
-            id = record.task
-            return f"WAITS FOR AN ANSWER: repeatAct {id}, goOn {id} or stopRuleOfAct {id}"
+            return f"WAITS FOR AN ANSWER: {answers}"
+        case "waiting":
+            when = "when the robot is back" if record.seconds is None else f"in {record.seconds:g} s"
+            return f"is repeated {when}, or at an answer: {answers}"
         case "repeated":
             return f"task {record.by} repeats it" + ("" if record.source == "engine" else f", says {record.source}")
         case "gone-on":
@@ -320,10 +327,14 @@ def _failure_text(record: FailureRecord) -> str:
 def _stop_text(record: StopRecord) -> str:
     if record.status == "requested":
         return f"by {record.source}" if record.source else ""
+    if record.status == "let-go":
+        return f"{stopper_words(record.source)} is not pressed any more"
     if record.status != "latched":
         return ""
-    confirmed = f"confirmed: {', '.join(record.confirmed) or 'nobody'}"
-    return f"{confirmed}; NOT CONFIRMED: {', '.join(record.unconfirmed)}" if record.unconfirmed else confirmed
+    text = f"confirmed: {', '.join(record.confirmed) or 'nobody'}"
+    for words, parts in (("NOT CONFIRMED", record.unconfirmed), ("CANNOT BE STOPPED", record.unstoppable)):
+        text += f"; {words}: {', '.join(parts)}" if parts else ""
+    return text
 
 
 def _cell(text: str, width: int) -> str:

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-import posixpath
 from collections.abc import Callable, Mapping
+from pathlib import PurePosixPath
 
 from rise_engine.edit.edits import Edit, ReplaceFile
 from rise_engine.edit.plan import EditRefused, Plan
@@ -17,9 +17,7 @@ _SHOWN = 90
 
 def plan_replace_file(edit: ReplaceFile, study: StudyState) -> Plan:
     """A file gets other content, or is made, or goes. A byte order mark that it had stays."""
-    file = posixpath.normpath(edit.file)
-    if not edit.file or file.startswith(("../", "/")) or file in ("..", ".") or "\\" in file or "\0" in file:
-        raise EditRefused(f"`{edit.file}` is no file in the folder of the study")
+    file = str(PurePosixPath(edit.file))
     old = study.files.get(file)
     if edit.text is None:
         if old is None:

@@ -134,7 +134,7 @@ def _part(kind: _Kind, name: str, study: StudyState) -> WrittenAct | WrittenRule
 def _check_new_file(kind: _Kind, file: str, study: StudyState) -> None:
     place = place_of(kind.place, study)
     right = file == place or (posixpath.dirname(file) == place and file.lower().endswith(".xml"))
-    if not right or posixpath.basename(file).startswith("."):
+    if not right:
         example = place if place.lower().endswith(".xml") else f"{place}/NAME.xml"
         raise EditRefused(f"{kind.word}s in `{file}` would not be read; they stand in {example}")
 

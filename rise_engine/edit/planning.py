@@ -23,6 +23,7 @@ from rise_engine.edit import (
 from rise_engine.edit.edits import Edit
 from rise_engine.edit.plan import EditRefused, Plan
 from rise_engine.edit.study_state import StudyState
+from rise_engine.scenario.study_paths import why_none_written
 
 Planner: TypeAlias = Callable[[Any, StudyState], Plan]
 """Plans the edits of one kind. Raises EditRefused for one that cannot be made."""
@@ -56,6 +57,9 @@ def plan(edit: Edit, study: StudyState) -> Plan:
         raise EditRefused(f"{type(edit).__name__} cannot be planned here")
     planned = planner(edit, study)
     files = study.files
+    touched: dict[str, object] = {**{each.file: each for each in planned.splices}, **planned.written}
+    if problem := why_none_written(study.folder, touched.items()):
+        raise EditRefused(problem)
     splices = tuple(each for each in planned.splices if files[each.file][each.start : each.end] != each.data)
     written = {file: content for file, content in planned.written.items() if files.get(file) != content}
     says = planned.says if splices or written else ()  # what changes nothing has nothing to say

@@ -27,6 +27,7 @@ from rise_engine.scenario.interrupted_save import (
     sum_on_disk,
 )
 from rise_engine.scenario.shipped_studies import shipped_name
+from rise_engine.scenario.study_paths import why_none_written, why_not_written
 
 Reached = Callable[[str], None]
 
@@ -34,18 +35,21 @@ Reached = Callable[[str], None]
 def write_files(folder: Path, before: Files, after: Files, *, reached: Reached = lambda step: None) -> tuple[str, ...]:
     """Write what differs between two states of a study's files: all of it or nothing.
 
-    A link stays a link, and the file that it leads to is written; owner and permissions stay.
+    A link within the study stays a link, and the file that it leads to is written; owner and permissions stay.
 
     :param folder: the study's folder.
     :param before: what is on the disk, as far as the caller knows. When it is not, nothing is written.
     :param reached: told each step, for tests.
     :return: the names of the files that were written, made or deleted.
-    :raises EditRefused: the study comes with the program, a file has changed meanwhile, or the disk does not take it.
+    :raises EditRefused: the study comes with the program, it has no files of such names (`study_paths`), a file has
+        changed meanwhile, or the disk does not take it.
     """
     refuse_shipped(folder)
     names = sorted(name for name in {*before, *after} if before.get(name) != after.get(name))
     if not names:
         return ()
+    if problem := why_none_written(folder, ((name, after.get(name)) for name in names)):
+        raise EditRefused(f"{problem}; nothing was written")
     _check_unchanged(folder, before, names)
     note = tuple(SavedFile(name, sum_of(before.get(name)), sum_of(after.get(name))) for name in names)
     made: list[Path] = []
@@ -103,8 +107,8 @@ def _litter(folder: Path) -> Iterator[Path]:
     for path in [*folder.rglob("*")]:
         if path.name.startswith(".") and path.name.endswith(FRESH):
             yield path
-        elif path.is_symlink() and os.path.lexists(fresh := fresh_path(Path(os.path.realpath(path)))):
-            yield fresh
+        elif path.is_symlink() and not why_not_written(folder, path.relative_to(folder).as_posix()):
+            yield fresh_path(Path(os.path.realpath(path)))
 
 
 def _check_unchanged(folder: Path, before: Files, names: list[str]) -> None:

@@ -14,6 +14,7 @@ from rise_engine.edit.study_state import StudyState
 from rise_engine.edit.text_edits import EditedText, edits_between
 from rise_engine.edit.toml_edits import TomlText, remove_value, rename_key, set_value
 from rise_engine.scenario.file_names import SCENARIO_FILE
+from rise_engine.scenario.study_paths import why_no_name
 from rise_engine.scenario.toml_syntax import KeyPath
 
 
@@ -65,8 +66,8 @@ def plan_rename_setting(edit: RenameSetting, study: StudyState) -> Plan:
 
 
 def _check_path(file: str, path: KeyPath) -> None:
-    if not file.endswith(".toml"):
-        raise EditRefused(f"{file} is no TOML file")
+    if problem := why_no_name(file, (".toml",)):
+        raise EditRefused(problem)
     if not path or not all(isinstance(part, str) and part for part in path):
         raise EditRefused("say which entry is meant: a path of names, none of them empty")
 

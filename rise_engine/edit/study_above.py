@@ -13,9 +13,8 @@ from typing import Any
 from rise_engine.edit.plan import EditRefused, Files
 from rise_engine.edit.rename_data import data_splices
 from rise_engine.edit.renaming import Renaming
-from rise_engine.scenario.file_names import SCENARIO_FILE
+from rise_engine.scenario.file_names import SCENARIO_FILE, STUDY_FILE
 
-STUDY_FILE = "study.toml"
 _USUAL_SCENARIO = "scenario"
 _LEVELS_UP = 3
 

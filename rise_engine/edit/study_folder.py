@@ -11,11 +11,9 @@ from rise_engine.edit.plan import EditRefused, Files
 from rise_engine.scenario.file_names import DEFAULT_PATHS, SCENARIO_FILE
 from rise_engine.scenario.interrupted_save import contents_of_interrupted_save
 from rise_engine.scenario.source_files import MAX_BYTES
+from rise_engine.scenario.study_paths import RECORDED, SUFFIXES, why_not_read
 
-_SUFFIXES = (".xml", ".toml", ".json", ".jsonl", ".csv", ".md", ".txt")
 _MOST_FILES = 5_000
-_NO_PARTS = ("sessions", "bundles", "exports")
-"""Folders of what was recorded; a study's own files are elsewhere."""
 
 
 def read_study_files(folder: Path) -> Files:
@@ -25,7 +23,7 @@ def read_study_files(folder: Path) -> Files:
     """
     files: dict[str, bytes] = {}
     try:
-        for path in _paths(folder):
+        for path in _paths(folder, folder):
             with suppress(FileNotFoundError):  # gone since it was listed, as what other editors write beside
                 if path.stat().st_size <= MAX_BYTES:
                     files[path.relative_to(folder).as_posix()] = path.read_bytes()
@@ -41,13 +39,16 @@ def read_study_files(folder: Path) -> Files:
     return files
 
 
-def _paths(folder: Path) -> Iterator[Path]:
+def _paths(folder: Path, study: Path) -> Iterator[Path]:
     for path in sorted(folder.iterdir()):
-        if path.name.startswith(".") or path.name in _NO_PARTS:
+        if path.name.startswith(".") or path.name in RECORDED:
             continue
-        if path.is_dir() and not path.is_symlink():
-            yield from _paths(path)
-        elif path.suffix.lower() in _SUFFIXES and path.is_file():
+        if path.is_symlink():
+            if path.is_file() and path.suffix.lower() in SUFFIXES and not why_not_read(study, path):
+                yield path
+        elif path.is_dir():
+            yield from _paths(path, study)
+        elif path.suffix.lower() in SUFFIXES and path.is_file():
             yield path
 
 

@@ -18,6 +18,6 @@ class StudyState(Struct, frozen=True):
     outline: Outline
     checked: LoadResult
     folder: Path
-    """Where the study lies. Nothing of it is read while an edit is planned."""
+    """Where the study lies. Nothing of it is read while an edit is planned, but where links lead to."""
     above: Files = {}
     """The study.toml of a folder above, by its path (`read_study_above`): what it names is known, and not changed."""

@@ -11,7 +11,14 @@ from importlib.metadata import EntryPoint, entry_points
 from typing import Any, cast
 
 from rise_engine.errors import RiseError
-from rise_engine.ports.bridge import Bridge, BridgeError, BridgeOpener, RosConnection
+from rise_engine.ports.bridge import (
+    Bridge,
+    BridgeError,
+    BridgeOpener,
+    ProfileChecker,
+    ProfileFinding,
+    RosConnection,
+)
 from rise_engine.ports.robot import Clock, Driver, Robot
 from rise_engine.scenario.model import Mode, RobotProfile
 
@@ -119,11 +126,16 @@ async def open_bridge(connection: RosConnection, profile: RobotProfile, mode: Mo
     return await opener(connection, profile if reaches_robot else None)
 
 
-def profile_problems(profile: RobotProfile, mode: Mode) -> list[str]:
-    """What the driver of a session of that mode finds wrong with the profile, as sentences."""
-    entry = _find_plugin(CHECKS, driver_name_for(profile, mode))
-    problems: list[str] = entry.load()(profile) if entry is not None else []
-    return problems
+def profile_findings(profile: RobotProfile) -> list[ProfileFinding]:
+    """What the driver that the profile names has to say about it, whatever the mode."""
+    entry = _find_plugin(CHECKS, profile.driver)
+    if entry is None:
+        return []
+    try:
+        check: ProfileChecker = _load_plugin(entry, f"the check of the robot driver {profile.driver!r}")
+    except DriverError as error:
+        return [ProfileFinding(str(error), "driver", "missing")]
+    return check(profile)
 
 
 def load_ros_plugin(group: str) -> Any:

@@ -29,6 +29,7 @@ from rise_engine.kernel.commands import CancelAction, Command, StartAction, Stop
 from rise_engine.kernel.inputs import (
     ActionReport,
     AnyInput,
+    EstopReport,
     Note,
     RobotChanged,
     ScenarioChanged,
@@ -38,7 +39,7 @@ from rise_engine.kernel.inputs import (
     StopReport,
     Submit,
 )
-from rise_engine.kernel.records import AnyRecord, TaskRecord
+from rise_engine.kernel.records import AnyRecord, OpenGoal, TaskRecord
 from rise_engine.ports.robot import Robot
 from rise_engine.protocol.client import JournalStatus, Reply
 from rise_engine.scenario.model import Scenario
@@ -50,6 +51,9 @@ _LOG = logging.getLogger(__name__)
 
 LAG_SHOWN_FROM = 0.5
 """Seconds that the disk may lag before the clients are told."""
+
+END_SECONDS = 6.0
+"""Seconds of session time that the robot gets to end everything before the session ends without it."""
 
 Sink = Callable[[AnyRecord], None]
 """Gets every record, in order, on the engine's thread. It must not block; one that raises is dropped."""
@@ -107,6 +111,7 @@ class Engine:
         sinks: Iterable[Sink] = (),
         journal: Journal | None = None,
         recovered: RecoveredSession | None = None,
+        session_id: str = "",
     ) -> None:
         """Nothing happens before `start` or `resume`.
 
@@ -121,6 +126,7 @@ class Engine:
         :param sinks: get every record from the first one on.
         :param journal: makes steps durable before anything of them goes out; without it nothing is kept.
         :param recovered: the unfinished session that is gone on with, by `resume` instead of `start`.
+        :param session_id: tells it from all others; the same for every engine of the session.
         """
         self.scenario = scenario
         self.clock = clock
@@ -129,6 +135,8 @@ class Engine:
         self._session_started = replace(first, versions=versions())
         self.ended = False
         """True when the session is over; nothing is accepted any more."""
+        self.open_goals: tuple[OpenGoal, ...] = ()
+        """What the robot may still have been doing when the session ended."""
         self.failure: Exception | None = None
         """Why it is over, when that was an error of the engine itself."""
         self.inputs = recovered.inputs if recovered is not None else 0
@@ -141,7 +149,7 @@ class Engine:
         """Called when that has changed."""
         self._timers_left = recovered.timers if recovered is not None else {}
         self._wall_before = recovered.last_wall if recovered is not None else ""
-        self._commands = CommandRunner(robot, scenario, clock, self.post)
+        self._commands = CommandRunner(robot, scenario, clock, self.post, session_id)
         self._kernel = recovered.kernel if recovered is not None else Kernel(scenario, seed)
         self._journal = journal
         self._unrecorded_steps: deque[_UnrecordedStep] = deque()
@@ -175,7 +183,7 @@ class Engine:
             self._commands.set_timer(timer, at)
         self._stepping = True  # the robot is there before anything goes out to it, and its report follows the record
         try:
-            self._commands.connect()
+            self._commands.connect(self._kernel.unfinished_goals())
         finally:
             self._stepping = False
         downtime = seconds_between_labels(self._wall_before, self.clock.wall_label(self._t))
@@ -192,7 +200,8 @@ class Engine:
     def end(self, reason: str = "", *, stop: bool | None = None) -> None:
         """Begin to end the session: stop the robot, then the last record. Nothing happens when it is ending already.
 
-        `ended` is true when that has happened: at once, or after the robot's answer or the kernel's own deadline.
+        `ended` is true when that has happened: at once, or when the robot has ended everything that it was given, but
+        after END_SECONDS at the latest.
 
         :param reason: why, for the record.
         :param stop: whether the robot is stopped first; None: when anything runs.
@@ -200,18 +209,24 @@ class Engine:
         if self._last_record_made or self._end_reason is not None:
             return
         self._end_reason = reason
-        if self._kernel.is_busy if stop is None else stop:
+        self.clock.call_at(self.clock.now() + END_SECONDS, self.end_now)
+        if self._is_robot_busy if stop is None else stop:
             self.post(Submit(function="stopAll", source="engine"))
         self._end_if_idle()
 
     def end_now(self, reason: str = "") -> None:
-        """End the session without waiting for the robot any longer. What still runs is recorded as lost.
+        """End the session without waiting for the robot any longer. What still runs is recorded as lost, and what the
+        robot may still be doing is in the last record.
 
         :param reason: why, for the record; what was said to `end` before counts more.
         """
         self.end(reason)
         if self._kernel.is_busy:
-            self.post(RobotChanged(status="lost", detail="no answer before the session ended"))
+            why = "no answer before the session ended"
+            name, core = self.scenario.robot.name, self._kernel.core
+            running = self._kernel.scheduler.runner.running_goals()
+            left = tuple(OpenGoal(f"{name}/{goal.type}", goal.action, goal.type, why) for goal in running)
+            self.post(RobotChanged(status="lost", detail=why, open=(*core.open_goals, *left)))
         if not self._last_record_made and not self.paused:  # the kernel may have become idle by that
             self._record_end()
 
@@ -230,6 +245,11 @@ class Engine:
     def kernel(self) -> Kernel:
         """What the session is, for who looks into one that is played. It changes by inputs only, and by nobody else."""
         return self._kernel
+
+    @property
+    def holding_goals(self) -> tuple[OpenGoal, ...]:
+        """What the robot may still be doing of actions that have ended, and can be asked to stop."""
+        return self._kernel.holding_goals
 
     @property
     def robot_seen(self) -> float | None:
@@ -320,6 +340,8 @@ class Engine:
         if self._unrecorded_stops and isinstance(input, StopReport):
             self._unrecorded_stops.append(_stop_sentence(input))
             self._update_journal_status()
+        if self.paused and isinstance(input, EstopReport) and input.pressed:
+            self._stop_unrecorded(input.source)
         if not self._stepping:
             self._process_queue()
 
@@ -329,7 +351,11 @@ class Engine:
             answer(Reply(False, f"nothing can be recorded, so the session is paused: {self._journal.error}"))
             return
         self._queue.append((self._with_time(input), answer))
-        self._unrecorded_stops.append(f"stop was sent to the robot by {input.source}")
+        self._stop_unrecorded(input.source)
+
+    def _stop_unrecorded(self, source: str) -> None:
+        """Nothing can be recorded, and the robot stops all the same."""
+        self._unrecorded_stops.append(f"stop was sent to the robot by {source}")
         self._carry_out_before_recording(StopRobot())
         self._update_journal_status()
 
@@ -451,8 +477,13 @@ class Engine:
 
     # --- the end ------------------------------------------------------------------------------------------------
 
+    @property
+    def _is_robot_busy(self) -> bool:
+        """Whether an act runs or waits, a stop is not answered, or the robot may still be doing what has ended here."""
+        return self._kernel.is_busy or bool(self._kernel.holding_goals)
+
     def _end_if_idle(self) -> None:
-        waits = self._stepping or self._queue or self._kernel.is_busy or self.paused
+        waits = self._stepping or self._queue or self._is_robot_busy or self.paused
         if self._end_reason is not None and not self._last_record_made and not waits:
             self._record_end()
 
@@ -460,6 +491,7 @@ class Engine:
         self._reject_waiting()
         self._step(self._with_time(SessionEnded(reason=self._end_reason or "")), _ignore_reply)
         self._last_record_made = True
+        self.open_goals = self._kernel.core.open_goals
         self._commands.release()
         if not self._unrecorded_steps:
             self._close()

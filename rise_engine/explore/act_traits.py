@@ -29,6 +29,8 @@ class ActTraits(Struct, frozen=True):
     """Whether the robot has a part in it; false: it only waits."""
     can_fail: bool
     """Whether a failed action would make it fail."""
+    can_go_on: bool
+    """Whether it goes on after a failed action, with `<onFailure>continue</onFailure>`."""
     waits: bool
     """Whether there can be a moment at which it only waits, and the robot does nothing of it."""
     is_parallel: bool
@@ -51,6 +53,7 @@ def traits_of(scenario: Scenario, act: Act, memories: Sequence[Mapping[str, Any]
         act.name,
         uses_robot=bool(on_robot),
         can_fail=any(not action.continue_on_failure for action in on_robot),
+        can_go_on=any(action.continue_on_failure for action in on_robot),
         waits=any(_is_wait(scenario, action) and not all(map(_takes_no_time, action.calls)) for action in act.actions),
         is_parallel=_has_parallel(act, on_robot),
         speaks=any(action in speaking for action in initial),

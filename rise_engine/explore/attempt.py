@@ -212,6 +212,9 @@ def seen_of(kernel: Kernel, keys: Sequence[str]) -> Seen:
             countdowns.append(("after", target.owner, int(target.item)))
         elif target.purpose == "keep":
             countdowns.append(("keep", kernel.rules.kept[int(target.owner)].topic, 0))
+        elif target.purpose == "repeat":
+            failed = kernel.failures.state.asked
+            countdowns.append(("repeat", failed[int(target.owner)].behavior, [*failed].index(int(target.owner))))
         elif target.purpose == "filler":
             countdowns.append(("filler", target.owner, 0))
     encode = msgspec.json.encode

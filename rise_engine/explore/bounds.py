@@ -27,7 +27,7 @@ class Bounds(Struct, frozen=True):
     stop: bool = True
     """Whether everything can be stopped at any moment."""
     lost: bool = True
-    """Whether the robot can be lost at any moment."""
+    """Whether the robot can be lost at any moment, and acts be ended by it or by somebody else."""
     pace: Pace | None = (0.5, 3.0)
     """How many times what is expected acts take; null: any time."""
     tries: dict[str, tuple[Any, ...]] = field(default_factory=dict)

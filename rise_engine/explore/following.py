@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Mapping, Sequence
+from typing import Any
 
 import msgspec
 from msgspec import Struct
@@ -140,7 +141,9 @@ def _input_of(
     match move.kind:
         case "end":
             task = [*kernel.runner.runs][move.place]
-            return ActionReport(action=f"{task}/{move.name}", status=move.how), task, 0  # type: ignore[arg-type]
+            aborted = move.how == "aborted"
+            status: Any = "failed" if aborted else move.how
+            return ActionReport(action=f"{task}/{move.name}", status=status, aborted=aborted), task, 0
         case "timer":
             timer = _find_timer(kernel, before.countdowns[move.place])
             return TimerElapsed(timer=timer), 0, timer

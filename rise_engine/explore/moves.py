@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Iterator
-from typing import Literal, NamedTuple, TypeAlias
+from typing import Any, Literal, NamedTuple, TypeAlias
 
 from rise_engine.explore.act_traits import ActTraits
 from rise_engine.explore.bounds import Bounds
@@ -22,7 +22,7 @@ MoveKind: TypeAlias = Literal[
     "stop",
     "release",  # how: enter or leave, for all rules
     "answer",  # name: the failed act; place: among those asked about; how: goOn, repeatAct or stopRuleOfAct
-    "end",  # name: the act; place: among those that run; how: succeeded, failed, canceled, or accepted
+    "end",  # name: the act; place: among those that run; how: succeeded, failed, aborted, canceled, or accepted
     "timer",  # name: its owner; place: among those that run; how: its purpose
     "stopped",  # the robot confirms that everything has stopped
     "lost",
@@ -48,7 +48,7 @@ class Move(NamedTuple):
     @property
     def is_mishap(self) -> bool:
         """A stop, a robot that is lost, an act that fails."""
-        return self.kind in MISHAPS or (self.kind == "end" and self.how == "failed")
+        return self.kind in MISHAPS or (self.kind == "end" and self.how in ("failed", "aborted"))
 
     @property
     def is_spontaneous(self) -> bool:
@@ -106,6 +106,9 @@ class Moves:
             ),
         ]
         self._has_cue = cue_matters(scenario)
+        policies = {name: scenario.failure_policy(name).kind for name in scenario.acts} if bounds.lost else {}
+        self._repeated = {name for name, policy in policies.items() if policy == "repeat"}
+        """The acts of which it is told apart who has ended them."""
 
     def possible(self, situation: Situation) -> Iterator[Possibility]:
         """What can come next, people first. Which of it time allows, the clocks must say."""
@@ -115,6 +118,8 @@ class Moves:
             if situation.cue_open:
                 yield _CUE_UNDONE
         for index, act in enumerate(situation.asked):
+            if act.phase == "pausing":
+                continue  # nobody need say anything: it is repeated by itself
             for answer in ("goOn", "repeatAct", "stopRuleOfAct"):
                 if answer != "stopRuleOfAct" or act.is_own:
                     yield Possibility(
@@ -148,6 +153,9 @@ class Moves:
                 may_fail = act.phase == "doomed" or situation.robot_lost
                 if traits.can_fail and (may_fail or situation.faults_left):
                     yield _end(task, act.name, index, "failed", clock, 0, traits.most)
+                may_abort = situation.faults_left and not situation.robot_lost
+                if traits.can_fail and may_abort and act.name in self._repeated:
+                    yield _end(task, act.name, index, "aborted", clock, 0, traits.most)
             else:
                 yield _end(task, act.name, index, "canceled", clock, 0, _CANCEL_LIMIT)
             if (
@@ -218,7 +226,7 @@ def acts_alike(scenario: Scenario, traits: dict[str, ActTraits]) -> dict[str, st
             settings.calling_type,
             settings.filler,
             scenario.failure_policy(name),
-            *(own.uses_robot, own.can_fail, own.waits, own.is_parallel, own.speaks, own.changes_voice),
+            *(own.uses_robot, own.can_fail, own.can_go_on, own.waits, own.is_parallel, own.speaks, own.changes_voice),
         )
         alike[name] = first.setdefault(what, name)
     return alike
@@ -253,7 +261,9 @@ def _asked_id(situation: Situation, index: int) -> str:
 
 
 def _end(task: int, name: str, index: int, how: str, clock: int, least: int, most: int) -> Possibility:
-    report = ActionReport(t=1.0, action=f"{task}/{name}", status=how)  # type: ignore[arg-type]
+    aborted = how == "aborted"
+    status: Any = "failed" if aborted else how
+    report = ActionReport(t=1.0, action=f"{task}/{name}", status=status, aborted=aborted)
     return Possibility(Move("end", name, index, how), report, clock, least, most)
 
 

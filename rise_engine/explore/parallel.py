@@ -18,6 +18,8 @@ _PORTION = 64
 """Situations that a core is given at a time: so many that sending them costs little beside following them."""
 _AHEAD = 3
 """Portions for each core that are under way at once."""
+_SECONDS = 0.05
+"""How long a portion is waited for before it is asked again whether to go on."""
 
 _Portion: TypeAlias = list[tuple[Number, Situation, Zone]]
 _Followed: TypeAlias = tuple[list[tuple[Number, list[FollowedMove]]], int]
@@ -35,18 +37,25 @@ def explore_on_cores(space: Space, cores: int, go_on: Callable[[], bool]) -> Non
         return
     context = multiprocessing.get_context("fork")
     most = space.stepper.bounds.situations
-    under_way: deque[ApplyResult[_Followed]] = deque()
+    under_way: deque[tuple[list[Number], ApplyResult[_Followed]]] = deque()
     with context.Pool(cores, _begin, (space.stepper,)) as pool:
         while (space.pending or under_way) and len(space.situations) <= most and go_on():
             while space.pending and len(under_way) < _AHEAD * cores:
-                under_way.append(pool.apply_async(_follow, (space.take_pending(_PORTION),)))
-            followed, steps = under_way.popleft().get()
+                portion = space.take_pending(_PORTION)
+                numbers = [number for number, _, _ in portion]
+                under_way.append((numbers, pool.apply_async(_follow, (portion,))))
+            first = under_way[0][1]
+            first.wait(_SECONDS)
+            if not first.ready():
+                continue  # somebody may have had enough meanwhile
+            under_way.popleft()
+            followed, steps = first.get()
             space.stepper.steps += steps
             for number, found in followed:
                 space.take(number, found)
         space.complete = not space.pending and not under_way
-        for missed in under_way:  # broken off: what they were given has not been looked at
-            space.put_back(number for number, _ in missed.get()[0])
+        for numbers, _ in under_way:  # broken off, and waited for no more: what they were given was not looked at
+            space.put_back(numbers)
 
 
 def _begin(stepper: Stepper) -> None:

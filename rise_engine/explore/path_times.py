@@ -42,7 +42,7 @@ GoalNumber: TypeAlias = tuple[str, int]
 """A kind of action, and the how-manieth of the session; as faults name it."""
 Manner: TypeAlias = Literal["", "slower", "at any pace"] | int
 """How an act takes its time: as it is expected, as a fault says, or so many times one after the other."""
-Slip: TypeAlias = tuple[Literal["fail", "reject", "by itself"], ActionId]
+Slip: TypeAlias = tuple[Literal["fail", "abort", "reject", "by itself"], ActionId]
 """How an act can fail: which of its actions, and in which way."""
 
 
@@ -75,6 +75,8 @@ class _Life(Struct):
     """The step in which it stops running; null: it runs in the end."""
     left_by: str = ""
     """`succeeded` or `failed` by itself; empty: by something else."""
+    aborted: bool = False
+    """With `failed`: by the robot, or somebody else."""
     doomed: bool = False
     winds_down: bool = False
     """Whether the robot has still to confirm something after that."""
@@ -322,8 +324,9 @@ class PathTimes:
             return [(("by itself", span.id), span.begin) for span in failing]
         found: list[tuple[Slip, float]] = []
         for span in failing:
-            found.append((("fail", span.id), (span.begin + span.end) / 2))
-        found += [(("reject", span.id), span.begin + REFUSING) for span in failing]
+            found.append((("abort" if life.aborted else "fail", span.id), (span.begin + span.end) / 2))
+        if not life.aborted:
+            found += [(("reject", span.id), span.begin + REFUSING) for span in failing]
         alone = [each for each in found if not _is_beside_others(course, *each)]
         beside = [each for each in found if _is_beside_others(course, *each)]
         if life.winds_down:
@@ -432,7 +435,8 @@ def _live_on(life: _Life, step: int, each: Followed) -> None:
     if life.left is None:
         if now is None or now[1] not in ("running", "doomed"):
             life.left = step
-            life.left_by = move.how if by_itself else ""
+            life.aborted = by_itself and move.how == "aborted"
+            life.left_by = "failed" if life.aborted else move.how if by_itself else ""
             life.winds_down = now is not None
         elif by_itself and move.how == "accepted":
             life.voice.append(step)

@@ -40,20 +40,23 @@ class Paths:
 
     def __init__(self, space: Space) -> None:
         self._space = space
-        self._came_from: dict[Number, tuple[Number, Move]] = {}
+        self._came_from: dict[Number, tuple[Number, int]] = {}
+        """Of each situation the one before it, and the number of the move between them."""
         self.mishaps: dict[Number, int] = dict.fromkeys(space.beginnings, 0)
         """How many things have to go wrong to come into each situation."""
+        wrongs = [move.is_mishap for move in space.moves]
         levels = [deque(space.beginnings)]
         for level, pending in enumerate(levels):  # those that are reached with so many mishaps, the nearest first
             while pending:
                 number = pending.popleft()
                 if self.mishaps[number] < level:
                     continue
-                for move, target, _ in space.steps_from(number):
-                    wrong = level + move.is_mishap
+                edges = space.edges[number]
+                for at in range(0, len(edges), 3):
+                    wrong, target = level + wrongs[edges[at]], edges[at + 1]
                     if wrong < self.mishaps.get(target, wrong + 1):
                         self.mishaps[target] = wrong
-                        self._came_from[target] = (number, move)
+                        self._came_from[target] = (number, edges[at])
                         if wrong == len(levels):
                             levels.append(deque())
                         levels[wrong].append(target)
@@ -65,7 +68,7 @@ class Paths:
         at = number
         while at in self._came_from:
             before, move = self._came_from[at]
-            steps.append(PathStep(move, space.situations[at]))
+            steps.append(PathStep(space.moves[move], space.situations[at]))
             at = before
         steps.reverse()
         if then is not None:

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections import ChainMap
 from collections.abc import Container, Sequence
-from typing import Any, Literal, NamedTuple, cast
+from typing import Any, Literal, NamedTuple, TypeAlias, cast
 
 import msgspec
 
@@ -26,6 +26,7 @@ from rise_engine.kernel.rule_stack import RuleRun, append_to_lists, remove_from_
 from rise_engine.kernel.stop import StoodRule, StopStatus
 from rise_engine.scenario.model import SESSION, SESSION_STATES, Scenario
 
+ActPhase: TypeAlias = Phase | Literal["", "pausing", "without robot"]
 PERSON = "engine"
 """The source of what no rule has asked for: exploring does not tell people and programs apart."""
 
@@ -54,20 +55,23 @@ class ActTask(NamedTuple):
     """The how-manieth it is, as far as that decides whether it is repeated."""
     is_own: bool
     """Whether the rule that has started it is the one that runs now, and no earlier one of its name."""
-    phase: Phase | Literal[""] = ""
-    """Of an act that runs."""
+    phase: ActPhase = ""
+    """Of an act that runs. Of one that has failed: whether it is repeated by itself, after a pause that has begun or
+    that begins when the robot is back."""
     speaking: bool = False
+    interfered: bool = False
+    """Whether it cannot be repeated by itself any more, because of who has ended an action of it."""
 
 
 class Countdown(NamedTuple):
     """A timer that runs."""
 
     purpose: str
-    """As `TimerTarget.purpose`: after, keep or filler."""
+    """As `TimerTarget.purpose`: after, keep, filler or repeat."""
     owner: str
-    """The rule, or the kept event's topic."""
+    """The rule, the kept event's topic, or the failed act."""
     transition: int
-    """Index of the transition, for `after`."""
+    """Index of the transition, for `after`; of the act among those asked about, for `repeat`."""
     length: int
     """Milliseconds from its beginning to its end."""
 
@@ -225,7 +229,7 @@ class SituationKernel:
                 core.timers[number] = TimerTarget("after", countdown.owner, str(countdown.transition))
             elif countdown.purpose == "keep":
                 kept[countdown.owner] = number
-            else:
+            elif countdown.purpose == "filler":
                 core.timers[number] = TimerTarget("filler")
                 marks.filler_timer = number
         core.next_timer = number + 1
@@ -256,11 +260,20 @@ class SituationKernel:
                 run.doomed = act.phase == "doomed"
                 run.failure = FAILED if "failing" in act.phase else None
                 run.cancel_reason = "cancelled" if "canceling" in act.phase else None
+            run.interfered = act.interfered
             run.speaking = act.speaking
             runs_of_acts[task.id] = run
         for task in tasks[waiting + running :]:
             task.status = "ABORTED"
-        failures.state.asked = {task.id: task for task in tasks[waiting + running :]}
+        asked = tasks[waiting + running :]
+        failures.state.asked = {task.id: task for task in asked}
+        without_robot = zip(asked, situation.asked, strict=True)
+        failures.state.pauses = {task.id: None for task, act in without_robot if act.phase == "without robot"}
+        for number, countdown in enumerate(situation.countdowns, 1):
+            if countdown.purpose == "repeat":
+                id = asked[countdown.transition].id
+                failures.state.pauses[id] = number
+                self.core.timers[number] = TimerTarget("repeat", str(id))
         for rule in situation.rules:
             if rule.own_acts:
                 runs[rule.name].own_acts = {name: tasks[at].id if at >= 0 else 0 for name, at in rule.own_acts}
@@ -307,7 +320,7 @@ class SituationKernel:
             tuple(rules),
             tuple([self._act(task) for task in waiting]) if waiting else (),
             tuple([self._running_act(cast(WholeActRun, run)) for run in runs.values()]) if runs else (),
-            tuple([self._act(task) for task in asked.values()]) if asked else (),
+            tuple([self._asked_act(task) for task in asked.values()]) if asked else (),
             countdowns,
             tuple([kept.topic for kept in kernel.rules.kept.values()]) if kernel.rules.kept else (),
             tuple([encode(memory[key]) if key in memory else None for key in self.keys])
@@ -348,6 +361,9 @@ class SituationKernel:
                 item = int(target.item)
             elif target.purpose == "keep":
                 owner = self.kernel.rules.kept[int(owner)].topic
+            elif target.purpose == "repeat":
+                asked = self.kernel.failures.state.asked
+                item, owner = [*asked].index(int(owner)), asked[int(owner)].behavior
             numbers.append(number)
             countdowns.append(Countdown(target.purpose, owner, item, lengths[number]))
         if not self._in_order and len(countdowns) > 1:
@@ -355,7 +371,7 @@ class SituationKernel:
             return tuple([number for _, number in ordered]), tuple([countdown for countdown, _ in ordered])
         return tuple(numbers), tuple(countdowns)
 
-    def _act(self, task: Task, phase: Phase | Literal[""] = "", speaking: bool = False) -> ActTask:
+    def _act(self, task: Task, phase: ActPhase = "", speaking: bool = False, interfered: bool = False) -> ActTask:
         source = task.source
         is_own = False
         if source.startswith("rule:"):
@@ -365,7 +381,14 @@ class SituationKernel:
         else:
             source = PERSON
         attempt = min(task.attempt, self._last_attempt[task.behavior]) if task.attempt > 1 else 1
-        return ActTask(task.behavior, task.calling_type, source, attempt, is_own, phase, speaking)
+        return ActTask(task.behavior, task.calling_type, source, attempt, is_own, phase, speaking, interfered)
+
+    def _asked_act(self, task: Task) -> ActTask:
+        pauses = self.kernel.failures.state.pauses
+        if task.id not in pauses:
+            return self._act(task)
+        return self._act(task, "pausing" if pauses[task.id] is not None else "without robot")
 
     def _running_act(self, run: WholeActRun) -> ActTask:
-        return self._act(run.task, run.phase, run.speaking and self._session_parts is not None)
+        interfered = run.interfered and run.cancel_reason is None
+        return self._act(run.task, run.phase, run.speaking and self._session_parts is not None, interfered)

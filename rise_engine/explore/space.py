@@ -69,12 +69,10 @@ class Space:
         return self._begun[beginning]
 
     def explore(self, go_on: Callable[[], bool] = lambda: True) -> None:
-        """Look at all situations. `go_on` is asked now and then; when it says no, what was found so far stands."""
+        """Look at all situations. `go_on` is asked before each; when it says no, what was found so far stands."""
         most = self.stepper.bounds.situations
-        handled = 0
         while self.pending:
-            handled += 1
-            if len(self.situations) > most or (handled % 64 == 0 and not go_on()):
+            if len(self.situations) > most or not go_on():
                 return
             number = self.pending.popleft()
             self._is_pending.discard(number)

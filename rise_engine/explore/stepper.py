@@ -74,11 +74,7 @@ class Stepper:
             name: traits_of(scenario, act, memories, bounds.pace or (0.0, 1.0)) for name, act in scenario.acts.items()
         }
         keys = keys_that_matter(scenario, memories, properties)
-        follows_failures = {
-            name
-            for name in scenario.acts
-            if (policy := scenario.failure_policy(name).kind) == "ask" or (policy == "repeat" and bounds.lost)
-        }
+        follows_failures = {name for name in scenario.acts if scenario.failure_policy(name).kind != "go_on"}
         self.kernel = SituationKernel(scenario, keys, traits, follows_failures, in_order=bounds.pace is None)
         self.moves = Moves(scenario, traits, bounds)
         self._bits = {name: 1 << number for number, name in enumerate(scenario.rules, 1)}
@@ -193,8 +189,10 @@ class Stepper:
         """The step that the kernel has just taken."""
         kernel, bounds = self.kernel, self.bounds
         faults_left = before.faults_left
-        if move.kind in MISHAPS or (
-            move.how == "failed" and not before.robot_lost and before.running[move.place].phase != "doomed"
+        if (
+            move.kind in MISHAPS
+            or move.how == "aborted"
+            or (move.how == "failed" and not before.robot_lost and before.running[move.place].phase != "doomed")
         ):
             faults_left -= 1
         situation, acts, timers = kernel.read(faults_left)

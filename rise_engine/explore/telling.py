@@ -81,6 +81,7 @@ def move_text(scenario: Scenario, move: Move, before: Followed, step: Followed) 
 _ENDINGS = {
     "succeeded": "{act} ends",
     "failed": "{act} fails",
+    "aborted": "the robot gives up {act}, or somebody else stops it",
     "canceled": "the robot has stopped with {act}",
     "accepted": "the robot begins or ends to speak in {act}",
 }
@@ -107,6 +108,8 @@ def _countdown_text(countdown: Countdown, before: Followed) -> str:
     seconds = f"{countdown.length / 1000:g} s"
     if countdown.purpose == "keep":
         return f"nobody has waited for /{normal_topic(countdown.owner)} for {seconds}"
+    if countdown.purpose == "repeat":
+        return f"{seconds} pass after {countdown.owner} has failed"
     if countdown.purpose == "filler":
         return f"{seconds} pass without an answer of the robot"
     state = next((rule.state for rule in before.situation.rules if rule.name == countdown.owner), "")
@@ -195,6 +198,9 @@ def _other_text(record: AnyRecord, *, by_chance: bool) -> Iterator[str]:
     match record:
         case FailureRecord(status="asked"):
             yield f"somebody is asked what is to become of {record.act}"
+        case FailureRecord(status="waiting"):
+            when = "the robot is back" if record.seconds is None else f"{record.seconds:g} s"
+            yield f"{record.act} waits {'until' if record.seconds is None else 'for'} {when}"
         case FailureRecord(status="repeated"):
             yield f"{record.act} is tried again"
         case FailureRecord(status="dropped"):

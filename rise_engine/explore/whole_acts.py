@@ -41,9 +41,9 @@ class WholeActRun(ActRun):
 class WholeActs(ActRunner):
     """All running acts, each as one thing.
 
-    The robot's word about one is an `ActionReport` for the action `ACT` of its task: `succeeded`, `failed`, `canceled`
-    for what was failing or being cancelled and is now over; `accepted` says that it has changed between speaking and
-    being silent.
+    The robot's word about one is an `ActionReport` for the action `ACT` of its task: `succeeded`; `failed`, also
+    `aborted`, by the robot or somebody else; `canceled` for what was failing or being cancelled and is now over;
+    `accepted` says that it has changed between speaking and being silent.
     """
 
     def __init__(self, core: Core, on_ended: Callable[[ActRun, TaskStatus, str], None]) -> None:
@@ -73,12 +73,14 @@ class WholeActs(ActRunner):
         else:
             run.speaking = traits.speaks
 
-    def report(self, goal: str, status: ActionStatus, reason: str) -> None:
+    def report(self, goal: str, status: ActionStatus, reason: str, *, aborted: bool = False) -> None:
         run = cast(WholeActRun, self.runs[parse_task_id(goal.partition("/")[0])])
         if status == "accepted":
             run.speaking = not run.speaking
+        elif aborted and self.traits[run.task.behavior].can_go_on and self.decisions.choose(2):
+            run.interfered = True
         elif status == "failed":
-            run.failure = FAILED
+            run.failure, run.interfered = FAILED, aborted or run.interfered
             winds_down = self.robot_lost is None and self.traits[run.task.behavior].is_parallel
             if not (winds_down and self.decisions.choose(2)):
                 self._finish(run)

@@ -42,7 +42,7 @@ COLUMNS = (
     "since",  # cue
     "mark",  # mistake
     *("cue_at", "key_at", "accepted_at", "started_at", "robot_at", "ended_at"),  # timing
-    "seconds",  # countdown, kept; transition, topic and rule too
+    "seconds",  # countdown, failure, kept; transition, topic and rule too
     *("study", "study_hash", "slot", "run", "attempt", "purpose", "factors"),  # session
     "language",  # session
     *("path", "bytes"),  # recording
@@ -51,6 +51,8 @@ COLUMNS = (
     "downtime",  # session
     *("at", "within"),  # sync
     *("hash", "was", "changes"),  # scenario; source too
+    *("unstoppable", "held_by"),  # stop
+    "open",  # robot, session
 )
 """Of the table: always all of them, in this order. New ones may only come at the end."""
 

@@ -90,7 +90,7 @@ EVENT_KINDS = {
     "cue": "the participant's turn ended; value: what the wizard said of it",
     "note": "a note; value: its text",
     "mistake": "a wizard's mark at an act; name: the mark; value: the act",
-    "stop": "stop-all; name: requested, latched or released",
+    "stop": "stop-all; name: requested, latched, let-go or released",
     "sync": "a mark for recordings; name: its number; value: sound or flash",
     "event": "an event; name: its topic; value: the rule that took it",
     "memory": "a memory value was set; name: the key; value: what it is now",

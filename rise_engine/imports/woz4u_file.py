@@ -21,6 +21,9 @@ SECTIONS: dict[str, tuple[str, ...]] = {
 """The lists that become acts, and what each of their items must have besides `title`."""
 EYE_MOVEMENTS = {"rasta_anim": "rasta", "random_anim": "random", "rotate_anim": "rotate"}
 _NUMBERS = frozenset({"red", "green", "blue"})
+MAX_CHARACTERS = 300_000
+"""Of a configuration: thousands of buttons."""
+_MAX_DEPTH = 20
 
 
 class NotWoz4uError(RiseError, ValueError):
@@ -80,10 +83,34 @@ def _read_yaml(text: str, name: str) -> Any:
     try:
         from ruamel.yaml import YAML  # in the extra `tables`
         from ruamel.yaml.error import YAMLError
+        from ruamel.yaml.events import AliasEvent, CollectionEndEvent, CollectionStartEvent
+        from ruamel.yaml.parser import RoundTripParser
     except ImportError:
         raise NotWoz4uError('YAML needs ruamel.yaml: pip install "rise-tui[tables]"') from None
+    if len(text) > MAX_CHARACTERS:
+        raise NotWoz4uError(f"{name} is longer than {MAX_CHARACTERS:,} characters; make two files of it")
+
+    class ShallowParser(RoundTripParser):
+        """Ends where values are nested as in no configuration: the time to read them grows with the square of that."""
+
+        depth = 0
+
+        def get_event(self) -> Any:
+            event = super().get_event()
+            self.depth += isinstance(event, CollectionStartEvent) - isinstance(event, CollectionEndEvent)
+            if self.depth > _MAX_DEPTH or isinstance(event, AliasEvent):
+                where = f"{name}:{event.start_mark.line + 1}:{event.start_mark.column + 1}"
+                if isinstance(event, AliasEvent):
+                    raise NotWoz4uError(f"{where}: `*` means a value from elsewhere; write the value itself here")
+                raise NotWoz4uError(f"{where}: values are nested more than {_MAX_DEPTH} deep, as in no configuration")
+            return event
+
     try:
-        return YAML(typ="rt", pure=True).load(text)
+        yaml = YAML(typ="rt", pure=True)
+        yaml.Parser = ShallowParser
+        return yaml.load(text)
+    except NotWoz4uError:
+        raise
     except (YAMLError, ValueError, RecursionError) as error:
         mark = getattr(error, "problem_mark", None)
         where = f":{mark.line + 1}:{mark.column + 1}" if mark is not None else ""

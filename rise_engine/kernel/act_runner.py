@@ -31,6 +31,8 @@ class ActionRun(Struct):
     type: str = ""
     parameters: dict[str, Any] = {}
     sent_as: str | None = None
+    accepted: bool = False
+    """The robot has taken it."""
     timer: int | None = None
     """Of the wait, of the time limit, or of the cancel."""
 
@@ -44,6 +46,8 @@ class ActRun(Struct):
     """Why it is being stopped, when it is."""
     failure: str | None = None
     """Why it failed, when it did; what still runs is being cancelled."""
+    interfered: bool = False
+    """Whether an action of it was ended by the robot itself, or by somebody else."""
     starting: bool = False
     ready: list[str] = field(default_factory=list)
     """Actions that can start now."""
@@ -77,10 +81,17 @@ class ActRunner:
         )
         return any(SPEECH_CHANNEL in spec.channels for spec in under_way)
 
-    @property
-    def can_start(self) -> bool:
-        """Whether an act could be started by itself now: the robot is there, and no engine has just gone."""
-        return self.robot_lost is None and not self.restarted
+    def running_goals(self) -> list[StartAction]:
+        """The goals that the robot has and has not ended."""
+        specs = self._core.scenario.robot.actions
+        return [
+            StartAction(
+                f"{run.task.id}/{id}", state.sent_as or state.type, state.parameters, 0.0, accepted=state.accepted
+            )
+            for run in self.runs.values()
+            for id, state in run.actions.items()
+            if state.state in ("running", "canceling") and not specs[state.type].engine
+        ]
 
     # --- start ---
 
@@ -164,8 +175,8 @@ class ActRunner:
 
     # --- what the robot and the clock say ---
 
-    def report(self, goal: str, status: ActionStatus, reason: str) -> None:
-        """The robot's word about a goal; late and unknown ones change nothing."""
+    def report(self, goal: str, status: ActionStatus, reason: str, *, aborted: bool = False) -> None:
+        """The robot's word about a goal; late and unknown ones change nothing. `aborted` as in `ActionReport`."""
         task, _, id = goal.partition("/")
         run = self.runs.get(parse_task_id(task))
         state = run.actions.get(id) if run is not None else None
@@ -176,8 +187,10 @@ class ActRunner:
         if status in ("accepted", "succeeded") and run.task.voice_at is None:
             self._note_confirmation(run.task, state)
         if status == "accepted":
+            state.accepted = True
             self._record(run, id, "accepted")
         else:
+            run.interfered |= aborted or (status == "canceled" and state.state == "running")
             self._end_action(run, id, status, reason)
             self._advance(run)
 

@@ -13,7 +13,7 @@ from rise_engine.expression import Environment, lookup
 from rise_engine.kernel.commands import CancelTimer, Command, SetTimer
 from rise_engine.kernel.history import MemoryLog
 from rise_engine.kernel.inputs import Submit
-from rise_engine.kernel.records import AnyRecord, NoteRecord, TaskRecord, TaskStatus
+from rise_engine.kernel.records import AnyRecord, NoteRecord, OpenGoal, TaskRecord, TaskStatus
 from rise_engine.kernel.rng import Rng
 from rise_engine.scenario.model import Scenario
 
@@ -74,7 +74,7 @@ class Task(Struct):
     voice_at: float | None = None
     filler: bool = False
     attempt: int = 1
-    """Of an act that was repeated after a failure: the how-manieth time this is."""
+    """Of an act that was repeated after a failure: the how-manieth time it is, counted anew when the robot is back."""
     first: int = 0
     """The task that it repeats, the first of them; 0: it repeats none."""
 
@@ -85,7 +85,7 @@ def parse_task_id(number: str) -> int:
 
 
 class TimerTarget(Struct, frozen=True):
-    """What a timer is for. `purpose`: after, keep, wait, limit, cancel, stop or filler."""
+    """What a timer is for. `purpose`: after, keep, wait, limit, cancel, stop, repeat or filler."""
 
     purpose: str
     owner: str = ""
@@ -124,6 +124,8 @@ class Core:
         """The participant's cue that has not been answered yet."""
         self.key_at: float | None = None
         """When the key was pressed that this step came of."""
+        self.open_goals: tuple[OpenGoal, ...] = ()
+        """What the robot may still be doing of actions that have ended."""
         self.memory: dict[str, Any] = {}
         self.tables = frozenset(scenario.tables)
         """Keys of the memory that nothing can change. They are there from the beginning, and in no snapshot."""

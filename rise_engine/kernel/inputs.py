@@ -10,7 +10,7 @@ from typing import Any, Literal, TypeAlias
 
 from msgspec import Struct
 
-from rise_engine.kernel.records import CheckResult, OutcomeStatus, Purpose, RecordingStatus
+from rise_engine.kernel.records import CheckResult, OpenGoal, OutcomeStatus, Purpose, RecordingStatus
 
 TaskFunction: TypeAlias = Literal[
     "startCommunicationRobotAct",
@@ -25,6 +25,8 @@ TaskFunction: TypeAlias = Literal[
     "cancelTask",  # behavior: the id of a running or waiting task
     "moveTask",  # behavior: "<id> <position>", a waiting task's new position, 0 is next
     "stopAll",  # behavior is empty
+    "cancelOpenGoals",  # behavior: a part of the robot, or empty for all: stop what it may still be doing
+    "releaseOpenGoals",  # behavior: as of cancelOpenGoals: somebody has looked, and the part may be used again
     "releaseStop",  # behavior is empty, or for each rule that goes on {"Table setting": "enter", "Wizard": "wait"}
     "say",  # behavior: the text, as it is to be said
     "markCue",  # behavior is empty, or a word about it: the participant's turn has ended
@@ -65,7 +67,10 @@ class ActionReport(Input, frozen=True, tag="action", kw_only=True, gc=False):
     action: str
     """The goal id of `StartAction`."""
     status: Literal["accepted", "succeeded", "failed", "canceled", "timed-out", "lost"]
+    """`canceled` without having been asked for: somebody else has stopped it."""
     reason: str = ""
+    aborted: bool = False
+    """With `failed`: the robot took it, and has given it up by itself, as after a protective stop."""
 
 
 class TimerElapsed(Input, frozen=True, tag="timer", kw_only=True, gc=False):
@@ -79,13 +84,27 @@ class RobotChanged(Input, frozen=True, tag="robot", kw_only=True, gc=False):
 
     status: Literal["connected", "degraded", "lost"]
     detail: str = ""
+    open: tuple[OpenGoal, ...] = ()
+    """Everything that the robot may still be doing of actions that have ended for the session."""
 
 
 class StopReport(Input, frozen=True, tag="stop_report", kw_only=True, gc=False):
-    """The robot's answer to stop-all: which of its parts confirmed that they stopped, and which did not."""
+    """The robot's answer to stop-all: which of its parts confirmed that they stopped, and which did not. It answers
+    again whenever that changes, until the stop is released."""
 
     confirmed: tuple[str, ...] = ()
     unconfirmed: tuple[str, ...] = ()
+    """With the reason in brackets: `pepper/speech (asked, no answer)`."""
+    unstoppable: tuple[str, ...] = ()
+    """Parts that take no stop at all, and that this session has used."""
+
+
+class EstopReport(Input, frozen=True, tag="estop", kw_only=True, gc=False):
+    """An emergency stop of the laboratory was pressed, or let go; also said again, when that is heard anew."""
+
+    source: str
+    """`estop:<where>`, as `estop:/estop_pressed`."""
+    pressed: bool
 
 
 class Note(Input, frozen=True, tag="note", kw_only=True, gc=False):
@@ -203,6 +222,7 @@ AnyInput: TypeAlias = (
     | TimerElapsed
     | RobotChanged
     | StopReport
+    | EstopReport
     | Note
     | ControlChanged
     | SessionStarted

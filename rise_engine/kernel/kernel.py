@@ -12,7 +12,7 @@ from itertools import count
 from typing import ClassVar, Literal
 
 from rise_engine.kernel.act_runner import ActRunner
-from rise_engine.kernel.commands import Command
+from rise_engine.kernel.commands import Command, StartAction
 from rise_engine.kernel.core import Core
 from rise_engine.kernel.failures import FailedActs
 from rise_engine.kernel.inputs import (
@@ -20,6 +20,7 @@ from rise_engine.kernel.inputs import (
     AnyInput,
     CheckReport,
     ControlChanged,
+    EstopReport,
     Note,
     OutcomeReport,
     RecordingReport,
@@ -36,6 +37,7 @@ from rise_engine.kernel.inputs import (
 from rise_engine.kernel.records import (
     AnyRecord,
     ControlRecord,
+    OpenGoal,
     RobotRecord,
     ScenarioRecord,
     SessionRecord,
@@ -103,8 +105,22 @@ class Kernel:
 
     @property
     def is_busy(self) -> bool:
-        """True while an act runs or waits, or a stop is not yet confirmed. Rules that wait do not count."""
-        return bool(self.scheduler.runner.runs or self.scheduler.waiting) or self.stop.status == "requested"
+        """True while an act runs, waits or is about to be repeated, or a stop is not yet confirmed. Rules that wait do
+        not count."""
+        acts = self.scheduler.runner.runs or self.scheduler.waiting or self.failures.pausing
+        return bool(acts) or self.stop.status == "requested"
+
+    @property
+    def holding_goals(self) -> tuple[OpenGoal, ...]:
+        """What the robot may still be doing of actions that have ended, and can be asked to stop."""
+        return tuple(goal for goal in self.core.open_goals if goal.holds)
+
+    def unfinished_goals(self) -> list[StartAction]:
+        """What the robot may be doing now: of actions that run, and of those that have ended. For an engine that goes
+        on where another one has gone."""
+        running = self.scheduler.runner.running_goals()
+        ended = [StartAction(goal.action, goal.type, {}, 0.0, accepted=goal.accepted) for goal in self.core.open_goals]
+        return running + ended
 
     def handle(self, input: AnyInput) -> tuple[list[AnyRecord], list[Command]]:
         """Take one input, run everything that it sets off to completion (SCXML's macrostep), and say what came of it.
@@ -196,9 +212,11 @@ class Kernel:
             stop=self.stop.status,
             stop_timer=self.stop.timer,
             stood=self.stop.stood,
+            held_by=self.stop.held_by,
             wizard_marks=self.wizard_marks.state,
             failures=self.failures.state,
             open_cue_at=core.open_cue_at,
+            open_goals=core.open_goals,
             begun=self.begun,
         ).copy()
 
@@ -238,8 +256,10 @@ class Kernel:
         runner.last_pick = snapshot.last_pick
         runner.robot_lost = snapshot.robot_lost
         self.stop.status, self.stop.timer, self.stop.stood = snapshot.stop, snapshot.stop_timer, snapshot.stood
+        self.stop.held_by = snapshot.held_by
         self.wizard_marks.state, core.open_cue_at = snapshot.wizard_marks, snapshot.open_cue_at
         self.failures.state = snapshot.failures
+        core.open_goals = snapshot.open_goals
         self.begun = snapshot.begun
 
     # --- a changed scenario ---
@@ -272,17 +292,21 @@ class Kernel:
         core, runner = self.core, self.scheduler.runner
         match input:
             case ActionReport():
-                runner.report(input.action, input.status, input.reason)
+                runner.report(input.action, input.status, input.reason, aborted=input.aborted)
             case TimerElapsed():
                 self._timer_elapsed(input.timer)
             case RobotChanged():
-                core.emit(RobotRecord, input.status, input.detail)
+                core.open_goals = input.open
+                core.emit(RobotRecord, input.status, input.detail, input.open)
                 if input.status == "lost":
                     runner.lose_robot(input.detail or "the link is lost")
-                else:
+                elif runner.robot_lost is not None:
                     runner.robot_lost = None
+                    self.failures.robot_back()
             case StopReport():
-                self.stop.record_answer(input.confirmed, input.unconfirmed)
+                self.stop.record_answer(input)
+            case EstopReport():
+                self._handlers.take_estop(input)
             case Note():
                 core.record_note(input.text, input.source)
             case ControlChanged():
@@ -294,12 +318,12 @@ class Kernel:
             case SessionRecovered():
                 self._resume_session(input)
             case SessionEnded():
-                self._record_session("ended", {}, input.reason)
+                self._record_session("ended", {}, input.reason, open=core.open_goals)
             case CheckReport() | OutcomeReport() | RecordingReport() | SyncMark():
                 record_report(core, input)
 
     def _timer_elapsed(self, timer: int) -> None:
-        target = self.core.timers.pop(timer, None)
+        target, runner = self.core.timers.pop(timer, None), self.scheduler.runner
         if target is None:
             return  # cancelled meanwhile
         if target.purpose == "after":
@@ -308,10 +332,12 @@ class Kernel:
             self.rules.kept.expire(self.rules.kept[int(target.owner)], "no rule waited for it in time")
         elif target.purpose == "stop":
             self.stop.time_out()
+        elif target.purpose == "repeat":
+            self.failures.pause_elapsed(int(target.owner), runner.robot_lost)
         elif target.purpose == "filler":
             self._start_due_filler()
         else:
-            self.scheduler.runner.timer_elapsed(target)
+            runner.timer_elapsed(target)
 
     def _start_due_filler(self) -> None:
         """The scenario wants a filler when nothing has answered the cue for so long; not over anything that runs."""
@@ -351,6 +377,7 @@ class Kernel:
         versions: dict[str, str],
         reason: str = "",
         downtime: float | None = None,
+        open: tuple[OpenGoal, ...] = (),
     ) -> None:
         scenario, begun = self.scenario, self.begun
         self.core.emit(
@@ -374,4 +401,5 @@ class Kernel:
             factors=begun.factors,
             language=scenario.language,
             downtime=downtime,
+            open=open,
         )

@@ -6,6 +6,7 @@ numbers them and gives them session time; `wall` is put on by the engine, becaus
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from typing import Any, Literal, TypeAlias
 
 from msgspec import Struct, field
@@ -16,6 +17,7 @@ ActionStatus: TypeAlias = Literal[
 ]
 Mark: TypeAlias = Literal["wrong", "late", "early", "double", "none"]
 """What was wrong about something that a wizard did; `none`: nothing after all."""
+FailureStatus: TypeAlias = Literal["asked", "waiting", "repeated", "gone-on", "dropped"]
 CheckResult: TypeAlias = Literal["passed", "failed", "skipped"]
 OutcomeStatus: TypeAlias = Literal["complete", "aborted", "excluded"]
 """complete: the run counts. aborted: it was broken off, and the participant may run it again. excluded: the participant
@@ -40,6 +42,28 @@ class Record(Struct, tag_field="kind", gc=False):
     """Seconds on the session's monotonic clock."""
     wall: str
     """ISO 8601 with offset: a label, never used for reckoning."""
+
+
+class OpenGoal(Struct, frozen=True, gc=False):
+    """Something that the robot may still be doing, although its action has ended for the session."""
+
+    part: str
+    """Of the robot, for a person: `pepper/speech`."""
+    action: str
+    """The goal id of the action: `<task>/<actionID>`."""
+    type: str
+    """What the robot does: `Speech`."""
+    reason: str
+    """Why it is open, for a person: `it refused to stop`."""
+    holds: bool = True
+    """The part gets nothing else until this has ended or somebody releases it. False: the part takes no stop."""
+    accepted: bool = True
+    """The robot has taken it; false: it has not answered, and may still begin."""
+
+
+def describe_open_goals(goals: Iterable[OpenGoal]) -> str:
+    """One text for a person about what the robot may still be doing; empty when it is doing nothing."""
+    return "; ".join(f"{goal.part} may still be doing {goal.type} ({goal.reason})" for goal in goals)
 
 
 class SessionRecord(Record, tag="session", kw_only=True):
@@ -71,6 +95,8 @@ class SessionRecord(Record, tag="session", kw_only=True):
     """The language in which everything is said, by BCP 47; empty: the scenario does not say."""
     downtime: float | None = None
     """recovered: seconds by the wall clock since the last line that was known before; null: not known."""
+    open: tuple[OpenGoal, ...] = ()
+    """ended: what the robot may still be doing."""
 
 
 class TaskRecord(Record, tag="task"):
@@ -146,13 +172,24 @@ class MemoryRecord(Record, tag="memory"):
 class RobotRecord(Record, tag="robot"):
     status: Literal["connected", "degraded", "lost"]
     detail: str = ""
+    open: tuple[OpenGoal, ...] = ()
 
 
 class StopRecord(Record, tag="stop"):
-    status: Literal["requested", "latched", "released"]
+    status: Literal["requested", "latched", "let-go", "released"]
+    """let-go: the emergency stop `source` is not pressed any more; everything stays stopped."""
     confirmed: tuple[str, ...] = ()
     unconfirmed: tuple[str, ...] = ()
     source: str = ""
+    unstoppable: tuple[str, ...] = ()
+    held_by: tuple[str, ...] = ()
+    """The emergency stops that are pressed: it is not released before they are let go."""
+
+
+def stopper_words(source: str) -> str:
+    """Who stopped everything, for a person: an emergency stop by where it is, anybody else by the source."""
+    name = source.removeprefix("estop:")
+    return source if name == source else f"the emergency stop at {name}"
 
 
 class ControlRecord(Record, tag="control"):
@@ -202,15 +239,19 @@ class FailureRecord(Record, tag="failure"):
 
     task: int
     act: str
-    status: Literal["asked", "repeated", "gone-on", "dropped"]
-    """asked: the events of its end are held until somebody answers; gone-on: they are raised; repeated: another task
-    takes its place; dropped: a stop has made the question void, and they are not raised."""
+    status: FailureStatus
+    """asked: the events of its end are held until somebody answers; waiting: they are held, too, and it is repeated
+    after a pause unless somebody answers before; gone-on: they are raised; repeated: another task takes its place;
+    dropped: a stop has made the question void, and they are not raised."""
     source: str
     """Who decided it: `engine`, when nobody had to."""
     by: int | None = None
     """repeated: the task that takes its place."""
     reason: str = ""
-    """asked: why the act failed; gone-on: how often, when it was repeated in vain; dropped: what made it void."""
+    """asked, waiting: why the act failed; gone-on: how often, when it was repeated in vain; dropped: what made it
+    void."""
+    seconds: float | None = None
+    """waiting: how long the pause is; null: it begins when the robot is back."""
 
 
 class TimingRecord(Record, tag="timing"):

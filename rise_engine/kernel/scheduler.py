@@ -25,7 +25,7 @@ class Scheduler:
         self._core = core
         self._wizard = wizard
         self._failures = failures
-        failures.add, failures.finish = self._add_first, self._raise_end
+        failures.add, failures.finish, failures.advance = self._add_again, self._raise_end, self.advance
         self.on_ended: Callable[[Task, ActOutcome], None] = lambda task, outcome: None
         """Called with each task that has ended, before its events are raised."""
         self.runner = act_runner(core, self._finish_act)
@@ -49,15 +49,18 @@ class Scheduler:
         self.waiting.insert(position, task)
         self._core.record_task(task, position=position)
         if task.calling_type == "Interrupt":
+            reason = f"interrupted by {act_name(task)}"
             for run in [run for run in self.runner.runs.values() if _is_exclusive(run.task)]:
-                self.runner.cancel(run, f"interrupted by {act_name(task)}")
+                self.runner.cancel(run, reason)
+            self._end_pauses([failed for failed in self._failures.pausing if _is_exclusive(failed)], reason)
         self.advance()
 
-    def _add_first(self, task: Task, reason: str) -> None:
-        """Add a repetition, which goes before all that wait."""
+    def _add_again(self, task: Task, reason: str) -> None:
+        """Add a repetition, which goes before all that wait, but for other repetitions."""
         self._wizard.note_accepted(task)
-        self.waiting.insert(0, task)
-        self._core.record_task(task, reason, position=0)
+        position = next((at for at, other in enumerate(self.waiting) if not other.first), len(self.waiting))
+        self.waiting.insert(position, task)
+        self._core.record_task(task, reason, position=position)
         self.advance()
 
     def move(self, task: Task, position: int) -> None:
@@ -104,8 +107,8 @@ class Scheduler:
         self._advancing = False
 
     def _start_what_may(self) -> None:
-        blocking = next((run for run in self.runner.runs.values() if _is_exclusive(run.task)), None)
-        holder = blocking.task if blocking is not None else None
+        under_way = (*(run.task for run in self.runner.runs.values()), *self._failures.pausing)
+        holder = next((task for task in under_way if _is_exclusive(task)), None)
         if holder is None:
             holder = next((task for task in self.waiting if _is_exclusive(task)), None)
             if holder is not None and self._clear_channels(holder):
@@ -116,10 +119,18 @@ class Scheduler:
 
     def _clear_channels(self, task: Task) -> bool:
         """Interrupt the None acts that occupy a channel which a task needs; true when none does any more."""
+        reason = f"interrupted by {act_name(task)}"
         for run in self._runs_on_channels_of(task):
-            self.runner.cancel(run, f"interrupted by {act_name(task)}")
+            self.runner.cancel(run, reason)
+        channels = self._channels(task)
+        self._end_pauses([failed for failed in self._failures.pausing if self._channels(failed) & channels], reason)
         # An act that only waits ends within cancel(); one on the robot ends when the robot has confirmed.
         return not self._runs_on_channels_of(task)
+
+    def _end_pauses(self, failed: list[Task], reason: str) -> None:
+        """These acts are not repeated: running, they would be cancelled now."""
+        if failed:
+            self._failures.stop(failed, "engine", reason)
 
     def _runs_on_channels_of(self, task: Task) -> list[ActRun]:
         channels = self._channels(task)
@@ -134,10 +145,10 @@ class Scheduler:
         self.runner.start(task)
 
     def _finish_act(self, run: ActRun, status: TaskStatus, reason: str) -> None:
-        self._record_end(run.task, status, reason)
+        self._record_end(run.task, status, reason, interfered=run.interfered)
         self.advance()
 
-    def _record_end(self, task: Task, status: TaskStatus, reason: str) -> None:
+    def _record_end(self, task: Task, status: TaskStatus, reason: str, *, interfered: bool = False) -> None:
         core = self._core
         task.status = status
         core.record_task(task, reason)
@@ -158,7 +169,8 @@ class Scheduler:
             filler=task.filler,
             voice_at=task.voice_at,
         )
-        if status == "ABORTED" and self._failures.holds(task, reason, by_itself=self.runner.can_start):
+        may_repeat = not (interfered or self.runner.restarted)
+        if status == "ABORTED" and self._failures.holds(task, reason, may_repeat, self.runner.robot_lost is not None):
             self._wizard.forget_failure(task)
         else:
             self._raise_end(task)

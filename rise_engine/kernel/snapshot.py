@@ -15,6 +15,7 @@ from rise_engine.kernel.failures import FailuresState
 from rise_engine.kernel.history import MemoryLog
 from rise_engine.kernel.inputs import SessionStarted
 from rise_engine.kernel.kept_events import KeptEvent
+from rise_engine.kernel.records import OpenGoal
 from rise_engine.kernel.stop import StoodRule, StopStatus
 from rise_engine.kernel.wizard_marks import WizardMarksState
 
@@ -78,9 +79,11 @@ class Snapshot(Struct, frozen=True):
     stop: StopStatus
     stop_timer: int | None
     stood: list[StoodRule]
+    held_by: list[str]
     wizard_marks: WizardMarksState
     failures: FailuresState
     open_cue_at: float | None
+    open_goals: tuple[OpenGoal, ...]
     begun: SessionStarted
 
     def copy(self) -> Snapshot:

@@ -8,7 +8,8 @@ from msgspec import Struct
 
 from rise_engine.kernel.commands import StopRobot
 from rise_engine.kernel.core import Core, TimerTarget
-from rise_engine.kernel.records import StopRecord
+from rise_engine.kernel.inputs import StopReport
+from rise_engine.kernel.records import StopRecord, stopper_words
 
 STOP_LIMIT = 3.0
 """Seconds that the robot has to answer a stop-all; then it is listed as unconfirmed."""
@@ -39,6 +40,8 @@ class StopLatch:
         self.timer: int | None = None
         self.stood: list[StoodRule] = []
         """The rules that the stop has ended, the bottom of the stack first; until it is released."""
+        self.held_by: list[str] = []
+        """The emergency stops that are pressed, each by its source, in their order."""
 
     @property
     def latched(self) -> bool:
@@ -48,30 +51,40 @@ class StopLatch:
     def request(self, source: str) -> None:
         """Also while it is latched: pressing again asks the robot again."""
         self.status = "requested"
-        self._core.emit(StopRecord, "requested", source=source)
+        self._core.emit(StopRecord, "requested", source=source, held_by=tuple(self.held_by))
+
+    def let_go(self, source: str) -> None:
+        """An emergency stop is pressed no more. That releases nothing."""
+        self.held_by.remove(source)
+        self._core.emit(StopRecord, "let-go", source=source, held_by=tuple(self.held_by))
 
     def ask_robot(self) -> None:
         self._core.commands.append(StopRobot())
         self._cancel_timer()
         self.timer = self._core.set_timer(STOP_LIMIT, TimerTarget("stop"))
 
-    def record_answer(self, confirmed: tuple[str, ...], unconfirmed: tuple[str, ...]) -> None:
-        """The robot's answer; one that comes after the limit is recorded too, one after the release is not."""
+    def record_answer(self, answer: StopReport) -> None:
+        """The robot's answer, the first one or a later one: also one after the limit, but none after the release."""
         if self.latched:
             self._cancel_timer()
             self.status = "latched"
-            self._core.emit(StopRecord, "latched", confirmed, unconfirmed)
+            parts = answer.confirmed, answer.unconfirmed
+            held_by = tuple(self.held_by)
+            self._core.emit(StopRecord, "latched", *parts, unstoppable=answer.unstoppable, held_by=held_by)
 
     def time_out(self) -> None:
         self.timer = None
         self.status = "latched"
-        self._core.emit(StopRecord, "latched", unconfirmed=(self._core.scenario.robot.name,))
+        robot = self._core.scenario.robot.name
+        self._core.emit(StopRecord, "latched", unconfirmed=(robot,), held_by=tuple(self.held_by))
 
     @property
     def why_not_release(self) -> str:
         """Why it cannot be released now; empty when it can."""
         if self.status == "released":
             return "nothing is stopped"
+        if self.held_by:
+            return f"{stopper_words(self.held_by[0])} is still pressed"
         return "the robot has not answered the stop yet" if self.status == "requested" else ""
 
     def release(self, source: str) -> None:

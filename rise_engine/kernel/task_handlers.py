@@ -17,10 +17,11 @@ from rise_engine.kernel.behaviors import (
     read_rule_start,
     read_step_back,
 )
+from rise_engine.kernel.commands import CancelOpenGoals, ReleaseOpenGoals
 from rise_engine.kernel.core import Core, EventTopic, Task, parse_task_id
 from rise_engine.kernel.failures import FailedActs
 from rise_engine.kernel.history import ValueBefore, step_before
-from rise_engine.kernel.inputs import Submit
+from rise_engine.kernel.inputs import EstopReport, Submit
 from rise_engine.kernel.records import TaskRecord, TaskStatus
 from rise_engine.kernel.rule_stack import RuleRun
 from rise_engine.kernel.rules import RuleMachine
@@ -68,6 +69,8 @@ class TaskHandlers:
             "moveTask": self._move_task,
             "stopAll": self._stop_all,
             "releaseStop": self._release_stop,
+            "cancelOpenGoals": self._cancel_open_goals,
+            "releaseOpenGoals": self._release_open_goals,
             "say": self._speak,
             "markCue": self._mark_cue,
             "undoCue": self._undo_cue,
@@ -104,11 +107,14 @@ class TaskHandlers:
         name = task.behavior
         if name not in self._scenario.acts:
             self._reject(task, f"there is no act {name!r}" + _did_you_mean(name, self._scenario.acts))
-        elif not self._scheduler.has_task_of(name):
+            return
+        failed = [each for each in self._failures.waiting if each.behavior == name]
+        if not (failed or self._scheduler.has_task_of(name)):
             self._reject(task, f"{name} is neither running nor waiting")
         else:
             self._succeed(task)
             self._scheduler.stop(f"stopped by {task.source}", name)
+            self._failures.stop(failed, task.source)
 
     def _calling_type(self, task: Submit) -> str:
         if task.function != "startCommunicationRobotAct":
@@ -280,6 +286,10 @@ class TaskHandlers:
             self._succeed(task)
             self.rules.kept.take_back(kept, reason)
             return
+        if failed := [each for each in self._failures.waiting if str(each.id) == task.behavior]:
+            self._succeed(task)
+            self._failures.stop(failed, task.source)
+            return
         for rule in self.rules.stack.values():
             if str(rule.task.id) == task.behavior:
                 self._succeed(task)
@@ -371,7 +381,8 @@ class TaskHandlers:
             self.rules.stop(rule.name, f"stopped by {task.source}, because {failed.behavior} failed")
 
     def _forget_questions(self, rule: RuleRun) -> None:
-        self._failures.drop(f"rule:{rule.name}", f"rule {rule.name} was stopped", rule.task.id)
+        if self._failures.drop(f"rule:{rule.name}", f"rule {rule.name} was stopped", rule.task.id):
+            self._scheduler.advance()
 
     # --- stop-all ---
 
@@ -387,6 +398,16 @@ class TaskHandlers:
         self.rules.stop_all(reason)
         self._scheduler.stop(reason)
         self._stop.ask_robot()
+
+    def take_estop(self, report: EstopReport) -> None:
+        """Pressed, it stops everything as a person does. What is said again changes nothing."""
+        if report.pressed == (report.source in self._stop.held_by):
+            return
+        if report.pressed:
+            self._stop.held_by.append(report.source)
+            self._stop_all(Submit(function="stopAll", source=report.source))
+        else:
+            self._stop.let_go(report.source)
 
     def _release_stop(self, task: Submit) -> None:
         stood = self._stop.stood
@@ -409,6 +430,25 @@ class TaskHandlers:
         started.status = "ACTIVE"
         self._core.record_task(started)
         self.rules.resume(rule, started, enter)
+
+    # --- what the robot may still be doing ---
+
+    def _cancel_open_goals(self, task: Submit) -> None:
+        if self._succeed_unless(task, self._why_nothing_open(task.behavior)):
+            self._core.commands.append(CancelOpenGoals(task.behavior))
+
+    def _release_open_goals(self, task: Submit) -> None:
+        if self._succeed_unless(task, self._why_nothing_open(task.behavior)):
+            self._core.commands.append(ReleaseOpenGoals(task.behavior))
+
+    def _why_nothing_open(self, part: str) -> str:
+        """Why this part of the robot (empty: any part) holds nothing, or empty."""
+        parts = sorted({goal.part for goal in self._core.open_goals if goal.holds})
+        if not parts:
+            return "the robot has ended everything that it was given"
+        if part and part not in parts:
+            return f"{part} has ended everything that it was given{_did_you_mean(part, parts)}"
+        return ""
 
     # --- answers ---
 

@@ -42,6 +42,7 @@ from rise_engine.kernel.records import (
     SyncRecord,
     TaskRecord,
     TimingRecord,
+    describe_open_goals,
 )
 from rise_engine.kernel.reports import REPORT_KINDS, ReportRecord, report_words
 
@@ -201,9 +202,13 @@ class StopView(Struct):
     since: float = 0.0
     confirmed: tuple[str, ...] = ()
     unconfirmed: tuple[str, ...] = ()
+    unstoppable: tuple[str, ...] = ()
+    """Parts that take no stop, and that this session has used."""
     source: str = ""
     stood: list[StoodView] = field(default_factory=list)
     """The rules that it has ended, the bottom of the stack first, until it is released."""
+    held_by: tuple[str, ...] = ()
+    """The emergency stops that are pressed: it cannot be released before they are let go."""
 
     @property
     def latched(self) -> bool:
@@ -254,6 +259,9 @@ class SessionView(Struct):
     questions: list[int] = field(default_factory=list)
     """Acts that failed and whose events are held until somebody says what is to become of them, the oldest first; they
     are not in `failed`."""
+    repeats: dict[int, float | None] = field(default_factory=dict)
+    """Those of them that are repeated by themselves when nobody says anything, and when; null: after a pause, once the
+    robot is back."""
     tasks: dict[int, TaskView] = field(default_factory=dict)
     """Every task of the session (of those that have ended, the latest MAX_ENDED_TASKS), by id, in order of arrival."""
     forgotten: int = 0
@@ -303,14 +311,19 @@ class SessionView(Struct):
                 self._apply_kept(record)
             case KeptRecord():
                 self.kept.pop(record.task, None)
+            case StopRecord(status="let-go"):
+                self.stop.held_by = record.held_by
             case StopRecord():
+                again = self.stop.status == record.status == "latched"  # the robot has said more
                 self.stop = StopView(
                     record.status,
-                    record.t,
+                    self.stop.since if again else record.t,
                     record.confirmed,
                     record.unconfirmed,
+                    record.unstoppable,
                     record.source or self.stop.source,
                     self.stop.stood if record.status != "released" else [],
+                    record.held_by,
                 )
             case CueRecord():
                 self._apply_cue(record)
@@ -336,7 +349,8 @@ class SessionView(Struct):
                 self._add_remark(RemarkView("note", record.t, record.source, text))
             case SessionRecord():
                 if record.status == "ended":
-                    self.ended, self.end_reason = True, record.reason
+                    self.ended = True
+                    self.end_reason = "; ".join(filter(None, (record.reason, describe_open_goals(record.open))))
                 else:
                     self.session = record
 
@@ -460,10 +474,15 @@ class SessionView(Struct):
 
     def _apply_question(self, record: FailureRecord) -> None:
         """Whether somebody has to say what is to become of a failed act."""
-        self.questions = [id for id in self.questions if id != record.task]
-        if record.status == "asked":
+        is_open = record.status in ("asked", "waiting")
+        if not is_open:
+            self.questions = [id for id in self.questions if id != record.task]
+        elif record.task not in self.questions:
             self.questions.append(record.task)
-        if record.status in ("asked", "repeated"):
+        self.repeats.pop(record.task, None)
+        if record.status == "waiting":
+            self.repeats[record.task] = None if record.seconds is None else round(record.t + record.seconds, 6)
+        if is_open or record.status == "repeated":
             self.failed = [id for id in self.failed if id != record.task]
 
     def _apply_action(self, record: ActionRecord) -> None:
@@ -543,4 +562,5 @@ class SessionView(Struct):
             del self.tasks[id]
         self.failed = [id for id in self.failed if id in self.tasks]
         self.questions = [id for id in self.questions if id in self.tasks]
+        self.repeats = {id: at for id, at in self.repeats.items() if id in self.tasks}
         self.forgotten += len(oldest)

@@ -7,7 +7,7 @@ entry-point group `rise.bridges` and never imported by name (architecture, "Impo
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import Any, Literal, Protocol, TypeAlias, TypeVar, get_args
 
 from msgspec import Struct
@@ -74,6 +74,29 @@ class Bridge(Protocol[SessionT]):
         ...
 
 
+ProfileFindingKind: TypeAlias = Literal["wrong", "missing", "unstoppable", "unread"]
+
+
+class ProfileFinding(Struct, frozen=True):
+    """One thing that a driver has to say about a robot's profile, before anything is connected."""
+
+    sentence: str
+    where: str = ""
+    """The key that it is about, `actions.Speech.carrier.goal.text`; empty: the profile as a whole."""
+    kind: ProfileFindingKind = "wrong"
+    """wrong: it can never work. missing: it cannot work on this computer, or not yet; a rehearsal can. unstoppable: it
+    works, and nothing stops the robot while it does. unread: nothing takes it, which may be a slip."""
+
+    @property
+    def refuses(self) -> bool:
+        """Whether no session with this robot can begin."""
+        return self.kind in ("wrong", "missing")
+
+
+ProfileChecker: TypeAlias = Callable[[RobotProfile], list[ProfileFinding]]
+"""The callable that an entry point of the group `rise.checks` names; that name is a profile's `driver`."""
+
+
 class BridgeOpener(Protocol):
     """The callable that an entry point of the group `rise.bridges` names; that name is a profile's `driver`.
 
@@ -97,12 +120,19 @@ class ParameterReader(Protocol):
     """The callable that an entry point of the group `rise.parameters` names."""
 
     def __call__(
-        self, arguments: tuple[str, ...], *, switches: list[str], single: list[str], many: list[str], written: list[str]
+        self,
+        arguments: tuple[str, ...],
+        *,
+        switches: dict[str, str],
+        single: list[str],
+        many: list[str],
+        written: list[str],
     ) -> tuple[list[str], tuple[str, ...]]:
         """Read the middleware's parameters as options of a command line.
 
         :param arguments: what stands after `--ros-args`, `-p mode:=real` among it.
-        :param switches: the flags of options without a value (`--recover`), ...
+        :param switches: the flags of options without a value, with the one that says the opposite or nothing
+            (`--record`: `--no-record`), ...
         :param single: ... with one value (`--mode`), ...
         :param many: ... and of those that can be given several times (`--fault`).
         :param written: what the command line says itself, which counts more.

@@ -10,15 +10,17 @@ one that comes with the program.
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from typing import Protocol, TypeAlias
+from collections.abc import Callable, Sequence
+from typing import Protocol, TypeAlias, runtime_checkable
 
 from rise_engine.kernel.commands import StartAction
-from rise_engine.kernel.inputs import ActionReport, Note, RobotChanged, StopReport
+from rise_engine.kernel.inputs import ActionReport, EstopReport, Note, RobotChanged, StopReport
 from rise_engine.scenario.model import RobotProfile
 
-RobotReport: TypeAlias = ActionReport | RobotChanged | StopReport | Note
-"""What a robot says. A note is for the record only: what came too late to count, or twice."""
+RobotReport: TypeAlias = ActionReport | RobotChanged | StopReport | EstopReport | Note
+"""What a robot says. An `EstopReport` tells of an emergency stop that the robot's profile names: pressed, it stops
+everything, and nobody releases that before it is let go. A note is for the record only: what came too late to count, or
+twice."""
 ReportCallback: TypeAlias = Callable[[RobotReport], None]
 """Takes one report. It belongs to the thread of the engine's loop; whoever has another one calls it by
 `loop.call_soon_threadsafe(report, ...)`. It may be called within `connect`, `start`, `cancel` and `stop_all`."""
@@ -120,12 +122,15 @@ class Robot(Protocol):
 
         Reports `ActionReport(status="accepted")` when the robot takes it, then exactly one ending: `succeeded`,
         `failed` (also when it is refused), `canceled`, `timed-out` or `lost`, with a reason in words wherever it did
-        not succeed. An ending without `accepted` before it is allowed.
+        not succeed. An ending without `accepted` before it is allowed. `failed` is `aborted=True` when the robot had
+        taken it and gave it up by itself, as after a protective stop; `canceled` without `cancel` says that somebody
+        else stopped it. Neither is repeated by itself (semantics.md 12.2).
 
         :param goal: `goal.action` is the name to report it under, `<task>/<actionID>`, unique in the session;
             `goal.type` one of the profile's actions; `goal.parameters` what the author gave, by name, typed, without
             what was left out, a `message` in the words in which this robot is to say it (semantics.md 2.5, 2.6);
-            `goal.expected` how many seconds it will probably take.
+            `goal.expected` how many seconds it will probably take; `goal.goal` a UUID of its own, which an engine that
+            goes on with the session gives it again.
         """
         ...
 
@@ -144,6 +149,7 @@ class Robot(Protocol):
         robot again.
 
         A part is called confirmed only when the robot has said so. What was running reports its ending as ever.
+        Whenever the answer changes after that, another `StopReport` says so.
         """
         ...
 
@@ -157,6 +163,35 @@ class Robot(Protocol):
     def close(self) -> None:
         """Let go of everything: what runs is cancelled without waiting for it. No reports after this. It may be called
         twice, and without `connect` before it."""
+        ...
+
+
+@runtime_checkable
+class RobotWithOpenGoals(Robot, Protocol):
+    """A robot whose adapter knows what may still be going on after an action has ended for the session: the robot did
+    not answer, or refused to stop. Such goals are listed in `RobotChanged.open`, and their part gets nothing else."""
+
+    def adopt(self, goals: Sequence[StartAction]) -> None:
+        """Find out what has become of goals that an engine before this one gave the robot. Called once, before
+        `connect`, in a session that is gone on with. Those that may still be going on are open; they are not
+        cancelled until somebody asks for that.
+
+        :param goals: `goal.goal` is their id, as it was when they were started.
+        """
+        ...
+
+    def cancel_open_goals(self, part: str) -> None:
+        """Ask once more to stop what may be going on at a part, also on a robot that refused.
+
+        :param part: as `OpenGoal.part`; empty for all.
+        """
+        ...
+
+    def release_open_goals(self, part: str) -> None:
+        """A person has looked at the robot: the part may be used again.
+
+        :param part: as `OpenGoal.part`; empty for all.
+        """
         ...
 
 

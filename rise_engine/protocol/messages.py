@@ -120,6 +120,7 @@ class ViewWithoutTasks(Struct, frozen=True):
     unhandled: list[EventRecord]
     failed: list[int] = field(default_factory=list)
     questions: list[int] = field(default_factory=list)
+    repeats: dict[int, float | None] = field(default_factory=dict)
     kept: dict[int, KeptView] = field(default_factory=dict)
     memory_log: MemoryLog = field(default_factory=MemoryLog)
     wizard: str = ""

@@ -36,7 +36,10 @@ OF_TESTS = ("test", "key", "go_on", "wait", "expect")
 """What the lines of tests have instead (`rise_engine.trial.study_test`)."""
 LATEST_SECONDS = 366 * 86_400.0
 """Seconds; nothing is planned more than a year ahead."""
-_WITHOUT_BEHAVIOR = ("stopAll", "releaseStop", "markCue", "undoCue", "nextFiller")
+_WITHOUT_BEHAVIOR = (
+    *("stopAll", "releaseStop", "cancelOpenGoals", "releaseOpenGoals"),
+    *("markCue", "undoCue", "nextFiller"),
+)
 
 
 class TimedTask(Struct, frozen=True):

@@ -36,7 +36,19 @@ _ACTION_KEYS = (
     "help",
     "parameters",
 )
-_PARAMETER_KEYS = ("type", "unit", "default", "required", "minimum", "maximum", "codes", "names", "help", "spoken")
+_PARAMETER_KEYS = (
+    "type",
+    "unit",
+    "default",
+    "required",
+    "minimum",
+    "maximum",
+    "codes",
+    "names",
+    "help",
+    "spoken",
+    "place",
+)
 _TYPES: tuple[str, ...] = get_args(ParameterType)
 RESERVED = frozenset({"actionID", "waitForActions", "onFailure", "Variants", "Dialog"})
 """Words of the CRA format that no action or parameter can be called."""
@@ -72,6 +84,37 @@ def apply_declarations(
             specs[name] = _read_action(table, specs.get(name), layer)
     _check_substitutes(actions, specs)
     return specs
+
+
+def read_places(file: TomlTable, before: Mapping[str, dict[str, float | str]]) -> dict[str, dict[str, float | str]]:
+    """The places after the `[places.*]` tables of a file have been laid over those known before."""
+    places = dict(before)
+    tables = file.subtable("places", "`places` is a table: [places.NAME]")
+    for name in tables.values if tables is not None else ():
+        assert tables is not None
+        table = tables.subtable(name, "a place is a table: { x = 1.0, y = 2.0, yaw = 0.5 }")
+        if table is None:
+            continue
+        for key, value in table.values.items():
+            if isinstance(value, bool) or not isinstance(value, int | float | str):
+                table.report_value("wrong-type", key, f"`{key}` of a place is a number or a text")
+        places[name] = dict(table.values)
+    return places
+
+
+def name_places(
+    actions: Mapping[str, ActionSpec], places: Mapping[str, dict[str, float | str]]
+) -> dict[str, ActionSpec]:
+    """The actions with the places among the names of each parameter that names one."""
+    named = dict(actions)
+    for action, spec in actions.items():
+        parameters = {
+            each.name: replace(each, names=tuple(dict.fromkeys((*each.names, *places)))) if each.place else each
+            for each in spec.parameters.values()
+        }
+        if parameters != spec.parameters:
+            named[action] = replace(spec, parameters=parameters)
+    return named
 
 
 def _check_substitutes(actions: TomlTable, specs: dict[str, ActionSpec]) -> None:
@@ -184,16 +227,17 @@ def _read_parameter(table: TomlTable, before: Parameter | None) -> Parameter | N
         codes=codes,
         names=table.read_texts("names", base.names),
         help=table.read("help", str, base.help),
-        spoken=_read_spoken(table, type_, base),
+        spoken=_read_of_type("spoken", "text", table, type_, base.spoken),
+        place=_read_of_type("place", "name", table, type_, base.place),
     )
 
 
-def _read_spoken(table: TomlTable, type_: str, base: Parameter) -> bool:
-    """Whether what the parameter says is translated, which only a text can be."""
-    spoken: bool = table.read("spoken", bool, base.spoken)
-    if spoken and type_ != "text" and "spoken" in table.values:
-        table.report_value("wrong-type", "spoken", "only a parameter of the type `text` can be `spoken`")
-    return spoken and type_ == "text"
+def _read_of_type(key: str, needed: str, table: TomlTable, type_: str, before: bool) -> bool:
+    """Whether the parameter is what only those of the type `needed` can be."""
+    found: bool = table.read(key, bool, before)
+    if found and type_ != needed and key in table.values:
+        table.report_value("wrong-type", key, f"only a parameter of the type `{needed}` can be `{key}`")
+    return found and type_ == needed
 
 
 def _read_seconds(table: TomlTable, key: str, usual: float | None) -> float | None:

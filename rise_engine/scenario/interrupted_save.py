@@ -9,10 +9,12 @@ from __future__ import annotations
 
 import os
 from hashlib import sha256
-from pathlib import Path, PurePosixPath
+from pathlib import Path
 
 import msgspec
 from msgspec import Struct
+
+from rise_engine.scenario.study_paths import why_not_written
 
 NOTE = ".rise-save.json"
 FRESH = ".rise-new"
@@ -55,9 +57,8 @@ def read_note(folder: Path) -> tuple[SavedFile, ...] | None:
         return None
     note = msgspec.json.decode(path.read_bytes(), type=tuple[SavedFile, ...])
     for file in note:
-        name = PurePosixPath(file.name)
-        if name.is_absolute() or not name.parts or ".." in name.parts:
-            raise msgspec.ValidationError(f"{file.name} is no file of the study")
+        if problem := why_not_written(folder, file.name, goes=file.after is None):
+            raise msgspec.ValidationError(problem)
     return note
 
 

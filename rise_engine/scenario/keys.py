@@ -67,6 +67,7 @@ CONSOLE_KEYS: dict[str, str] = {
     "ctrl+l": "the console",
     "ctrl+o": "the console",
     "ctrl+r": "the console",
+    "ctrl+w": "stopping what the robot still does",
     "ctrl+y": "the console",
     "ctrl+p": "the command palette",
     "ctrl+c": "copying",

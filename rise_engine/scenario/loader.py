@@ -14,7 +14,7 @@ from msgspec.structs import replace
 
 from rise_engine.nearest_name import did_you_mean, in_backquotes, limited_comparisons
 from rise_engine.scenario.act_settings import ActTables
-from rise_engine.scenario.action_declarations import apply_declarations
+from rise_engine.scenario.action_declarations import apply_declarations, name_places, read_places
 from rise_engine.scenario.acts import read_acts, report_unsent_ssml
 from rise_engine.scenario.cross_references import check_cross_references
 from rise_engine.scenario.diagnostics import Diagnostic, Diagnostics
@@ -38,6 +38,7 @@ from rise_engine.scenario.session_keys import factors_read
 from rise_engine.scenario.shipped_studies import shipped_hint
 from rise_engine.scenario.source_files import MAX_TOML_BYTES, FileReader, SourceFile
 from rise_engine.scenario.spoken_texts import SpokenText
+from rise_engine.scenario.study_paths import why_not_read
 from rise_engine.scenario.suppressions import (
     SuppressedWarning,
     Suppression,
@@ -146,7 +147,7 @@ class ScenarioLoader:
         self.path = path
         is_file = path.name == SCENARIO_FILE or path.suffix == ".toml"
         self.folder = Path(os.path.abspath(path.parent if is_file else path))  # noqa: PTH100  # keeps symbolic links
-        self.tree = FileTree(self.folder, {**contents_of_interrupted_save(self.folder), **(held or {})})
+        self.tree = FileTree(self.folder, {**contents_of_interrupted_save(self.folder), **(held or {})}, closed=True)
         self.files = FileReader(self.folder, self.diagnostics, self.tree, self.memo)
         self.draft = ScenarioDraft(self.memo.expressions, self.memo.assignments)
         self.file = self.memo.get("no scenario.toml", lambda: TomlFile(SourceFile(SCENARIO_FILE, b"", ""), {}))
@@ -290,7 +291,9 @@ class ScenarioLoader:
 
         def make(diagnostics: Diagnostics) -> RobotProfile:
             table = TomlTable(file, (), file.values, diagnostics)
-            return replace(profile, actions=apply_declarations(table, profile.actions, "scenario"))
+            places = read_places(table, profile.places)
+            actions = apply_declarations(table, profile.actions, "scenario")
+            return replace(profile, actions=name_places(actions, places), places=places)
 
         return self.memo.read(("robot", file, self.memo.number("profile", profile)), self.diagnostics, make)
 
@@ -367,15 +370,22 @@ class ScenarioLoader:
         return expanded
 
     def check_exists(self, kind: str, path: Path) -> bool:
-        """Whether a place is there. One that was named must be; the usual ones need not."""
+        """Whether a place is there, in the study's folder. One that was named must be; the usual ones need not."""
+        named = self.named.get(kind, "")
+        where = SourceLocation(path.name)
+        if named:
+            where = self.file.value_location(kind) if named == self.file.values.get(kind) else self.caller
         try:
+            if problem := why_not_read(self.folder, named or path.name):
+                self.diagnostics.error("outside-study", where, problem)
+                self.draft.unreadable_parts.add(kind)
+                return False
             if self.tree.exists(path):  # a link that leads nowhere is there, and cannot be read
                 return True
         except (OSError, ValueError):  # a name that no file can have
             pass
-        if self.named.get(kind):
-            where = self.file.value_location(kind) if self.named[kind] == self.file.values.get(kind) else self.caller
-            self.diagnostics.error("unreadable", where, f"there is no file or folder `{self.named[kind]}`")
+        if named:
+            self.diagnostics.error("unreadable", where, f"there is no file or folder `{named}`")
             self.draft.unreadable_parts.add(kind)
         return False
 

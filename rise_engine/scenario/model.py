@@ -51,6 +51,8 @@ class Parameter(Struct, frozen=True):
     names: tuple[str, ...] = ()
     """For `name` parameters: further names without a number (a robot's own animations)."""
     help: str = ""
+    place: bool = False
+    """For `name` parameters: whether the places of the robot and the study are among its names."""
     spoken: bool = False
     """For `text` parameters: whether people hear or read it in their language, so that it is translated."""
 
@@ -89,6 +91,8 @@ class RobotProfile(Struct, frozen=True):
     """Every action a scenario may use with this robot, by name; unsupported ones are there too, marked."""
     options: dict[str, Json] = field(default_factory=dict)
     """Settings that only the driver understands."""
+    places: dict[str, dict[str, float | str]] = field(default_factory=dict)
+    """What is known of each place that an action can name: `x`, `y`, `yaw`, `frame`, ..."""
 
 
 # --- CRA ------------------------------------------------------------------------------------------------------------

@@ -4,10 +4,13 @@ from __future__ import annotations
 
 import json
 import os
+import shutil
+from collections.abc import Mapping
 from pathlib import Path
 from tempfile import mkdtemp
 
 from rise_engine.scenario.shipped_studies import StudyCopyError
+from rise_engine.scenario.study_paths import why_none_written
 
 AGENTS_FILE = "AGENTS.md"
 _AGENTS = """\
@@ -93,23 +96,38 @@ def write_blank_study(folder: Path, title: str, robot: str) -> tuple[str, ...]:
     :raises StudyCopyError: something is there already, or it cannot be written.
     """
     files = blank_study(title, robot)
-    made = ""
     try:
         if os.path.lexists(folder) and not folder.is_dir():
             raise StudyCopyError(f"{folder} is no folder")
         if folder.is_dir() and any(folder.iterdir()):
             raise StudyCopyError(f"{folder} is not empty; name a new folder")
-        folder.absolute().parent.mkdir(parents=True, exist_ok=True)
-        made = mkdtemp(prefix=f".{folder.name}.", dir=folder.absolute().parent)
-        for name, text in files.items():
-            path = Path(made) / name
-            path.parent.mkdir(exist_ok=True)
-            path.write_bytes(text.encode())
-        Path(made).chmod(0o755)
-        os.replace(made, folder)  # noqa: PTH105  # an empty folder may be there
+        write_new_folder(folder, files)
     except (OSError, UnicodeError) as error:
         raise StudyCopyError(f"{folder}: {getattr(error, 'strerror', None) or error}") from error
     return tuple(files)
+
+
+def write_new_folder(folder: Path, files: Mapping[str, str]) -> None:
+    """Make a folder of a study, or fill an empty one: whole, or not at all.
+
+    :param files: texts by the names that they get in it.
+    :raises StudyCopyError: a study has no files of such names.
+    :raises OSError, UnicodeError: it cannot be written.
+    """
+    parent = folder.absolute().parent
+    parent.mkdir(parents=True, exist_ok=True)
+    made = Path(mkdtemp(prefix=f".{folder.name}.", dir=parent))
+    try:
+        if problem := why_none_written(made, files.items()):
+            raise StudyCopyError(problem)
+        for name, text in files.items():
+            path = made / name
+            path.parent.mkdir(parents=True, exist_ok=True)
+            path.write_bytes(text.encode())
+        made.chmod(0o755)
+        made.replace(folder)  # an empty folder may be there
+    finally:  # also when somebody interrupts it
+        shutil.rmtree(made, ignore_errors=True)
 
 
 def write_agents_file(folder: Path) -> None:

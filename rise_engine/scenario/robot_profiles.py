@@ -12,18 +12,20 @@ from pathlib import Path
 from msgspec.structs import replace
 
 from rise_engine.nearest_name import did_you_mean
-from rise_engine.scenario.action_declarations import apply_declarations, core_actions
+from rise_engine.scenario.action_declarations import apply_declarations, core_actions, name_places, read_places
 from rise_engine.scenario.diagnostics import Diagnostics
+from rise_engine.scenario.file_names import SCENARIO_FILE
 from rise_engine.scenario.model import RobotProfile, SourceLocation
 from rise_engine.scenario.source_files import MAX_TOML_BYTES, FileReader, SourceFile
-from rise_engine.scenario.toml_locations import read_toml
+from rise_engine.scenario.study_paths import why_no_name
+from rise_engine.scenario.toml_locations import read_toml, toml_of
 from rise_engine.scenario.toml_tables import TomlTable
 from rise_engine.scenario.tree import FileTree
 
 ENTRY_POINT_GROUP = "rise.robots"
 """Entry-point group: each entry names a package whose *.toml files are robot profiles."""
 DEFAULT_ROBOT = "generic"
-_KEYS = ("title", "driver", "options", "actions")
+_KEYS = ("title", "driver", "options", "places", "actions")
 
 
 def read_robot(name: str, files: FileReader, location: SourceLocation, *, asked: bool = False) -> RobotProfile:
@@ -57,13 +59,30 @@ def _make(source: SourceFile, name: str, diagnostics: Diagnostics) -> RobotProfi
         return builtin_robot()
     table = TomlTable(file, (), file.values, diagnostics)
     table.report_unknown_keys(_KEYS)
+    places = read_places(table, {})
     return RobotProfile(
         name=name,
         title=table.read("title", str, name),
         driver=table.read("driver", str, "simulated"),
-        actions=apply_declarations(table, core_actions(), "profile"),
+        actions=name_places(apply_declarations(table, core_actions(), "profile"), places),
         options=table.read("options", dict, {}, form=": [options]"),
+        places=places,
     )
+
+
+def locate_in_profile(where: str, name: str, files: FileReader) -> SourceLocation:
+    """Where a key of a robot stands, `actions.Wave.carrier.goal`: in its profile, or in the scenario.toml that `files`
+    reads, which may change it. Of a key that is not there, where its nearest parent stands."""
+    best, location = -1, SourceLocation(name)
+    for path in (find_profile(name, files.folder, files.tree), files.folder / SCENARIO_FILE):
+        source = files.read(path, MAX_TOML_BYTES) if path is not None and files.tree.is_file(path) else None
+        file = toml_of(source, files) if source is not None else None
+        if file is None:
+            continue
+        found = file.find_path(where)
+        if len(found) > best or (found and len(found) == best):
+            best, location = len(found), file.key_location(*found)
+    return location
 
 
 def builtin_robot() -> RobotProfile:
@@ -80,7 +99,7 @@ def find_profile(
     `tree` is what is taken to lie in the folder; `packages` are the folders of installed packages, if they are known.
     """
     tree = tree or FileTree(folder)
-    if not name or "/" in name or "\\" in name or name.startswith("."):
+    if "/" in name or why_no_name(f"{name}.toml", (".toml",)):
         return None
     for directory in profile_folders(folder, packages):
         path = directory / f"{name}.toml"

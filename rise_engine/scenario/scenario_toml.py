@@ -48,6 +48,7 @@ TOP_KEYS = (
     "private",
     "on_failure",
     "actions",
+    "places",
     "check",
     "explore",
     *PROPERTY_TABLES,

@@ -51,6 +51,20 @@ class TomlFile:
         """Where the value of a key stands."""
         return self.source.location(self._offsets(path)[1])
 
+    def find_path(self, dotted: str) -> KeyPath:
+        """The path of a key that is written with dots, `actions.Wave.carrier.goal`, as far as it is there. (A part of
+        it may have dots itself, in quotation marks.)"""
+        path: KeyPath = ()
+        inside: Any = self.values
+        while dotted and isinstance(inside, dict | list):
+            keys = inside if isinstance(inside, dict) else map(str, range(len(inside)))
+            part = max((key for key in keys if dotted == key or dotted.startswith(f"{key}.")), key=len, default="")
+            if not part:
+                break
+            inside = inside[part] if isinstance(inside, dict) else inside[int(part)]
+            path, dotted = (*path, part), dotted[len(part) + 1 :]
+        return path
+
     def _offsets(self, path: KeyPath) -> tuple[int, int]:
         if self._offsets_by_path is None:
             self._offsets_by_path = _Locator(self.source.text).locate_all()

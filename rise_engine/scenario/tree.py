@@ -9,13 +9,14 @@ from collections.abc import Mapping
 from pathlib import Path
 
 from rise_engine.errors import RiseError
+from rise_engine.scenario.study_paths import why_not_read
 
 Held = Mapping[str, bytes | None]
 """Contents by the names of files relative to a scenario's folder, `acts/greet.xml`; None: the file is not there."""
 
 
 class UnreadableError(RiseError):
-    """A file that cannot be read; says why. `code` is the one of the finding: `unreadable` or `too-large`."""
+    """A file that cannot be read; says why. `code` is the one of the finding."""
 
     def __init__(self, message: str, code: str = "unreadable") -> None:
         super().__init__(message)
@@ -30,12 +31,14 @@ class FileTree:
     (b'<Dialogs/>', False)
     """
 
-    def __init__(self, folder: Path, held: Held | None = None) -> None:
+    def __init__(self, folder: Path, held: Held | None = None, *, closed: bool = False) -> None:
         """
         :param folder: the scenario's folder. It need not be on the disk when something is held in it.
         :param held: what is read instead of the disk.
+        :param closed: a study: what lies in its folder leads nowhere else, over no link.
         """
         self.folder = folder
+        self._closed = closed
         self._held = {os.path.normpath(folder / name): data for name, data in (held or {}).items()}
         self._held_folders: dict[str, dict[str, None]] = {}
         """What folders have because of what is held, and only because of that: names of files and folders."""
@@ -86,6 +89,9 @@ class FileTree:
                 raise UnreadableError(f"this file cannot be read: {os.strerror(errno.ENOENT)}")
             size = len(data)
         else:
+            is_of_study = self._closed and path.is_relative_to(self.folder)
+            if is_of_study and (problem := why_not_read(self.folder, path.relative_to(self.folder))):
+                raise UnreadableError(problem, "outside-study")
             data, size = _read_from_disk(path, most)
         if size > most:
             raise UnreadableError(f"this file is larger than {most // 1_000_000} MB", "too-large")

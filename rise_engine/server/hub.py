@@ -9,7 +9,6 @@ console; the `source` of what it submits is the person (`wizard:anna`), because 
 
 from __future__ import annotations
 
-import asyncio
 import logging
 import os
 from collections.abc import Callable
@@ -29,10 +28,7 @@ from rise_engine.server.client_names import find_lookalike, name_problem
 
 _LOG = logging.getLogger(__name__)
 
-END_SECONDS = 6.0
-"""Real seconds that the robot gets to confirm the last stop before the session ends without it."""
-
-ALLOWED_WITHOUT_CONTROL = frozenset({"stopAll", "markMistake"})
+ALLOWED_WITHOUT_CONTROL = frozenset({"stopAll", "cancelOpenGoals", "markMistake"})
 """What everybody who is attached may ask for: it starts nothing. So may notes be added."""
 
 
@@ -67,15 +63,14 @@ class SessionHub:
         :param engine: whose session it is.
         :param folder: the session's; empty when nothing is kept.
         :param view: the state of a session that goes on, before the first new record.
-        :param end: what ends the session, for the reason given, when a client asks for it; without it, the engine is
-            asked to, and after `END_SECONDS` does so without the robot.
+        :param end: what ends the session, for the reason given, when a client asks for it; without it, the engine does.
         """
         self.engine = engine
         self.folder = folder
         self.clients: dict[str, AttachedClient] = {}
         self._names_seen: dict[str, None] = {}
         """Of all who have attached so far."""
-        self._end_session = end or self._end_engine
+        self._end_session = end or engine.end
         self.take_over: Callable[[str, ReplyCallback], object] | None = None
         """Begins to take over changed files of the scenario, for this source; None: this session cannot."""
         self.view = SessionView() if view is None else view
@@ -251,7 +246,7 @@ class SessionHub:
         if self.ending:
             return "the session is ending"
         if client.role == "node":
-            return self._why_not_release(client) if message.function == "releaseStop" else ""
+            return self._why_not_release(client) if message.function in ("releaseStop", "releaseOpenGoals") else ""
         if client is self._holder:
             return ""
         if client.role == "observer":
@@ -267,13 +262,14 @@ class SessionHub:
         return ""
 
     def _why_not_release(self, client: AttachedClient) -> str:
-        """A stop is not undone by whatever program happens to run: by a person, or by one that the study names."""
+        """A stop, or a part that is held, is not released by whatever program happens to run: by a person, or by one
+        that the study names."""
         named = self.engine.scenario.may_release
         program = client.source.partition(":")[2]
         if program in named:
             return ""
         others = f"or {', '.join(named)}" if named else "or a program that scenario.toml names: [control] may_release"
-        return f"{program} may not release a stop: only who holds control may, {others}"
+        return f"{program} may not release what is stopped: only who holds control may, {others}"
 
     def _holder_sentence(self) -> str:
         holder = self._holder
@@ -348,10 +344,6 @@ class SessionHub:
                 listener(update)
             except Exception:  # or the engine would drop the whole hub
                 _LOG.exception("a listener failed")
-
-    def _end_engine(self, reason: str) -> None:
-        self.engine.end(reason)
-        asyncio.get_running_loop().call_later(END_SECONDS, self.engine.end_now, reason)
 
 
 def _can_change(task: TaskView) -> bool:

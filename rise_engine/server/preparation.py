@@ -263,6 +263,12 @@ class SessionPreparation:
         self.seed, self.speed, self.faults = info.seed, info.speed, info.faults
         self.ros = RosConnection(info.ros, info.ros_args)
 
+    @property
+    def session_id(self) -> str:
+        """Tells the session from all others; the same when it is recovered."""
+        info = read_info(self.folder)
+        return f"{self.folder.name} {info.started} {info.seed}"
+
     def decide_recording(self) -> RecordingDecision:
         """What records the session, once its journal is open; nothing does in one that is of no study."""
         if self.study is None:

@@ -17,17 +17,17 @@ from functools import partial
 from rise_engine import exit_status
 from rise_engine.engine.clock import RealClock
 from rise_engine.engine.drivers import simulated_robot_warning
-from rise_engine.engine.engine import Engine, versions
+from rise_engine.engine.engine import END_SECONDS, Engine, versions
 from rise_engine.json_codec import encode
 from rise_engine.kernel.inputs import Note, Submit
-from rise_engine.kernel.records import RecordingStatus
+from rise_engine.kernel.records import RecordingStatus, describe_open_goals
 from rise_engine.ports.bridge import Bridge
 from rise_engine.ports.robot import Robot
 from rise_engine.protocol.session_options import SessionOptions
 from rise_engine.protocol.session_start import start_remarks
 from rise_engine.server.companions import Companions
 from rise_engine.server.find_marks import find_marks_later
-from rise_engine.server.hub import END_SECONDS, SessionHub
+from rise_engine.server.hub import SessionHub
 from rise_engine.server.preparation import ServeRefused, SessionPreparation
 from rise_engine.server.server import SessionServer
 from rise_engine.server.spawn import EngineStarted, ReportStartup, StartOutcome, StartupProgress
@@ -37,6 +37,8 @@ from rise_engine.session.journal_format import encode_header
 
 RECORD_SECONDS = 5.0
 """Real seconds that the disk gets to take the last records."""
+LEFTOVER_SECONDS = 5.0
+"""Seconds after a recovery in which a wizard can take control and decide about what the robot is still doing."""
 POLL_SECONDS = 0.5
 """Between two looks at the journal, so that a lag shows."""
 
@@ -123,7 +125,12 @@ class _SessionProcess:
                 await asyncio.to_thread(find_marks_later, prepared.folder, hub.view)
         if engine.failure is not None:
             return exit_status.FAILED
-        return exit_status.OK if recorded and not self.unrecorded else exit_status.NOT_WRITTEN
+        if not recorded or self.unrecorded:
+            return exit_status.NOT_WRITTEN
+        if engine.open_goals:
+            logging.getLogger(__name__).error("the session has ended; %s", describe_open_goals(engine.open_goals))
+            return exit_status.STILL_RUNNING
+        return exit_status.OK
 
     def _flush_soon(self) -> None:
         """On the journal's thread: it has got on."""
@@ -144,6 +151,7 @@ class _SessionProcess:
             started=prepared.started,
             journal=journal,
             recovered=recovered,
+            session_id=prepared.session_id,
         )
 
     def _handle_signals(self) -> None:
@@ -166,6 +174,8 @@ class _SessionProcess:
                     engine.post(report)
             for sentence in recovered.report:
                 engine.post(Note(text=sentence))
+            if engine.scenario.robot.options.get("leftovers") != "keep":
+                self.loop.call_later(LEFTOVER_SECONDS, self._cancel_leftovers)
             return
         engine.start()
         for report in self.prepared.options.checks:
@@ -176,6 +186,11 @@ class _SessionProcess:
         for submit in self.prepared.options.first_tasks:
             engine.post(submit)
         self._schedule(engine)
+
+    def _cancel_leftovers(self) -> None:
+        """Nobody has taken control of a recovered session: what the engine before it left running is stopped."""
+        if self.hub.view.control is None and self.engine.holding_goals:
+            self.engine.post(Submit(function="cancelOpenGoals", source="engine"))
 
     def _schedule(self, engine: Engine) -> None:
         """What a rehearsal does by itself later. Those of one moment share a timer: a loop keeps no order of timers."""
@@ -219,7 +234,6 @@ class _SessionProcess:
 
     def _end_engine(self, reason: str) -> None:
         self.engine.end(reason)
-        self.loop.call_later(END_SECONDS, self.engine.end_now, reason)
         self.loop.call_later(END_SECONDS + RECORD_SECONDS, self._abandon)
 
     def _abandon(self) -> None:

@@ -23,10 +23,11 @@ from rise_engine.json_codec import encode
 from rise_engine.kernel.inputs import AnyInput
 from rise_engine.kernel.records import AnyRecord
 
-FORMAT = 4
+FORMAT = 5
 """Goes up when older programs could not read what is written. 2: sessions of studies, with what is reported about them
 (`check`, `outcome`, `recording`, `sync`); as early as 1 there were kinds that its first programs do not know. 3: when a
-mark began. 4: the language of the session."""
+mark began. 4: the language of the session. 5: what the robot may still be doing, what takes no stop, who holds it, and
+the pause before a failed act is repeated."""
 _NEW_FIELDS: dict[int, dict[str, frozenset[str]]] = {
     2: {
         "session": frozenset({"study", "study_hash", "slot", "run", "attempt", "purpose", "factors", "downtime"}),
@@ -34,6 +35,12 @@ _NEW_FIELDS: dict[int, dict[str, frozenset[str]]] = {
     },
     3: {"sync": frozenset({"at", "within"})},
     4: {"session": frozenset({"language"})},
+    5: {
+        "session": frozenset({"open"}),
+        "robot": frozenset({"open"}),
+        "stop": frozenset({"unstoppable", "held_by"}),
+        "failure": frozenset({"seconds"}),
+    },
 }
 """What a format has added to kinds of records that were there before, by format and kind."""
 

@@ -26,7 +26,10 @@ SHADOW_FORMAT = 1
 _MOST = 10_000
 _TYPED = frozenset({"say", "assignValue", "markCue"})
 """Tasks whose behaviour somebody may have typed."""
-NO_ANSWERS = frozenset({"nextFiller", "markCue", "undoCue", "markMistake", "moveTask", "releaseStop"})
+NO_ANSWERS = frozenset(
+    {"nextFiller", "markCue", "undoCue", "markMistake", "moveTask"}
+    | {"releaseStop", "cancelOpenGoals", "releaseOpenGoals"}
+)
 """Tasks of a wizard that do not answer a cue: they bridge it, mark it, or see to what is there already."""
 
 

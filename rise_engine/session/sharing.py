@@ -51,7 +51,10 @@ from rise_engine.session.stand_ins import StandIns
 
 _OWN_SENTENCES = frozenset({"reason", "error"})
 """Fields of records in which the program says something about what happened, and quotes what was asked for."""
-_BY_NUMBER = frozenset({"cancelTask", "moveTask", "markMistake", "goOn", "repeatAct", "stopRuleOfAct", "releaseStop"})
+_BY_NUMBER = frozenset(
+    {"cancelTask", "moveTask", "markMistake", "goOn", "repeatAct", "stopRuleOfAct", "releaseStop"}
+    | {"cancelOpenGoals", "releaseOpenGoals"}
+)
 """Functions whose behaviour names a task, or rules by their names."""
 _BY_NAME = frozenset(
     {
@@ -180,7 +183,7 @@ class _Sharing:
             return {**body, "behavior": self._stand_ins.replace(body["behavior"])}
         if isinstance(input, Note) and input.source == ENGINE:  # it may quote what was typed before it became a value
             return {**body, "text": self._private.hide_fields({"kind": "note", **body})["text"]}
-        fields = ("text", "reason", "detail", "value", "confirmed", "unconfirmed")
+        fields = ("text", "reason", "detail", "value", "confirmed", "unconfirmed", "unstoppable")
         return {
             name: self._stand_ins.replace(each) if name in fields and isinstance(each, str | list) else each
             for name, each in body.items()

@@ -40,20 +40,42 @@ def unfinished(path: Path) -> Iterator[Path]:
     """
     if os.path.lexists(path):
         raise FileExistsError(errno.EEXIST, os.strerror(errno.EEXIST), str(path))
-    erase_unfinished(path)
-    work = Path(tempfile.mkdtemp(prefix=_prefix(path), dir=path.parent))
-    lock = os.open(work, os.O_RDONLY | os.O_CLOEXEC)
-    try:
-        with suppress(OSError):  # where nothing can be locked, nothing is cleared up after a kill, either
-            fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    with private_folder(path) as work:
         here = work / path.name
         yield here
         _secure(here)
         _put(here, path)
         _sync(path.parent)
+
+
+@contextmanager
+def private_folder(path: Path) -> Iterator[Path]:
+    """A folder for its owner alone beside `path`, within a `with` statement; it goes with all that is in it.
+
+    What killed programs have left of such a folder for this path goes first. Raises OSError.
+    """
+    erase_unfinished(path)
+    work, lock = _locked_folder(path)
+    try:
+        yield work
     finally:
-        os.close(lock)
         shutil.rmtree(work, ignore_errors=True)
+        os.close(lock)
+
+
+def _locked_folder(path: Path) -> tuple[Path, int]:
+    """A new folder, and the descriptor that has it locked. One that somebody took for a leftover is made again."""
+    while True:
+        work = Path(tempfile.mkdtemp(prefix=_prefix(path), dir=path.parent))
+        try:
+            lock = os.open(work, os.O_RDONLY | os.O_CLOEXEC)
+        except FileNotFoundError:
+            continue
+        with suppress(OSError):  # where nothing can be locked, nothing is cleared up after a kill, either
+            fcntl.flock(lock, fcntl.LOCK_EX)
+        if work.exists():
+            return work, lock
+        os.close(lock)
 
 
 def erase_unfinished(path: Path, erase: Callable[[Path], object] | None = None) -> list[Path]:

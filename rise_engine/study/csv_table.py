@@ -12,6 +12,7 @@ from rise_engine.scenario.csv_reader import CsvReader, TableRecord
 from rise_engine.scenario.diagnostics import Diagnostics
 from rise_engine.scenario.model import SourceLocation
 from rise_engine.scenario.source_files import FileReader
+from rise_engine.scenario.tree import FileTree
 
 MAX_BYTES, MAX_ROWS = 20_000_000, 200_000
 _ENCODING_REMEDY = "in Excel or LibreOffice, save it as `CSV UTF-8`"
@@ -74,7 +75,8 @@ def read_csv(folder: Path, name: str, diagnostics: Diagnostics) -> CsvTable | No
 
     Comma, semicolon or tab between the values, with or without byte order mark, with the line ends of Windows or Unix.
     """
-    source = FileReader(folder, diagnostics).read(folder / name, MAX_BYTES, remedy=_ENCODING_REMEDY)
+    tree = FileTree(folder, closed=True)
+    source = FileReader(folder, diagnostics, tree).read(folder / name, MAX_BYTES, remedy=_ENCODING_REMEDY)
     if source is None:
         return None
     reader = CsvReader(source, diagnostics)

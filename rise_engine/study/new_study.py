@@ -13,6 +13,7 @@ from msgspec import Struct
 from rise_engine.errors import RiseError
 from rise_engine.scenario.diagnostics import Diagnostic
 from rise_engine.scenario.model import Json
+from rise_engine.scenario.study_paths import why_no_name, why_not_read
 from rise_engine.scenario.toml_tables import quote_toml_key
 from rise_engine.session.disk import error_message
 from rise_engine.study.model import Level, Study, StudyCheck
@@ -80,21 +81,24 @@ def folder_problem(folder: Path) -> str:
 
 def _fill(folder: Path, new: NewStudy) -> None:
     for name, source in new.sources.items():
-        _copy_scenario(source, folder / name)
+        if problem := why_no_name(name, None):
+            raise NewStudyError(problem)
+        _copy_scenario(source, folder / name, source)
     (folder / STUDY_FILE).write_text(study_toml_text(new), encoding="utf-8")
     (folder / PARTICIPANTS_FILE).write_text(f"{header_line(new.study)}\n", encoding="utf-8")
     for name in (STUDY_FILE, PARTICIPANTS_FILE):
         (folder / name).chmod(0o600)
 
 
-def _copy_scenario(source: Path, to: Path) -> None:
-    """Every file but hidden ones; not their permissions, because the copy is to be changed."""
+def _copy_scenario(source: Path, to: Path, scenario: Path) -> None:
+    """Every file but hidden ones, and none from outside the scenario over a link; not their permissions, because the
+    copy is to be changed."""
     to.mkdir()
     for path in sorted(source.iterdir()):
-        if path.name.startswith("."):
+        if path.name.startswith(".") or why_not_read(scenario, path.relative_to(scenario)):
             continue
-        if path.is_dir():
-            _copy_scenario(path, to / path.name)
+        if path.is_dir() and not path.is_symlink():
+            _copy_scenario(path, to / path.name, scenario)
         elif path.is_file():
             shutil.copyfile(path, to / path.name)
 

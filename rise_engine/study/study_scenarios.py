@@ -12,6 +12,7 @@ from rise_engine.scenario import load
 from rise_engine.scenario.diagnostics import Diagnostic
 from rise_engine.scenario.file_names import SCENARIO_FILE
 from rise_engine.scenario.model import Scenario
+from rise_engine.scenario.study_paths import why_not_read
 from rise_engine.scenario.toml_tables import TomlTable
 from rise_engine.study.model import Study
 
@@ -40,6 +41,9 @@ def load_scenarios(study: Study, table: TomlTable) -> tuple[dict[str, Scenario],
     findings: list[Diagnostic] = []
     for name, keys in named.items():
         folder = Path(scenario_folder(study, name))
+        if problem := why_not_read(Path(study.folder), name):
+            table.diagnostics.error("outside-study", table.value_location(*keys), problem)
+            continue
         if not folder.is_dir():
             message = f"there is no folder `{name}` in the study{did_you_mean(name, _folders(study))}"
             table.diagnostics.error("no-scenario", table.value_location(*keys), message)

@@ -11,10 +11,12 @@ from msgspec import Struct
 
 from rise_engine.nearest_name import did_you_mean, in_backquotes, limited_comparisons, nearest_name
 from rise_engine.scenario.diagnostics import Diagnostic, Diagnostics
+from rise_engine.scenario.file_names import STUDY_FILE as STUDY_FILE
 from rise_engine.scenario.model import Mode, Scenario, SourceLocation
 from rise_engine.scenario.source_files import MAX_TOML_BYTES, FileReader
 from rise_engine.scenario.toml_locations import TomlFile, read_toml
 from rise_engine.scenario.toml_tables import TomlTable, is_integer
+from rise_engine.scenario.tree import FileTree
 from rise_engine.study.check_tables import read_checks
 from rise_engine.study.design import PLAN_COLUMNS, cells, runs, with_hashes
 from rise_engine.study.factor_tables import read_factors
@@ -27,7 +29,6 @@ from rise_engine.study.recording_table import read_recording
 from rise_engine.study.report_table import read_report
 from rise_engine.study.study_scenarios import load_scenarios
 
-STUDY_FILE = "study.toml"
 TOP_KEYS = (
     "title",
     "id",
@@ -107,7 +108,8 @@ def _load(folder: Path, *, check_scenarios: bool) -> StudyLoad:
         message += "; `rise-engine study new` makes a study"
         diagnostics.error("unreadable", SourceLocation(str(folder)), message)
         return StudyLoad(None, diagnostics.sorted())
-    source = FileReader(folder, diagnostics).read(folder / STUDY_FILE, MAX_TOML_BYTES)
+    tree = FileTree(folder, closed=True)
+    source = FileReader(folder, diagnostics, tree).read(folder / STUDY_FILE, MAX_TOML_BYTES)
     file = read_toml(source, diagnostics) if source is not None else None
     if source is None or file is None:
         return StudyLoad(None, diagnostics.sorted())

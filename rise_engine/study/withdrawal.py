@@ -61,7 +61,7 @@ class WithdrawalPlan(Struct):
     recordings: list[str] = field(default_factory=list)
     """Files, and folders of bags, that their sessions have registered; absolute."""
     exports: dict[str, list[str]] = field(default_factory=dict)
-    """Absolute paths of what was exported of their sessions, and who else is in each."""
+    """What was exported of their sessions into the study's folder, from there on, and who else is in each."""
     unreachable: list[str] = field(default_factory=list)
     """What their sessions have registered and cannot be erased, in sentences."""
     export_folders: list[str] = field(default_factory=list)
@@ -264,9 +264,12 @@ def _make_plan(study: Path, participant: str, log: Sequence[LogEntry]) -> Withdr
     for entry in log:
         names = entry.get("participants") or []
         if entry.kind == "exported" and participant in names and isinstance(path := entry.get("path"), str):
-            plan.exports[str(study / path)] = [each for each in names if each != participant]
+            if sentence := _why_elsewhere(study, path):
+                plan.unreachable.append(sentence)
+                continue
+            plan.exports[path] = [each for each in names if each != participant]
             if entry.get("folder") is True:
-                plan.export_folders.append(str(study / path))
+                plan.export_folders.append(path)
     return plan
 
 
@@ -282,6 +285,15 @@ def _why_not_erasable(path: Path) -> str:
     if path.is_dir() and not (path / "metadata.yaml").is_file():
         return f"{path} is a folder, and no bag: erase what is theirs in it"
     return ""
+
+
+def _why_elsewhere(study: Path, export: str) -> str:
+    """Why an export is left to people, or empty: the study may be a copy, and what lies elsewhere somebody else's."""
+    path = study / export
+    real = Path(os.path.normpath(Path(os.path.realpath(path.parent), path.name)))  # of a link, the link
+    if Path(os.path.realpath(study)) in real.parents:
+        return ""
+    return f"{path} was exported of them, and lies outside of the study's folder: erase it yourself"
 
 
 # --- the list of what is to go --------------------------------------------------------------------------------------
@@ -366,7 +378,10 @@ def _erase(study: Path, work: Path, participant: str, disk: Disk) -> WithdrawalR
                 erase_file(each, disk)
         report.erased.append(str(path))
     for text, others in plan.exports.items():
-        path = Path(text)
+        path = study / text
+        if sentence := _why_elsewhere(study, text):  # listed by an earlier run, perhaps in what this is a copy of
+            report.beyond += [sentence] if sentence not in report.beyond else []
+            continue
         for work in erase_unfinished(path, lambda folder: erase_folder(folder, disk)):
             report.beyond.append(f"{work} is being written just now: erase what becomes of it ({path})")
         if text in plan.export_folders:

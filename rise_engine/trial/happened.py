@@ -133,6 +133,9 @@ def _line(record: AnyRecord) -> HappenedLine | None:
             return HappenedLine(record.t, "note", f"the participant's cue is {record.status}")
         case FailureRecord(status="asked"):
             return HappenedLine(record.t, "problem", f"{record.act} failed: somebody would be asked ({record.reason})")
+        case FailureRecord(status="waiting"):
+            when = "when the robot is back" if record.seconds is None else f"in {record.seconds:g} s"
+            return HappenedLine(record.t, "problem", f"{record.act} failed: it is repeated {when} ({record.reason})")
         case FailureRecord():
             return HappenedLine(record.t, "note", f"the failed {record.act}: {record.status}")
         case StopRecord():

@@ -15,6 +15,7 @@ from rise_engine.json_codec import json_equal
 from rise_engine.scenario.file_names import DEFAULT_PATHS
 from rise_engine.scenario.model import Scenario
 from rise_engine.scenario.shipped_studies import shipped_name
+from rise_engine.scenario.study_paths import why_not_written
 from rise_tui.rendering.text import format_value
 
 
@@ -31,7 +32,10 @@ def memory_file_path(scenario: Scenario) -> Path:
         raise MemoryNotWritable(
             f"this study comes with the program and stays as it is; copy it: rise-engine new DIR --from {name}"
         )
-    path = folder / (scenario.paths.get("memory") or DEFAULT_PATHS["memory"])
+    name = scenario.paths.get("memory") or DEFAULT_PATHS["memory"]
+    path = folder / name
+    if problem := why_not_written(folder, name):
+        raise MemoryNotWritable(problem)
     if path.exists() and not path.is_file():
         raise MemoryNotWritable(f"{path} is not a file")
     real = Path(os.path.realpath(path))
@@ -56,7 +60,8 @@ def describe_changes(before: Mapping[str, Any], now: Mapping[str, Any]) -> list[
 def save_memory(path: Path, before: Mapping[str, Any], now: Mapping[str, Any]) -> None:
     """Write what has changed from `before` to `now` into the file, and leave the rest of it as it is.
 
-    As a whole or not at all. A link stays a link: the file that it leads to is written. Raises MemoryNotWritable.
+    As a whole or not at all. A link stays a link: the file beside it that it leads to is written. Raises
+    MemoryNotWritable.
     """
     try:
         there = {path.name: path.read_bytes()} if path.exists() else {}

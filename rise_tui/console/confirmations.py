@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
+from rise_engine.kernel.records import stopper_words
 from rise_engine.protocol.client import ControlVerb
 from rise_engine.scenario.model import rule_start_behavior
 from rise_tui.actions import BY_ID
@@ -30,15 +31,20 @@ class Confirmations:
         self._control_shown: tuple[str | None, str | None] = (None, None)
         """Who had control and who asked for it when the question about it was opened."""
 
-    def ask_to_release_stop(self) -> None:
-        """Whether the stop is to be released."""
+    def ask_to_release(self) -> None:
+        """Whether the stop is to be released; or, when nothing is stopped, the parts that are held."""
         console = self._console
         stop = console.store.view.stop
-        lines = [f"Stopped by {stop.source or 'the console'}."]
+        if not stop.latched and console.store.open_goals:
+            self._ask_to_release_parts()
+            return
+        lines = [f"Stopped by {stopper_words(stop.source) or 'the console'}."]
         lines.append(f"Confirmed: {', '.join(stop.confirmed) or 'nobody'}.")
         if stop.unconfirmed:
             lines.append(f"NOT confirmed: {', '.join(stop.unconfirmed)}. Look at the robot first.")
-        elif stop.status == "requested":
+        if stop.unstoppable:
+            lines.append(f"Cannot be stopped: {', '.join(stop.unstoppable)}. Look at the robot first.")
+        if stop.status == "requested":
             lines.append("The robot has not answered yet. Look at it first.")
         lines.append("After this, keys start acts and rules again.")
         keys = keys_of(BY_ID["release"])
@@ -49,6 +55,14 @@ class Confirmations:
         dialog = Dialog("Release the stop?", lines, DialogChoice("r", "Release"), no="Stay stopped", repeat_keys=keys)
         dialog.add_class("-release")
         console.app.push_screen(dialog, lambda yes: console.send("releaseStop") if yes else None)
+
+    def _ask_to_release_parts(self) -> None:
+        console = self._console
+        lines = [f"{goal.part} may still be doing {goal.type}: {goal.reason}." for goal in console.store.open_goals]
+        lines.append("Look at the robot first. After this, it gets new actions, also beside what still runs.")
+        dialog = Dialog("Release the part?", lines, DialogChoice("r", "Release"), no="Keep it held")
+        dialog.add_class("-release")
+        console.app.push_screen(dialog, lambda yes: console.send("releaseOpenGoals") if yes else None)
 
     def _ask_about_rules(self, lines: list[str], rules: list[InterruptedRule], keys: Sequence[str]) -> None:
         """The same question, and what becomes of the rules that the stop has ended."""

@@ -93,6 +93,8 @@ class RefreshScheduler:
         bars.speech_input.draw()
         if store.cut_since is not None or bars.alarm_bar.counts:
             bars.alarm_bar.draw()
+        if store.view.repeats:
+            bars.failure_bar.draw()
         self.repaint_panes("memory")
         if self._notice is not None and monotonic() - self._notice_at > NOTICE_SECONDS:
             self.clear_notice()

@@ -296,7 +296,8 @@ class ConsoleScreen(Screen[None]):
             "edit-study": lambda: self.app.run_worker(
                 open_editor(self.app, self.store.scenario.folder, self.show_notice, runs=not self.store.gone_reason)
             ),
-            "release": self.confirmations.ask_to_release_stop,
+            "release": self.confirmations.ask_to_release,
+            "cancel-open": lambda: self.send("cancelOpenGoals"),
             "control": self.confirmations.ask_about_control,
             "pause": lambda: self._run_beside(self.session.toggle_pause()),
             "note": lambda: self.bars.open_note(self._kept_note),

@@ -48,7 +48,12 @@ def current_alarms(store: Store, key_name: KeyNames) -> list[Alarm]:
         return [_gone_alarm(store, key_name)]
     if store.cut_since is not None and (store.stop_unsent or monotonic() - store.cut_since >= CUT_SECONDS):
         return [_cut_alarm(store, store.cut_since)]
-    return [*_stop_alarms(store, key_name), *_recording_alarms(store, key_name), *_robot_alarms(store, key_name)]
+    return [
+        *_stop_alarms(store, key_name),
+        *_recording_alarms(store, key_name),
+        *_robot_alarms(store, key_name),
+        *_open_goal_alarms(store, key_name),
+    ]
 
 
 def _gone_alarm(store: Store, key_name: KeyNames) -> Alarm:
@@ -100,14 +105,21 @@ def _stop_alarms(store: Store, key_name: KeyNames) -> Iterator[Alarm]:
             (("   if the robot goes on, use its own switch", "plain"),),
         )
     else:
+        head = "nothing starts until it is released"
         release: StyledLine = ((f"   {key_name('release')} release", "key"),) if store.has_control else ()
+        if stop.held_by:
+            head, release = f"{', '.join(map(short_name, stop.held_by))} is still pressed", ()
         missing: StyledLine = (("   everything asked has confirmed", "plain"),)
         if stop.unconfirmed:
             what = f"   look at the robot; {key_name('stop')} asks again"
             missing = (("   NOT CONFIRMED  ", "fault"), (group_parts(stop.unconfirmed), "strong"), (what, "plain"))
+        unstoppable: StyledLine = ()
+        if stop.unstoppable:
+            unstoppable = (("   CANNOT BE STOPPED  ", "fault"), (group_parts(stop.unstoppable), "strong"))
         yield Alarm(
-            ((" ■ STOPPED ", "alarm"), ("  nothing starts until it is released", "strong"), *release),
+            ((" ■ STOPPED ", "alarm"), (f"  {head}", "strong"), *release),
             (
+                *unstoppable,
                 *_confirmed_line(group_parts(stop.confirmed) or "nobody"),
                 (f"   by {short_name(stop.source)}", "muted"),
             ),
@@ -148,6 +160,29 @@ def _robot_alarms(store: Store, key_name: KeyNames) -> Iterator[Alarm]:
     )
 
 
+def _open_goal_alarms(store: Store, key_name: KeyNames) -> Iterator[Alarm]:
+    """What the robot may still be doing; while it is stopped, the alarm of the stop says so."""
+    open = store.open_goals
+    if not open or store.view.stop.latched:
+        return
+    first, *others = open
+    more = f", and {len(others)} more" if others else ""
+    keys: StyledLine = (
+        (f"   {key_name('cancel-open')}", "key"),
+        (" asks it to stop", "plain"),
+        (f"   {key_name('release')}", "key"),
+        (" releases the part", "plain"),
+    )
+    yield Alarm(
+        (
+            (" ✗ STILL RUNNING? ", "alarm"),
+            (f"  {first.part} may still be doing {first.type}{more}", "strong"),
+        ),
+        ((f"   {first.reason}", "wait"), ("; the part gets nothing else; look at the robot", "plain")),
+        keys if not store.attach_reply.replay else (),
+    )
+
+
 def _speech_ended_at(store: Store, at: float) -> bool:
     """Whether free speech ended at that moment."""
     latest = next(reversed(store.view.tasks.values()), None)
@@ -155,9 +190,9 @@ def _speech_ended_at(store: Store, at: float) -> bool:
 
 
 def degraded_text(store: Store) -> str:
-    """What is wrong with a robot that still works, or empty."""
+    """What is wrong with a robot that still works, or empty. What it may still be doing has an alarm of its own."""
     robot = store.view.robot
-    if robot is None or robot.status != "degraded":
+    if robot is None or robot.status != "degraded" or store.open_goals:
         return ""
     return f"◐ robot degraded since {format_clock(robot.t)}: {robot.detail or 'it says no more'}"
 

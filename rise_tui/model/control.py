@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 from msgspec import Struct
 
-from rise_engine.kernel.records import ControlRecord
+from rise_engine.kernel.records import ControlRecord, stopper_words
 from rise_engine.protocol.client import ControlVerb
 from rise_tui.model.blocked import KeyNames
 from rise_tui.model.notice import Notice
@@ -32,7 +32,7 @@ class ControlLost(Struct, frozen=True):
 
 def short_name(name: str | None) -> str:
     """`anna` for `wizard:anna`; a program keeps its whole name."""
-    return clean((name or "nobody").removeprefix("wizard:").removeprefix("observer:"))
+    return clean(stopper_words(name or "nobody").removeprefix("wizard:").removeprefix("observer:"))
 
 
 def control_notice(

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
+from math import ceil
 from typing import Any, NamedTuple
 
 from rise_engine.drawing.act_levels import actions_in_order
@@ -113,7 +114,7 @@ def failure_lines(store: Store, width: int, most: int, key_name: KeyNames) -> li
     others = f"  {len(failed) - 1} more " if len(failed) > 1 else " "
     head: StyledLine = ((" ✗ ACT FAILED ", "alarm"), (f"  {act_label(task.function, task.behavior)}", "strong"))
     if is_question(store, task):
-        head = (*head, ("  the study waits for your answer", "wait"))
+        head = (*head, (f"  {_wait_text(store, task)}", "wait"))
     shown: list[StyledLine] = [align_at_both_ends(head, ((others, "fault"),), width)]
     reasons = wrap(task.reason or "the robot gave no reason", max(20, width - 4))
     if len(reasons) > REASON_LINES:
@@ -124,6 +125,16 @@ def failure_lines(store: Store, width: int, most: int, key_name: KeyNames) -> li
     if len(texts) > room:
         texts = [*texts[: room - 1], _mark_cut(texts[room - 1], width)]
     return [*shown, *texts, _keys_line(store, task, width, key_name)]
+
+
+def _wait_text(store: Store, task: TaskView) -> str:
+    """What a question waits for, besides an answer."""
+    if task.id not in store.view.repeats:
+        return "the study waits for your answer"
+    at = store.view.repeats[task.id]
+    if at is None:
+        return "repeated when the robot is back"
+    return f"repeated in {max(0, ceil(at - store.now()))} s" if not store.attach_reply.replay else "repeated"
 
 
 def _mark_cut(line: StyledLine, width: int) -> StyledLine:

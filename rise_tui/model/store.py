@@ -27,6 +27,7 @@ from rise_engine.kernel.records import (
     KeptRecord,
     MemoryRecord,
     MistakeRecord,
+    OpenGoal,
     OutcomeRecord,
     RecordingRecord,
     RobotRecord,
@@ -232,6 +233,12 @@ class Store:
     def key_state(self) -> InputMode | Literal["STOPPED"]:
         """Whether keys start anything. A stop comes before what the wizard has chosen."""
         return "STOPPED" if self.view.stop.latched or self.stopping else self.input_mode
+
+    @property
+    def open_goals(self) -> tuple[OpenGoal, ...]:
+        """What the robot may still be doing of actions that have ended; each holds its part."""
+        robot = self.view.robot
+        return tuple(goal for goal in robot.open if goal.holds) if robot is not None else ()
 
     @property
     def own_name(self) -> str:

@@ -14,7 +14,9 @@ from rise_engine.kernel.records import (
     RecordingRecord,
     RobotRecord,
     RuleRecord,
+    StopRecord,
     TaskRecord,
+    stopper_words,
 )
 from rise_engine.scenario.model import normal_topic
 from rise_tui.model import control
@@ -34,6 +36,8 @@ FUNCTION_LABELS = {
     "moveTask": "move",
     "stopAll": "STOP ALL",
     "releaseStop": "release",
+    "cancelOpenGoals": "cancel again",
+    "releaseOpenGoals": "release part",
     "say": "say",
     "markCue": "cue",
     "undoCue": "undo cue",
@@ -96,6 +100,8 @@ def record_notice(record: AnyRecord) -> Notice | None:
             return Notice(f"{normal_topic(record.topic)} is not kept any more")
         case RuleRecord(status="faulted"):
             return Notice(f"rule {record.name} was stopped by a fault: {record.reason}", "fault")
+        case StopRecord(status="let-go"):
+            return Notice(f"{stopper_words(record.source)} is not pressed any more; everything stays stopped", "wait")
         case NoteRecord(source="engine"):
             return Notice(record.text, "wait")
         case NoteRecord():

@@ -145,6 +145,44 @@ def test_vanish_and_return() -> None:
     assert bench.run()[-1][1:] == ("1/c", "succeeded")
 
 
+@pytest.mark.parametrize(
+    ("fault", "told"),
+    [
+        ("slow-accept:2", [(2.02, "accepted"), (4.0, "succeeded")]),
+        ("slow-reject:2", [(2.02, "failed")]),
+        ("lost-accept", [(2.0, "succeeded")]),
+        ("late-begin:2", [(0.02, "accepted"), (4.0, "succeeded")]),
+        ("refuse-cancel", [(0.02, "accepted"), (2.0, "succeeded")]),
+        ("ignore-cancel", [(0.02, "accepted"), (2.0, "succeeded")]),
+        ("slow-cancel:2", [(0.02, "accepted"), (3.05, "canceled")]),
+        ("die-on-goal:5", [(0.02, "lost"), (5.02, "connected")]),
+        ("die-on-cancel:5", [(0.02, "accepted"), (1.02, "lost"), (6.02, "connected")]),
+    ],
+)
+def test_what_else_goes_wrong(fault: str, told: list[tuple[float, str]]) -> None:
+    bench = Bench(f"Speech={fault}")
+    bench.start("1/a")
+    if "cancel" in fault:
+        bench.run(1)
+        bench.clock.call_at(1.0, lambda: bench.robot.cancel("1/a"))
+    assert [(t, status) for t, _, status in bench.run()[1:]] == told
+
+
+def test_a_robot_that_is_inactive_takes_nothing() -> None:
+    bench = Bench("inactive@1-2")
+    bench.run(1.5)
+    bench.start("1/a")
+    bench.run(2.5)
+    bench.start("1/b")
+    assert [line[1:] for line in bench.run()[1:]] == [
+        ("robot", "degraded"),
+        ("1/a", "failed"),
+        ("robot", "connected"),
+        ("1/b", "accepted"),
+        ("1/b", "succeeded"),
+    ]
+
+
 def test_a_fault_for_every_action() -> None:
     bench = Bench("*=slow:2")
     bench.start("1/a", "Animation")
@@ -171,10 +209,13 @@ def test_parsed() -> None:
         ("Speech=slow:0", "factor above 0"),
         ("Speech=slow:many", "factor above 0"),
         ("Speech=fail:2", "only `slow`"),
+        ("Speech=slow-accept", "seconds, as in slow-accept:2"),
+        ("Speech=die-on-goal:soon", "seconds, as in die-on-goal:5"),
         ("Speech=fail@0", "1 for the first"),
         ("Speech=fail@x", "1 for the first"),
         ("Wait=fail", "in the engine"),
         ("vanish", "vanish@12.5"),
+        ("inactive", "inactive@12.5-20"),
         ("vanish@soon", "vanish@12.5"),
         ("vanish@20-10", "come back after"),
     ],

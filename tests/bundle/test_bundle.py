@@ -4,13 +4,16 @@ from __future__ import annotations
 
 import csv
 import json
+import shutil
 import zipfile
 from pathlib import Path
+from types import SimpleNamespace
 
 import click
 import pytest
 from click.testing import CliRunner
 
+from rise_engine.bundle import archive
 from rise_engine.bundle.archive import opened_bundle
 from rise_engine.bundle.errors import BundleError
 from rise_engine.bundle.making import BundleOptions, BundleReport, make_bundle
@@ -181,10 +184,13 @@ def test_a_bundle_can_be_looked_at_as_the_study_could(study: Path, bundle: Path)
 
 def test_a_withdrawal_erases_the_bundle(tmp_path: Path) -> None:
     study = make_study(tmp_path / "study")
-    bundle_of(study, tmp_path / "bundle", folders=sessions_of(study)[1:4])
+    for out in (study / "bundle", tmp_path / "elsewhere"):
+        bundle_of(study, out, folders=sessions_of(study)[1:4])
     report = withdraw(study, "P01")
-    assert not (tmp_path / "bundle").exists()
-    assert report.make_again == [f"{tmp_path / 'bundle'} (with P02)"]
+    assert not (study / "bundle").exists()
+    assert report.make_again == [f"{study / 'bundle'} (with P02)"]
+    assert (tmp_path / "elsewhere").exists()
+    assert any(f"{tmp_path / 'elsewhere'} was exported of them" in sentence for sentence in report.beyond)
 
 
 def test_the_plan_is_left_out_while_somebody_is_to_come(tmp_path: Path) -> None:
@@ -324,21 +330,65 @@ def test_a_zip_file_is_the_same_bundle(study: Path, tmp_path: Path) -> None:
     assert (tmp_path / "bundle.zip").stat().st_mode & 0o077 == 0
 
 
-@pytest.mark.parametrize("name", ["../evil", "/evil", "a/../../evil", "a\\..\\evil"])
-def test_a_zip_file_that_would_write_elsewhere(tmp_path: Path, name: str) -> None:
-    with zipfile.ZipFile(tmp_path / "x.zip", "w") as archive:
-        archive.writestr(name, "evil")
-    with pytest.raises(BundleError, match="would lie outside"), opened_bundle(tmp_path / "x.zip"):
-        pass
+def _zip(path: Path, *entries: tuple[str, int, int]) -> None:
+    """Of zeros: names, sizes, modes."""
+    with zipfile.ZipFile(path, "w", zipfile.ZIP_DEFLATED) as file:
+        for name, size, mode in entries:
+            entry = zipfile.ZipInfo(name)
+            entry.external_attr, entry.compress_type = mode << 16, zipfile.ZIP_DEFLATED
+            file.writestr(entry, bytes(size))
 
 
-def test_a_zip_file_with_a_link(tmp_path: Path) -> None:
-    with zipfile.ZipFile(tmp_path / "x.zip", "w") as archive:
-        entry = zipfile.ZipInfo("link")
-        entry.external_attr = 0o120777 << 16
-        archive.writestr(entry, "/etc/passwd")
-    with pytest.raises(BundleError, match="is a link"), opened_bundle(tmp_path / "x.zip"):
+HARMFUL = {
+    "outside": ([("../evil", 1, 0o100644)], "outside of it, or be hidden: `../evil`"),
+    "absolute": ([("/evil", 1, 0o100644)], "`/evil`"),
+    "through a folder": ([("a/../../evil", 1, 0o100644)], "`a/../../evil`"),
+    "of Windows": ([("a\\..\\evil", 1, 0o100644)], "outside of it"),
+    "hidden": ([("sessions/.git/config", 1, 0o100644)], "`sessions/.git/config`"),
+    "a link": ([("link", 9, 0o120777)], "links, or no files: `link`"),
+    "a pipe": ([("pipe", 0, 0o010644)], "links, or no files: `pipe`"),
+    "a device": ([("zero", 0, 0o020644)], "links, or no files: `zero`"),
+    "a bomb": ([("big", 2_000_000, 0o100644)], "MB and would become 2.0 MB: more than any bundle"),
+    "small bombs": ([(f"{number}", 500_000, 0o100644) for number in range(3)], "would become 1.5 MB"),
+    "no room": ([("big", 90_000, 0o100644)], "needs 0.1 MB to be unpacked, and the disk has 0.0 MB left"),
+    "too many": ([(f"{number}", 0, 0o100644) for number in range(5)], "holds 5 files, and a bundle has at most 4"),
+    "all at once": ([("../x", 1, 0o100644), ("link", 1, 0o120777), (".envrc", 1, 0)], "`../x`, `.envrc`"),
+}
+
+
+@pytest.mark.parametrize("case", HARMFUL)
+def test_a_zip_file_that_would_do_harm_is_not_unpacked(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, case: str
+) -> None:
+    entries, said = HARMFUL[case]
+    _zip(tmp_path / "x.zip", *entries)
+    (tmp_path / "tmp").mkdir()
+    monkeypatch.setattr("tempfile.tempdir", str(tmp_path / "tmp"))
+    monkeypatch.setattr(archive, "SMALL_BYTES", 100_000)
+    monkeypatch.setattr(archive, "MAX_FILES", 4)
+    if case == "no room":
+        monkeypatch.setattr("shutil.disk_usage", lambda path: SimpleNamespace(free=1_000))
+    with pytest.raises(BundleError) as refused, opened_bundle(tmp_path / "x.zip"):
         pass
+    assert said in str(refused.value)
+    assert len(str(refused.value).splitlines()) == (2 if case == "all at once" else 1)
+    assert sorted(path.name for path in tmp_path.rglob("*")) == ["tmp", "x.zip"]
+
+
+def test_what_a_killed_program_has_unpacked_is_cleared_by_the_next_one(
+    study: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    temporary = tmp_path / "tmp"
+    temporary.mkdir()
+    monkeypatch.setattr("tempfile.tempdir", str(temporary))
+    bundle_of(study, tmp_path / "bundle.zip", folders=sessions_of(study)[1:2])
+    with opened_bundle(tmp_path / "bundle.zip") as root:
+        assert root.stat().st_mode & 0o077 == 0
+        shutil.copytree(root, killed := temporary / f"{root.name}-killed")  # nobody has it locked
+        with opened_bundle(tmp_path / "bundle.zip") as other:
+            assert not killed.exists()
+            assert check_bundle(root).whole and check_bundle(other).whole, "both are in use"
+    assert list(temporary.iterdir()) == []
 
 
 def test_what_is_no_bundle(tmp_path: Path) -> None:

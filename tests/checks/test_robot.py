@@ -18,6 +18,7 @@ from rise_engine.checks.robot import (
     say_word,
     word_for,
 )
+from rise_engine.ports.bridge import ProfileFinding
 from rise_engine.scenario import load
 from tests.checks.robots import ACTIONS, Lamp, scenario
 
@@ -32,6 +33,16 @@ async def test_one_that_answers_has_passed(tmp_path: Path, monkeypatch: pytest.M
     kind = use(monkeypatch)
     assert await look_at_robot(scenario(tmp_path)) == Finding(True, "Lamp on a wire: 2 actions offered")
     assert kind.made.closed and not hasattr(kind.made, "said")
+
+
+async def test_what_nothing_stops_is_named(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    use(monkeypatch)
+    said = [ProfileFinding("cannot be stopped", "actions.Speech.carrier.topic", "unstoppable")]
+    monkeypatch.setattr("rise_engine.checks.robot.profile_findings", lambda profile: said)
+    found = await look_at_robot(scenario(tmp_path))
+    assert found == Finding(True, "Lamp on a wire: 2 actions offered; F9 cannot stop Speech")
+    said.append(ProfileFinding("no such field", "actions.Speech.carrier.message.x"))
+    assert await look_at_robot(scenario(tmp_path / "two")) == Finding(False, reason="no such field")
 
 
 async def test_one_that_is_not_there_says_why(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

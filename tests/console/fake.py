@@ -144,10 +144,11 @@ class FakeClient:
     def rule(self, name: str, status: str, state: str | None, **more: Any) -> None:
         self.emit(RuleRecord(0, 0.0, "", name, status, state, **more))  # type: ignore[arg-type]
 
-    def stop(self, status: str, confirmed: tuple[str, ...] = (), unconfirmed: tuple[str, ...] = ()) -> None:
-        self.emit(
-            StopRecord(0, 0.0, "", status=status, confirmed=confirmed, unconfirmed=unconfirmed, source="wizard:anna")
-        )  # type: ignore[arg-type]
+    def stop(
+        self, status: str, confirmed: tuple[str, ...] = (), unconfirmed: tuple[str, ...] = (), **more: Any
+    ) -> None:
+        more = {"source": "wizard:anna", **more}
+        self.emit(StopRecord(0, 0.0, "", status=status, confirmed=confirmed, unconfirmed=unconfirmed, **more))  # type: ignore[arg-type]
 
     def answer(self) -> None:
         """Let everything that waits for its reply have it; a test has played the records."""

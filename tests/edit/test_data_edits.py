@@ -67,7 +67,7 @@ def test_a_study_without_memory_gets_a_file_where_it_names_it() -> None:
         ({"scenario.toml": b"a = [1]\n"}, SetSetting(("a", "3"), 1), "`a` has no place for `3`"),
         ({"scenario.toml": b"a = 1\n"}, SetSetting(("b",), None), "there is no `b`"),
         ({}, SetSetting(("b",), None), "there is no file scenario.toml"),
-        ({}, SetSetting(("b",), 1, "memory.json"), "memory.json is no TOML file"),
+        ({}, SetSetting(("b",), 1, "memory.json"), "`memory.json` is no name for this file: it has to end in .toml"),
         ({}, SetSetting((), 1), "say which entry is meant"),
         ({}, RenameSetting(("b",), "c"), "there is no file scenario.toml"),
         ({"scenario.toml": b"a = 1\nb = 1"}, RenameSetting(("a",), "b"), "`b` is there already"),

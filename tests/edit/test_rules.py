@@ -350,4 +350,4 @@ def test_a_file_is_written_whole() -> None:
     assert plan(ReplaceFile(FILE, text), study).written == {}
     there = after(study, ReplaceFile(FILE, text + "<!-- end -->"))
     assert there.files[FILE].startswith(b"\xef\xbb\xbf<")
-    assert "no file in the folder" in refusal(study, ReplaceFile("../x.xml", "<a/>"))
+    assert "leads out of the study's folder" in refusal(study, ReplaceFile("../x.xml", "<a/>"))

@@ -12,13 +12,14 @@ from typing import Any
 from rise_engine.engine.clock import RealClock
 from rise_engine.engine.engine import Engine
 from rise_engine.kernel.commands import StartAction
-from rise_engine.kernel.inputs import ActionReport, RobotChanged, StopReport, Submit
+from rise_engine.kernel.inputs import ActionReport, EstopReport, RobotChanged, StopReport, Submit
 from rise_engine.kernel.records import ActionRecord, AnyRecord, NoteRecord, SessionRecord, StopRecord, TaskRecord
 from rise_engine.ports.robot import ReportCallback
 from rise_engine.protocol.client import JournalStatus, Reply
 from rise_engine.session.disk import Disk
 from rise_engine.session.journal import Journal
 from rise_engine.session.journal_format import InputLine, encode_header, read_line
+from tests.patience import PATIENCE
 
 from .disks import FullDisk, StallingDisk
 from .samples import GREETING, scenario, start
@@ -80,7 +81,7 @@ class Session:
     async def until(self, true: Callable[[], Any]) -> None:
         while not true():
             self.turned.clear()
-            await asyncio.wait_for(self.turned.wait(), 10)
+            await asyncio.wait_for(self.turned.wait(), PATIENCE)
 
     def ask(self, fact: Submit) -> None:
         self.engine.accept(fact, self.replies.append)
@@ -209,6 +210,20 @@ async def test_stop_reaches_the_robot_also_when_nothing_can_be_recorded(tmp_path
         assert it.of(StopRecord)[0].source == "wizard:anna"
 
 
+async def test_an_emergency_stop_reaches_the_robot_also_when_nothing_can_be_recorded(tmp_path: Path) -> None:
+    disk = FullDisk()
+    async with session(tmp_path, disk) as it:
+        disk.number = errno.EIO
+        it.robot.report(ActionReport(action="1/1", status="accepted"))
+        await it.until(lambda: it.engine.paused)
+        it.robot.report(EstopReport(source="estop:/door", pressed=True))
+        assert it.robot.calls == ["stop"]
+        assert it.journalings[-1].trouble.endswith("stop was sent to the robot by estop:/door")
+        disk.number = None
+        await it.until(lambda: it.of(StopRecord))
+        assert it.of(StopRecord)[0].held_by == ("estop:/door",)
+
+
 async def test_the_end_is_recorded_before_the_session_is_over(tmp_path: Path) -> None:
     disk = StallingDisk()
     async with session(tmp_path, disk) as it:
@@ -220,7 +235,7 @@ async def test_the_end_is_recorded_before_the_session_is_over(tmp_path: Path) ->
         it.ask(start("Greet"))
         assert it.replies == [Reply(False, "the session has ended")]
         disk.go.set()
-        await asyncio.wait_for(ended.wait(), 10)
+        await asyncio.wait_for(ended.wait(), PATIENCE)
         last = it.lines()[-1]
         assert isinstance(last, SessionRecord) and (last.status, last.reason) == ("ended", "enough")
 

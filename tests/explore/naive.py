@@ -38,7 +38,7 @@ from tests.explore.restoring import Restore, restoring_in_place
 from tests.explore.world import SOURCE, World, is_fault, presses
 
 Timers: TypeAlias = Literal["any", "order"]
-ORDERED = ("after", "keep", "filler")
+ORDERED = ("after", "keep", "filler", "repeat")
 """Timers that rules and people count; the others belong to actions, and to a stop that waits for its answer."""
 NOW = 1.0
 """When each input comes; in a snapshot it is 0."""
@@ -169,8 +169,11 @@ def possible_inputs(scenario: Scenario, situation: Situation, world: World, alwa
             elif action.state == "running":
                 yield ActionReport(action=goal, status="succeeded")
                 yield ActionReport(action=goal, status="failed")
+                if world.robot and scenario.failure_policy(act.task.behavior).kind == "repeat":
+                    yield ActionReport(action=goal, status="failed", aborted=True)
     yield from (Elapsed(timer=timer) for timer in next_timers(situation))
-    for task in snapshot.failures.asked.values():
+    pauses = snapshot.failures.pauses
+    for task in (task for id, task in snapshot.failures.asked.items() if pauses.get(id) is None):
         for answer in ("goOn", "repeatAct", "stopRuleOfAct"):
             yield Submit(function=answer, behavior=str(task.id), source=SOURCE)
     if snapshot.stop == "requested":
@@ -340,7 +343,9 @@ def _renumber_tasks(snapshot: Snapshot) -> Snapshot:
         task.id = numbers[task.id]
         task.first = task.id if task.first else 0
     running = [replace(rule, own_acts=_renumber_own(rule.own_acts, numbers)) for rule in rules]
-    snapshot.failures.asked = {task.id: task for task in snapshot.failures.asked.values()}
+    failures = snapshot.failures
+    failures.asked = {task.id: task for task in failures.asked.values()}
+    failures.pauses = dict(sorted((numbers[id], timer) for id, timer in failures.pauses.items()))
     return replace(
         snapshot,
         next_task=len(numbers) + 1,
@@ -376,6 +381,8 @@ def _renumber_timers(snapshot: Snapshot, numbers: dict[int, int]) -> Snapshot:
             action.timer = number(action.timer)
     for kept in snapshot.rules.kept:
         kept.timer = numbers[kept.timer]
+    failures = snapshot.failures
+    failures.pauses = {task: number(timer) for task, timer in failures.pauses.items()}
     snapshot.wizard_marks.filler_timer = number(snapshot.wizard_marks.filler_timer)
     rules = snapshot.rules
     running = [

@@ -50,8 +50,9 @@ class Projection(NamedTuple):
     waiting: tuple[tuple[str, str], ...]
     """Acts with their calling types, next first."""
     running: tuple[RunningAct, ...]
-    asked: tuple[tuple[str, int], ...]
-    """Failed acts that somebody is asked about, each with its attempt, as far as that decides what becomes of it."""
+    asked: tuple[tuple[str, int, str], ...]
+    """Failed acts that somebody is asked about, each with its attempt, as far as that decides what becomes of it, and
+    whether it is repeated by itself: after a pause, when the robot is back, or not."""
     kept: tuple[str, ...]
     """Topics of kept events, the oldest first."""
     stop: str
@@ -87,7 +88,12 @@ def project(kernel: Kernel, keys: Collection[str], *, in_order: bool = True) -> 
         ),
         waiting=tuple((act_name(task), task.calling_type) for task in kernel.scheduler.waiting),
         running=tuple(sorted(RunningAct(act_name(run.task), run.task.calling_type, phase_of(run)) for run in runs)),
-        asked=tuple(sorted((task.behavior, _attempt(kernel, task)) for task in kernel.failures.state.asked.values())),
+        asked=tuple(
+            sorted(
+                (task.behavior, _attempt(kernel, task), _repeats(kernel, task))
+                for task in kernel.failures.state.asked.values()
+            )
+        ),
         kept=tuple(kept.topic for kept in kernel.rules.kept.values()),
         stop=kernel.stop.status,
         stood=tuple((rule.name, rule.state) for rule in kernel.stop.stood),
@@ -99,6 +105,11 @@ def project(kernel: Kernel, keys: Collection[str], *, in_order: bool = True) -> 
 
 def _attempt(kernel: Kernel, task: Task) -> int:
     return min(task.attempt, kernel.scenario.failure_policy(task.behavior).times + 1)
+
+
+def _repeats(kernel: Kernel, task: Task) -> str:
+    pauses = kernel.failures.state.pauses
+    return "" if task.id not in pauses else "without robot" if pauses[task.id] is None else "pausing"
 
 
 def _timers(run: RuleRun, in_order: bool) -> tuple[int, ...]:

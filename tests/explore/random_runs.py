@@ -115,7 +115,10 @@ class _Run:
         """What comes at this time: of several things any, but of timers the one that was set first."""
         timers = [timer for timer, when in self.timers.items() if when == at]
         due: list[AnyInput] = [TimerElapsed(timer=min(timers))] if timers else []
-        due += [ActionReport(action=id, status=goal.status) for id, goal in self.goals.items() if goal.ends_at == at]
+        for id, goal in self.goals.items():
+            if goal.ends_at == at:
+                aborted = self.world.robot and goal.status == "failed" and self.random.random() < 0.3
+                due.append(ActionReport(action=id, status=goal.status, aborted=aborted))
         if self.answers_at == at:
             due.append(StopReport(confirmed=("robot",)))
         input = self.random.choice(due)
@@ -141,7 +144,8 @@ class _Run:
 
     def pick(self) -> AnyInput:
         random, kernel, world = self.random, self.kernel, self.world
-        asked = list(kernel.failures.state.asked)
+        failures = kernel.failures.state
+        asked = [id for id in failures.asked if failures.pauses.get(id) is None]
         if asked and random.random() < 0.4:
             answer = random.choice(["goOn", "repeatAct", "stopRuleOfAct"])
             return Submit(function=answer, behavior=str(random.choice(asked)), source=SOURCE)

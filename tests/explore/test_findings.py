@@ -4,10 +4,12 @@ from __future__ import annotations
 
 import shutil
 from pathlib import Path
+from threading import Event
 
 import pytest
 from msgspec.structs import replace
 
+from rise_engine.explore import parallel
 from rise_engine.explore.bounds import Bounds
 from rise_engine.explore.exploration import Exploration, bounds_of, explore, main_rule, sessions_of
 from rise_engine.explore.explored import Explored
@@ -138,6 +140,25 @@ def test_several_cores_find_the_same() -> None:
     alone, together = explore(shipped("lablinking"), bounds), explore(shipped("lablinking"), bounds, cores=2)
     assert together.situations == alone.situations
     assert {finding.text for finding in together.findings} == {finding.text for finding in alone.findings}
+
+
+def _never_done(portion: object) -> None:
+    Event().wait(60)
+
+
+def test_whoever_has_had_enough_waits_for_no_core(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(parallel, "_follow", _never_done)
+    scenario = shipped("greeting")
+    space = Space(Stepper(scenario, Bounds(), sessions_of(scenario), main_rule(scenario)))
+    space.begin()
+    said = iter([True, True, False])
+    parallel.explore_on_cores(space, 2, lambda: next(said))
+    assert not space.complete and list(space.pending) == space.beginnings, "nobody has looked at any"
+
+
+def test_one_core_asks_before_each_situation_whether_to_go_on() -> None:
+    exploration = explore(shipped("greeting"), go_on=lambda space: len(space.situations) < 3)
+    assert not exploration.is_complete and exploration.situations < 30
 
 
 def test_acts_that_nothing_tells_apart_are_taken_for_one() -> None:

@@ -135,7 +135,7 @@ def test_a_failure_that_is_asked_about(tmp_path: Path) -> None:
     scenario = study(tmp_path, rule("R", start + way, ""), dialog("A", speech(1)), more='on_failure = "ask"')
     found = explore_naively(scenario, world=World(faults=1))
     asked = [each for each in found.states if each.asked]
-    assert [each.asked for each in asked] == [(("A", 1),)]
+    assert [each.asked for each in asked] == [(("A", 1, ""),)]
     assert not [each for each in explore_naively(scenario, world=World(faults=0)).states if each.asked]
     assert len({each for each in found.states if each.running}) == 1, "a repetition looks like the first attempt"
 

@@ -142,6 +142,11 @@ def test_everything_that_is_wrong_is_told_with_its_line_and_nothing_is_made(
         ("other: 1", "is no configuration of WoZ4U"),
         ("- 1", "is no configuration of WoZ4U"),
         ("", "is no configuration of WoZ4U"),
+        ("[" * 20_000, "config.yaml:1:21: values are nested more than 20 deep"),
+        ("gestures: " + "{a: " * 20_000, "values are nested more than 20 deep"),
+        ("- " * 20_000, "config.yaml:1:41: values are nested more than 20 deep"),
+        ("gestures:\n  - title: &a [x]\n    gesture: [*a, *a]", "config.yaml:3:15: `*` means a value from elsewhere"),
+        ("#" * 300_001, "is longer than 300,000 characters"),
     ],
 )
 def test_what_is_no_configuration_is_refused(tmp_path: Path, config: str, sentence: str) -> None:

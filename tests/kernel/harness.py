@@ -11,6 +11,7 @@ from rise_engine.kernel.commands import CancelAction, CancelTimer, SetTimer, Sta
 from rise_engine.kernel.inputs import (
     ActionReport,
     AnyInput,
+    EstopReport,
     RobotChanged,
     SessionStarted,
     StopReport,
@@ -161,6 +162,9 @@ class Session:
     def confirm_stop(self, *confirmed: str, unconfirmed: tuple[str, ...] = ()) -> None:
         self.do(StopReport(confirmed=confirmed, unconfirmed=unconfirmed))
 
+    def estop(self, source: str, *, pressed: bool = True) -> None:
+        self.do(EstopReport(source=source, pressed=pressed))
+
     def wait(self, seconds: float) -> None:
         """Let time pass; timers go off in order."""
         until = round(self.t + seconds, 6)
@@ -219,7 +223,9 @@ def short(record: AnyRecord) -> str:
         case RobotRecord():
             return f"robot {record.status}"
         case StopRecord():
-            return f"stop {record.status} {list(record.confirmed)} {list(record.unconfirmed)}"
+            estop = record.source.startswith("estop:")
+            by = f" by {record.source}" * estop + "".join(f" [{each}]" for each in record.held_by)
+            return f"stop {record.status} {list(record.confirmed)} {list(record.unconfirmed)}{by}"
         case NoteRecord():
             return f"note {record.text}"
         case _:

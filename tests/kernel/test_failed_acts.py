@@ -8,15 +8,15 @@ from pathlib import Path
 import pytest
 
 from rise_engine.kernel import Kernel
-from rise_engine.kernel.inputs import SessionRecovered
+from rise_engine.kernel.inputs import ActionReport, SessionRecovered
 from rise_engine.kernel.records import EventRecord, FailureRecord, RuleRecord, TaskRecord
 from rise_engine.kernel.view import SessionView
 from rise_engine.scenario import load
 
-from .harness import Session, dialog, pause, read, speech, write
+from .harness import Session, dialog, gaze, pause, read, speech, write
 from .test_rules import do, on, rule, state
 
-ACTS = dialog("A", speech(1)) + dialog("B", speech(1)) + dialog("Wait", pause(1, 10))
+ACTS = dialog("A", speech(1)) + dialog("B", speech(1)) + dialog("Wait", pause(1, 10)) + dialog("Gaze", gaze(1))
 OWN = '<transition ended="A" outcome="succeeded" target="good"/><transition ended="A" target="bad"/>'
 R = rule(
     "R",
@@ -35,6 +35,13 @@ def fail(s: Session) -> int:
     (goal,) = s.goals
     s.report(goal, "failed", "the motor is hot")
     return int(goal.partition("/")[0])
+
+
+def wait_for_pause(s: Session) -> None:
+    """The failed act that waits is repeated."""
+    ((timer, at),) = [each for each in s.timers.items() if s.kernel.core.timers[each[0]].purpose == "repeat"]
+    s.wait(at - s.t)
+    assert timer not in s.timers
 
 
 def failures(s: Session) -> list[tuple[str, int | None, str]]:
@@ -155,42 +162,182 @@ def test_a_rule_that_has_ended_is_not_the_one_that_was_started_anew(tmp_path: Pa
 def test_repeating_by_itself_and_then_going_on(tmp_path: Path) -> None:
     s = session(tmp_path, "repeat:2")
     s.rule("R")
-    ids = [fail(s), fail(s), fail(s)]
-    assert s.states == {"R": "bad"}
+    ids = [fail(s)]
+    assert (view_of(s).questions, view_of(s).repeats) == (ids, {ids[0]: 2.0})
+    for _ in range(2):
+        wait_for_pause(s)
+        ids.append(fail(s))
+    assert (s.states, s.t) == ({"R": "bad"}, 6.0), "after 2 s, and then after 4 s"
     assert failures(s) == [
+        ("waiting", None, "engine"),
         ("repeated", ids[1], "engine"),
+        ("waiting", None, "engine"),
         ("repeated", ids[2], "engine"),
         ("gone-on", None, "engine"),
     ]
+    assert (view_of(s).questions, view_of(s).repeats) == ([], {})
     assert view_of(s).failed == [ids[2]], "the wizard sees that it failed"
     last = [r for r in s.records if isinstance(r, FailureRecord)][-1]
     assert last.reason == "failed 3 times"
 
 
-def test_a_repetition_goes_before_all_that_wait(tmp_path: Path) -> None:
+def begun(s: Session) -> list[str]:
+    tasks = [r for r in s.records if isinstance(r, TaskRecord) and r.function == "startCommunicationRobotAct"]
+    return [task.behavior for task in tasks if task.status == "ACTIVE"]
+
+
+def test_in_its_pause_an_act_keeps_its_place(tmp_path: Path) -> None:
     s = session(tmp_path, "repeat:1")
-    s.act("A")
+    for act in ("A", "B", "Gaze"):
+        s.act(act)
+    fail(s)
+    s.act("Gaze", "None")
+    assert begun(s) == ["A", "Gaze"], "what needs nothing of it starts"
+    s.finish_all()
+    assert begun(s) == ["A", "Gaze"] and s.kernel.is_busy
+    wait_for_pause(s)
+    s.finish_all()
+    assert begun(s) == ["A", "Gaze", "A", "B", "Gaze"]
+
+
+@pytest.mark.parametrize(
+    ("calling", "other", "ends"),
+    [("Blocking", "Interrupt", True), ("None", "Blocking", True), ("Blocking", "None", False)],
+)
+def test_in_its_pause_an_act_gives_way_as_if_it_ran(tmp_path: Path, calling: str, other: str, ends: bool) -> None:
+    s = session(tmp_path, "repeat:1")
+    s.act("A", calling)
+    fail(s)
+    s.act("B", other)
+    assert begun(s) == (["A", "B"] if ends else ["A"])
+    assert [status for status, _, _ in failures(s)] == (["waiting", "gone-on"] if ends else ["waiting"])
+
+
+@pytest.mark.parametrize("function", ["goOn", "stopInteractionRule", "stopCommunicationRobotAct"])
+def test_who_ends_a_pause_lets_others_start(tmp_path: Path, function: str) -> None:
+    s = session(tmp_path, "repeat:1")
+    s.rule("R")
     s.act("B")
     fail(s)
-    assert [goal.partition("/")[0] for goal in s.goals] == ["3"]
+    assert begun(s) == ["A"]
+    s.submit(function, "R" if function == "stopInteractionRule" else "A")
+    assert begun(s) == ["A", "B"]
+
+
+def test_what_has_waited_for_the_robot_is_repeated_in_its_order(tmp_path: Path) -> None:
+    s = session(tmp_path, "repeat:1")
+    s.robot("lost")
+    for act in ("B", "A", "B"):
+        s.act(act)
+    s.robot("connected")
+    s.wait(2)
     s.finish_all()
-    begun = [r.behavior for r in s.records if isinstance(r, TaskRecord) and r.status == "ACTIVE"]
-    assert begun == ["A", "A", "B"]
+    assert begun(s) == ["B", "A", "B"] * 2
 
 
-@pytest.mark.parametrize("robot", ["lost", "restarted"])
-def test_without_the_robot_nothing_is_repeated_by_itself(tmp_path: Path, robot: str) -> None:
-    s = session(tmp_path, "repeat:2")
+def test_pauses_are_twice_as_long_each_time_up_to_a_limit(tmp_path: Path) -> None:
+    s = session(tmp_path, "repeat:10")
+    s.act("A")
+    for _ in range(10):
+        fail(s)
+        wait_for_pause(s)
+    fail(s)
+    pauses = [r.seconds for r in s.records if isinstance(r, FailureRecord) and r.status == "waiting"]
+    assert pauses == [2.0, 4.0, 8.0, 10.0, 10.0, 10.0, 10.0, 10.0, 10.0, 10.0]
+    assert failures(s)[-1] == ("gone-on", None, "engine")
+
+
+NOT_OURS = {
+    "an emergency stop cancels it": lambda s, goal: s.report(goal, "canceled", "somebody else stopped it"),
+    "the robot gives it up": lambda s, goal: s.do(
+        ActionReport(action=goal, status="failed", reason="protective stop", aborted=True)
+    ),
+    "its engine has gone": lambda s, goal: s.do(SessionRecovered()),
+}
+
+
+@pytest.mark.parametrize("end", NOT_OURS)
+@pytest.mark.parametrize("attempt", [1, 2])
+def test_what_is_not_ours_to_repeat_is_asked_however_often_it_was_repeated(
+    tmp_path: Path, end: str, attempt: int
+) -> None:
+    s = session(tmp_path, "repeat:1")
     s.rule("R")
-    if robot == "lost":
-        s.robot("lost", "no link")
-        s.robot("connected")
-    else:
-        s.do(SessionRecovered())
-    assert (failures(s), s.states) == ([("asked", None, "engine")], {"R": "a"})
+    if attempt == 2:
+        fail(s)
+        wait_for_pause(s)
+    NOT_OURS[end](s, *s.goals)
+    s.robot("lost")
+    s.robot("connected")
+    s.wait(100)
+    assert (failures(s)[-1], s.states, s.goals) == (("asked", None, "engine"), {"R": "a"}, {})
     s.submit("repeatAct", "A")
     s.finish_all()
     assert s.states == {"R": "good"}
+
+
+def test_an_action_that_may_fail_does_not_hide_who_has_ended_it(tmp_path: Path) -> None:
+    carry_on = "<onFailure>continue</onFailure>"
+    acts = dialog("A", speech(1, more=carry_on), speech(2, wait="1"))
+    s = Session(read(write(tmp_path, acts=acts, toml='on_failure = "repeat:1"')))
+    s.act("A")
+    s.report("1/1", "canceled")
+    s.report("1/2", "failed")
+    assert failures(s) == [("asked", None, "engine")]
+
+
+@pytest.mark.parametrize("lost", ["while it runs", "in its pause"])
+def test_without_the_robot_it_waits_until_the_robot_is_back_and_is_counted_anew(tmp_path: Path, lost: str) -> None:
+    s = session(tmp_path, "repeat:2")
+    s.rule("R")
+    fail(s)
+    wait_for_pause(s)
+
+    if lost == "in its pause":
+        fail(s)
+    s.robot("lost", "no link")
+    s.wait(100)
+    assert (view_of(s).repeats, s.states) == ({3: None}, {"R": "a"})
+    s.robot("degraded")
+    for _ in range(2):
+        wait_for_pause(s)
+        fail(s)
+    assert (s.states, s.t) == ({"R": "bad"}, 108.0)
+
+
+STOPS = {
+    "stopCommunicationRobotAct": ("A", "gone-on", {"R": "bad"}),
+    "cancelTask": ("2", "gone-on", {"R": "bad"}),
+    "goOn": ("A", "gone-on", {"R": "bad"}),
+    "stopRuleOfAct": ("A", "dropped", {}),
+    "stopInteractionRule": ("R", "dropped", {}),
+    "stopAll": ("", "dropped", {}),
+}
+
+
+@pytest.mark.parametrize("function", STOPS)
+@pytest.mark.parametrize("robot", ["connected", "lost"])
+def test_what_waits_to_be_repeated_can_be_stopped(tmp_path: Path, function: str, robot: str) -> None:
+    behavior, status, states = STOPS[function]
+    s = session(tmp_path, "repeat:1")
+    s.rule("R")
+    fail(s) if robot == "connected" else s.robot("lost")
+    assert s.submit(function, behavior).status == "SUCCEEDED"
+    s.robot("connected")
+    s.wait(100)
+    assert ([each for each, _, _ in failures(s)], s.states, s.goals) == (["waiting", status], states, {})
+    assert (view_of(s).questions, view_of(s).repeats, s.timers) == ([], {}, {})
+
+
+def test_a_question_without_repetition_is_not_stopped_with_the_act(tmp_path: Path) -> None:
+    s = session(tmp_path)
+    s.act("A")
+    id = fail(s)
+    assert [s.submit(*each).status for each in (("stopCommunicationRobotAct", "A"), ("cancelTask", str(id)))] == [
+        "REJECTED",
+        "REJECTED",
+    ]
+    assert view_of(s).questions == [id]
 
 
 def test_stops_and_free_speech_are_never_asked_about(tmp_path: Path) -> None:
@@ -209,14 +356,18 @@ def test_an_act_may_have_its_own_word_and_so_may_a_pattern(tmp_path: Path) -> No
     assert [s.scenario.failure_policy(act).kind for act in ("A", "B", "Wait")] == ["go_on", "ask", "ask"]
 
 
-def test_a_kernel_that_goes_on_from_a_snapshot_knows_the_question(tmp_path: Path) -> None:
-    s = session(tmp_path)
+@pytest.mark.parametrize("on_failure", ["ask", "repeat:1"])
+def test_a_kernel_that_goes_on_from_a_snapshot_knows_the_question(tmp_path: Path, on_failure: str) -> None:
+    s = session(tmp_path, on_failure)
     s.rule("R")
     id = fail(s)
     later = Session(s.scenario, kernel=Kernel.restore(s.scenario, s.kernel.snapshot()))
     later.timers = dict(s.timers)
     for each in (s, later):
-        each.submit("repeatAct", str(id))
+        if on_failure == "ask":
+            each.submit("repeatAct", str(id))
+        else:
+            wait_for_pause(each)
         each.finish_all()
         assert each.states == {"R": "good"}
     assert later.records == s.records[-len(later.records) :]

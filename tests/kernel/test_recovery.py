@@ -152,6 +152,17 @@ def test_the_latch_holds(session: Session) -> None:
     assert session.act("Nod").status == "PENDING"
 
 
+def test_an_emergency_stop_holds_until_the_engine_hears_that_it_is_let_go(session: Session) -> None:
+    session.estop("estop:/door")
+    session.confirm_stop("body")
+    recover(session)
+    session.estop("estop:/door")
+    assert session.robot_stops == 1, "it is known"
+    assert session.submit("releaseStop").reason == "the emergency stop at /door is still pressed"
+    session.estop("estop:/door", pressed=False)
+    assert session.submit("releaseStop").status == "SUCCEEDED"
+
+
 def test_a_stop_without_answer_is_asked_for_again(session: Session) -> None:
     session.act("Talk")
     session.submit("stopAll")

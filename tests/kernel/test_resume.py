@@ -17,6 +17,7 @@ from rise_engine.kernel.inputs import SessionRecovered
 from rise_engine.kernel.records import ActionRecord, AnyRecord, RuleRecord, TaskRecord
 from rise_engine.kernel.view import SessionView, StoodView
 from rise_engine.scenario import load
+from tests.chance import examples
 
 from .harness import Session, dialog, read, speech, write
 from .test_rules import do, on, rule, session, state
@@ -113,6 +114,8 @@ def test_the_highest_rule_says_its_first_and_the_record_says_how(tmp_path: Path)
     release(s, Low="wait")
     assert s.goals == {}
     assert [r.trigger for r in s.records if isinstance(r, RuleRecord)][-1] == "resumed, without onEntry"
+    resumed = [r for r in s.records if isinstance(r, TaskRecord)][-1]
+    assert (resumed.behavior, resumed.source) == ('{"rule": "Low", "state": "a", "enter": false}', "wizard:w")
 
 
 @pytest.mark.parametrize(
@@ -279,7 +282,7 @@ def later_records(s: Session, then: list[Step]) -> list[dict[str, object]]:
     return plain(s.records[count:])
 
 
-@settings(max_examples=150)
+@settings(max_examples=examples(150))
 @given(studies(), steps, steps)
 def test_who_waits_goes_on_as_if_there_had_been_no_stop(rules: str, before: list[Step], then: list[Step]) -> None:
     with TemporaryDirectory() as folder:
@@ -299,7 +302,7 @@ def test_who_waits_goes_on_as_if_there_had_been_no_stop(rules: str, before: list
     assert later_records(runs[0], then) == later_records(runs[1], then)
 
 
-@settings(max_examples=150)
+@settings(max_examples=examples(150))
 @given(studies(), steps, st.sampled_from(EVENTS), steps)
 def test_who_enters_again_goes_on_as_if_it_had_just_come(
     rules: str, before: list[Step], last: str, then: list[Step]

@@ -249,6 +249,36 @@ def test_stop_all_can_be_pressed_again(s: Session) -> None:
     assert s.lines("stop")[-1] == "stop latched ['a'] []"
 
 
+def test_an_emergency_stop_stops_everything_and_holds_the_stop_until_it_is_let_go(s: Session) -> None:
+    door, desk = "estop:/door", "estop:/desk"
+    s.act("A")
+    s.estop(desk, pressed=False)
+    assert s.lines("task", "stop") == ["task act A PENDING", "task act A ACTIVE"], "nothing was pressed"
+    s.estop(door)
+    s.estop(door)
+    assert s.lines("task", "stop") == [
+        "task stopAll  SUCCEEDED",
+        "stop requested [] [] by estop:/door [estop:/door]",
+    ]
+    assert s.robot_stops == 1 and s.act("A").reason.startswith("everything is stopped")
+    s.report("1/1", "canceled")
+    s.confirm_stop("sim")
+    s.estop(desk)
+    s.confirm_stop("sim")
+    s.estop(door, pressed=False)
+    assert s.submit("releaseStop").reason == "the emergency stop at /desk is still pressed"
+    s.estop(desk, pressed=False)
+    assert s.lines("stop") == [
+        "stop latched ['sim'] [] [estop:/door]",
+        "stop requested [] [] by estop:/desk [estop:/door] [estop:/desk]",
+        "stop latched ['sim'] [] [estop:/door] [estop:/desk]",
+        "stop let-go [] [] by estop:/door [estop:/desk]",
+        "stop let-go [] [] by estop:/desk",
+    ]
+    assert s.kernel.stop.latched, "that it is let go releases nothing"
+    assert s.submit("releaseStop").status == "SUCCEEDED"
+
+
 def test_an_answer_after_the_limit_is_still_recorded(s: Session) -> None:
     s.submit("stopAll")
     s.wait(3)

@@ -12,10 +12,19 @@ from hypothesis import strategies as st
 
 from rise_engine.kernel import Kernel
 from rise_engine.kernel.inputs import SessionStarted
-from rise_engine.kernel.records import CountdownRecord, EventRecord, KeptRecord, MistakeRecord, RuleRecord, TaskRecord
+from rise_engine.kernel.records import (
+    CountdownRecord,
+    EventRecord,
+    KeptRecord,
+    MemoryRecord,
+    MistakeRecord,
+    RuleRecord,
+    TaskRecord,
+)
 from rise_engine.kernel.view import SessionView
 from rise_engine.scenario import load
 from rise_engine.scenario.model import Scenario
+from tests.chance import examples
 
 from .harness import Session, dialog, read, speech, write
 from .test_rules import do, on, rule, session, state
@@ -66,6 +75,16 @@ def test_the_engine_says_how_the_session_stands(tmp_path: Path) -> None:
                 s.report(next(iter(s.goals)))
         told.append({name for name, value in s.memory["session"].items() if value is True})  # type: ignore[arg-type]
     assert told == [{"cue"}, {"speaking"}, {"speaking"}, set(), {"stopped"}, set()]
+
+
+def test_a_change_is_recorded_with_the_whole_object(tmp_path: Path) -> None:
+    s = session(tmp_path, reader(), TALK)
+    before = s.memory["session"]
+    s.submit("markCue")
+    s.submit("stopAll")
+    cue, stopped = (r for r in s.records if isinstance(r, MemoryRecord) and r.key == "session" and not r.created)
+    assert (cue.old, cue.value) == (before, {**before, "cue": True})
+    assert (stopped.old, stopped.value, stopped.source) == (cue.value, {**cue.value, "stopped": True}, "engine")
 
 
 def test_between_two_sentences_of_an_act_the_robot_does_not_fall_silent(tmp_path: Path) -> None:
@@ -193,7 +212,7 @@ def test_what_changes_back_within_a_block_is_no_interruption(tmp_path: Path) -> 
     assert s.states["R"] == "b"
 
 
-@settings(max_examples=150)
+@settings(max_examples=examples(150))
 @given(st.lists(st.tuples(st.integers(0, 30), st.booleans()), max_size=12), st.integers(1, 30))
 def test_it_fires_at_the_moment_that_the_definition_gives(changes: list[tuple[int, bool]], tenths: int) -> None:
     """For any interleaving: the first moment at which the condition has held for so long."""
@@ -329,6 +348,34 @@ def test_a_key_pressed_early_can_have_been_a_mistake_whatever_became_of_it(tmp_p
     assert [(each.task, each.mark) for each in s.records if isinstance(each, MistakeRecord)] == [(task, "early")]
 
 
+@pytest.mark.parametrize(
+    ("waits_for", "told"),
+    [
+        ("/x", ["PENDING", "SUCCEEDED", "/x R"]),
+        ("/y", ["PENDING", "CANCELED", "/x None"]),
+        ("raised again", ["PENDING", "PENDING", "CANCELED", "kept"]),
+    ],
+)
+def test_one_that_was_never_kept_has_no_record_of_keeping(tmp_path: Path, waits_for: str, told: list[str]) -> None:
+    """The last case: the first of two ends before its turn, and only the second one is kept."""
+    again = waits_for == "raised again"
+    listens = rule(
+        "R", state("a", "", on("/later" if again else waits_for, "b")), state("b", "", on("/x", "a") * again)
+    )
+    raises = rule("S", state("a", '<function raiseEventTopic="/x" keep="2s"/>' * (1 + again)))
+    s = session(tmp_path, listens + raises)
+    s.rule("R")
+    seen = len(s.records)
+    s.rule("S")
+    kinds = (r for r in s.records[seen:] if getattr(r, "function", "") != "startInteractionRule")
+    found = [
+        f"{r.topic} {r.taken_by}" if isinstance(r, EventRecord) else r.status
+        for r in kinds
+        if isinstance(r, TaskRecord | KeptRecord | EventRecord)
+    ]
+    assert found == told
+
+
 def test_it_expires(tmp_path: Path) -> None:
     s = session(tmp_path, EARLY)
     s.rule("R")
@@ -422,7 +469,7 @@ def test_what_cannot_be_read_is_rejected(tmp_path: Path, behavior: str, reason: 
     assert task.status == "REJECTED" and reason in task.reason
 
 
-@settings(max_examples=150)
+@settings(max_examples=examples(150))
 @given(st.lists(st.sampled_from(["keep", "next", "x", "understood", "wait", "cancel", "stop", "rule"]), max_size=20))
 def test_a_kept_event_ends_exactly_once(moves: list[str]) -> None:
     s, view, tasks = Session(KEEPS), SessionView(), []

@@ -5,6 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import Any
 
+import msgspec
+
 from rise_engine.kernel.inputs import ActionReport, RobotChanged
 from rise_engine.scenario.model import Act, Action, ActionCall, ActionSpec
 
@@ -43,6 +45,10 @@ class Run:
     status: str = "SUCCEEDED"
     why: str = ""
     """Why it comes to an end before its time."""
+    cancelled: list[str] = field(default_factory=list)
+    """The actionIDs of what the robot was asked to cancel."""
+    ours: bool = True
+    """Whether nobody else, and not the robot by itself, has ended an action of it."""
 
 
 class Acts:
@@ -51,6 +57,8 @@ class Acts:
     def __init__(self, session: Session) -> None:
         self.session = session
         self.connected = True
+        self.open: list[dict[str, Any]] = []
+        """What the robot may still be doing (9.3)."""
         self.last_variant: dict[tuple[str, str], int] = {}
 
     def begin(self, run: Run) -> None:
@@ -66,6 +74,9 @@ class Acts:
                     if input.status == "succeeded":
                         self._confirmed(run, doing)
                     if input.status != "accepted":
+                        wanted = doing.action.id in run.cancelled
+                        if input.aborted or (input.status == "canceled" and not wanted):
+                            run.ours = False
                         self._end(run, doing, input.status, input.reason)
                         self._go_on(run)
                     else:
@@ -82,10 +93,13 @@ class Acts:
 
     def robot_changed(self, input: RobotChanged) -> None:
         """The link to the robot."""
-        self.session.put("robot", status=input.status, detail=input.detail)
-        self.connected = input.status != "lost"
+        self.open = [msgspec.to_builtins(goal) for goal in input.open]
+        self.session.put("robot", status=input.status, detail=input.detail, open=self.open)
+        was_connected, self.connected = self.connected, input.status != "lost"
         if not self.connected:
             self.lose(input.detail or "the robot is lost")
+        elif not was_connected:
+            self.session.failures.robot_is_back()
 
     def lose(self, why: str) -> None:
         """What the robot does is lost."""
@@ -112,7 +126,7 @@ class Acts:
             self._begin_action(run, run.to_begin.pop(0))
         if run in self.session.scheduler.running and not run.doing and len(run.ended) == len(run.act.actions):
             self.session.scheduler.running.remove(run)
-            self.tell_end(run.task, run.act, run.status, run.why)
+            self.tell_end(run.task, run.act, run.status, run.why, run.ours)
             self.session.scheduler.arrange()
 
     def _begin_action(self, run: Run, action: Action) -> None:
@@ -200,6 +214,7 @@ class Acts:
             elif doing.engine:
                 self._end(run, doing, "canceled", why)
             else:
+                run.cancelled.append(doing.action.id)
                 self.session.forget(doing.clock)
                 self.session.order("cancel", f"{run.task.id}/{doing.action.id}")
                 doing.clock = self.session.after(CONFIRM, lambda doing=doing: self._time_is_over(run, doing, "lost"))
@@ -225,7 +240,7 @@ class Acts:
 
     # --- the end ---
 
-    def tell_end(self, task: Task, act: Act, status: str, why: str) -> None:
+    def tell_end(self, task: Task, act: Act, status: str, why: str, ours: bool = True) -> None:
         """An act has ended, or was taken out of the line."""
         session = self.session
         session.tasks.record(task, status, why)
@@ -245,7 +260,7 @@ class Acts:
             voice_at=task.voice_at,
         )
         session.marks.act_ends(task, status)
-        if session.failures.ended(task, act.name, status, why):
+        if session.failures.ended(task, act.name, status, why, ours):
             session.rules.act_ended(task, act.name, OUTCOMES[status])
 
 

@@ -11,12 +11,22 @@ import msgspec
 
 from rise_engine.kernel import Kernel
 from rise_engine.kernel import rules as kernel_rules
-from rise_engine.kernel.commands import CancelAction, CancelTimer, Command, SetTimer, StartAction, StopRobot
+from rise_engine.kernel.commands import (
+    CancelAction,
+    CancelOpenGoals,
+    CancelTimer,
+    Command,
+    ReleaseOpenGoals,
+    SetTimer,
+    StartAction,
+    StopRobot,
+)
 from rise_engine.kernel.inputs import (
     ActionReport,
     AnyInput,
     CheckReport,
     ControlChanged,
+    EstopReport,
     Note,
     OutcomeReport,
     RecordingReport,
@@ -29,7 +39,7 @@ from rise_engine.kernel.inputs import (
     SyncMark,
     TimerElapsed,
 )
-from rise_engine.kernel.records import ENDINGS, AnyRecord
+from rise_engine.kernel.records import ENDINGS, AnyRecord, OpenGoal
 from rise_engine.scenario.model import Scenario
 
 from .interpreter import Interpreter
@@ -210,6 +220,10 @@ class Play:
                     orders.append(("start", command.action, command.type, command.parameters, command.expected))
                 case CancelAction():
                     orders.append(("cancel", command.action))
+                case CancelOpenGoals():
+                    orders.append(("cancelOpenGoals", command.part))
+                case ReleaseOpenGoals():
+                    orders.append(("releaseOpenGoals", command.part))
                 case StopRobot():
                     orders.append(("stop robot",))
                 case SetTimer():
@@ -264,10 +278,16 @@ class Play:
                 self.submit("stopAll")
                 if pick([True, False, False]):
                     self.do(StopReport(confirmed=("x",), unconfirmed=pick([(), ("y",)])))
+            case 8 if random.random() < 0.6:
+                self.do(EstopReport(source=pick(["estop:/a", "estop:/b"]), pressed=pick([True, False])))
             case 8:
                 self.do(StopReport(confirmed=("late",)))
             case 9:
-                self.do(RobotChanged(status=pick(["lost", "connected", "degraded"]), detail=pick(["", "cable"])))
+                status = pick(["lost", "connected", "degraded"])
+                open = pick(
+                    [(), (), (OpenGoal("x/y", "1/a", "Speech", "it refused to stop", holds=pick([True, False])),)]
+                )
+                self.do(RobotChanged(status=status, detail=pick(["", "cable"]), open=open))
             case 10:
                 self.submit("markCue", pick(["", "asks"]))
             case 11:
@@ -280,6 +300,8 @@ class Play:
             case 14:
                 self.submit("say", pick(["Hello", "Please {wait}", "", " yes "]), pick(["", "Interrupt", "None"]))
             case 15:
+                if pick([True, False, False]):
+                    self.submit(pick(["cancelOpenGoals", "releaseOpenGoals"]), pick(["", "x/y", "x/z"]))
                 answer = pick(["goOn", "goOn", "repeatAct", "stopRuleOfAct"])
                 self.submit(answer, pick([task, task, pick(ACTS), "x"]))
             case 16:
@@ -346,7 +368,8 @@ class Play:
         status: Any = self.random.choice(
             ["accepted", "accepted", "succeeded", "succeeded", "succeeded", "failed", "canceled", "timed-out", "lost"]
         )
-        self.do(ActionReport(action=goal, status=status, reason=self.random.choice(["", "why"])))
+        aborted = status == "failed" and self.random.random() < 0.3
+        self.do(ActionReport(action=goal, status=status, reason=self.random.choice(["", "why"]), aborted=aborted))
 
     def wait(self) -> None:
         """Let time pass; what is due on the way comes, now and then late, or not all of one moment."""

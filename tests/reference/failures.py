@@ -5,8 +5,10 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from .rules import Run
-from .session import Session
+from .session import Clock, Session
 from .tasks import STARTS_ACT, Refused, Task
+
+FIRST_PAUSE, LONGEST_PAUSE = 2.0, 10.0
 
 
 @dataclass(eq=False)
@@ -16,6 +18,9 @@ class Question:
     task: Task
     act: str
     starter: Run | None
+    by_itself: bool = False
+    """Whether it is repeated when nobody answers: after the pause, or when the robot is back."""
+    pause: Clock | None = None
 
 
 class Failures:
@@ -37,24 +42,73 @@ class Failures:
         runs = [run for run in self.session.rules.stack if kind == "rule" and run.name == name]
         self.starters[task.id] = runs[0] if runs else None
 
-    def ended(self, task: Task, act: str, status: str, why: str) -> bool:
-        """Whether the events of an act's end are raised now."""
+    def ended(self, task: Task, act: str, status: str, why: str, ours: bool) -> bool:
+        """Whether the events of an act's end are raised now. `ours`: nobody else, and not the robot, has ended it."""
         if status != "ABORTED" or task.function != STARTS_ACT:
             return True
         policy = self.session.scenario.failure_policy(act)
         done = self.times.get(task.id, 0)
+        by_itself = policy.kind == "repeat" and ours and not self.giving_up
         if policy.kind == "go_on":
             return True
-        if policy.kind == "repeat" and done >= policy.times:
+        if by_itself and done >= policy.times:
             self._record(task, "gone-on", "engine", reason=f"failed {done + 1} times")
             return True
         self.session.marks.failed.pop(task.id, None)
-        if policy.kind == "repeat" and self.session.acts.connected and not self.giving_up:
-            self._repeat(task, "engine")
-            return False
-        self._record(task, "asked", "engine", reason=why)
-        self.questions.append(Question(task, act, self.starters.get(task.id)))
+        question = Question(task, act, self.starters.get(task.id), by_itself)
+        self.questions.append(question)
+        if not by_itself:
+            self._record(task, "asked", "engine", reason=why)
+        else:
+            self._wait(question, why)
         return False
+
+    def _wait(self, question: Question, why: str) -> None:
+        """The pause begins; without the robot, when it is back."""
+        if not self.session.acts.connected:
+            self._record(question.task, "waiting", "engine", reason=why)
+            return
+        seconds = min(LONGEST_PAUSE, FIRST_PAUSE * 2 ** self.times.get(question.task.id, 0))
+        question.pause = self.session.after(seconds, lambda: self._pause_is_over(question))
+        self._record(question.task, "waiting", "engine", reason=why, seconds=seconds)
+
+    def _pause_is_over(self, question: Question) -> None:
+        question.pause = None
+        if not self.session.acts.connected:
+            self._wait(question, "the robot is not there")
+            self.session.scheduler.arrange()
+            return
+        self._close(question)
+        self._repeat(question.task, "engine")
+        self.session.scheduler.arrange()
+
+    def robot_is_back(self) -> None:
+        """What has waited for it is repeated after a pause."""
+        for question in self.questions:
+            if question.by_itself and question.pause is None:
+                self.times[question.task.id] = 0
+                self._wait(question, "the robot is back")
+
+    def that_wait(self, behavior: str, *, by_name: bool) -> list[Question]:
+        """The repetitions that can be stopped under a name, or a task's number."""
+        waiting = [each for each in self.questions if each.by_itself]
+        return [each for each in waiting if behavior == (each.act if by_name else str(each.task.id))]
+
+    def in_pause(self) -> list[Question]:
+        """Those in whose pause the session is."""
+        return [each for each in self.questions if each.pause is not None]
+
+    def stop(self, questions: list[Question], source: str, why: str = "") -> None:
+        """There is no repetition."""
+        for question in questions:
+            self._close(question)
+            self._record(question.task, "gone-on", source, reason=why)
+            self.session.rules.act_ended(question.task, question.act, "failed")
+        self.session.scheduler.arrange()
+
+    def _close(self, question: Question) -> None:
+        self.questions.remove(question)
+        self.session.forget(question.pause)
 
     def _repeat(self, task: Task, source: str) -> None:
         again = self.session.tasks.numbered(task.function, task.behavior, task.calling_type, task.source)
@@ -80,16 +134,14 @@ class Failures:
     def go_on(self, task: Task, question: Question) -> None:
         """It is gone on without it."""
         self.session.tasks.record(task, "SUCCEEDED")
-        self.questions.remove(question)
-        self._record(question.task, "gone-on", task.source)
-        self.session.rules.act_ended(question.task, question.act, "failed")
+        self.stop([question], task.source)
 
     def repeat(self, task: Task) -> None:
         """It is started again."""
         question = self._question(task)
         self.session.stop.refuse_if_stopped()
         self.session.tasks.record(task, "SUCCEEDED")
-        self.questions.remove(question)
+        self._close(question)
         self._repeat(question.task, task.source)
         self.session.scheduler.arrange()
 
@@ -110,9 +162,16 @@ class Failures:
     # --- questions that are void ---
 
     def rule_stopped(self, run: Run) -> None:
-        """Its acts' questions are void."""
-        for question in [each for each in self.questions if each.starter is run]:
+        """Its acts' questions are void, and others may start."""
+        if self.drop_those_of(run):
+            self.session.scheduler.arrange()
+
+    def drop_those_of(self, run: Run) -> bool:
+        """Questions about what a rule has started are void."""
+        found = [each for each in self.questions if each.starter is run]
+        for question in found:
             self._drop(question)
+        return bool(found)
 
     def drop_all(self) -> None:
         """A stop-all."""
@@ -120,8 +179,17 @@ class Failures:
             self._drop(question)
 
     def _drop(self, question: Question) -> None:
-        self.questions.remove(question)
+        self._close(question)
         self._record(question.task, "dropped", "engine", reason="stopped")
 
-    def _record(self, task: Task, status: str, source: str, by: int | None = None, reason: str = "") -> None:
-        self.session.put("failure", task=task.id, act=task.act, status=status, source=source, by=by, reason=reason)
+    def _record(
+        self,
+        task: Task,
+        status: str,
+        source: str,
+        by: int | None = None,
+        reason: str = "",
+        seconds: float | None = None,
+    ) -> None:
+        about = {"task": task.id, "act": task.act, "status": status, "source": source}
+        self.session.put("failure", **about, by=by, reason=reason, seconds=seconds)

@@ -113,7 +113,7 @@ class GoingOn:
             elif key in session.memory.values:
                 session.memory.delete(key, task.source)
         if stop_acts:
-            session.failures.rule_stopped(run)
+            session.failures.drop_those_of(run)
             session.scheduler.stop_acts_of(run, f"step back by {task.source}")
         del past[-2:]
         session.rules.go_back(run, state, enter)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any
 
 import msgspec
@@ -11,6 +12,7 @@ from rise_engine.kernel.inputs import (
     AnyInput,
     CheckReport,
     ControlChanged,
+    EstopReport,
     Note,
     OutcomeReport,
     RecordingReport,
@@ -75,6 +77,8 @@ class Interpreter:
                 session.acts.robot_changed(input)
             case StopReport():
                 session.stop.report(input)
+            case EstopReport():
+                session.stop.emergency(input)
             case SessionStarted():
                 self._start(input)
             case ControlChanged():
@@ -82,7 +86,7 @@ class Interpreter:
             case Note():
                 session.put("note", text=input.text, source=input.source)
             case SessionEnded():
-                self._session_record("ended", reason=input.reason)
+                self._session_record("ended", reason=input.reason, open=session.acts.open)
             case SessionRecovered():
                 self._go_on(input)
             case CheckReport() | OutcomeReport() | RecordingReport() | SyncMark():
@@ -135,7 +139,9 @@ class Interpreter:
         del fields["t"]
         self.session.put(fields.pop("input"), **fields)
 
-    def _session_record(self, status: str, reason: str = "", downtime: float | None = None) -> None:
+    def _session_record(
+        self, status: str, reason: str = "", downtime: float | None = None, open: Sequence[Any] = ()
+    ) -> None:
         scenario = self.session.scenario
         self.session.put(
             "session",
@@ -148,6 +154,7 @@ class Interpreter:
             versions={},
             reason=reason,
             downtime=downtime,
+            open=list(open),
             language=scenario.language,
             **self.told,
         )

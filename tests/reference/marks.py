@@ -92,7 +92,8 @@ class Marks:
     def _fill(self) -> None:
         self.clock = None
         name = self._next()
-        if name is not None and not self.session.scheduler.running and not self.session.stop.in_force:
+        busy = self.session.scheduler.running or self.session.failures.in_pause()
+        if name is not None and not busy and not self.session.stop.in_force:
             self.session.tasks.new(STARTS_ACT, name, source="engine")
 
     # --- mistakes and failures ---

@@ -67,27 +67,35 @@ class Scheduler:
         if task.calling_type == "Interrupt":
             for run in self._blocking():
                 self.session.acts.stop(run, f"interrupted by {act.name}")
+            pauses = [each for each in self.session.failures.in_pause() if each.task.calling_type != "None"]
+            self.session.failures.stop(pauses, "engine", f"interrupted by {act.name}")
         self.arrange()
 
     def add_repetition(self, task: Task, failed: Task) -> None:
         """An act is started again: it goes before all that wait."""
         act = self.session.scenario.acts[failed.act]
         task.act = act.name
-        self.line.insert(0, (task, act))
+        place = 0
+        while place < len(self.line) and self.line[place][0].again:
+            place += 1
+        task.again = True
+        self.line.insert(place, (task, act))
         self.session.marks.act_asked(task)
-        self.session.tasks.record(task, "PENDING", f"repeats task {failed.id}", position=0)
+        self.session.tasks.record(task, "PENDING", f"repeats task {failed.id}", position=place)
 
     def stop_act(self, task: Task) -> None:
         """Stop all that runs or waits under a name."""
         name, why = task.behavior.strip(), f"stopped by {task.source}"
         waiting = [each for each, act in self.line if act.name == name and each.function == STARTS_ACT]
         running = [run.task for run in self.running if run.act.name == name and run.task.function == STARTS_ACT]
-        if not waiting and not running:
+        failed = self.session.failures.that_wait(name, by_name=True)
+        if not waiting and not running and not failed:
             raise Refused("it is neither running nor waiting")
         self.session.tasks.record(task, "SUCCEEDED")
         for other in waiting + running:
             self._take_out(other, why)
         self.arrange()
+        self.session.failures.stop(failed, task.source)
 
     def move(self, task: Task) -> None:
         """Another place in the line."""
@@ -154,9 +162,12 @@ class Scheduler:
         may. The None acts that need none of them start."""
         running = self._blocking()
         waiting = [(task, act) for task, act in self.line if task.calling_type != "None"]
+        paused = [each for each in self.session.failures.in_pause() if each.task.calling_type != "None"]
         held: frozenset[str] = frozenset()
         if running:
             held = running[0].act.channels
+        elif paused:
+            held = self.session.scenario.acts[paused[0].act].channels
         elif waiting:
             held = waiting[0][1].channels
             if self._interrupted(held, waiting[0][1].name):
@@ -170,6 +181,8 @@ class Scheduler:
         for run in list(self.running):
             if run.act.channels & channels:
                 self.session.acts.stop(run, f"interrupted by {name}")
+        acts, failures = self.session.scenario.acts, self.session.failures
+        failures.stop([each for each in failures.in_pause() if acts[each.act].channels & channels], "engine", name)
         return not any(run.act.channels & channels for run in self.running)
 
     def _blocking(self) -> list[Run]:

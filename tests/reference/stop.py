@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from rise_engine.kernel.inputs import StopReport
+from rise_engine.kernel.inputs import EstopReport, StopReport
 
 from .session import Clock, Session
 from .tasks import Refused, Task
@@ -19,6 +19,8 @@ class Stop:
         self.status = ""
         """Empty, requested or latched."""
         self.clock: Clock | None = None
+        self.pressed: list[str] = []
+        """The emergency stops that are pressed."""
 
     @property
     def in_force(self) -> bool:
@@ -34,7 +36,7 @@ class Stop:
         session = self.session
         session.tasks.record(task, "SUCCEEDED")
         self.status = "requested"
-        self._record(source=task.source)
+        self._record("requested", source=task.source)
         session.forget(self.clock)
         self.clock = session.after(ANSWER, self._no_answer)
         why = f"stop-all by {task.source}"
@@ -57,7 +59,7 @@ class Stop:
     def _no_answer(self) -> None:
         self.clock = None
         self.status = "latched"
-        self._record(unconfirmed=[self.session.scenario.robot.name])
+        self._record("latched", unconfirmed=[self.session.scenario.robot.name])
 
     def report(self, input: StopReport) -> None:
         """The robot's answer."""
@@ -65,23 +67,36 @@ class Stop:
             self.session.forget(self.clock)
             self.clock = None
             self.status = "latched"
-            self._record(confirmed=list(input.confirmed), unconfirmed=list(input.unconfirmed))
+            self._record(
+                "latched",
+                confirmed=list(input.confirmed),
+                unconfirmed=list(input.unconfirmed),
+                unstoppable=list(input.unstoppable),
+            )
+
+    def emergency(self, input: EstopReport) -> None:
+        """An emergency stop says how it is."""
+        if input.pressed and input.source not in self.pressed:
+            self.pressed.append(input.source)
+            self.session.tasks.new("stopAll", source=input.source)
+        elif not input.pressed and input.source in self.pressed:
+            self.pressed.remove(input.source)
+            self._record("let-go", source=input.source)
 
     def release(self, task: Task) -> None:
         """Things may start again."""
         if self.status == "":
             raise Refused("nothing is stopped")
+        if self.pressed:
+            raise Refused("an emergency stop is pressed")
         if self.status == "requested":
             raise Refused("the robot has not answered yet")
         words = self.session.going_on.read_release(task.behavior)
         self.session.tasks.record(task, "SUCCEEDED")
         self.status = ""
-        self.session.put("stop", status="released", confirmed=[], unconfirmed=[], source=task.source)
+        self._record("released", source=task.source)
         self.session.going_on.released(words, task.source)
 
-    def _record(
-        self, source: str = "", confirmed: list[str] | None = None, unconfirmed: list[str] | None = None
-    ) -> None:
-        self.session.put(
-            "stop", status=self.status, confirmed=confirmed or [], unconfirmed=unconfirmed or [], source=source
-        )
+    def _record(self, status: str, source: str = "", **parts: list[str]) -> None:
+        told = {"confirmed": [], "unconfirmed": [], "unstoppable": [], "held_by": list(self.pressed), **parts}
+        self.session.put("stop", status=status, source=source, **told)

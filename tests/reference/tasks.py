@@ -39,6 +39,8 @@ class Task:
     refused: bool = False
     follows: bool = False
     """Whether it is part of what another task of somebody does."""
+    again: bool = False
+    """Whether it repeats another one."""
 
 
 class Refused(Exception):
@@ -138,6 +140,12 @@ class Tasks:
                 session.stop.stop_all(task)
             case "releaseStop":
                 session.stop.release(task)
+            case "cancelOpenGoals" | "releaseOpenGoals":
+                holding = {goal["part"] for goal in session.acts.open if goal["holds"]}
+                if not holding or task.behavior not in ("", *holding):
+                    raise Refused("nothing of that is open")
+                self.record(task, "SUCCEEDED")
+                session.orders.append((task.function, task.behavior))
             case "say":
                 session.scheduler.say(task, calling_type)
             case "markCue":
@@ -202,6 +210,9 @@ class Tasks:
         elif other is not None and (kept := self.session.kept.of(other)) is not None:
             self.record(task, "SUCCEEDED")
             self.session.kept.take_back(kept, why)
+        elif failed := self.session.failures.that_wait(number, by_name=False):
+            self.record(task, "SUCCEEDED")
+            self.session.failures.stop(failed, task.source)
         else:
             raise Refused("no such task is running or waiting")
 

@@ -53,6 +53,8 @@ class Plan(Struct, frozen=True):
     accept: bool | None = True
     """None: no answer, ever."""
     accept_after: float = 0.0
+    decides_after: float = 0.0
+    """Seconds for which its goal callback runs: until then the server does not know the goal."""
     runs: bool = True
     """Whether it is carried out (also one that was not answered)."""
     seconds: float = 1.0
@@ -144,7 +146,14 @@ class BadServer:
             reply({"accepted": False})
             return
         plan = self.plans.pop(0) if len(self.plans) > 1 else self.plans[0]
-        if plan.accept is False:
+        if plan.decides_after:
+            self._later(plan.decides_after, lambda: self._decide(id, plan, reply))
+        else:
+            self._decide(id, plan, reply)
+
+    def _decide(self, id: bytes, plan: Plan, reply: SendReply) -> None:
+        if self._gone or plan.accept is False:
+            self._said(event="refused", name=self.name, id=id.hex())
             reply({"accepted": False})
             return
         self.goals[id] = goal = _Goal(id, plan)
@@ -251,7 +260,7 @@ class _Order(Struct, frozen=True):
 
 
 def _say(**what: Any) -> None:
-    print(json.dumps(what), flush=True)
+    print(json.dumps({"at": time.monotonic(), **what}), flush=True)
 
 
 async def _serve(order: _Order) -> None:

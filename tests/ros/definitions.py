@@ -32,6 +32,7 @@ class Definitions:
         self._given = {**_BASIC, **{name: dict(fields) for name, fields in given.items()}}
         self._known = _shipped_types()
         self._unknown: set[str] = set()
+        self._hashes: dict[str, str] = {}
 
     def fields(self, type: str) -> Mapping[str, str]:
         found = self._find(type)
@@ -40,10 +41,12 @@ class Definitions:
         return found
 
     def hash(self, type: str) -> str:
-        try:
-            return self._known.type_hash(type)
-        except PortError:
-            return f"RIHS01_{type}"
+        if type not in self._hashes:  # of one that is not known it takes long to find out
+            try:
+                self._hashes[type] = self._known.type_hash(type)
+            except PortError:
+                self._hashes[type] = f"RIHS01_{type}"
+        return self._hashes[type]
 
     def complete(self, type: str, message: Message) -> Message:
         """The message as it would arrive: every field there, nothing shared with the sender's. Raises PortError."""

@@ -20,6 +20,7 @@ from collections.abc import Callable, Mapping
 from copy import deepcopy
 from fnmatch import fnmatchcase
 from functools import partial
+from itertools import count
 from typing import Any, Literal, NamedTuple, Protocol, TypeAlias
 
 from rise_adapters.ros2.transport.port import (
@@ -118,6 +119,7 @@ class MemoryWire:
         """`definitions`: further message types, by full name: field -> type."""
         self.types = Definitions(definitions or {})
         self.transports: list[MemoryTransport] = []
+        self.programs = count(1)
         self.rules: list[Rule] = []
         self.sent: list[Sent] = []
         """Everything that was ever sent, in order."""
@@ -374,6 +376,8 @@ class MemoryTransport:
         """What it announces instead of the type's own hash, and takes for that: of another version of it."""
         self.why_lost = ""
         self.closed = False
+        self.program = f"program {next(wire.programs):04}".encode()
+        """As `RemoteEndpoint.program`."""
         self._remaps = {self._full(a): self._full(b) for a, b in (remaps or {}).items()}
         self.publishers: list[_Publisher] = []
         self.subscriptions: list[_Subscription] = []
@@ -449,8 +453,9 @@ class MemoryTransport:
             for end in ("Request", "Response")
         ]
 
-    def topics(self) -> list[str]:
-        return sorted({each.topic for t in self._others() for each in (*t.publishers, *t.subscriptions)})
+    def topics(self, ending: str = "") -> list[str]:
+        found = {each.topic for t in self._others() for each in (*t.publishers, *t.subscriptions)}
+        return sorted(topic for topic in found if topic.endswith(ending))
 
     def programs_of_other_vendors(self) -> list[tuple[str, str]]:
         return [(t.node, t.vendor) for t in self._others() if t.vendor != self.vendor]
@@ -460,7 +465,7 @@ class MemoryTransport:
 
     def end(self, type: str, qos: QoS) -> RemoteEndpoint:
         """One of this node's, as others see it."""
-        return RemoteEndpoint(self.node, type, self.type_hash(type), self.vendor, qos)
+        return RemoteEndpoint(self.node, type, self.type_hash(type), self.vendor, qos, self.program)
 
     def nodes(self) -> list[str]:
         return sorted(t.node for t in self.wire.transports if self.wire.sees(self, t))

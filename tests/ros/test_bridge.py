@@ -24,6 +24,7 @@ from rise_engine.ports.bridge import BridgeError, RosConnection
 from rise_engine.scenario import load
 from rise_engine.scenario.model import Scenario
 from rise_engine.server.hub import SessionHub
+from tests.patience import PATIENCE
 from tests.ros.memory import MemoryTransport, MemoryWire
 from tests.ros.session_node_bench import until
 
@@ -44,6 +45,8 @@ class Wired:
     def __init__(self) -> None:
         self.wire = MemoryWire()
         self.made: list[MemoryTransport] = []
+        self.namespace = ""
+        """Of the next nodes."""
         self.fails = 0
         """How many of the next attempts find no middleware."""
 
@@ -53,7 +56,7 @@ class Wired:
         if self.fails:
             self.fails -= 1
             raise BridgeError(["no middleware"])
-        self.made.append(MemoryTransport(self.wire, asyncio.get_running_loop(), node))
+        self.made.append(MemoryTransport(self.wire, asyncio.get_running_loop(), f"{self.namespace}/{node}"))
         return self.made[-1]
 
     def robot(self) -> None:
@@ -221,7 +224,7 @@ async def test_of_two_that_begin_at_once_both_decide_the_same_whatever_their_clo
             )
             for number, each in enumerate(since)
         ]
-        stands_back = [await asyncio.wait_for(each.find_earlier(), 10) is not None for each in made]
+        stands_back = [await asyncio.wait_for(each.find_earlier(), PATIENCE) is not None for each in made]
         assert sorted(stands_back) == [False, True]
         for each in made:
             each.close()
@@ -246,6 +249,70 @@ async def test_a_session_says_so_when_it_finds_that_it_is_not_alone(tmp_path: Pa
     await second.close()
     await until(lambda: not first._neighbours.others)
     await first.close()
+
+
+ZORA = """
+driver = "ros2"
+[actions.Speech]
+carrier = { action = "/zora/say", type = "rise_interfaces/action/Speech", goal = { message = "{message}" } }
+"""
+
+
+def zora(folder: Path) -> Scenario:
+    """A study on a robot whose names begin with a slash: they are the same in every namespace."""
+    (folder / "robots").mkdir()
+    (folder / "robots" / "zora.toml").write_text(ZORA)
+    return study(folder, robot="zora")
+
+
+async def test_a_second_session_on_the_same_robot_is_refused_in_any_namespace(tmp_path: Path, wired: Wired) -> None:
+    """F6: each would start and stop what the other one does."""
+    scenario = zora(tmp_path)
+    first = await opened(scenario)
+    Session(scenario, first)
+    wired.namespace = "/lab2"
+    with pytest.raises(BridgeError) as refused:
+        await opened(scenario)
+    about, todo = refused.value.lines
+    assert about.startswith("another session moves the same robot (in memory, node /lab2/rise): “")
+    assert "node /rise on" in about and about.endswith("both would use /zora/say") and "a robot of its own" in todo
+    relative = study(tmp_path, robot="rise")
+    other = await opened(relative)
+    await other.close()
+    wired.namespace = ""
+    await first.close()
+
+
+async def test_of_sessions_on_one_robot_that_begin_at_once_exactly_one_does(tmp_path: Path, wired: Wired) -> None:
+    scenario, beginning = zora(tmp_path), []
+    for number in range(3):
+        wired.namespace = f"/lab{number}"
+        beginning.append(asyncio.ensure_future(opened(scenario)))
+        await until(lambda number=number: len(wired.made) > number)
+    begun = await asyncio.gather(*beginning, return_exceptions=True)
+    (one,) = [each for each in begun if isinstance(each, Ros2Bridge)]
+    assert sum(isinstance(each, BridgeError) for each in begun) == 2
+    await one.close()
+
+
+async def test_sessions_on_one_robot_whose_networks_are_joined_say_so(
+    tmp_path: Path, wired: Wired, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(neighbours, "BEAT_SECONDS", 0.01)
+    scenario, sessions, bridges_ = zora(tmp_path), [], []
+    for namespace in ("/lab1", "/lab2"):
+        wired.namespace = namespace
+        bridges_.append(await opened(scenario))
+        sessions.append(Session(scenario, bridges_[-1]))
+        wired.wire.forget("/lab1/rise")
+    wired.wire.heal("/lab1/rise")
+    for session in sessions:
+        (note,) = await until(lambda session=session: [each for each in session.notes if "another session" in each])
+        assert note.startswith("another session moves the same robot now, by /zora/say: “")
+    status = bridges_[0]._interface.status()  # type: ignore[union-attr]
+    assert status["message"].startswith("another session moves the same robot: ")
+    for bridge in bridges_:
+        await bridge.close()
 
 
 async def test_what_is_no_word_of_a_session_is_passed_over(tmp_path: Path, wired: Wired) -> None:

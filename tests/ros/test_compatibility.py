@@ -12,10 +12,11 @@ from typing import Any
 import pytest
 from msgspec.structs import replace
 from rise_adapters.ros2 import bridge as bridges
-from rise_adapters.ros2 import compatibility, doctor
+from rise_adapters.ros2 import compatibility, doctor, profile_check
 from rise_adapters.ros2.actions.server import ActionServer
-from rise_adapters.ros2.bridge import Ros2Bridge, check_profile
+from rise_adapters.ros2.bridge import Ros2Bridge
 from rise_adapters.ros2.mapping import ActionMapping, read_mappings
+from rise_adapters.ros2.profile_check import check_profile
 from rise_adapters.ros2.robot import Ros2Robot
 from rise_adapters.ros2.transport import selection, vendors
 from rise_adapters.ros2.transport.port import FEEDBACK, STATUS_TOPIC, QoS, RemoteEndpoint, Transport, action_types
@@ -456,7 +457,7 @@ class Lab:
         self.wire = MemoryWire()
         self.loop = asyncio.get_running_loop()
         monkeypatch.setattr(selection, "why_unavailable", lambda: {"rclpy": "rclpy is not here", "dds": ""})
-        monkeypatch.setattr(bridges, "why_unavailable", selection.why_unavailable)
+        monkeypatch.setattr(profile_check, "why_unavailable", selection.why_unavailable)
         monkeypatch.setattr(bridges, "open_transport", self.open)
 
     async def open(
@@ -498,11 +499,11 @@ async def test_check_doctor_and_session_say_the_same_about_a_profile(
     robot, definition, sentence = STATIC[fault]
     lab = Lab(tmp_path, monkeypatch, robot, definition)
     (checked,) = check_profile(lab.scenario.robot)
-    assert sentence in checked
-    assert await lab.doctor() == [checked]
+    assert sentence in checked.sentence
+    assert await lab.doctor() == [checked.sentence]
     with pytest.raises(BridgeError) as refused:
         await lab.session()
-    assert refused.value.lines == [checked]
+    assert refused.value.lines == [checked.sentence]
     assert not lab.wire.messages("/tin/*")
 
 

@@ -5,7 +5,6 @@ from __future__ import annotations
 
 import asyncio
 import os
-import random
 import signal
 import subprocess
 import sys
@@ -27,15 +26,16 @@ from rise_adapters.ros2.transport.dds import DdsTransport, domain, graph, names,
 from rise_adapters.ros2.transport.dds.entities import dds_qos
 from rise_adapters.ros2.transport.port import PortError, QoS, RemoteEndpoint
 
+from tests.patience import PATIENCE
 from tests.ros.dds_peer import SET, TEXT
+from tests.ros.domains import own_domain
 
 pytestmark = pytest.mark.dds
 
 ROOT = Path(__file__).parents[2]
-PATIENCE = 15.0
 LATCHED = QoS(depth=3, latched=True)
 ENVIRONMENT = {
-    "ROS_DOMAIN_ID": str(random.SystemRandom().randrange(102, 200)),
+    "ROS_DOMAIN_ID": str(own_domain()),
     "ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST",
     "CYCLONEDDS_URI": '<General><Interfaces><NetworkInterface address="127.0.0.1"/></Interfaces></General>',
 }
@@ -111,9 +111,7 @@ async def test_a_topic_a_service_and_an_end(transport: DdsTransport) -> None:
         ]
         assert transport.publisher_endpoints("heard") == []
         process.kill()
-        killed = time.monotonic()
         await until(lambda: not ask.count_servers())
-        assert time.monotonic() - killed < 2.5
         await until(lambda: transport.nodes() == ["/here"] and transport.server_endpoints("set") == [])
 
 
@@ -137,17 +135,13 @@ async def test_a_thousand_messages_a_second_leave_room(transport: DdsTransport) 
     with peer("burst"):
         await until(say.count_subscribers)
         await until(lambda: transport.publisher_endpoints("said"))
-        delays = []
+        turns = 0
         say.publish({"data": "2"})
         while len(heard) < 2000:
-            began = time.process_time()
-            await asyncio.sleep(0)
-            delays.append(time.process_time() - began)
             await asyncio.sleep(0.001)
-            assert len(delays) < 20_000
+            turns += 1
     assert heard == [str(number) for number in range(2000)]
-    delays.sort()
-    assert delays[int(len(delays) * 0.99)] < 0.05
+    assert turns > 20
 
 
 async def test_a_reader_that_pauses_is_left_alone_and_then_gives_the_newest(
@@ -203,14 +197,9 @@ async def test_a_reader_that_stands_still_holds_nobody_up(transport: DdsTranspor
     with peer("echo") as process:
         await until(say.count_subscribers)
         process.send_signal(signal.SIGSTOP)
-        took = []
-        for _ in range(300):
-            began = time.perf_counter()
+        for _ in range(300):  # a writer that waited once its history is full would wait for ever
             say.publish({"data": "x" * 50_000})
-            took.append(time.perf_counter() - began)
             await asyncio.sleep(0)
-        # A writer that waits does so at each message once its history is full; a machine stands still now and then.
-        assert sorted(took)[-4] < 0.1
         process.send_signal(signal.SIGCONT)
         await until(lambda: heard)
 
@@ -476,7 +465,7 @@ def test_endpoints_of_others_come_and_go() -> None:
     assert seen.find_writers("rt/a") == [RemoteEndpoint("", TEXT, "RIHS01_1", "0110")]
     seen.set_nodes(key, [("/camera", [key])])
     assert [end.node for end in seen.find_writers("rt/a")] == ["/camera"]
-    assert seen.topics() == ["/a"]
+    assert seen.topics("") == ["/a"] and seen.topics("/b") == []
     assert seen.find_readers("rt/a") == seen.find_writers("rt/b") == []
     seen.update_writer(graph.DdsEndpoint(key, alive=False))
     assert seen.find_writers("rt/a") == []

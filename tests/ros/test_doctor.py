@@ -10,18 +10,20 @@ from typing import Any
 
 import pytest
 from msgspec.structs import replace
+from rise_adapters.ros2.actions.client import ActionClient
 from rise_adapters.ros2.actions.server import ActionServer
 from rise_adapters.ros2.doctor import DoctorFinding, as_json, as_text, examine, exit_status, installation, interfaces
 from rise_adapters.ros2.doctor import robot as doctor_robot
 from rise_adapters.ros2.doctor.network import check_network
 from rise_adapters.ros2.transport import selection
-from rise_adapters.ros2.transport.port import PortError, QoS
+from rise_adapters.ros2.transport.port import STATUS, PortError, QoS
 
 from rise_engine.engine.clock import RealClock
 from rise_engine.ports.bridge import BridgeError
 from rise_engine.scenario.action_declarations import core_actions
 from rise_engine.scenario.model import RobotProfile
 from tests.ros.memory import MemoryTransport, MemoryWire
+from tests.ros.test_lifecycle import LifecycleNode
 
 SPEECH: dict[str, Any] = {
     "action": "rise/robot/speech",
@@ -250,6 +252,50 @@ async def test_a_robot_that_is_not_there(only: Any) -> None:
     assert "no other node is seen" in said(findings, "note")
 
 
+async def test_a_robot_whose_node_is_not_active(only: Any) -> None:
+    lab = Lab()
+    lab.speaks("/tin/mouth")
+    LifecycleNode(lab.wire.transports[-1])
+    problems = said(await lab.examined(profile(Speech=SPEECH)), "problem")
+    assert problems == "Speech: /tin/mouth is inactive activate it (ros2 lifecycle set /tin/mouth activate)"
+
+
+async def test_who_else_moves_the_robot(only: Any) -> None:
+    lab = Lab()
+    lab.speaks("/tin/mouth")
+    for node in ("/teleop", "/rise_doctor"):
+        ActionClient(lab.node(node), SPEECH["action"], SPEECH["type"])
+    notes = said(await lab.examined(profile(Speech=SPEECH)), "note")
+    assert notes.count("may send goals") == 1
+    assert "the node /teleop may send goals to /rise/robot/speech, too: what the robot does for it is in no" in notes
+
+
+@pytest.mark.parametrize(
+    ("says", "level", "sentence"),
+    [
+        ((False,), "ok", "the emergency stop at /estop is heard, and is not pressed"),
+        ((True,), "warning", "the emergency stop at /estop is pressed let it go: until then nothing starts"),
+        (
+            (None,),
+            "problem",
+            "the emergency stop at /estop has said nothing yet, so whether it is pressed is not known",
+        ),
+        ((), "problem", "the emergency stop at /estop cannot be heard: nothing publishes it as std_msgs/msg/Bool"),
+        ((False, True), "warning", "several publishers, of which the last word counts: /button0, /button1"),
+    ],
+)
+async def test_an_emergency_stop(only: Any, says: tuple[bool | None, ...], level: str, sentence: str) -> None:
+    lab = Lab()
+    lab.speaks("/tin/mouth")
+    for number, pressed in enumerate(says):
+        button = lab.node(f"/button{number}").publisher("/estop", "std_msgs/msg/Bool", STATUS)
+        if pressed is not None:
+            button.publish({"data": pressed})
+    options = {"estop": {"topic": "/estop", "type": "std_msgs/msg/Bool", "when": {"data": True}}}
+    found = await lab.examined(replace(profile(Speech=SPEECH), options=options))
+    assert sentence in said(found, level), as_text(found)
+
+
 async def test_a_robot_that_is_there_in_part(only: Any) -> None:
     lab = Lab()
     lab.speaks("/tin/mouth")
@@ -271,6 +317,12 @@ async def test_a_robot_by_another_name(only: Any) -> None:
     )
     findings = await lab.examined(profile(Speech=SPEECH, Emotion=LED))
     assert "of their types there are, by other names: /tin/speech, /tin/led;" in said(findings, "problem")
+    lab.node("/lab/rise").subscribe("/lab/rise/session", "std_msgs/msg/String", print)
+    findings = await lab.examined(profile(Speech={"topic": "/voice/say", "type": "std_msgs/msg/String"}))
+    assert "nothing listens to /voice/say is the robot's wrapper running" in said(findings, "problem")
+    lab.node("/voice").subscribe("/voice/text", "std_msgs/msg/String", print)
+    findings = await lab.examined(profile(Speech={"topic": "/voice/say", "type": "std_msgs/msg/String"}))
+    assert "there is one of this type, by other names: /voice/text;" in said(findings, "problem")
 
 
 async def test_two_robots_on_one_name(only: Any) -> None:

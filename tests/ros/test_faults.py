@@ -124,8 +124,8 @@ def test_a04_the_goal_callback_raised() -> None:
     bench.run(60)
     assert bench.ending(TASK).startswith("timed-out: no-accept")
     assert bench.robot_statuses() == ["connected", "degraded"]
-    assert bench.of(RobotRecord)[1].detail == f"{SPEECH} does not answer"
-    assert len(bench.speech.cancels) == 5, "it is not asked for ever"
+    assert bench.of(RobotRecord)[1].detail.startswith(f"{SPEECH} may still be doing Speech (it has not answered")
+    assert 10 <= len(bench.speech.cancels) <= 16, "it is asked again, and not often"
     assert [note.split(":")[0] for note in bench.notes()] == ["still-running"]
     bench.check()
 

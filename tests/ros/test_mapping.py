@@ -17,6 +17,8 @@ from rise_adapters.ros2.mapping import (
     ActionMapping,
     GoalDeadlines,
     MappingError,
+    action_mapping,
+    mapping_findings,
     mapping_problems,
     read_mappings,
     read_options,
@@ -47,9 +49,16 @@ parameters.way = { type = "number", unit = "m" }
 parameters.speed = { type = "number", unit = "m/s" }
 parameters.loud = { type = "number", default = 0.5 }
 parameters.seven = { type = "integer", default = 7 }
+parameters.place = { type = "name", place = true, default = "table" }
 parameters.odd = { type = "name", codes = { calm = 0 }, default = "wild" }
 """
 """A robot's only action, with a parameter of every kind; its carrier follows."""
+PLACES = """
+[places]
+table = { x = 1.5, y = -2, yaw = 3.141592653589793, frame = "lab" }
+door = { x = 0.5, y = 1, yaw = 0 }
+"""
+NOW = 1_795_460_000_250_000_000
 
 TEST = {
     "test/action/Do_Goal": {
@@ -71,11 +80,25 @@ TEST = {
         "blob": "uint8[]",
         "points": "geometry_msgs/msg/Point[]",
         "hole": "nowhere_msgs/msg/Nothing",
+        "stamp": "builtin_interfaces/msg/Time",
+        "turn": "geometry_msgs/msg/Quaternion",
+        "pose": "geometry_msgs/msg/PoseStamped",
     },
     "test/action/Do_Feedback": {},
-    "test/action/Do_Result": {"code": "int32", "success": "bool", "text": "string", "inner": "test/msg/Inner"},
+    "test/action/Do_Result": {
+        "code": "int32",
+        "success": "bool",
+        "text": "string",
+        "inner": "test/msg/Inner",
+        "rate": "float32",
+    },
     "test/msg/Inner": {"code": "uint8", "words": "string", "many": "int32[]"},
     "test/msg/Do": {"text": "string", "small": "uint8"},
+    "test/srv/Ask_Request": {"text": "string"},
+    "test/srv/Ask_Response": {"code": "int32"},
+    "geometry_msgs/msg/Quaternion": {"x": "float64", "y": "float64", "z": "float64", "w": "float64"},
+    "geometry_msgs/msg/Pose": {"position": "geometry_msgs/msg/Point", "orientation": "geometry_msgs/msg/Quaternion"},
+    "geometry_msgs/msg/PoseStamped": {"header": "std_msgs/msg/Header", "pose": "geometry_msgs/msg/Pose"},
 }
 
 
@@ -93,7 +116,7 @@ def profile(folder: Path, text: str) -> RobotProfile:
 
 
 def robot(folder: Path, carrier: str, options: str = "") -> RobotProfile:
-    return profile(folder, f'driver = "ros2"\n[options]\n{options}\n{ACTION}\n{carrier}')
+    return profile(folder, f'driver = "ros2"\n[options]\n{options}\n{PLACES}\n{ACTION}\n{carrier}')
 
 
 def mistakes(folder: Path, carrier: str, options: str = "") -> list[str]:
@@ -177,6 +200,30 @@ def made(one: ActionMapping, **parameters: Any) -> Any:
         ("text", '"{@frame}"', {}, "base_link"),
         ("text", '"{text} at {number} ({@goal})"', {"text": "go", "number": 3.0}, "go at 3 (4/1)"),
         ("text", '"<{text}>"', {}, "<>"),
+        # the time, angles and places
+        ("stamp", '"{@now}"', {}, {"sec": 1_795_460_000, "nanosec": 250_000_000}),
+        ("real", '"{@now}"', {}, pytest.approx(1_795_460_000.25, abs=1e-3)),
+        ("turn", '"{@yaw(angle)}"', {"angle": math.pi}, pytest.approx({"x": 0, "y": 0, "z": 1, "w": 0})),
+        ("turn", '"{@yaw(degrees)}"', {"degrees": 90}, pytest.approx({"x": 0, "y": 0, "z": 0.5**0.5, "w": 0.5**0.5})),
+        ("turn", '"{@yaw(angle)}"', {}, {"x": 0.0, "y": 0.0, "z": 0.0, "w": 1.0}),
+        ("turn", '"{@yaw(place.yaw)}"', {"place": "table"}, pytest.approx({"x": 0, "y": 0, "z": 1, "w": 0})),
+        ("real", '"{place.x}"', {"place": "door"}, 0.5),
+        ("real", '"{place.y}"', {}, -2.0),
+        ("real", '"{place.z|0.75}"', {"place": "door"}, 0.75),
+        ("text", '"{place}: {place.x}, {place.frame|@frame}"', {"place": "door"}, "door: 0.5, base_link"),
+        ("point", '"{place}"', {"place": "door"}, {"x": 0.5, "y": 1.0, "z": 0.0}),
+        (
+            "pose",
+            '"{place}"',
+            {"place": "door"},
+            {
+                "header": {"frame_id": "map", "stamp": {"sec": 1_795_460_000, "nanosec": 250_000_000}},
+                "pose": {
+                    "position": {"x": 0.5, "y": 1.0, "z": 0.0},
+                    "orientation": {"x": 0.0, "y": 0.0, "z": 0.0, "w": 1.0},
+                },
+            },
+        ),
         # when the author gives nothing
         ("text", '"{text|nobody}"', {}, "nobody"),
         ("text", '"{text|nobody}"', {"text": ""}, ""),
@@ -194,10 +241,13 @@ def made(one: ActionMapping, **parameters: Any) -> Any:
         ("texts", '["a", "{text}"]', {}, ["a"]),
     ],
 )
-def test_what_a_field_gets(tmp_path: Path, field: str, written: str, parameters: dict[str, Any], value: Any) -> None:
+def test_what_a_field_gets(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, field: str, written: str, parameters: dict[str, Any], value: Any
+) -> None:
+    monkeypatch.setattr(action_mapping.time, "time_ns", lambda: NOW)
     message = made(carrier(tmp_path, f"carrier.goal.{field} = {written}"), **parameters)
     assert message == {field: value}
-    assert type(message[field]) is type(value) or isinstance(value, type(pytest.approx(0)))
+    assert type(message[field]) is type(value) or type(value).__name__.startswith("Approx")
 
 
 @pytest.mark.parametrize("written", ['"{text}"', '"{side}"'])
@@ -240,7 +290,8 @@ def test_all_parameters_as_one_text(tmp_path: Path) -> None:
     one = carrier(tmp_path, 'carrier.goal.text = "{@parameters}"\ncarrier.values.mood = { calm = "quiet" }')
     message = made(one, text='say "ü"', mood=0, ms=3)
     assert json.loads(message["text"]) == {
-        "text": 'say "ü"', "mood": "quiet", "ms": 3, "loud": 0.5, "seven": 7, "odd": "wild",
+        "text": 'say "ü"', "mood": "quiet", "ms": 3, "loud": 0.5, "seven": 7, "place": "table",
+        "odd": "wild",
     }  # fmt: skip
     assert one.unused_parameters == ()
 
@@ -436,6 +487,46 @@ def test_a_topic(tmp_path: Path) -> None:
     assert carrier(tmp_path, "carrier.reset = {}", TOPIC_CARRIER).make_reset() == {}
 
 
+def test_a_service(tmp_path: Path) -> None:
+    text = "carrier = { service = 'bob/ask', type = 'test/srv/Ask', request.text = '{text}', error.code = 'code' }"
+    one = read_mappings(robot(tmp_path, text), fields)["Do"]
+    assert (one.kind, one.name, one.type, one.stoppable) == ("service", "bob/ask", "test/srv/Ask", False)
+    assert made(one, text="hi") == {"text": "hi"}
+    assert one.result_rule.failure({"code": 3}) == "error code 3"
+
+
+def test_a_value_of_a_place_that_nothing_takes_may_be_a_slip(tmp_path: Path) -> None:
+    one = robot(tmp_path, ACTION_CARRIER + 'carrier.goal.pose = "{place}"')
+    assert mapping_findings(one, fields) == []
+    slip = replace(one, places={"desk": {"x": 1.0, "y": 0.0, "yow": 1.0}})
+    (found,) = mapping_findings(slip, fields)
+    assert (found.kind, found.where, found.refuses) == ("unread", "places.desk.yow", False)
+    assert found.sentence == "robot bob: `places.desk.yow` is taken by no carrier; did you mean `yaw`?"
+
+
+def test_a_place_that_there_is_not(tmp_path: Path) -> None:
+    with pytest.raises(ValueError, match="needs a place, and `dor` is none; did you mean `door`"):
+        made(carrier(tmp_path, 'carrier.goal.real = "{place.x}"'), place="dor")
+
+
+@pytest.mark.parametrize(
+    ("carrier", "said"),
+    [
+        (TOPIC_CARRIER, "nothing is published on bob/do to stop it; write `reset = { ... }`"),
+        ("carrier = { service = 'ask', type = 'test/srv/Ask' }", "a call of ask cannot be taken back"),
+        (TOPIC_CARRIER + "carrier.unstoppable = true", ""),
+        (TOPIC_CARRIER + "carrier.reset = {}", ""),
+        (ACTION_CARRIER, ""),
+    ],
+)
+def test_what_nothing_stops_is_said_and_refuses_no_session(tmp_path: Path, carrier: str, said: str) -> None:
+    one = robot(tmp_path, carrier)
+    found = mapping_findings(one, fields)
+    assert [each.kind for each in found] == (["unstoppable"] if said else []) and mapping_problems(one, fields) == []
+    assert all(said in each.sentence and "cannot be stopped: after F9" in each.sentence for each in found)
+    assert read_mappings(one, fields)["Do"].stoppable == ("reset" in carrier or "action" in carrier)
+
+
 def test_what_does_not_reach_the_robot(tmp_path: Path) -> None:
     one = carrier(tmp_path, 'carrier.goal = { text = "{text} {mood}", real = "{loud}" }')
     assert set(one.unused_parameters) == set(read_mappings(robot(tmp_path, ACTION_CARRIER))["Do"].unused_parameters) - {
@@ -473,6 +564,26 @@ def test_options(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
         ("code = 'success', ok = true", {"success": True}, "", ""),
         ("code = 'success', ok = true", {"success": False}, "the robot says that it did not succeed", None),
         ("code = 'success', ok = true, text = 'text'", {"success": False, "text": "fell"}, "fell", None),
+        ("code = 'code', ok = [0, 2]", {"code": 2}, "", ""),
+        ("code = 'code', ok = [0, 2]", {"code": 1}, "error code 1", None),
+        ("code = 'code', minimum = 0", {"code": 3}, "", ""),
+        ("code = 'code', maximum = 2", {"code": 3}, "code is 3, and a success is at most 2", None),
+        ("code = 'rate', minimum = 0.5", {"rate": 0.5}, "", ""),
+        ("code = 'rate', minimum = 0.5", {"rate": 0.25}, "rate is 0.25, and a success is at least 0.5", None),
+        (
+            "code = 'rate', minimum = 0, maximum = 1",
+            {"rate": math.nan},
+            "rate is nan, and a success is at least 0 and at most 1",
+            None,
+        ),
+        (
+            "code = 'rate', minimum = 0.5, text = 'text'",
+            {"rate": 0.0, "text": "mute"},
+            "mute (rate is 0, and a success is at least 0.5)",
+            None,
+        ),
+        ("code = 'text', ok = ['done', 'ok']", {"text": "done"}, "", ""),
+        ("code = 'text', ok = 'done'", {"text": "stuck"}, "text is `stuck`", None),
         ("text = 'text'", {"text": "fell"}, "fell", None),
         ("text = 'text'", {"text": ""}, "", ""),
         ("code = 'inner.code', text = 'inner.words'", {"inner": {"code": 7, "words": "?"}}, "? (error code 7)", None),

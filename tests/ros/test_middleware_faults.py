@@ -103,7 +103,7 @@ def test_a26_one_of_two_servers_flaps() -> None:
     sent = [id for each in received for id in each]
     assert 1 <= len(sent) <= 3 and len(set(sent)) == 1
     assert bench.ending(TASK).startswith("failed: server-missing")
-    assert bench.robot_statuses()[-1] == "connected" and bench.robot_statuses().count("degraded") <= 2
+    assert bench.robot_statuses()[-1] == "connected" and bench.robot_statuses().count("degraded") <= 4
     bench.check()
 
 

@@ -117,15 +117,29 @@ def test_a_file_of_parameters(tmp_path: Path) -> None:
     file.write_text("gaze_trigger:\n  ros__parameters: {of_somebody_else: 3}\n")
     with pytest.raises(PortError, match="the parameter of_somebody_else is unknown"):
         options("--params-file", str(file))
-    file.write_text("/**:\n  ros__parameters: {use_sim_time: true}\n")
-    with pytest.raises(PortError, match="does not follow /clock"):
-        options("--params-file", str(file))
     for wrong in ("- a\n", "gaze_trigger: 3\n", "gaze_trigger:\n  ros__parameters: 3\n", "a: [\n"):
         file.write_text(wrong)
         with pytest.raises(PortError, match=r"params"):
             options("--params-file", str(file))
     file.write_text("")
     assert options("--params-file", str(file)) == []
+
+
+def test_what_a_file_gives_to_all_nodes_is_passed_over_with_a_note(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """A bring-up with simulated time is for its other nodes; for this one, somebody has to mean it."""
+    file = tmp_path / "params.yaml"
+    given = "ros__parameters: {use_sim_time: true, dwell: 1, qos_overrides: {/scan: {subscription: {depth: 5}}}}\n"
+    file.write_text(f"/**:\n  {given}")
+    assert options("--params-file", str(file)) == ["--dwell=1"]
+    notes = capsys.readouterr().err.splitlines()
+    assert [note.partition(":")[0] for note in notes] == ["note", "note"]
+    assert "the parameter use_sim_time is true" in notes[0] and "is passed over here" in notes[0]
+    assert "qos_overrides./scan.subscription.depth" in notes[1]
+    file.write_text(f"gaze_trigger:\n  {given}")
+    with pytest.raises(PortError, match=r"does not follow /clock: .*; leave it out"):
+        options("--params-file", str(file))
 
 
 def test_both_readers_of_yaml_say_the_same(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -146,11 +160,16 @@ def test_both_readers_of_yaml_say_the_same(tmp_path: Path, monkeypatch: pytest.M
 def test_the_session_takes_its_command_line_as_parameters() -> None:
     def read(*arguments: str) -> tuple[list[str], tuple[str, ...]]:
         return read_parameters(
-            arguments, switches=["--new"], single=["--robot", "--seed"], many=["--rule"], written=["serve"]
+            arguments,
+            switches={"--new": "", "--record": "--no-record"},
+            single=["--robot", "--seed"],
+            many=["--rule"],
+            written=["serve"],
         )
 
     given, others = read("-p", "robot:=pepper", "-r", "a:=b", "-p", "rule:=[A, B]", "-p", "new:=true", "-p", "seed:=5")
     assert given == ["--robot=pepper", "--rule=A", "--rule=B", "--new", "--seed=5"] and others == ("-r", "a:=b")
+    assert read("-p", "new:=false", "-p", "record:=false")[0] == ["--no-record"]
     with pytest.raises(BridgeError, match="the parameter robto is unknown; did you mean `robot`"):
         read("-p", "robto:=pepper")
 

@@ -249,7 +249,7 @@ def test_one_that_goes_on_is_called_refused() -> None:
     bench.run(2)
     bench.stop_all()
     bench.run(20)
-    assert bench.stops()[-1].unconfirmed == ("pepper/speech (it refused)",)
+    assert bench.stops()[-1].unconfirmed == ("pepper/speech (it refused to stop)",)
     assert bench.notes()[0] == f"cancel-refused: {SPEECH} does not stop 2/1; it goes on"
     assert bench.ending("2/1").startswith("failed: cancel-refused")
     bench.check()

@@ -74,8 +74,8 @@ async def test_a_node_in_a_namespace_and_without_rosout(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("record", "line"),
     [
-        (StopRecord(1, 0.0, "", "latched", unconfirmed=("pepper/speech (it refused)",)),
-         (ERROR, "stopped, but NOT confirmed by pepper/speech (it refused)")),
+        (StopRecord(1, 0.0, "", "latched", unconfirmed=("pepper/speech (it refused to stop)",)),
+         (ERROR, "stopped, but NOT confirmed by pepper/speech (it refused to stop)")),
         (StopRecord(1, 0.0, "", "latched", confirmed=("a", "b")), (WARN, "stopped: confirmed by a, b")),
         (ActionRecord(1, 0.0, "", 1, "Greet", "1", "Speech", {}, "lost", "server-gone: x"),
          (WARN, "action lost: Speech of Greet: server-gone: x")),

@@ -116,7 +116,7 @@ def test_a_goal_is_read_back_as_it_was_meant(robot: str) -> None:
             meant = {each: convert_parameter(spec.parameters[each], value) for each, value in call.items()}
             message = carrier.make_message(meant, node="/engine", goal="1/1", frame="base_link")
             type = carrier.type if carrier.kind == "topic" else f"{carrier.type}_Goal"
-            read, parameters = GoalReader(shared).read(transport.wire.types.complete(type, message))
+            read, parameters = GoalReader(shared, profile.places).read(transport.wire.types.complete(type, message))
             assert read.name == name
             expected = {each: value for each, value in meant.items() if each not in carrier.unused_parameters}
             if carrier.kind == "topic":  # the time is kept by who sends

@@ -598,7 +598,16 @@ def test_every_code_is_documented() -> None:
         called = r"\.(?:error|warning|report_[a-z]+|parse_attribute)"
         codes.update(re.findall(rf"(?:{called}|unknown_code)\(\s*\"([a-z]+(?:-[a-z]+)*)\"", text))
     codes.update(
-        ("not-well-formed", "too-deep", "unknown-act", "unknown-rule", "unknown-name", "key-refused", "unicode-form")
+        (
+            "not-well-formed",
+            "too-deep",
+            "unknown-act",
+            "unknown-rule",
+            "unknown-name",
+            "key-refused",
+            "unicode-form",
+            "robot-profile",
+        )
     )
     documented = set(re.findall(r"^\| `([a-z-]+)` \|", DOCS.read_text("utf-8"), re.MULTILINE))
     assert codes == documented

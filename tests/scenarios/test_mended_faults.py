@@ -245,6 +245,25 @@ def test_what_was_not_said_is_said_again_or_left_out_on_purpose() -> None:
     assert session.states == {} and session.memory["study_finished"] is True
 
 
+@pytest.mark.parametrize("end", ["lost", "canceled by an emergency stop"])
+def test_the_gaze_goes_on_when_the_robot_is_back_and_not_after_an_emergency_stop(end: str) -> None:
+    session = begin("greeting", "Gaze")
+    session.assign("person_near = true")
+    if end == "lost":
+        session.robot("lost")
+        session.wait(60)
+        session.robot("connected")
+    else:
+        session.report(next(iter(session.goals)), "canceled")
+    session.wait(60)
+    assert [act_of(session, goal) for goal in session.goals] == (["R_FollowGaze"] if end == "lost" else [])
+    if end != "lost":
+        session.submit("repeatAct", "R_FollowGaze")
+    for _ in range(3):
+        session.report(next(iter(session.goals)))
+        assert [act_of(session, goal) for goal in session.goals] == ["R_FollowGaze"]
+
+
 def last_task(session: Session, act: str) -> int:
     return max(each.id for each in session.records if isinstance(each, TaskRecord) and each.behavior == act
                and each.function == "startCommunicationRobotAct")  # fmt: skip

@@ -8,6 +8,7 @@ import subprocess
 from datetime import date, timedelta
 from pathlib import Path
 
+import msgspec
 import pytest
 from click.testing import CliRunner, Result
 
@@ -19,7 +20,7 @@ from rise_engine.study.retention import due_retention
 from rise_engine.study.state import OpenStudy, read_state
 from rise_engine.study.study_log import LOG_FILE, SET_ASIDE_FILE, LockedLog, StudyLogError, read_log
 from rise_engine.study.traces import find_names
-from rise_engine.study.withdrawal import WORK_FOLDER, WithdrawalError, plan_withdrawal, withdraw
+from rise_engine.study.withdrawal import WORK_FOLDER, WithdrawalError, WithdrawalPlan, plan_withdrawal, withdraw
 from rise_engine.study.withdrawn import is_withdrawn, without_salts
 
 from ..engine.processes import ENGINE
@@ -77,8 +78,8 @@ class Folder:
             log.append("excluded", participant="P03", reason="took the place of P01, not of P011")
             log.append("checked", participant="P02", checks=[{"id": "lamp", "reason": "as with P01"}])
             for name, who in (("p01.csv", ["P01"]), ("all.csv", ["P01", "P02"]), ("p02.csv", ["P02"])):
-                (root / name).write_text(f"rows of {who}")
-                log.append("exported", path=str(root / name), participants=who, sessions=[], level="full")
+                (self.study / name).write_text(f"rows of {who}" if name != "p02.csv" else "rows")
+                log.append("exported", path=name, participants=who, sessions=[], level="full")
             (self.study / "in.csv").write_text("P01,1")
             log.append("exported", path="in.csv", participants=["P01"], sessions=[self.sessions[0].name])
         (self.study / SET_ASIDE_FILE).write_text('{"kind":"taken","participant":"P01"')
@@ -103,9 +104,9 @@ def assert_gone(made: Folder) -> None:
             assert "P01" not in text.replace("P011", "") and "P01" not in name, name
     assert not list(made.study.rglob("*P01*"))
     assert not (made.study / WORK_FOLDER).exists()
-    for gone in ("videos/one", "videos/bag", "p01.csv", "all.csv"):
+    for gone in ("videos/one", "videos/bag", "study/p01.csv", "study/all.csv"):
         assert not (made.root / gone).exists(), gone
-    for stays in ("videos/two", "videos/both", "p02.csv"):
+    for stays in ("videos/two", "videos/both", "study/p02.csv"):
         assert (made.root / stays).exists(), stays
     log = read_log(made.study)
     assert is_withdrawn("P01", log) and not is_withdrawn("P02", log)
@@ -118,7 +119,7 @@ def test_nothing_is_left_but_a_salted_hash(made: Folder) -> None:
     report = withdraw(made.study, "P01")
     assert_gone(made)
     assert len(report.erased) == 3 + 2 + 3
-    assert report.make_again == [f"{made.root / 'all.csv'} (with P02)"]
+    assert report.make_again == [f"{made.study / 'all.csv'} (with P02)"]
     assert report.remains == [
         "participants.csv, line 2: delete the line yourself, because nothing but people writes in this file"
     ]
@@ -294,6 +295,35 @@ def test_somebody_types_the_pseudonym(made: Folder, typed: str, code: int) -> No
         assert "that is another one; nothing was erased" in err and made.sessions[0].exists()
 
 
+def test_in_a_copy_of_a_study_the_original_keeps_its_exports(made: Folder, tmp_path: Path) -> None:
+    elsewhere = tmp_path / "elsewhere"
+    elsewhere.mkdir()
+    for name in ("one.csv", "two.csv", "three.csv", "four.csv"):
+        (elsewhere / name).write_text("P01")
+    (made.study / "linked").symlink_to(elsewhere)
+    outside = [str(elsewhere / "one.csv"), "../elsewhere/two.csv", "linked/three.csv", str(made.study / "p01.csv")]
+    with LockedLog(made.study) as log:
+        for path in outside:
+            log.append("exported", path=path, participants=["P01"], sessions=[])
+        for path in (".", "..", str(tmp_path), "in.csv/.."):
+            log.append("exported", path=path, participants=["P01"], sessions=[], folder=True)
+    copy = tmp_path / "copy"
+    shutil.copytree(made.study, copy, symlinks=True)
+    listed = WithdrawalPlan("P01", exports={str(elsewhere / "four.csv"): []}, export_folders=[str(elsewhere)])
+    (copy / WORK_FOLDER / "1").mkdir(parents=True)  # an interrupted run came along with the copy
+    (copy / WORK_FOLDER / "1" / "list.json").write_bytes(msgspec.json.encode(listed))
+    before = made.texts()
+
+    report = withdraw(copy, "P01")
+
+    assert made.texts() == before
+    assert sorted(path.name for path in elsewhere.iterdir()) == ["four.csv", "one.csv", "three.csv", "two.csv"]
+    assert not any((copy / name).exists() for name in ("p01.csv", "all.csv", "in.csv"))
+    told = [sentence for sentence in report.beyond if "outside of the study's folder: erase it yourself" in sentence]
+    assert len(told) == 4 + 4 + 1
+    assert not (copy / WORK_FOLDER).exists()
+
+
 def test_an_export_is_listed_before_it_is_written(made: Folder) -> None:
     out = made.root / "again.csv"
     result = run("export", made.sessions[2], "--format", "csv", "-o", out)
@@ -306,10 +336,10 @@ def test_an_export_is_listed_before_it_is_written(made: Folder) -> None:
         "sessions": [made.sessions[2].name],
         "participants": ["P02"],
     }
-    assert list(plan_withdrawal(made.study, "P02").exports) == [
-        str(made.root / "all.csv"),
-        str(made.root / "p02.csv"),
-        str(out),
+    plan = plan_withdrawal(made.study, "P02")
+    assert list(plan.exports) == ["all.csv", "p02.csv"]
+    assert [each for each in plan.unreachable if str(out) in each] == [
+        f"{out} was exported of them, and lies outside of the study's folder: erase it yourself"
     ]
     result = run("export", made.sessions[2], "--format", "csv", "-o", out)
     assert result.exit_code == 2

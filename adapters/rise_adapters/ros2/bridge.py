@@ -7,13 +7,18 @@ from __future__ import annotations
 
 import asyncio
 import logging
-from collections.abc import Awaitable, Callable, Mapping, Sequence
+from collections.abc import Awaitable, Callable, Mapping
 from contextlib import ExitStack
 from functools import partial
 from pathlib import Path
 
-from rise_adapters.ros2.mapping import ActionMapping, MappingError, mapping_problems, read_mappings, read_options
-from rise_adapters.ros2.mapping.field_types import ReadFields
+from rise_adapters.ros2.mapping import (
+    ActionMapping,
+    MappingError,
+    mapping_problems,
+    read_mappings,
+    read_options,
+)
 from rise_adapters.ros2.parameters import ParameterOption, ParameterServices, ReadableParameter, parameters_as_options
 from rise_adapters.ros2.robot import Ros2Robot
 from rise_adapters.ros2.session_node import RosSessionInterface
@@ -23,8 +28,7 @@ from rise_adapters.ros2.session_node.neighbours import (
     describe_refusal,
 )
 from rise_adapters.ros2.transport.port import PortError, Transport
-from rise_adapters.ros2.transport.rclpy.types import InstalledTypes
-from rise_adapters.ros2.transport.selection import open_transport, why_unavailable
+from rise_adapters.ros2.transport.selection import open_transport
 from rise_engine.kernel.inputs import Note
 from rise_engine.ports.bridge import BridgeError, RosConnection
 from rise_engine.ports.robot import Clock, Robot
@@ -89,7 +93,9 @@ class Ros2Bridge:
         self._neighbours = neighbours
         self._interface = RosSessionInterface(self._transport, self._hub, neighbours, rosout=self._rosout)
         ParameterServices(self._transport, partial(session_parameters, self._hub))
-        neighbours.on_other_session = lambda other: self._record_note(describe_other_session(other))
+        neighbours.on_other_session = lambda other: self._record_note(
+            describe_other_session(other, neighbours.shared_with(other))
+        )
         neighbours.announce_serving(self._hub.engine.scenario.title, Path(self._hub.folder).name)
 
     async def close(self) -> None:
@@ -157,18 +163,19 @@ async def open_bridge(wire: RosConnection, profile: RobotProfile | None) -> Ros2
     with ExitStack() as unless_opened:
         unless_opened.callback(transport.close)
         try:
-            neighbours = NeighbourSessions(transport)
             for type in INTERFACE_TYPES:
                 transport.fields(type)
             mappings = read_mappings(profile, transport.fields) if profile is not None else {}
+            neighbours = NeighbourSessions(transport, carriers=[mapping.name for mapping in mappings.values()])
             other = await neighbours.find_earlier()
         except MappingError as errors:
             raise BridgeError(errors.findings) from None
         except PortError as error:
             raise BridgeError([str(error)]) from None
         if other is not None:
+            lines = describe_refusal(other, neighbours.shared_with(other), transport)
             neighbours.close()
-            raise BridgeError(describe_refusal(other, transport))
+            raise BridgeError(lines)
         unless_opened.pop_all()
     rosout = "--disable-rosout-logs" not in arguments
     return Ros2Bridge(transport, profile, mappings, neighbours, connect, rosout=rosout)
@@ -191,12 +198,12 @@ def session_parameters(hub: SessionHub) -> dict[str, ReadableParameter]:
 
 
 def read_parameters(
-    arguments: tuple[str, ...], *, switches: list[str], single: list[str], many: list[str], written: list[str]
+    arguments: tuple[str, ...], *, switches: dict[str, str], single: list[str], many: list[str], written: list[str]
 ) -> tuple[list[str], tuple[str, ...]]:
     """Parameters of the session's node as options of `rise-engine serve` (a `ParameterReader`)."""
     options = {
         flag.removeprefix("--").replace("-", "_"): ParameterOption(
-            flag, switch=flag in switches, repeatable=flag in many
+            flag, switch=flag in switches, opposite=switches.get(flag, ""), repeatable=flag in many
         )
         for flag in (*switches, *single, *many)
     }
@@ -204,27 +211,3 @@ def read_parameters(
         return parameters_as_options(arguments, DEFAULT_NODE_NAME, options, written)
     except PortError as error:
         raise BridgeError([str(error)]) from None
-
-
-def check_profile(profile: RobotProfile) -> list[str]:
-    """What is wrong with a profile, as far as that shows without a connection (`rise-engine check` in real mode): the
-    same that a session, which takes the types from where the check takes them, is refused for."""
-    try:
-        fields = _field_reader(read_options(profile).share)
-    except MappingError:
-        return mapping_problems(profile)
-    except PortError as error:
-        return [str(error)]
-    return mapping_problems(profile, fields)
-
-
-def _field_reader(share: Sequence[str]) -> ReadFields | None:
-    """The types as the transport has them that a session would use here; None: there is none."""
-    missing = why_unavailable()
-    if not missing["rclpy"]:
-        return InstalledTypes().fields
-    if missing["dds"]:
-        return None
-    from rise_adapters.ros2.transport.interfaces import InterfaceCatalog  # needs rosbags, which is an extra
-
-    return InterfaceCatalog(share).fields

@@ -67,6 +67,8 @@ class EndpointComparison(Struct):
     """Because of these some of what it says would not be heard; what is sent arrives."""
     seen: list[str] = []
     """Whose programs have any of it, for a person; empty when nobody has."""
+    programs: frozenset[bytes] = frozenset()
+    """The programs that offer any of an action (`RemoteEndpoint.program`), as far as they can be told apart."""
     unannounced: bool = False
     """It does not say which version of its types it has, or that is not known of this side's: nobody can compare."""
     complete: bool = False
@@ -80,7 +82,7 @@ class EndpointComparison(Struct):
 
 def compare(transport: Transport, mapping: ActionMapping) -> EndpointComparison:
     """Compare what is there now with what the profile says of one action."""
-    found = _compare_action(transport, mapping) if mapping.kind == "action" else _compare_topic(transport, mapping)
+    found = _compare_topic(transport, mapping) if mapping.kind == "topic" else _compare_servers(transport, mapping)
     found.unusable, found.unheard = list(dict.fromkeys(found.unusable)), list(dict.fromkeys(found.unheard))
     found.seen = list(dict.fromkeys(found.seen))
     return found
@@ -90,7 +92,7 @@ def describe_absence(comparison: EndpointComparison, mapping: ActionMapping, ful
     """Why nothing of an action can be reached, where `compare` found nothing wrong: a sentence that names `full`."""
     if comparison.seen:
         return f"{full} is seen at {_join_names(comparison.seen)}, and cannot be reached: {_why_unreachable(mapping)}"
-    return f"nothing {'offers' if mapping.kind == 'action' else 'listens to'} {full}"
+    return f"nothing {'listens to' if mapping.kind == 'topic' else 'offers'} {full}"
 
 
 def describe_several_servers(count: int, full: str) -> str:
@@ -117,28 +119,38 @@ def describe_misfits(misfits: Iterable[Misfit]) -> str:
 # --- comparing ----------------------------------------------------------------------------------------------------
 
 
-def _compare_action(transport: Transport, mapping: ActionMapping) -> EndpointComparison:
-    full = transport.resolve(mapping.name)
-    found, types = EndpointComparison(), action_types(mapping.type)
-    services = (SEND_GOAL, GET_RESULT, CANCEL_GOAL)
+def _compare_servers(transport: Transport, mapping: ActionMapping) -> EndpointComparison:
+    """Of an action, which is three services and two topics; or of one service."""
+    full, is_action = transport.resolve(mapping.name), mapping.kind == "action"
+    found = EndpointComparison()
+    types = action_types(mapping.type) if is_action else {}
+    services = {full: mapping.type}
+    if is_action:
+        services = {action_topic(full, part): types[part] for part in (SEND_GOAL, GET_RESULT, CANCEL_GOAL)}
     seen: set[tuple[str, bool]] = set()
-    for part in services:
-        for end in transport.server_endpoints(action_topic(full, part)):
+    for service, type in services.items():
+        for end in transport.server_endpoints(service):
             found.seen.append(describe_node(end.node))
+            found.programs |= {end.program} - {b""}
             answers = end.type.endswith("_Response")
-            seen.add((part, answers))
-            wanted_type = f"{types[part]}_{'Response' if answers else 'Request'}"
+            seen.add((service, answers))
+            wanted_type = f"{type}_{'Response' if answers else 'Request'}"
             misfit = _middleware_misfit(transport, full, end)
             misfit = misfit or _type_misfit(transport, mapping, full, end, wanted_type, found)
             conflict = qos_conflict(end.qos, QoS()) if answers else qos_conflict(QoS(), end.qos)
             if misfit is None and conflict is not None:
-                does = f"answers {conflict.offered}" if answers else f"wants goals {conflict.wanted}"
+                does = (
+                    f"answers {conflict.offered}"
+                    if answers
+                    else f"wants {'goals' if is_action else 'calls'} {conflict.wanted}"
+                )
                 misfit = Misfit(OTHER_QUALITY, full, f"{does}, which no service of ROS is", "correct it in the wrapper")
             if misfit is not None:
                 found.unusable.append(misfit)
-    takes, answers_all = (all((part, answers) in seen for part in services) for answers in (False, True))
+    takes, answers_all = (all((service, answers) in seen for service in services) for answers in (False, True))
     found.complete = takes and (answers_all or not any(answers for _, answers in seen))
-    for part, wanted in ((FEEDBACK, mapping.feedback_qos), (STATUS_TOPIC, mapping.status_qos)):
+    topics = ((FEEDBACK, mapping.feedback_qos), (STATUS_TOPIC, mapping.status_qos))
+    for part, wanted in topics if is_action else ():
         for end in transport.publisher_endpoints(action_topic(full, part)):
             misfit = _type_misfit(transport, mapping, full, end, types[part], found)
             if misfit is not None:
@@ -203,7 +215,7 @@ def _type_misfit(
 ) -> Misfit | None:
     """`full`: the mapping's name, in full. `wanted`: what of its type this end has to carry. That it does not say more
     goes to `found`."""
-    verb = "offered" if mapping.kind == "action" else "taken"
+    verb = "taken" if mapping.kind == "topic" else "offered"
     if end.type != wanted:
         there = ros_type(end.type) or "something that is no type of ROS"
         remedy = "correct `carrier.type` in the robot's profile, or start the wrapper that fits it"
@@ -270,6 +282,8 @@ def _qos_misfit(full: str, statement: str, key: str, setting: str) -> Misfit:
 def _why_unreachable(mapping: ActionMapping) -> str:
     if mapping.kind == "action":
         return "one of its services is missing, or has a deadline or liveliness that this program does not promise"
+    if mapping.kind == "service":
+        return "it has a deadline or liveliness that this program does not promise"
     return "it wants a deadline or liveliness that this program does not promise"
 
 

@@ -13,14 +13,19 @@ from rise_adapters.ros2.compatibility import (
 )
 from rise_adapters.ros2.mapping import ActionMapping
 from rise_adapters.ros2.transport import vendors
-from rise_adapters.ros2.transport.port import FEEDBACK, Transport, action_topic
+from rise_adapters.ros2.transport.port import FEEDBACK, SEND_GOAL, Transport, action_topic
+
+DOCTOR_NODE_NAME = "rise_doctor"
 
 
 def names_elsewhere(transport: Transport, mapping: ActionMapping) -> list[str]:
-    """The full names under which others offer an action of the mapping's type (listen to a topic of it)."""
+    """The full names under which others offer an action of the mapping's type (listen to a topic of it). None are known
+    of services, which a transport does not list."""
     own = transport.resolve(mapping.name)
     names: list[str] = []
     for topic in transport.topics():
+        if mapping.kind == "service":
+            break
         if mapping.kind == "action":
             name = topic.removesuffix(action_topic("", FEEDBACK))
             found = transport.publisher_endpoints(topic) if name != topic else []
@@ -29,6 +34,22 @@ def names_elsewhere(transport: Transport, mapping: ActionMapping) -> list[str]:
         if name != own and any(ros_type(end.type) == mapping.type for end in found):
             names.append(name)
     return names
+
+
+def other_clients(transport: Transport, action: str) -> list[str]:
+    """The nodes of others that may send goals to an action (its full name), as far as they say who they are. The doctor
+    only looks, and what has this node's name is its predecessor, which has just gone."""
+    return [
+        node
+        for node in transport.client_nodes(action_topic(action, SEND_GOAL))
+        if node.startswith("/") and "_UNKNOWN_" not in node and node != transport.node
+        if node.rpartition("/")[2] != DOCTOR_NODE_NAME
+    ]
+
+
+def describe_other_client(node: str, action: str) -> str:
+    """The sentence about somebody who may move the robot, too."""
+    return f"{describe_node(node)} may send goals to {action}, too: what the robot does for it is in no record here"
 
 
 def describe_strangers(transport: Transport) -> list[str]:

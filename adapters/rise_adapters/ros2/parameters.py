@@ -3,12 +3,14 @@
 What `--ros-args -p name:=value` and `--params-file FILE` give becomes options of the program's command line, before
 that is read (`parameters_as_options`): so there is one place where an option is declared, checked and explained. What
 is unknown is refused with the nearest name, as an unknown option is. What ROS knows and RISE does not do, simulated
-time and overrides of the quality of service, is refused with a sentence and never ignored.
+time and overrides of the quality of service, is refused with a sentence; where a file gives it to all nodes, it is
+passed over with that sentence as a note.
 """
 
 from __future__ import annotations
 
 import re
+import sys
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from importlib import import_module
 from pathlib import Path
@@ -45,6 +47,8 @@ class ParameterOption(Struct, frozen=True):
     """`--dwell`"""
     switch: bool = False
     """It takes no value."""
+    opposite: str = ""
+    """Of a switch: the flag that says no (`--no-record`); empty: to leave it out says it."""
     repeatable: bool = False
     """It can be given several times: the parameter is a list."""
 
@@ -89,16 +93,13 @@ def parameters_as_options(
     chosen: dict[str, Any] = {}
     for each in given:
         name = each.name.replace("-", "_")
-        if name == SIM_TIME:
-            _refuse_sim_time(each.value)
-        elif name.startswith(_QOS):
-            raise PortError(
-                f"the parameter {each.name}: the quality of service of this program's topics is fixed, because others "
-                "rely on it (docs/explanation/ros2.md); leave it out"
-            )
+        if unfollowed := _why_unfollowed(name, each.value):
+            if not each.for_all_nodes:
+                raise PortError(f"{unfollowed}; leave it out")
+            print(f"note: {unfollowed}; it stands in a file for all nodes, and is passed over here", file=sys.stderr)
         elif name in options:
             chosen[name] = each.value
-        elif not each.for_all_nodes:
+        elif not each.for_all_nodes and name != SIM_TIME:
             raise PortError(f"the parameter {each.name} is unknown{did_you_mean(name, [*options, SIM_TIME])}")
     # Of an option the last one counts; but of one that can be given several times, all do.
     flags = {word.partition("=")[0] for word in written}
@@ -110,12 +111,19 @@ def parameters_as_options(
     return words, others
 
 
-def _refuse_sim_time(value: Any) -> None:
-    if _read_truth(value) is not False:
-        raise PortError(
-            f"the parameter {SIM_TIME} is {value}, and this program does not follow /clock: people take part, "
-            "and the record is in their time; leave it out (`--speed` makes a rehearsal faster)"
+def _why_unfollowed(name: str, value: Any) -> str:
+    """Why this program does not do what a parameter says that every node of ROS takes; empty: nothing of the kind."""
+    if name == SIM_TIME and _read_truth(value) is not False:
+        return (
+            f"the parameter {name} is {value}, and this program does not follow /clock: people take part, and the "
+            "record is in their time (`--speed` makes a rehearsal faster)"
         )
+    if name.startswith(_QOS):
+        return (
+            f"the parameter {name}: the quality of service of this program's topics is fixed, because others rely on "
+            "it (docs/explanation/ros2.md)"
+        )
+    return ""
 
 
 def _option_words(name: str, option: ParameterOption, value: Any) -> Iterator[str]:
@@ -123,8 +131,8 @@ def _option_words(name: str, option: ParameterOption, value: Any) -> Iterator[st
         truth = _read_truth(value)
         if truth is None:
             raise PortError(f"the parameter {name} is true or false, not {value!r}")
-        if truth:
-            yield option.flag
+        if flag := option.flag if truth else option.opposite:
+            yield flag
         return
     values = value if isinstance(value, list) else [value]
     if isinstance(value, list) and not option.repeatable:

@@ -3,12 +3,23 @@
 ==========================  ========================================================================================
 `Speech=reject`             the robot refuses every Speech
 `Speech=fail`               every Speech fails half-way
+`Speech=abort`              the robot gives up every Speech half-way by itself, as after a protective stop
 `Speech=slow:3`             every Speech takes 3 times as long
 `Speech=hang`               Speech never ends and never confirms a cancel; stop-all lists that part as unconfirmed
+`Speech=slow-accept:2`      the robot says only after 2 s that it takes a Speech, and begins then
+`Speech=slow-reject:2`      ... or that it refuses it
+`Speech=lost-accept`        it takes it and does it, and that answer is lost
+`Speech=late-begin:2`       it takes it at once, and begins 2 s later
+`Speech=refuse-cancel`      it does not let itself be stopped, and says so
+`Speech=ignore-cancel`      ... and says nothing
+`Speech=slow-cancel:2`      it says that it stops, and has stopped 2 s later
+`Speech=die-on-goal`        its program is gone as a Speech comes (`die-on-goal:5`: for 5 s)
+`Speech=die-on-cancel`      ... as one is to be stopped (`die-on-cancel:5`: for 5 s)
 `Speech=fail@2`             only the second Speech of the session (`@N` goes with every kind)
 `*=slow:2`                  every action
 `vanish@12.5`               the link is lost at session time 12.5 s
 `vanish@12.5-20`            ... and comes back at 20 s
+`inactive@12.5-20`          the robot is there, and takes nothing from 12.5 s to 20 s, as an inactive lifecycle node
 ==========================  ========================================================================================
 """
 
@@ -23,13 +34,43 @@ from msgspec import Struct
 from rise_engine.nearest_name import nearest_name
 from rise_engine.scenario.model import RobotProfile
 
-FaultKind: TypeAlias = Literal["reject", "fail", "slow", "hang"]
+FaultKind: TypeAlias = Literal[
+    "reject",
+    "fail",
+    "abort",
+    "slow",
+    "hang",
+    "slow-accept",
+    "slow-reject",
+    "lost-accept",
+    "late-begin",
+    "refuse-cancel",
+    "ignore-cancel",
+    "slow-cancel",
+    "die-on-goal",
+    "die-on-cancel",
+]
 FAULT_KINDS: tuple[FaultKind, ...] = get_args(FaultKind)
+OF_CANCELS: tuple[FaultKind, ...] = ("refuse-cancel", "ignore-cancel", "slow-cancel", "die-on-cancel")
+"""What goes wrong only when the action is to be stopped."""
+LinkFaultKind: TypeAlias = Literal["vanish", "inactive"]
 
-_FORM = "write ACTION=reject, ACTION=fail, ACTION=slow:FACTOR or ACTION=hang (each also with @N), or vanish@SECONDS"
+_AMOUNTS: dict[FaultKind, tuple[str, bool]] = {
+    "slow": ("a factor above 0, as in slow:3", True),
+    **{
+        kind: (f"seconds, as in {kind}:2", True) for kind in ("slow-accept", "slow-reject", "late-begin", "slow-cancel")
+    },
+    **{kind: (f"seconds, as in {kind}:5", False) for kind in ("die-on-goal", "die-on-cancel")},
+}
+"""What stands behind the colon of some kinds, and whether it must."""
+_FORM = (
+    "write ACTION=KIND (each also with @N), where KIND is one of "
+    f"{', '.join(f'{kind}:N' if _AMOUNTS.get(kind, ('', False))[1] else kind for kind in FAULT_KINDS)}; "
+    "or vanish@SECONDS, or inactive@SECONDS"
+)
 _NUMBER = r"\d+(?:\.\d+)?"
-_VANISH = re.compile(rf"vanish@(?P<at>{_NUMBER})(?:-(?P<back>{_NUMBER}))?")
-_ACTION = re.compile(r"(?P<action>[^=@]+)=(?P<kind>[^:@]*)(?::(?P<factor>[^@]*))?(?:@(?P<nth>.*))?")
+_LINK = re.compile(rf"(?P<kind>vanish|inactive)@(?P<at>{_NUMBER})(?:-(?P<back>{_NUMBER}))?")
+_ACTION = re.compile(r"(?P<action>[^=@]+)=(?P<kind>[^:@]*)(?::(?P<amount>[^@]*))?(?:@(?P<nth>.*))?")
 
 
 class ActionFault(Struct, frozen=True):
@@ -38,8 +79,8 @@ class ActionFault(Struct, frozen=True):
     action: str
     """The action's name, or `*`."""
     kind: FaultKind
-    factor: float = 1.0
-    """For `slow`: how many times longer it takes."""
+    amount: float | None = None
+    """For `slow`: how many times longer it takes. Of the others that have one, seconds."""
     nth: int | None = None
     """Which goal of that action, counted from 1; null: each."""
 
@@ -53,6 +94,8 @@ class LinkFault(Struct, frozen=True):
 
     at: float
     back: float | None = None
+    kind: LinkFaultKind = "vanish"
+    """inactive: the link stands, and the robot takes nothing."""
 
 
 Fault: TypeAlias = ActionFault | LinkFault
@@ -60,7 +103,7 @@ Fault: TypeAlias = ActionFault | LinkFault
 
 def parse_fault(text: str, profile: RobotProfile) -> Fault:
     """Read one request. Raises ValueError with a sentence that says what is wrong and what was probably meant."""
-    if text.startswith("vanish"):
+    if text.startswith(("vanish", "inactive")):
         return _parse_link_fault(text)
     match = _ACTION.fullmatch(text)
     if match is None:
@@ -71,38 +114,43 @@ def parse_fault(text: str, profile: RobotProfile) -> Fault:
         near = nearest_name(kind, FAULT_KINDS)
         hint = f"did you mean {near!r}?" if near is not None else _FORM
         raise ValueError(f"the fault {text!r} has the unknown kind {kind!r}: {hint}")
-    factor = 1.0
-    if kind == "slow":
-        factor = _read_factor(text, match["factor"])
-    elif match["factor"] is not None:
-        raise ValueError(f"the fault {text!r} cannot be read: only `slow` takes a factor")
+    amount = _read_amount(text, kind, match["amount"])
     nth = None
     if match["nth"] is not None:
         if not match["nth"].isdecimal() or int(match["nth"]) < 1:
             raise ValueError(f"the fault {text!r} cannot be read: after @ goes which one it is, 1 for the first")
         nth = int(match["nth"])
-    return ActionFault(action, kind, factor, nth)
+    return ActionFault(action, kind, amount, nth)
 
 
 def _parse_link_fault(text: str) -> LinkFault:
-    match = _VANISH.fullmatch(text)
+    match = _LINK.fullmatch(text)
     if match is None:
         raise ValueError(
-            f"the fault {text!r} cannot be read: write vanish@12.5, or vanish@12.5-20 to come back at 20 s"
+            f"the fault {text!r} cannot be read: write vanish@12.5, or vanish@12.5-20 to come back at 20 s "
+            "(or inactive@12.5-20)"
         )
     at, back = float(match["at"]), None if match["back"] is None else float(match["back"])
     if back is not None and back <= at:
         raise ValueError(f"the fault {text!r} cannot be read: the robot must come back after it has vanished")
-    return LinkFault(at, back)
+    return LinkFault(at, back, "inactive" if match["kind"] == "inactive" else "vanish")
 
 
-def _read_factor(text: str, factor: str | None) -> float:
+def _read_amount(text: str, kind: FaultKind, written: str | None) -> float | None:
+    if kind not in _AMOUNTS:
+        if written is not None:
+            takers = ", ".join(f"`{each}`" for each in _AMOUNTS)
+            raise ValueError(f"the fault {text!r} cannot be read: only {takers} take a number")
+        return None
+    what, needed = _AMOUNTS[kind]
+    if written is None and not needed:
+        return None
     try:
-        value = float(factor or "")
+        value = float(written or "")
     except ValueError:
         value = 0.0
     if not (isfinite(value) and value > 0):
-        raise ValueError(f"the fault {text!r} cannot be read: `slow` needs a factor above 0, as in slow:3")
+        raise ValueError(f"the fault {text!r} cannot be read: `{kind}` needs {what}")
     return value
 
 

@@ -15,7 +15,7 @@ from typing import Any
 
 from msgspec import Struct
 
-from rise_adapters.simulated.faults import ActionFault, LinkFault, parse_fault
+from rise_adapters.simulated.faults import ActionFault, FaultKind, LinkFault, parse_fault
 from rise_engine.kernel.commands import StartAction
 from rise_engine.kernel.inputs import ActionReport, RobotChanged, StopReport
 from rise_engine.ports.robot import Clock, ReportCallback, Timer
@@ -31,9 +31,12 @@ class _SimulatedGoal(Struct):
     """One goal that runs."""
 
     type: str
-    hangs: bool
+    fault: ActionFault | None
     timers: list[Timer] = []
     canceling: bool = False
+
+    def has_fault(self, *kinds: FaultKind) -> bool:
+        return self.fault is not None and self.fault.kind in kinds
 
     def drop_timers(self) -> None:
         for timer in self.timers:
@@ -58,6 +61,7 @@ class SimulatedRobot:
         self._goals: dict[str, _SimulatedGoal] = {}
         self._counts: Counter[str] = Counter()
         self._links_down = 0
+        self._inactive = False
         self._report: ReportCallback = _ignore
         self._timers: list[Timer] = []
         self._last_seen: float | None = None
@@ -73,15 +77,17 @@ class SimulatedRobot:
     def connect(self, report: ReportCallback) -> None:
         self._report = report
         for vanish in self._vanishes:
-            self._timers.append(self._clock.call_at(vanish.at, partial(self._cut_link, vanish)))
+            is_cut = vanish.kind == "vanish"
+            why = f"{'the link was cut' if is_cut else 'the robot became inactive'} at {vanish.at:g} s"
+            down, up = (self._cut_link, self._restore_link) if is_cut else (self._deactivate, self._activate)
+            self._timers.append(self._clock.call_at(vanish.at, partial(down, f"{why} (simulated fault)")))
             if vanish.back is not None:
-                self._timers.append(self._clock.call_at(vanish.back, self._restore_link))
+                self._timers.append(self._clock.call_at(vanish.back, up))
         report(RobotChanged(status="connected", detail=self._describe_link()))
 
     def start(self, goal: StartAction) -> None:
         self._counts[goal.type] += 1
         fault = self._next_fault(goal.type)
-        kind = fault.kind if fault is not None else None
         seconds = goal.expected
         if self._variation:
             seconds *= 1 + self._random.uniform(-self._variation, self._variation)
@@ -89,31 +95,46 @@ class SimulatedRobot:
             failure = ActionReport(action=goal.action, status="failed", reason="the robot cannot be reached")
             self._call_after(self._latency, self._end, failure)
             return
-        running = self._goals[goal.action] = _SimulatedGoal(goal.type, kind == "hang")
-        if kind == "reject":
-            refusal = "the robot refused it (simulated fault)"
-            ending = ActionReport(action=goal.action, status="failed", reason=refusal)
-            running.timers.append(self._call_after(self._latency, self._end, ending))
+        running = self._goals[goal.action] = _SimulatedGoal(goal.type, fault)
+        amount = (fault.amount if fault is not None else None) or 0.0
+        accepting = self._latency + (amount if running.has_fault("slow-accept", "slow-reject") else 0.0)
+        if running.has_fault("die-on-goal"):
+            running.timers.append(self._call_after(self._latency, self._die, amount))
             return
-        running.timers.append(self._call_after(self._latency, self._accept, goal.action))
-        if kind == "hang":
+        if running.has_fault("reject", "slow-reject") or self._inactive:
+            refusal = f"the robot {'is inactive' if self._inactive else 'refused it'} (simulated fault)"
+            ending = ActionReport(action=goal.action, status="failed", reason=refusal)
+            running.timers.append(self._call_after(accepting, self._end, ending))
+            return
+        if not running.has_fault("lost-accept"):
+            running.timers.append(self._call_after(accepting, self._accept, goal.action))
+        if running.has_fault("hang"):
             return
         ending = ActionReport(action=goal.action, status="succeeded")
-        if fault is not None and kind == "slow":
-            seconds *= fault.factor
-        elif kind == "fail":
+        if running.has_fault("slow"):
+            seconds *= amount
+        elif running.has_fault("slow-accept", "late-begin"):
+            seconds += amount
+        elif running.has_fault("fail", "abort"):
             seconds /= 2
-            mishap = "it went wrong on the robot (simulated fault)"
-            ending = ActionReport(action=goal.action, status="failed", reason=mishap)
-        running.timers.append(self._call_after(max(seconds, self._latency + _TICK), self._end, ending))
+            aborted = running.has_fault("abort")
+            mishap = f"{'the robot gave it up' if aborted else 'it went wrong on the robot'} (simulated fault)"
+            ending = ActionReport(action=goal.action, status="failed", reason=mishap, aborted=aborted)
+        running.timers.append(self._call_after(max(seconds, accepting + _TICK), self._end, ending))
 
     def cancel(self, action: str) -> None:
         goal = self._goals.get(action)
-        if goal is None or goal.hangs or goal.canceling:
+        if goal is None or goal.canceling or goal.has_fault("hang", "refuse-cancel", "ignore-cancel"):
+            return
+        amount = (goal.fault.amount if goal.fault is not None else None) or 0.0
+        if goal.has_fault("die-on-cancel"):
+            goal.canceling = True
+            goal.timers.append(self._call_after(self._latency, self._die, amount))
             return
         goal.canceling = True
         goal.drop_timers()
-        goal.timers.append(self._call_after(self._stopping, self._end, ActionReport(action=action, status="canceled")))
+        stopping = self._stopping + (amount if goal.has_fault("slow-cancel") else 0.0)
+        goal.timers.append(self._call_after(stopping, self._end, ActionReport(action=action, status="canceled")))
 
     def stop_all(self) -> None:
         for action in tuple(self._goals):
@@ -153,12 +174,26 @@ class SimulatedRobot:
         silent = parts if self._links_down else busy
         self._report(StopReport(confirmed=tuple(sorted(parts - silent)), unconfirmed=tuple(sorted(silent))))
 
-    def _cut_link(self, vanish: LinkFault) -> None:
+    def _die(self, seconds: float) -> None:
+        """The robot's program ends, for so many seconds; 0: for good."""
+        self._cut_link("the robot's program ended (simulated fault)")
+        if seconds:
+            self._timers.append(self._call_after(seconds, self._restore_link))
+
+    def _deactivate(self, why: str) -> None:
+        self._inactive = True
+        self._report(RobotChanged(status="degraded", detail=why))
+
+    def _activate(self) -> None:
+        self._inactive = False
+        self._report(RobotChanged(status="connected", detail=self._describe_link()))
+
+    def _cut_link(self, why: str) -> None:
         self._links_down += 1
         for goal in self._goals.values():
             goal.drop_timers()
         self._goals.clear()
-        self._report(RobotChanged(status="lost", detail=f"the link was cut at {vanish.at:g} s (simulated fault)"))
+        self._report(RobotChanged(status="lost", detail=why))
 
     def _restore_link(self) -> None:
         self._links_down -= 1

@@ -2,71 +2,85 @@
 
     ros2 launch rise_ros session.launch.py config:=$HOME/studies/lab_opening robot:=rise mode:=real robot_sim:=true
 
-The console is started by hand, in a terminal of its own: rise-tui --config $HOME/studies/lab_opening
+Every option of `rise-engine serve` is an argument (`--show-args` lists them). The console is started by hand, in a
+terminal of its own: rise-tui --config $HOME/studies/lab_opening
 """
+
+import sys
+from pathlib import Path
 
 from launch import LaunchDescription
 from launch.actions import (
     DeclareLaunchArgument,
     EmitEvent,
+    LogInfo,
     OpaqueFunction,
     RegisterEventHandler,
     SetEnvironmentVariable,
+    TimerAction,
 )
 from launch.event_handlers import OnProcessExit
 from launch.events import Shutdown
 from launch_ros.actions import Node
+from rise_ros import session_arguments as arguments
 
-ARGUMENTS = {
-    "config": (None, "The scenario's folder."),
-    "robot": ("", "Another robot profile than the scenario's."),
-    "mode": ("", "debug or real; without it, the scenario's."),
-    "rule": ("", "A rule to begin with, for a study that runs by itself."),
-    "namespace": ("", "Namespace of all these nodes."),
-    "ros_domain_id": ("", "ROS domain of all these nodes; without it, that of the terminal."),
-    "robot_sim": ("false", "true: a simulated robot on the wire, in place of the robot's wrapper."),
-    "recover": ("false", "true: go on with the latest session that did not end, if there is one."),
-}
+RESTARTS = 5
+"""How often an engine that crashed is started again; one that cannot run does not go on for ever."""
+RESTART_SECONDS = 1.0
 
 
 def launch(context):
-    chosen = {name: context.launch_configurations[name] for name in ARGUMENTS}
-    arguments = ["--config", chosen["config"], "--recover" if chosen["recover"] == "true" else "--new"]
-    for name in ("robot", "mode", "rule"):
-        if chosen[name]:
-            arguments += [f"--{name}", chosen[name]]
-    # Ending a session means stopping the robot, waiting for its answer and completing the record: up to 11 s.
-    engine = Node(
-        package="rise_ros",
-        executable="engine",
-        namespace=chosen["namespace"],
-        arguments=arguments,
-        output="screen",
-        sigterm_timeout="15",
-        sigkill_timeout="15",
-    )
-    entities = [engine]
-    if chosen["ros_domain_id"]:
-        entities.insert(0, SetEnvironmentVariable("ROS_DOMAIN_ID", chosen["ros_domain_id"]))
-    if chosen["robot_sim"] == "true":
-        robot = ["--robot", chosen["robot"]] if chosen["robot"] else []
+    given = {name: context.launch_configurations[name] for name in arguments.ARGUMENTS}
+    problems = arguments.find_problems(given, arguments.typed_arguments(sys.argv, Path(__file__).name))
+    if problems:
+        raise ValueError("; ".join(problems))
+    entities = engine(given, RESTARTS if given["respawn"] == "true" else 0)
+    if given["ros_domain_id"]:
+        entities.insert(0, SetEnvironmentVariable("ROS_DOMAIN_ID", given["ros_domain_id"]))
+    if given["robot_sim"] == "true":
         entities.append(
             Node(
                 package="rise_ros",
                 executable="robot_sim",
-                namespace=chosen["namespace"],
-                arguments=["--ros", "rclpy", "--config", chosen["config"], *robot],
+                namespace=given["namespace"],
+                arguments=arguments.robot_arguments(given),
+                ros_arguments=arguments.robot_ros_arguments(given),
                 output="screen",
             )
         )
-    over = EmitEvent(event=Shutdown(reason="the session has ended"))
-    entities.append(RegisterEventHandler(OnProcessExit(target_action=engine, on_exit=[over])))
     return entities
+
+
+def engine(given, restarts):
+    """The session's process, and what happens when it is over."""
+    # Ending a session means stopping the robot, waiting for its answer and completing the record: up to 11 s, and 20 s
+    # more where recorders have to finish.
+    node = Node(
+        package="rise_ros",
+        executable="engine",
+        namespace=given["namespace"],
+        arguments=arguments.engine_arguments(given),
+        ros_arguments=arguments.engine_ros_arguments(given),
+        output="screen",
+        sigterm_timeout="40",
+        sigkill_timeout="15",
+    )
+
+    def go_on(event, context):
+        if not restarts or context.is_shutdown or not arguments.is_crash(event.returncode):
+            return [EmitEvent(event=Shutdown(reason="the session has ended"))]
+        again = engine(arguments.after_a_crash(given), restarts - 1)
+        return [
+            LogInfo(msg=f"the engine has crashed ({event.returncode}); it goes on with the session"),
+            TimerAction(period=RESTART_SECONDS, actions=again),
+        ]
+
+    return [RegisterEventHandler(OnProcessExit(target_action=node, on_exit=go_on)), node]
 
 
 def generate_launch_description():
     declared = [
-        DeclareLaunchArgument(name, description=about, **({} if default is None else {"default_value": default}))
-        for name, (default, about) in ARGUMENTS.items()
+        DeclareLaunchArgument(name, description=about, default_value=default)
+        for name, (default, about) in arguments.ARGUMENTS.items()
     ]
     return LaunchDescription([*declared, OpaqueFunction(function=launch)])

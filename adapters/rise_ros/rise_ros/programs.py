@@ -51,13 +51,24 @@ def answer_node() -> None:
     _start(f"{_NODES}.answer_node")
 
 
+def task_tree() -> None:
+    """A small behaviour tree of py_trees beside a session."""
+    _start("rise_ros.task_leaf")
+
+
 def _start(module: str, arguments: list[str] | None = None) -> None:
     if arguments is not None:
         sys.argv = arguments
     try:
         main = import_module(module).main
     except ModuleNotFoundError as error:
-        if (error.name or "").partition(".")[0] not in ("rise_engine", "rise_tui", "rise_adapters"):
+        missing = (error.name or "").partition(".")[0]
+        if missing == "py_trees":
+            sys.exit(
+                f"py_trees is not installed for this Python ({sys.executable}): sudo apt install ros-jazzy-py-trees, "
+                "or pip install py_trees (docs/how-to/behaviour-trees.md)."
+            )
+        if missing not in ("rise_engine", "rise_tui", "rise_adapters"):
             raise
         sys.exit(
             f"rise-tui is not installed for this Python ({sys.executable}). Activate the environment that you have "

@@ -1,12 +1,15 @@
 """The reference robot wrapper: it takes RISE's behaviours from ROS and hands them to a robot's own API.
 
-Copy this file into a package of your own, and fill in the class `MyRobot`; the rest can stay as it is. What you get:
+Copy this file and `session_watch.py` into a package of your own, and fill in the class `MyRobot`; the rest can stay as
+it is. What you get:
 
 - a ROS 2 action server for each behaviour that your robot has, under the names of the robot profile `rise`
   (rise/robot/speech, rise/robot/look_at, ...), relative, so that a namespace or a remapping moves them;
 - one goal of a behaviour at a time; a newer one replaces it (or is rejected: parameter `when_busy`);
 - cancelling that reaches the robot, also for RISE's stop-all, which asks every server to cancel everything;
 - progress as feedback, and a reason in words when something went wrong;
+- a dead man's switch: without a sign of life from the session the robot stops, and takes no goals until it is back
+  (parameters `session_timeout`, in seconds, 0: off; and `require_session`);
 - a clean end on ctrl+c: the robot stops first, and whoever waits is told.
 
     ros2 run rise_ros robot_wrapper
@@ -26,8 +29,12 @@ from rclpy.action import ActionServer, CancelResponse, GoalResponse
 from rclpy.callback_groups import ReentrantCallbackGroup
 from rclpy.executors import MultiThreadedExecutor
 from rclpy.node import Node
+from rclpy.qos import DurabilityPolicy, QoSProfile
 from rclpy.signals import SignalHandlerOptions
 from rise_interfaces.action import Animation, Emotion, LookAt, PointAt, SocialExpression, Speech
+from std_msgs.msg import String
+
+from rise_ros.session_watch import TOPIC, SessionWatch
 
 EMOTIONS = {
     Emotion.Goal.NEUTRAL: "neutral",
@@ -173,8 +180,17 @@ class Run:
 class Behaviour:
     """One action server: one goal at a time."""
 
-    def __init__(self, node: Node, name: str, type: Any, do: Callable[[Any, Run], None], when_busy: str) -> None:
+    def __init__(
+        self,
+        node: Node,
+        name: str,
+        type: Any,
+        do: Callable[[Any, Run], None],
+        when_busy: str,
+        why_not_move: Callable[[], str],
+    ) -> None:
         self._node, self._name, self._type, self._do, self._when_busy = node, name, type, do, when_busy
+        self._why_not_move = why_not_move
         self._runs: dict[bytes, Run] = {}
         """By goal id, those that have not ended; the newest comes last."""
         self._lock = threading.Lock()
@@ -207,7 +223,7 @@ class Behaviour:
     def _goal(self, request: Any) -> GoalResponse:
         with self._lock:
             busy = bool(self._runs) and self._when_busy == "reject"
-        return GoalResponse.REJECT if busy else GoalResponse.ACCEPT
+        return GoalResponse.REJECT if busy or self._why_not_move() else GoalResponse.ACCEPT
 
     def _accepted(self, goal_handle: Any) -> None:
         run = Run(goal_handle, self._type.Feedback())
@@ -262,6 +278,30 @@ class Behaviour:
         return bool(goal_handle.is_cancel_requested)
 
 
+class DeadMansSwitch:
+    """Stops the robot while the session gives no sign of life."""
+
+    def __init__(self, node: Node, stop: Callable[[str], object]) -> None:
+        self._log, self._stop, self._told = node.get_logger(), stop, ""
+        timeout = float(node.declare_parameter("session_timeout", 2.0).value)
+        required = bool(node.declare_parameter("require_session", value=False).value)
+        self._watch = SessionWatch(timeout, required=required)
+        qos = QoSProfile(depth=10, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+        node.create_subscription(String, TOPIC, lambda said: self._watch.hear(said.data, time.monotonic()), qos)
+        node.create_timer(0.1, self._look)
+
+    def why_not_move(self) -> str:
+        return self._watch.why_not_move(time.monotonic())
+
+    def _look(self) -> None:
+        why = self.why_not_move()
+        if why != self._told:
+            self._log.warning(f"{why}: the robot stops, and takes no goals" if why else "the robot takes goals again")
+            self._told = why
+        if why:  # again and again: a goal may just have been accepted
+            self._stop(why)
+
+
 def main(arguments: list[str] | None = None) -> None:
     """Offer the robot's behaviours until ctrl+c or SIGTERM."""
     ending = threading.Event()
@@ -275,8 +315,14 @@ def main(arguments: list[str] | None = None) -> None:
         raise SystemExit(f"the parameter when_busy is replace or reject, not {when_busy}")
     log = node.get_logger().info
     robot = MyRobot(log)
-    behaviours = [
-        Behaviour(node, name, type, getattr(robot, name), when_busy)
+    behaviours: list[Behaviour] = []
+
+    def stop(reason: str) -> list[Run]:
+        return [run for behaviour in behaviours for run in behaviour.stop(reason)]
+
+    switch = DeadMansSwitch(node, stop)
+    behaviours += [
+        Behaviour(node, name, type, getattr(robot, name), when_busy, switch.why_not_move)
         for name, type in BEHAVIOURS.items()
         if hasattr(robot, name)
     ]
@@ -288,7 +334,7 @@ def main(arguments: list[str] | None = None) -> None:
     log(f"ready: {', '.join(name for name in BEHAVIOURS if hasattr(robot, name))}")
 
     ending.wait()
-    stopping = [run for behaviour in behaviours for run in behaviour.stop("the robot's wrapper was ended")]
+    stopping = stop("the robot's wrapper was ended")
     deadline = time.monotonic() + 5.0
     for run in stopping:
         run.over.wait(max(deadline - time.monotonic(), 0.0))

@@ -6,7 +6,8 @@ from collections.abc import Callable
 
 import pytest
 
-from rise_engine.kernel.records import RobotRecord
+from rise_engine.kernel.records import RobotRecord, StopRecord
+from rise_tui.actions import BY_ID
 from rise_tui.key_labels import key_name
 from rise_tui.model.alarms import alarm_lines, current_alarms, degraded_text, group_parts
 from rise_tui.model.notice import Notice
@@ -91,6 +92,14 @@ def stopped(client: FakeClient) -> None:
     client.stop("latched", ("pepper/speech",), ("pepper/base",))
 
 
+ESTOP = "estop:/estop_pressed"
+
+
+def pressed(client: FakeClient) -> None:
+    client.stop("requested", source=ESTOP, held_by=(ESTOP,))
+    client.stop("latched", ("pepper/speech",), source="", held_by=(ESTOP,))
+
+
 def full(client: FakeClient) -> None:
     client.journal(trouble=FULL)
 
@@ -103,6 +112,14 @@ def full(client: FakeClient) -> None:
         ((lose, stopped), ["STOPPED", "NOT CONFIRMED", "ROBOT LOST   for 0 s: no answer for 3 s"]),
         ((full,), ["NOT RECORDING   no space", "the session is paused", "F9 still stops the robot"]),
         ((stopped,), ["STOPPED", "confirmed      pepper: speech", "look at the robot; F9 asks again"]),
+        (
+            (pressed,),
+            [
+                "STOPPED   the emergency stop at /estop_pressed is still pressed",
+                "by the emergency stop",
+                "everything asked has confirmed",
+            ],
+        ),
         ((lambda client: client.stop("requested"),), ["STOP requested", "waiting for the robot", "use its own switch"]),
     ],
 )
@@ -113,6 +130,16 @@ def test_of_several_the_worst_is_first_and_the_others_are_named(
     assert len(told) == 3
     for line, head in zip(told, heads, strict=True):
         assert head in line, told
+
+
+def test_who_cannot_release_a_stop_is_told_why_and_then_that_it_can_be() -> None:
+    client = FakeClient(demo())
+    pressed(client)
+    store = Store(client.attach_reply(), "anna", client.now)
+    assert BY_ID["release"].obstacle(store) == "the emergency stop at /estop_pressed is still pressed"
+    store.apply([StopRecord(99, 1.0, "", status="let-go", source=ESTOP)])
+    assert store.notice is not None and store.notice.text.startswith("the emergency stop at /estop_pressed is not")
+    assert BY_ID["release"].obstacle(store) is None and store.view.stop.confirmed == ("pepper/speech",)
 
 
 def test_the_last_line_names_all_the_others() -> None:
@@ -138,7 +165,9 @@ def test_a_gone_engine_hides_everything_else_and_says_how_to_come_back() -> None
 
 
 def test_everything_fits_in_80_columns() -> None:
-    made = [store_after(*some) for some in ((lose,), (full,), (stopped,), (lose, full), (lose, stopped, full))]
+    made = [
+        store_after(*some) for some in ((lose,), (full,), (stopped,), (pressed,), (lose, full), (lose, stopped, full))
+    ]
     gone = store_after()
     gone.gone_reason = "the engine was killed"
     for store in (*made, gone):

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from rise_engine.kernel.records import FailureRecord, MemoryRecord
+from rise_engine.kernel.records import FailureRecord, FailureStatus, MemoryRecord
 from rise_engine.protocol.messages import with_tasks, without_tasks
 from rise_engine.scenario import load
 from rise_engine.scenario.model import Scenario
@@ -125,6 +125,23 @@ def test_of_several_the_first_is_shown_and_the_others_are_counted() -> None:
     head, reason, *_, keys = bar(store)
     assert "✗ ACT FAILED   Greet" in head and head.endswith("1 more ")
     assert "no voice" in reason and "ctrl+e repeat" in keys and "ctrl+k go on without it" in keys
+
+
+@pytest.mark.parametrize(
+    ("status", "seconds", "said"),
+    [
+        ("asked", None, "the study waits for your answer"),
+        ("waiting", 2.0, "repeated in 2 s"),
+        ("waiting", None, "repeated when the robot is back"),
+    ],
+)
+def test_it_says_whether_it_is_repeated_by_itself(status: FailureStatus, seconds: float | None, said: str) -> None:
+    client = FakeClient(demo())
+    task = client.act("Greet", "ABORTED", reason="no voice")
+    client.emit(FailureRecord(0, 0.0, "", task, "Greet", status, "engine", seconds=seconds))
+    store = Store(client.attach_reply(), "anna", client.now)
+    head, *_, keys = bar(store)
+    assert said in head and "ctrl+e repeat" in keys
 
 
 def test_an_act_that_was_done_after_all_is_forgotten() -> None:

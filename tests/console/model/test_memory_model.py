@@ -210,10 +210,10 @@ def test_start_values_are_written_and_read_back(tmp_path: Path) -> None:
 
 def test_a_link_stays_a_link(tmp_path: Path) -> None:
     folder = scenario_in(tmp_path)
-    shared = tmp_path / "shared"
+    shared = folder / "shared"
     shared.mkdir()
     (folder / "memory.json").rename(shared / "memory.json")
-    (folder / "memory.json").symlink_to("../shared/memory.json")
+    (folder / "memory.json").symlink_to("shared/memory.json")
     scenario = load(str(folder)).scenario
     assert scenario is not None
     before = (shared / "memory.json").read_text("utf-8")

@@ -54,7 +54,7 @@ def test_the_focused_panes_actions_come_first() -> None:
 def test_what_cannot_be_used_says_why() -> None:
     store = a_store()
     release = next(entry for entry in help_entries(store) if entry.title == BY_ID["release"].title)
-    assert release.is_blocked and release.text.endswith("Not now: nothing is stopped.")
+    assert release.is_blocked and release.text.endswith("Not now: nothing is stopped or held.")
     store.gone_reason = "killed"
     greet = next(entry for entry in help_entries(store) if entry.title == "act Greet")
     assert greet.is_blocked and "Not now: the engine has gone: killed." in greet.text

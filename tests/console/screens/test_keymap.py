@@ -38,7 +38,7 @@ def test_one_key_or_several_for_any_action(tmp_path: Path) -> None:
     filler = []
     acts.stop = "delete"
     scheduler.earlier = "shift+up"
-    "log.follow" = "ctrl+w"
+    "log.follow" = "ctrl+v"
     """
     keys = written(tmp_path, text)
     assert keys.problems == ()
@@ -49,7 +49,7 @@ def test_one_key_or_several_for_any_action(tmp_path: Path) -> None:
         "filler": (),
         "acts.stop": ("delete",),
         "scheduler.earlier": ("shift+up",),
-        "log.follow": ("ctrl+w",),
+        "log.follow": ("ctrl+v",),
     }
     assert textual_keymap(keys)["zoom"] == "f4,ctrl+f" and textual_keymap(keys)["filler"] == "no-key-of-filler"
 

@@ -79,7 +79,7 @@ def test_the_end_of_an_act_that_a_rule_waits_for_is_no_event_of_the_wizards() ->
         ("zoom", "Zoom"),
         ("stop ev", "Stop everything"),
         ("theme light", "light"),
-        ("release", "Release the stop"),
+        ("release", "Release the stop, or a part"),
     ],
 )
 def test_a_few_letters_find_it(typed: str, first: str) -> None:

@@ -6,7 +6,7 @@ import json
 
 import pytest
 
-from rise_engine.kernel.records import RuleRecord
+from rise_engine.kernel.records import OpenGoal, RobotRecord, RuleRecord
 from rise_tui.screens.release import ReleaseDialog
 from tests.console.conftest import Console, console
 
@@ -114,3 +114,31 @@ async def test_of_many_rules_those_around_the_selected_one_are_shown() -> None:
         assert "▸ Rule 12: greeting" in text_of(dialog) and "Rule 1:" not in text_of(dialog)
         await it.press("r")
         assert await release_sent(it) == {"Rule 12": "enter"}
+
+
+OPEN = OpenGoal("pepper/speech", "3/1", "Speech", "it refused to stop")
+
+
+def hold(it: Console) -> None:
+    it.client.emit(RobotRecord(0, 0.0, "", "degraded", "pepper/speech may still be doing Speech", (OPEN,)))
+
+
+async def test_what_still_runs_is_asked_to_stop_by_one_key() -> None:
+    async with console(size=(80, 24)) as it:
+        hold(it)
+        await it.until(lambda: "STILL RUNNING?" in it.bars.alarm_bar.text)
+        await it.press("ctrl+w")
+        await it.until(lambda: ("cancelOpenGoals", "") in it.client.asked())
+
+
+async def test_a_part_that_is_held_is_released_after_a_question() -> None:
+    async with console(size=(80, 24)) as it:
+        hold(it)
+        await it.until(lambda: "STILL RUNNING?" in it.bars.alarm_bar.text)
+        await it.press("ctrl+r")
+        await it.until(lambda: type(it.app.screen).__name__ == "Dialog")
+        await it.press("escape", "ctrl+r")
+        assert not it.client.asked()
+        await it.until(lambda: type(it.app.screen).__name__ == "Dialog")
+        await it.press("r")
+        await it.until(lambda: ("releaseOpenGoals", "") in it.client.asked())

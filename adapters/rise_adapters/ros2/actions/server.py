@@ -49,11 +49,13 @@ from rise_adapters.ros2.transport.port import (
     CANCEL_GOAL,
     FEEDBACK,
     GET_RESULT,
+    RELIABLE,
     SEND_GOAL,
     STATUS,
     STATUS_TOPIC,
     Message,
     PortError,
+    QoS,
     SendReply,
     Transport,
     action_topic,
@@ -95,8 +97,11 @@ class ActionServer:
         *,
         clock: Clock,
         result_timeout: float = RESULT_TIMEOUT,
+        feedback: QoS = RELIABLE,
+        status: QoS = STATUS,
     ) -> None:
-        """Offer the action `name` of `type`; a result is kept `result_timeout` seconds after the end.
+        """Offer the action `name` of `type`; a result is kept `result_timeout` seconds after the end. `feedback` and
+        `status` are what these topics promise.
 
         `take_goal` gets each new goal, `take_cancel` each that is to be cancelled (a goal not twice at a time).
 
@@ -116,9 +121,9 @@ class ActionServer:
         self._expiry: Timer | None = None
         types = action_types(type)
         topics = {part: action_topic(self.name, part) for part in types}
-        self._feedback = transport.publisher(topics[FEEDBACK], types[FEEDBACK])
-        status = transport.publisher(topics[STATUS_TOPIC], types[STATUS_TOPIC], STATUS)
-        self._status = StatusPublisher(status, clock, self._listed_goals)
+        self._feedback = transport.publisher(topics[FEEDBACK], types[FEEDBACK], feedback)
+        publisher = transport.publisher(topics[STATUS_TOPIC], types[STATUS_TOPIC], status)
+        self._status = StatusPublisher(publisher, clock, self._listed_goals)
         # The service for goals comes last: who sees it can count on the others.
         self._services = [
             transport.serve(topics[GET_RESULT], types[GET_RESULT], self._take_result_request),

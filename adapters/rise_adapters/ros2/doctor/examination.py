@@ -15,14 +15,13 @@ from rise_adapters.ros2.doctor.installation import check_installation, check_mid
 from rise_adapters.ros2.doctor.interfaces import check_interfaces
 from rise_adapters.ros2.doctor.network import check_network
 from rise_adapters.ros2.doctor.robot import SEARCH_SECONDS, check_robot, definition_folders
+from rise_adapters.ros2.graph_checks import DOCTOR_NODE_NAME
 from rise_adapters.ros2.transport import selection
 from rise_adapters.ros2.transport.port import PortError, Transport
 from rise_engine.ports.bridge import BridgeError, RosConnection
 from rise_engine.scenario.model import RobotProfile
 
 TransportOpener: TypeAlias = Callable[..., Awaitable[Transport]]
-
-DOCTOR_NODE_NAME = "rise_doctor"
 
 
 async def examine(

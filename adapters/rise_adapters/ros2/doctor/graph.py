@@ -34,7 +34,8 @@ def check_graph(transport: Transport) -> Iterator[DoctorFinding]:
             "note",
             "graph",
             "no other node is seen",
-            "if there are some: same ROS domain, same network, same middleware? A firewall may be in the way",
+            "if there are some: same ROS domain, same network, same middleware? A firewall may be in the way "
+            "(docs/how-to/two-computers.md)",
         )
     for sentence in graph_checks.describe_strangers(transport):
         yield DoctorFinding("warning", "graph", sentence)

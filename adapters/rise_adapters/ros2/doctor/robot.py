@@ -9,8 +9,12 @@ from pathlib import Path
 from rise_adapters.ros2 import compatibility, graph_checks
 from rise_adapters.ros2.actions.client import ActionClient
 from rise_adapters.ros2.doctor.finding import DoctorFinding
-from rise_adapters.ros2.mapping import ActionMapping, MappingError, read_mappings, read_options
+from rise_adapters.ros2.doctor.live_names import LiveNames
+from rise_adapters.ros2.mapping import ActionMapping, MappingError, mapping_findings, read_mappings, read_options
 from rise_adapters.ros2.mapping.options import DRIVER
+from rise_adapters.ros2.robot.estop_input import EstopInput
+from rise_adapters.ros2.robot.lifecycle import LifecycleWatch
+from rise_adapters.ros2.session_node import neighbours
 from rise_adapters.ros2.transport.port import PortError, Transport
 from rise_engine.scenario.model import RobotProfile
 
@@ -36,26 +40,66 @@ async def check_robot(
                 f"the robot {profile.name} was not looked for: its driver is {profile.driver!r}, which is not on ROS",
             )
         ]
+    said = mapping_findings(profile, transport.fields)
     try:
         mappings = read_mappings(profile, transport.fields)
-    except MappingError as errors:
-        return [DoctorFinding("problem", "robot", sentence) for sentence in errors.findings]
+    except MappingError:
+        return [DoctorFinding("problem" if each.refuses else "warning", "robot", each.sentence) for each in said]
+    warnings = [DoctorFinding("warning", "robot", each.sentence) for each in said]
     expected: list[_ExpectedEndpoint] = []
+    live: LiveNames | None = None
+    estop: EstopInput | None = None
     try:
+        live = LiveNames(transport, profile, mappings)
         for name, mapping in _by_route(mappings).items():
             expected.append(_ExpectedEndpoint(transport, name, mapping))
-        await _wait_for(expected, seconds)
+        if (named := read_options(profile).estop) is not None and named.type:
+            estop = EstopInput(named, transport, asyncio.get_running_loop().time, lambda report: None)
+        await _wait_for(expected, estop, live, seconds)
         if len(expected) > 1 and not any(each.is_seen() for each in expected):
             names = ", ".join(each.full for each in expected)
             others = list(dict.fromkeys(name for each in expected for name in each.names_elsewhere()))
             remedy = _advise_renaming("these", others) if others else _advise_start("these")
             return [DoctorFinding("problem", "robot", f"nothing of {profile.name} is there: {names}", remedy)]
-        return [finding for each in expected for finding in each.findings()]
+        found = [finding for each in expected for finding in each.findings()]
+        found += live.findings()
+        return [*found, *_describe_estop(estop), *_describe_clients(transport, expected), *warnings]
     except PortError as error:
         return [DoctorFinding("problem", "robot", str(error))]
     finally:
         for each in expected:
             each.close()
+        if live is not None:
+            live.close()
+        if estop is not None:
+            estop.close()
+
+
+def _describe_estop(estop: EstopInput | None) -> Iterator[DoctorFinding]:
+    """How the emergency stop is that the profile names."""
+    if estop is None:
+        return
+    what = f"the emergency stop at {estop.name}"
+    if estop.fault or estop.pressed is None:
+        trouble = estop.trouble or f"{what} has said nothing yet, so whether it is pressed is not known"
+        yield DoctorFinding("problem", "robot", trouble, "start what publishes it; `options.estop` says what is meant")
+    elif estop.pressed:
+        yield DoctorFinding("warning", "robot", f"{what} is pressed", "let it go: until then nothing starts")
+    else:
+        yield DoctorFinding("ok", "robot", f"{what} is heard, and is not pressed")
+    if len(estop.publishers) > 1:
+        who = ", ".join(estop.publishers)
+        yield DoctorFinding("warning", "robot", f"{what} has several publishers, of which the last word counts: {who}")
+
+
+def _describe_clients(transport: Transport, expected: Sequence[_ExpectedEndpoint]) -> Iterator[DoctorFinding]:
+    """Who else may move the robot; a session is named as any node is."""
+    said: set[str] = set()
+    for each in expected:
+        for node in graph_checks.other_clients(transport, each.full) if each.is_action else ():
+            if node not in said:
+                said.add(node)
+                yield DoctorFinding("note", "robot", graph_checks.describe_other_client(node, each.full))
 
 
 def _by_route(mappings: Mapping[str, ActionMapping]) -> dict[str, ActionMapping]:
@@ -66,12 +110,19 @@ def _by_route(mappings: Mapping[str, ActionMapping]) -> dict[str, ActionMapping]
     return {", ".join(each): mappings[each[0]] for each in names.values()}
 
 
-async def _wait_for(expected: Sequence[_ExpectedEndpoint], seconds: float) -> None:
+async def _wait_for(
+    expected: Sequence[_ExpectedEndpoint], estop: EstopInput | None, live: LiveNames, seconds: float
+) -> None:
     loop = asyncio.get_running_loop()
     until = loop.time() + seconds
     complete: float | None = None
     while loop.time() < until and (complete is None or loop.time() < complete + SETTLE_SECONDS):
-        if complete is None and all(each.is_complete() for each in expected):
+        for each in expected:
+            each.poll()
+        if estop is not None:
+            estop.poll()
+        heard = live.are_complete() and (estop is None or estop.pressed is not None)
+        if complete is None and heard and all(each.is_complete() for each in expected):
             complete = loop.time()
         await asyncio.sleep(_POLL_SECONDS)
 
@@ -84,14 +135,29 @@ class _ExpectedEndpoint:
         self._name = name
         self._mapping = mapping
         self.full = transport.resolve(mapping.name)
+        self.is_action = mapping.kind == "action"
+        self._lifecycle = LifecycleWatch(transport, asyncio.get_running_loop().time)
         if mapping.kind == "action":
             client = ActionClient(
                 transport, mapping.name, mapping.type, feedback=mapping.feedback_qos, status=mapping.status_qos
             )
-            self.count_receivers, self.close = client.count_servers, client.close
+            self.count_receivers, self._close = client.count_servers, client.close
+        elif mapping.kind == "service":
+            service = transport.client(mapping.name, mapping.type)
+            self.count_receivers, self._close = service.count_servers, service.close
         else:
             publisher = transport.publisher(mapping.name, mapping.type, mapping.topic_qos)
-            self.count_receivers, self.close = publisher.count_subscribers, publisher.close
+            self.count_receivers, self._close = publisher.count_subscribers, publisher.close
+
+    def close(self) -> None:
+        self._lifecycle.close()
+        self._close()
+
+    def poll(self) -> None:
+        """Ask its node, where that has a lifecycle."""
+        if self.is_action:
+            self._lifecycle.follow_server(self.full)
+            self._lifecycle.poll()
 
     def is_complete(self) -> bool:
         """Everything of it is there, and can be compared."""
@@ -102,22 +168,26 @@ class _ExpectedEndpoint:
         return self.count_receivers() > 0 or bool(compatibility.compare(self._transport, self._mapping).seen)
 
     def names_elsewhere(self) -> list[str]:
-        """The names under which there is something of its type."""
-        return graph_checks.names_elsewhere(self._transport, self._mapping)
+        """The names under which there is something of its type; sessions listen to one another, and are no robot."""
+        others = graph_checks.names_elsewhere(self._transport, self._mapping)
+        return [name for name in others if not name.endswith(f"/{neighbours.TOPIC}")]
 
     def findings(self) -> Iterator[DoctorFinding]:
         number, name, full = self.count_receivers(), self._name, self.full
-        action = self._mapping.kind == "action"
+        is_served = self._mapping.kind != "topic"
+        lifecycle = self._lifecycle
         found = compatibility.compare(self._transport, self._mapping)
         for misfit in found.misfits:
             yield DoctorFinding("problem", "robot", f"{name}: {misfit.sentence}", misfit.remedy)
-        if number > 1 and action:
+        if number > 1 and is_served:
             several = compatibility.describe_several_servers(number, full)
             yield DoctorFinding("problem", "robot", f"{name}: {several}", "end all but one of them")
+        elif lifecycle.sentence and not found.misfits:
+            yield DoctorFinding("problem", "robot", f"{name}: {lifecycle.sentence}", lifecycle.remedy)
         elif number and not found.misfits:
             listens = f"has {number} subscriber{'s' if number > 1 else ''}"
             yield DoctorFinding(
-                "ok", "robot", f"{name}: {full} {f'is offered, as {self._mapping.type}' if action else listens}"
+                "ok", "robot", f"{name}: {full} {f'is offered, as {self._mapping.type}' if is_served else listens}"
             )
         elif not found.misfits:
             others = self.names_elsewhere()

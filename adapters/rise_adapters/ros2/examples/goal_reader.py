@@ -5,22 +5,30 @@ told: for a robot that is only simulated, and says what it would do.
 from __future__ import annotations
 
 import json
+import math
 from collections.abc import Iterator, Mapping, Sequence
-from typing import Any
+from typing import Any, TypeAlias
+
+from msgspec.structs import replace
 
 from rise_adapters.ros2.mapping.action_mapping import field_at
+from rise_adapters.ros2.mapping.poses import pose_fields
 from rise_adapters.ros2.mapping.templates import Placeholder, parse_template, seconds_per_unit, unit_factors
 from rise_adapters.ros2.transport.port import Message
 from rise_engine.scenario.model import ActionSpec, Parameter
 from rise_engine.scenario.parameters import accepts_any_name, listed_names
 
+Places: TypeAlias = Mapping[str, Mapping[str, Any]]
+"""By its name, what is known of each place."""
+
 
 class GoalReader:
     """Reads what arrives under one name; several actions of a profile may share it."""
 
-    def __init__(self, specs: Sequence[ActionSpec]) -> None:
-        """`specs` have carriers, all written out, that `read_mappings` has found right."""
-        self._actions = [_ActionPattern(spec) for spec in specs]
+    def __init__(self, specs: Sequence[ActionSpec], places: Places) -> None:
+        """`specs` have carriers, all written out, that `read_mappings` has found right; `places` are those of the
+        profile."""
+        self._actions = [_ActionPattern(spec, places) for spec in specs]
 
     def read(self, message: Message) -> tuple[ActionSpec, dict[str, Any]]:
         """The action that this message is most likely of, and its parameters; those that say nothing are left out."""
@@ -34,33 +42,64 @@ class GoalReader:
 
 
 class _ActionPattern:
-    def __init__(self, spec: ActionSpec) -> None:
+    def __init__(self, spec: ActionSpec, places: Places) -> None:
         self.spec = spec
+        self._places = places
         self._values: dict[str, dict[str, Any]] = spec.carrier.get("values", {})
-        self._fields = list(_list_fields(spec.carrier.get("goal") or spec.carrier.get("message") or {}))
+        parts = [spec.carrier[part] for part in ("goal", "message", "request") if part in spec.carrier]
+        self._fields = list(_list_fields(parts[0] if parts else {}))
 
     def matches(self, message: Message) -> bool:
         """Whether its constants are there."""
         return all(
             field_at(message, path) == value
             for path, value in self._fields
-            if not isinstance(value, list) and not any(isinstance(piece, Placeholder) for piece in _parse_pieces(value))
+            if not any(isinstance(piece, Placeholder) for piece in _parse_pieces(value))
         )
 
     def read_parameters(self, message: Message) -> dict[str, Any]:
         found: dict[str, Any] = {}
+        told: dict[str, dict[str, Any]] = {}
+        """By the parameter that names a place, what is told of the place."""
         for path, written in self._fields:
-            pieces, value = _parse_pieces(written), field_at(message, path)
-            for slot in (piece for piece in pieces if isinstance(piece, Placeholder)):
-                if slot.special:
-                    found.update(_parse_json_object(value) if slot.name == "parameters" else {})
-                    continue
-                parameter = self.spec.parameters[slot.name]
+            self._read_field(_parse_pieces(written), field_at(message, path), found, told)
+        for name, values in told.items():
+            if (place := self._find_place(values)) is not None:
+                found.setdefault(name, place)
+        return found
+
+    def _read_field(
+        self, pieces: tuple[Any, ...], value: Any, found: dict[str, Any], told: dict[str, dict[str, Any]]
+    ) -> None:
+        for slot in (piece for piece in pieces if isinstance(piece, Placeholder)):
+            if slot.special:
+                found.update(_parse_json_object(value) if slot.name == "parameters" else {})
+                continue
+            parameter = self.spec.parameters[slot.name]
+            if slot.function and isinstance(value, dict):
+                value = 2 * math.atan2(value.get("z", 0.0), value.get("w", 1.0))
+                slot = replace(slot, unit=None if slot.key else "rad")
+            if slot.key:
+                told.setdefault(slot.name, {})[slot.key] = value
+            elif parameter.place and isinstance(value, dict):
+                for path, written in _list_fields(pose_fields(_type_of_pose(value), slot.name) or {}):
+                    self._read_field(_parse_pieces(written), field_at(value, path), found, told)
+            else:
                 alone = len(pieces) == 1
                 read = self._read_parameter(parameter, slot, value) if alone else _whole_text(parameter, value)
                 if read is not None:
                     found.setdefault(slot.name, read)
-        return found
+
+    def _find_place(self, told: Mapping[str, Any]) -> str | None:
+        """The first place of which all this may have been told."""
+        return next(
+            (
+                name
+                for name, place in self._places.items()
+                if all(_is_near(place[key], value) for key, value in told.items() if key in place)
+            ),
+            None,
+        )
 
     def _read_parameter(self, parameter: Parameter, slot: Placeholder, value: Any) -> Any:
         """None: the sender left it to the robot."""
@@ -84,6 +123,17 @@ class _ActionPattern:
         return None if left_out else value
 
 
+def _type_of_pose(value: Mapping[str, Any]) -> str:
+    kind = "PoseStamped" if "header" in value else "Pose" if "position" in value else "Point"
+    return f"geometry_msgs/msg/{kind}"
+
+
+def _is_near(one: Any, other: Any) -> bool:
+    if isinstance(one, str) or isinstance(other, str):
+        return bool(one == other)
+    return math.isclose(one, other, rel_tol=1e-5, abs_tol=1e-5)
+
+
 def _is_complete(spec: ActionSpec, parameters: Mapping[str, Any]) -> bool:
     """Whether the names that it needs are there, and are names that it has."""
     for each in spec.parameters.values():
@@ -102,6 +152,9 @@ def _list_fields(table: Mapping[str, Any], path: tuple[str, ...] = ()) -> Iterat
         inside = (*path, *key.split("."))
         if isinstance(value, dict):
             yield from _list_fields(value, inside)
+        elif isinstance(value, list):  # only what parameters fill: numbers of a list may be rounded on the way
+            items = {str(number): item for number, item in enumerate(value)}
+            yield from (each for each in _list_fields(items, inside) if isinstance(each[1], str) and "{" in each[1])
         else:
             yield inside, value
 

@@ -72,8 +72,15 @@ def node_parser(node: str, about: str) -> ArgumentParser:
     return parser
 
 
-def run_node(parser: ArgumentParser, work: Work, arguments: Sequence[str] | None = None) -> None:
-    """Read the command line, run `work` until it returns, fails, or somebody ends the program, and exit.
+def run_node(
+    parser: ArgumentParser,
+    work: Work,
+    arguments: Sequence[str] | None = None,
+    *,
+    prepare: Callable[[Namespace], None] | None = None,
+) -> None:
+    """Read the command line, run `work` until it returns, fails, or somebody ends the program, and exit. `prepare` may
+    complete the options before the connection is opened.
 
     Every option can be given as a parameter of ROS, and is shown as one; what the command line says counts more.
 
@@ -90,6 +97,8 @@ def run_node(parser: ArgumentParser, work: Work, arguments: Sequence[str] | None
             stream.reconfigure(line_buffering=True)
     try:
         with clean_standard_streams():
+            if prepare is not None:
+                prepare(options)
             asyncio.run(_run(work, options, theirs, parser))
     except BridgeError as error:
         _fail(parser, error.lines)

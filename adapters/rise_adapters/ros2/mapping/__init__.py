@@ -1,4 +1,4 @@
-"""How a robot profile says which ROS action or topic carries an action, and what goes into its fields
+"""How a robot profile says which ROS action, topic or service carries an action, and what goes into its fields
 (docs/reference/robots.md, "Carriers").
 
 `read_mappings` checks all of a profile at once and prepares it; an `ActionMapping` then makes the message of a
@@ -8,13 +8,20 @@ goal, and reads from a result whether the robot did what it was asked for. Nothi
 from __future__ import annotations
 
 from rise_adapters.ros2.mapping.action_mapping import ActionMapping, GoalDeadlines, MappingError, RosOptions
-from rise_adapters.ros2.mapping.profile import mapping_problems, read_mappings, read_options, with_all_carriers
+from rise_adapters.ros2.mapping.profile import (
+    mapping_findings,
+    mapping_problems,
+    read_mappings,
+    read_options,
+    with_all_carriers,
+)
 
 __all__ = [
     "ActionMapping",
     "GoalDeadlines",
     "MappingError",
     "RosOptions",
+    "mapping_findings",
     "mapping_problems",
     "read_mappings",
     "read_options",

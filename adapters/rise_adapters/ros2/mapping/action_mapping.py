@@ -4,21 +4,27 @@
 
 from __future__ import annotations
 
+import time
 from collections.abc import Mapping, Sequence
-from typing import Any, Literal
+from math import inf
+from typing import Any, Literal, TypeAlias
 
 from msgspec import Struct
 
 from rise_adapters.ros2.mapping.field_sources import FillContext, MessageSource
 from rise_adapters.ros2.transport.port import RELIABLE, STATUS, Message, QoS
 from rise_engine.errors import RiseError
+from rise_engine.ports.bridge import ProfileFinding
+
+MappingKind: TypeAlias = Literal["action", "topic", "service"]
+"""By what an action is carried."""
 
 
 class GoalDeadlines(Struct, frozen=True):
     """Seconds that each phase of a goal may take, on the session's clock."""
 
     server: float = 5.0
-    """Until something offers the action, or takes the topic."""
+    """Until something offers the action or the service, or takes the topic."""
     acceptance: float = 2.0
     """Until the goal is accepted or refused."""
     feedback: float = 0.0
@@ -27,6 +33,22 @@ class GoalDeadlines(Struct, frozen=True):
     """How much longer than expected the goal may take; 0: the kernel's limit decides (`limit` of the action)."""
     cancel: float = 4.0
     """Until a goal that is canceled has ended."""
+
+
+class EstopMapping(Struct, frozen=True):
+    """Where the emergency stop of a laboratory is heard: on a topic, or by a service that this side offers."""
+
+    name: str
+    """As written: not resolved yet."""
+    type: str = ""
+    """Of the topic's messages; empty: it is a service, `std_srvs/srv/SetBool`."""
+    when: tuple[tuple[tuple[str, ...], tuple[Any, ...]], ...] = ()
+    """It is pressed when each of these fields has one of its values."""
+    silent_after: float = 0.0
+    """Seconds without a message after which it counts as silent; 0: it may say nothing for ever."""
+
+    def is_pressed(self, message: Mapping[str, Any]) -> bool:
+        return all(field_at(message, path) in values for path, values in self.when)
 
 
 class RosOptions(Struct, frozen=True):
@@ -39,15 +61,18 @@ class RosOptions(Struct, frozen=True):
     """`carrier.error` of every action that has none of its own."""
     wrapper: str = ""
     """The name under which a wrapper offers the actions of the profile `rise`; empty: there is none."""
+    leftovers: Literal["cancel", "keep"] = "cancel"
+    """What becomes of goals that a killed engine left behind, when no wizard is there to decide."""
     share: tuple[str, ...] = ()
     """Folders with the definitions of further interface packages, for the transport without ROS."""
+    estop: EstopMapping | None = None
 
 
 class MappingError(RiseError):
     """What is wrong with a profile's options and carriers: all of it, each a sentence for a person."""
 
-    def __init__(self, robot: str, mistakes: list[str]) -> None:
-        self.findings = [f"robot {robot}: {mistake}" for mistake in mistakes]
+    def __init__(self, found: Sequence[ProfileFinding]) -> None:
+        self.findings = [each.sentence for each in found]
         super().__init__("\n".join(self.findings))
 
 
@@ -55,7 +80,11 @@ class ResultRule(Struct, frozen=True):
     """Where a result says that it is none (`carrier.error`)."""
 
     code: tuple[str, ...] = ()
-    ok: int | bool = 0
+    ok: tuple[int | bool | str, ...] = (0,)
+    """The values of `code` that are a success; empty: the limits decide."""
+    minimum: float = -inf
+    maximum: float = inf
+    """Of a number, the smallest and the largest that is a success."""
     text: tuple[str, ...] = ()
     codes: dict[str, str] = {}
 
@@ -65,12 +94,22 @@ class ResultRule(Struct, frozen=True):
         if not self.code:
             return text
         code = field_at(result, self.code)
-        if code is None or code == self.ok:
+        if code is None or (code in self.ok if self.ok else self.minimum <= code <= self.maximum):
             return ""
         if isinstance(code, bool):
             return text or "the robot says that it did not succeed"
+        said = f"error code {code}" if self.ok and isinstance(code, int) else self._describe_miss(code)
         means = text or self.codes.get(str(code), "")
-        return f"{means} (error code {code})" if means else f"error code {code}"
+        return f"{means} ({said})" if means else said
+
+    def _describe_miss(self, code: float | str) -> str:
+        """`success_rate is 0.2, and a success is at least 0.5`"""
+        name = self.code[-1]
+        if isinstance(code, str):
+            return f"{name} is `{code}`"
+        limits = [f"at least {self.minimum:g}"] if self.minimum > -inf else []
+        limits += [f"at most {self.maximum:g}"] if self.maximum < inf else []
+        return f"{name} is {code:g}, and a success is {' and '.join(limits)}"
 
     def why_not_succeeded(self, result: Message) -> str:
         """What the robot has to say about how a goal ended that did not succeed; empty when it says nothing."""
@@ -84,16 +123,20 @@ class ResultRule(Struct, frozen=True):
 class ActionMapping(Struct, frozen=True):
     """How one action reaches the robot."""
 
-    kind: Literal["action", "topic"]
+    kind: MappingKind
     name: str
-    """Of the ROS action or the topic, as written: not resolved yet."""
+    """Of the ROS action, the topic or the service, as written: not resolved yet."""
     type: str
-    """`rise_interfaces/action/Speech`; of a topic, a message type."""
+    """`rise_interfaces/action/Speech`; of a topic, a message type, of a service, `std_srvs/srv/Trigger`."""
     deadlines: GoalDeadlines
     message: MessageSource
-    """What fills the goal; of a topic, the message."""
+    """What fills the goal; of a topic, the message, of a service, the request."""
     reset: MessageSource | None = None
     """What is published when the action's time is over, or it is canceled; None: nothing."""
+    harmless: bool = False
+    """That nothing stops it is no danger (`unstoppable = true`)."""
+    rate: float = 0.0
+    """How often in a second a topic's message is published while the action lasts; 0: once."""
     result_rule: ResultRule = ResultRule()
     unused_parameters: tuple[str, ...] = ()
     """Parameters of the action that do not reach this robot: it has no field for them."""
@@ -105,27 +148,40 @@ class ActionMapping(Struct, frozen=True):
     """... and how its status is."""
 
     @property
+    def stoppable(self) -> bool:
+        """Whether anything can be sent that stops the robot. (Nothing can take back a call of a service, or a message
+        without a `reset`.)"""
+        return self.kind == "action" or self.reset is not None
+
+    @property
     def route(self) -> tuple[str, str, str]:
         """Several actions may go the same way, to one server or topic: what they then have in common."""
         return self.kind, self.name, self.type
 
     def make_message(self, parameters: Mapping[str, Any], *, node: str, goal: str, frame: str) -> Message:
-        """The goal (of a topic: the message) for these parameters.
+        """The goal (of a topic: the message, of a service: the request) for these parameters, as of now.
 
         `node` is the full name of the node that sends it, `goal` the kernel's name of the goal, `frame` the robot's
         frame. Raises ValueError with a sentence when a value does not fit its field.
         """
-        return self.message.fill(FillContext(parameters, {"node": node, "goal": goal, "frame": frame}))
+        return self.message.fill(_context(parameters, node, goal, frame))
 
     def make_reset(self, *, node: str = "", goal: str = "", frame: str = "") -> Message | None:
         """What `reset` is now; None: nothing is published."""
         if self.reset is None:
             return None
-        return self.reset.fill(FillContext({}, {"node": node, "goal": goal, "frame": frame}))
+        return self.reset.fill(_context({}, node, goal, frame))
+
+
+def _context(parameters: Mapping[str, Any], node: str, goal: str, frame: str) -> FillContext:
+    return FillContext(parameters, {"node": node, "goal": goal, "frame": frame}, time.time_ns())
 
 
 def field_at(message: Any, path: Sequence[str]) -> Any:
-    """The value of a field in a message, or in one of those nested in it; None when there is no such field."""
+    """The value of a field in a message, in one of those nested in it, or of an item of a list; None: there is none."""
     for name in path:
-        message = message.get(name) if isinstance(message, dict) else None
+        if isinstance(message, list):
+            message = dict(enumerate(message)).get(int(name)) if name.isdecimal() else None
+        else:
+            message = message.get(name) if isinstance(message, dict) else None
     return message

@@ -3,36 +3,55 @@
 from __future__ import annotations
 
 import re
-from typing import Any, Literal, TypeAlias
+from collections.abc import Mapping
+from typing import Any
 
 from msgspec.structs import replace
 
-from rise_adapters.ros2.mapping.action_mapping import ActionMapping, RosOptions
+from rise_adapters.ros2.mapping.action_mapping import ActionMapping, MappingKind, RosOptions
 from rise_adapters.ros2.mapping.compiler import MessageCompiler, ProfileMistakes
 from rise_adapters.ros2.mapping.field_sources import MessageSource
 from rise_adapters.ros2.mapping.field_types import FieldTypes
-from rise_adapters.ros2.mapping.options import is_ros_name, parse_deadlines
+from rise_adapters.ros2.mapping.options import parse_deadlines
 from rise_adapters.ros2.mapping.quality import parse_qos
 from rise_adapters.ros2.mapping.result_rule import parse_result_rule
+from rise_adapters.ros2.transport.names import is_ros_name
 from rise_engine.nearest_name import did_you_mean
 from rise_engine.scenario.model import ActionSpec
 from rise_engine.scenario.parameters import accepts_any_name, listed_names
 
-MappingKind: TypeAlias = Literal["action", "topic"]
-
 _KEYS: dict[MappingKind, tuple[str, ...]] = {
     "action": ("action", "type", "goal", "values", "error", "deadlines", "qos"),
-    "topic": ("topic", "type", "message", "reset", "values", "deadlines", "qos"),
+    "topic": ("topic", "type", "message", "reset", "rate", "unstoppable", "values", "deadlines", "qos"),
+    "service": ("service", "type", "request", "values", "error", "deadlines", "unstoppable"),
 }
-_EXAMPLES: dict[MappingKind, str] = {"action": "pepper/speech", "topic": "pepper/tablet"}
+_EXAMPLES: dict[MappingKind, str] = {"action": "pepper/speech", "topic": "pepper/tablet", "service": "pepper/say"}
+_TYPES: dict[MappingKind, tuple[str, str]] = {
+    "action": ("action", "rise_interfaces/action/Speech"),
+    "topic": ("msg", "std_msgs/msg/String"),
+    "service": ("srv", "std_srvs/srv/Trigger"),
+}
+"""What stands in the middle of a type on ROS, and one of them."""
+_OF_ACTIONS = ("acceptance", "feedback", "cancel")
+"""Deadlines of phases that a service does not have."""
+MAX_RATE = 100.0
+"""Messages in a second."""
 _TYPE = re.compile(r"(?P<package>[a-z][a-z0-9_]*)/(?:(?P<kind>[a-z]+)/)?(?P<name>[A-Z][A-Za-z0-9]*)\Z", re.ASCII)
 
 
 class ActionReader:
     """Reads the carrier of one action. What is wrong goes into its mistakes, all of it."""
 
-    def __init__(self, spec: ActionSpec, options: RosOptions, types: FieldTypes, mistakes: ProfileMistakes) -> None:
+    def __init__(
+        self,
+        spec: ActionSpec,
+        options: RosOptions,
+        types: FieldTypes,
+        mistakes: ProfileMistakes,
+        places: Mapping[str, Mapping[str, Any]],
+    ) -> None:
         self._spec = spec
+        self._places = places
         self._table = spec.carrier
         self._options = options
         self._types = types
@@ -48,39 +67,77 @@ class ActionReader:
         deadlines = parse_deadlines(
             self._read_table("deadlines"), self._options.deadlines, self._path_of("deadlines"), self._mistakes
         )
-        compiler = MessageCompiler(self._spec, self._read_values(), self._types, self._mistakes)
-        if kind == "action":
-            message = compiler.compile(self._read_table("goal"), type and f"{type}_Goal", self._path_of("goal"))
-            used = compiler.used_parameters
-            error = self._read_table("error")
-            rule = parse_result_rule(error, type, self._path_of("error"), self._types, self._mistakes)
-            mapping = ActionMapping(kind, name, type, deadlines, message, result_rule=rule)
+        compiler = MessageCompiler(self._spec, self._read_values(), self._types, self._mistakes, self._places)
+        part, sent, answered = {
+            "action": ("goal", "_Goal", "_Result"),
+            "topic": ("message", "", ""),
+            "service": ("request", "_Request", "_Response"),
+        }[kind]
+        message = compiler.compile(self._read_table(part), type and f"{type}{sent}", self._path_of(part))
+        used = compiler.used_parameters
+        mapping = ActionMapping(kind, name, type, deadlines, message)
+        if kind == "topic":
+            used = used | {"duration", "repetitions"}  # kept here, with a field for them or not
+            mapping = replace(mapping, reset=self._read_reset(type), rate=self._read_rate())
         else:
-            message = compiler.compile(self._read_table("message"), type, self._path_of("message"))
-            used = compiler.used_parameters | {"duration", "repetitions"}  # kept here, with a field for them or not
-            mapping = ActionMapping(kind, name, type, deadlines, message, self._read_reset(type))
-        return replace(
-            mapping,
-            unused_parameters=tuple(each for each in self._spec.parameters if each not in used),
-            **parse_qos(self._read_table("qos"), kind, self._path_of("qos"), self._mistakes),
-        )
+            of, where = type and f"{type}{answered}", self._path_of("error")
+            rule = parse_result_rule(self._read_table("error"), of, where, self._types, self._mistakes)
+            mapping = replace(mapping, result_rule=rule)
+        if kind == "service":
+            for key in self._read_table("deadlines"):
+                if key in _OF_ACTIONS:
+                    self._add_mistake(f"deadlines.{key}", "is of actions; a service has `server` and `result`")
+        else:
+            qos = parse_qos(self._read_table("qos"), kind, self._path_of("qos"), self._mistakes)
+            mapping = replace(mapping, **qos)
+        unused = tuple(each for each in self._spec.parameters if each not in used)
+        return replace(mapping, unused_parameters=unused, harmless=self._is_harmless(mapping))
+
+    def _is_harmless(self, mapping: ActionMapping) -> bool:
+        """Whether the profile says so of what nothing can stop; what it says nothing of is a mistake."""
+        if mapping.kind == "action":
+            return False
+        known = self._table.get("unstoppable", False)
+        if not isinstance(known, bool):
+            self._add_mistake("unstoppable", "is true or false")
+        elif known and mapping.stoppable:
+            self._add_mistake("unstoppable", "stands beside `reset`, which stops it")
+        elif not known and not mapping.stoppable:
+            acknowledge = "`unstoppable = true` where that is no danger"
+            if mapping.kind == "topic":
+                how = f"nothing is published on {mapping.name} to stop it; write `reset = {{ ... }}`, or {acknowledge}"
+            else:
+                how = f"a call of {mapping.name} cannot be taken back; use an action of the robot, or {acknowledge}"
+            self._mistakes.add(
+                self._path_of(mapping.kind),
+                f"cannot be stopped: after F9 the robot goes on, because {how}",
+                "unstoppable",
+            )
+        return known is True
+
+    def _read_rate(self) -> float:
+        rate = self._table.get("rate", 0.0)
+        if isinstance(rate, bool) or not isinstance(rate, int | float) or not 0 <= rate <= MAX_RATE:
+            self._add_mistake("rate", f"is how often in a second it is published: a number up to {MAX_RATE:g}")
+            return 0.0
+        return float(rate)
 
     def _read_kind(self) -> MappingKind | None:
+        there = [kind for kind in _KEYS if kind in self._table]
         if not self._table:
-            self._mistakes.sentences.append(
-                f"`actions.{self._spec.name}` has no `carrier`, which says what carries it to the robot; "
-                f"if the robot cannot do it, leave the action out"
-            )
-        elif "action" in self._table and "topic" in self._table:
-            self._add_mistake("topic", "stands beside `action`; a carrier is one or the other")
-        elif "action" in self._table:
-            return "action"
-        elif "topic" in self._table:
-            return "topic"
-        else:
             self._mistakes.add(
-                f"actions.{self._spec.name}.carrier", "has neither `action` nor `topic`: the name on ROS"
+                f"actions.{self._spec.name}",
+                "has no `carrier`, which says what carries it to the robot; "
+                "if the robot cannot do it, leave the action out",
+                "missing",
             )
+        elif not there:
+            where = f"actions.{self._spec.name}.carrier"
+            self._mistakes.add(where, "has neither `action`, `topic` nor `service`: the name on ROS")
+        elif len(there) > 1:
+            self._add_mistake(there[1], f"stands beside `{there[0]}`; a carrier is one or the other")
+        else:
+            return there[0]
         return None
 
     def _read_name(self, kind: MappingKind) -> str:
@@ -95,20 +152,20 @@ class ActionReader:
     def _read_known_type(self, kind: MappingKind) -> str:
         """The type on ROS; empty when it is none, or cannot be had here."""
         type = self._read_type(kind)
-        parts = [f"{type}_Goal", f"{type}_Result", f"{type}_Feedback"] if kind == "action" else [type]
+        endings = {"action": ("_Goal", "_Result", "_Feedback"), "topic": ("",), "service": ("_Request", "_Response")}
+        parts = [f"{type}{ending}" for ending in endings[kind]]
         if type and (missing := next(filter(None, map(self._types.why_unknown, parts)), "")):
-            self._add_mistake("type", f"cannot be used here: {missing}")
+            self._mistakes.add(self._path_of("type"), f"cannot be used here: {missing}", "missing")
             return ""
         return type
 
     def _read_type(self, kind: MappingKind) -> str:
-        wanted = "action" if kind == "action" else "msg"
+        wanted, example = _TYPES[kind]
         type = self._table.get("type")
         found = _TYPE.match(type) if isinstance(type, str) else None
         if found is not None and found["kind"] == wanted:
             assert isinstance(type, str)
             return type
-        example = "rise_interfaces/action/Speech" if wanted == "action" else "std_msgs/msg/String"
         what = f"is the type of the {kind} on ROS, such as `{example}`"
         if "type" not in self._table:
             self._mistakes.add(f"actions.{self._spec.name}.carrier", f"has no `type`; it {what}")
@@ -142,7 +199,7 @@ class ActionReader:
             return None
         # When it is sent nobody knows the parameters any more: an action without any.
         nobody = replace(self._spec, parameters={})
-        compiler = MessageCompiler(nobody, {}, self._types, self._mistakes)
+        compiler = MessageCompiler(nobody, {}, self._types, self._mistakes, {})
         return compiler.compile(self._read_table("reset"), type, self._path_of("reset"))
 
     def _read_table(self, key: str) -> dict[str, Any]:

@@ -8,6 +8,8 @@ from __future__ import annotations
 from collections.abc import Collection, Mapping
 from typing import Any
 
+from msgspec.structs import replace
+
 from rise_adapters.ros2.mapping.field_sources import (
     NO_VALUE,
     AllParametersSource,
@@ -28,6 +30,13 @@ from rise_adapters.ros2.mapping.field_types import (
     describe_field_type,
     describe_value,
 )
+from rise_adapters.ros2.mapping.poses import (
+    YawSource,
+    check_quaternion,
+    compile_now,
+    compile_place_value,
+    pose_fields,
+)
 from rise_adapters.ros2.mapping.templates import (
     Placeholder,
     parse_template,
@@ -36,18 +45,32 @@ from rise_adapters.ros2.mapping.templates import (
     unit_factors,
 )
 from rise_engine.nearest_name import did_you_mean, in_backquotes
+from rise_engine.ports.bridge import ProfileFinding, ProfileFindingKind
 from rise_engine.scenario.model import ActionSpec, Parameter
 from rise_engine.scenario.parameters import accepts_any_name, convert_parameter, listed_names
 
 
 class ProfileMistakes:
-    """Collects what is wrong, as sentences that begin with the place."""
+    """Collects what there is to say about a profile, as sentences that begin with the place."""
 
-    def __init__(self) -> None:
-        self.sentences: list[str] = []
+    def __init__(self, robot: str) -> None:
+        self._robot = robot
+        self._found: dict[ProfileFinding, None] = {}
+        self.place_keys: set[str] = set()
+        """What some field takes of places."""
 
-    def add(self, where: str, sentence: str) -> None:
-        self.sentences.append(f"`{where}` {sentence}")
+    @property
+    def found(self) -> list[ProfileFinding]:
+        """Everything, each once."""
+        return list(self._found)
+
+    @property
+    def refusals(self) -> list[ProfileFinding]:
+        """What a session with this robot would be refused for."""
+        return [each for each in self._found if each.refuses]
+
+    def add(self, where: str, sentence: str, kind: ProfileFindingKind = "wrong") -> None:
+        self._found[ProfileFinding(f"robot {self._robot}: `{where}` {sentence}", where, kind)] = None
 
     def add_unknown_keys(self, where: str, table: Mapping[str, Any], known: Collection[str]) -> None:
         for key in table:
@@ -59,9 +82,15 @@ class MessageCompiler:
     """Prepares the messages of one action."""
 
     def __init__(
-        self, spec: ActionSpec, values: Mapping[str, Mapping[str, Any]], types: FieldTypes, mistakes: ProfileMistakes
+        self,
+        spec: ActionSpec,
+        values: Mapping[str, Mapping[str, Any]],
+        types: FieldTypes,
+        mistakes: ProfileMistakes,
+        places: Mapping[str, Mapping[str, Any]],
     ) -> None:
         self._spec = spec
+        self._places = places
         self._values = values
         self._types = types
         self._mistakes = mistakes
@@ -77,7 +106,7 @@ class MessageCompiler:
     def _compile_message(self, table: Mapping[str, Any], type: MessageFieldType | None, where: str) -> MessageSource:
         fields = self._types.fields_of(type.base) if type is not None else None
         if type is not None and fields is None and (missing := self._types.why_unknown(type.base)):
-            self._mistakes.add(where, f"cannot be checked: {missing}")
+            self._mistakes.add(where, f"cannot be checked: {missing}", "missing")
         sources: dict[str, FieldSource] = {}
         for name, value in table.items():
             at = f"{where}.{name}"
@@ -143,6 +172,8 @@ class MessageCompiler:
         self, slot: Placeholder, type: MessageFieldType | None, where: str, *, in_text: bool = False
     ) -> FieldSource:
         if slot.special:
+            if slot.name == "now":
+                return compile_now(type, in_text=in_text)
             if type is not None and type.kind != "text":
                 raise ValueError(f"takes {describe_field_type(type)}, and @{slot.name} is a text")
             if slot.name == "parameters":
@@ -150,6 +181,11 @@ class MessageCompiler:
                 conversions = tuple(map(self._make_conversion, self._spec.parameters.values()))
                 return AllParametersSource(where, conversions, type)
             return SpecialSource(where, slot.name, type)
+        return self._compile_parameter(slot, type, where, in_text=in_text)
+
+    def _compile_parameter(
+        self, slot: Placeholder, type: MessageFieldType | None, where: str, *, in_text: bool
+    ) -> FieldSource:
         parameter = self._spec.parameters.get(slot.name)
         if parameter is None:
             if not self._spec.parameters:
@@ -157,6 +193,15 @@ class MessageCompiler:
             known = did_you_mean(slot.name, self._spec.parameters)
             raise ValueError(f"has `{{{slot.name}}}`, which is no parameter of {self._spec.name}{known}")
         self.used_parameters.add(parameter.name)
+        if slot.function:
+            check_quaternion(type, in_text=in_text)
+            inside = replace(slot, function="", unit=None if slot.key else "rad")
+            return YawSource(where, self._compile_parameter(inside, MessageFieldType("float64"), where, in_text=False))
+        if slot.key:
+            self._mistakes.place_keys.add(slot.key)
+            return compile_place_value(slot, parameter, self._places, type, where)
+        if parameter.place and type is not None and not type.is_list and (pose := pose_fields(type.base, slot.name)):
+            return self._compile_message(pose, type, where)
         factor, divisor = unit_factors(parameter, slot.unit) if slot.unit is not None else (1.0, 1.0)
         conversion = self._make_conversion(parameter, type, factor, divisor)
         if type is not None:

@@ -30,6 +30,8 @@ class FillContext(Struct, frozen=True):
     parameters: Mapping[str, Any]
     """As the author gave them; those left out are absent."""
     specials: Mapping[str, str]
+    now: int = 0
+    """Nanoseconds since 1970."""
 
 
 class _NoValue:

@@ -3,19 +3,22 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any, Literal, TypeAlias
 
 from msgspec.structs import astuple
 
 from rise_adapters.ros2.transport.interfaces.definitions import INTEGER_RANGES, InterfaceFieldType, read_field_type
 from rise_adapters.ros2.transport.port import PortError
+from rise_engine.nearest_name import did_you_mean
 
 FieldKind: TypeAlias = Literal["integer", "float", "text", "boolean", "message"]
 ReadFields: TypeAlias = Callable[[str], Mapping[str, str]]
 """`Transport.fields`: the fields of a message type. Raises PortError where the type is not known."""
 
 DURATION = "builtin_interfaces/msg/Duration"
+TIME = "builtin_interfaces/msg/Time"
+QUATERNION = "geometry_msgs/msg/Quaternion"
 
 _INTEGERS = {"byte": (0, 255), **INTEGER_RANGES}
 _FLOATS = {"float32": 3.4028234663852886e38, "float64": math.inf}
@@ -63,6 +66,10 @@ def parse_field_type(text: str) -> MessageFieldType:
     return MessageFieldType(*astuple(read_field_type(text, "a field")))
 
 
+class MissingTypeError(ValueError):
+    """A type is not installed here; a sentence."""
+
+
 class FieldTypes:
     """The fields of message types, asked for once. Without `fields` (no transport yet), no type is known."""
 
@@ -79,6 +86,21 @@ class FieldTypes:
         """Why a type is not known, as a sentence; empty when it is, and when no types can be had at all."""
         known = self._look_up(type)
         return known if isinstance(known, str) else ""
+
+    def find(self, type: str, path: Sequence[str]) -> MessageFieldType | None:
+        """The type of a field of a message, or of one nested in it; None: types are not known here. Raises ValueError:
+        there is none, or that cannot be checked."""
+        inside = MessageFieldType(type)
+        for name in path:
+            fields = self.fields_of(inside.base)
+            if fields is None:
+                if missing := self.why_unknown(inside.base):
+                    raise MissingTypeError(f"cannot be checked: {missing}")
+                return None
+            if name not in fields:
+                raise ValueError(f"names `{name}`, which is no field of {inside.base}{did_you_mean(name, fields)}")
+            inside = fields[name]
+        return inside
 
     def _look_up(self, type: str) -> dict[str, MessageFieldType] | str | None:
         if self._fields is None:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-import re
 from pathlib import Path
 from typing import Any
 
@@ -12,16 +11,21 @@ from msgspec.structs import replace
 
 from rise_adapters.ros2.mapping.action_mapping import GoalDeadlines, RosOptions
 from rise_adapters.ros2.mapping.compiler import ProfileMistakes
+from rise_adapters.ros2.mapping.estop import parse_estop
+from rise_adapters.ros2.mapping.field_types import FieldTypes
+from rise_adapters.ros2.transport.names import is_ros_name
 from rise_engine.nearest_name import did_you_mean
 from rise_engine.scenario.durations import MAX_SECONDS
 from rise_engine.scenario.model import RobotProfile
 
 DRIVER = "ros2"
 
-_NAME = re.compile(r"(?:~/|/)?[A-Za-z_]\w*(?:/[A-Za-z_]\w*)*\Z", re.ASCII)
 
-
-def parse_options(profile: RobotProfile, mistakes: ProfileMistakes) -> RosOptions:
+def parse_options(
+    profile: RobotProfile,
+    mistakes: ProfileMistakes,
+    types: FieldTypes = FieldTypes(None),  # noqa: B008
+) -> RosOptions:
     """The profile's `[options]`; what is wrong goes into `mistakes`, and is left out."""
     known = [field.name for field in struct_fields(RosOptions)]
     for key in profile.options:
@@ -48,7 +52,13 @@ def parse_options(profile: RobotProfile, mistakes: ProfileMistakes) -> RosOption
     if wrapper and not is_ros_name(wrapper):
         mistakes.add("options.wrapper", "is a ROS name such as `pepper`: letters, digits and `_`, parts divided by `/`")
         wrapper = ""
-    return RosOptions(frame, deadlines, error, wrapper, tuple(folders))
+    leftovers = profile.options.get("leftovers", "cancel")
+    if leftovers not in ("cancel", "keep"):
+        mistakes.add("options.leftovers", "is `cancel` or `keep`")
+        leftovers = "cancel"
+    written = profile.options.get("estop")
+    estop = None if written is None else parse_estop(written, types, mistakes)
+    return RosOptions(frame, deadlines, error, wrapper, leftovers, tuple(folders), estop)
 
 
 def parse_deadlines(table: Any, before: GoalDeadlines, where: str, mistakes: ProfileMistakes) -> GoalDeadlines:
@@ -69,8 +79,3 @@ def parse_deadlines(table: Any, before: GoalDeadlines, where: str, mistakes: Pro
         else:
             found[key] = float(value)
     return replace(before, **found)
-
-
-def is_ros_name(name: Any) -> bool:
-    """Whether this can be the name of an action or a topic, relative or not."""
-    return isinstance(name, str) and _NAME.match(name) is not None and "__" not in name

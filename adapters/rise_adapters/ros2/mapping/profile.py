@@ -15,6 +15,8 @@ from rise_adapters.ros2.mapping.action_reader import ActionReader
 from rise_adapters.ros2.mapping.compiler import ProfileMistakes
 from rise_adapters.ros2.mapping.field_types import FieldTypes, ReadFields
 from rise_adapters.ros2.mapping.options import parse_options
+from rise_engine.nearest_name import did_you_mean
+from rise_engine.ports.bridge import ProfileFinding
 from rise_engine.scenario.model import ActionSpec, RobotProfile
 
 _STANDARD = "rise/robot"
@@ -23,10 +25,10 @@ _STANDARD = "rise/robot"
 
 def read_options(profile: RobotProfile) -> RosOptions:
     """The profile's `[options]`. Raises MappingError."""
-    mistakes = ProfileMistakes()
+    mistakes = ProfileMistakes(profile.name)
     options = parse_options(profile, mistakes)
-    if mistakes.sentences:
-        raise MappingError(profile.name, mistakes.sentences)
+    if mistakes.refusals:
+        raise MappingError(mistakes.refusals)
     return options
 
 
@@ -38,35 +40,53 @@ def read_mappings(
     `fields` is `Transport.fields`; without it, types are taken as they are and everything else is checked. `actions`
     narrows it down to some actions. Raises MappingError with everything that is wrong.
     """
-    mistakes = ProfileMistakes()
-    options = parse_options(profile, mistakes)
+    mappings, mistakes = _read(profile, fields, actions)
+    if mistakes.refusals:
+        raise MappingError(mistakes.refusals)
+    return mappings
+
+
+def mapping_findings(profile: RobotProfile, fields: ReadFields | None = None) -> list[ProfileFinding]:
+    """Everything that there is to say about what a profile says about ROS."""
+    return _read(profile, fields, None)[1].found
+
+
+def mapping_problems(profile: RobotProfile, fields: ReadFields | None = None) -> list[str]:
+    """What a session is refused for, as sentences; empty when the profile can be used."""
+    return [each.sentence for each in _read(profile, fields, None)[1].refusals]
+
+
+def _read(
+    profile: RobotProfile, fields: ReadFields | None, actions: Collection[str] | None
+) -> tuple[dict[str, ActionMapping], ProfileMistakes]:
+    mistakes = ProfileMistakes(profile.name)
     types = FieldTypes(fields)
+    options = parse_options(profile, mistakes, types)
     mappings: dict[str, ActionMapping] = {}
     for name, spec in profile.actions.items():
         if not _is_done_by_itself(spec) or (actions is not None and name not in actions):
             continue
-        mapping = ActionReader(_write_out_carrier(spec, options), options, types, mistakes).read()
+        mapping = ActionReader(_write_out_carrier(spec, options), options, types, mistakes, profile.places).read()
         if mapping is not None:
             mappings[name] = mapping
             _check_qos(name, mappings, mistakes)
-    if mistakes.sentences:
-        raise MappingError(profile.name, list(dict.fromkeys(mistakes.sentences)))
-    return mappings
-
-
-def mapping_problems(profile: RobotProfile, fields: ReadFields | None = None) -> list[str]:
-    """Everything that is wrong with what a profile says about ROS, as sentences; empty when it can be used."""
-    try:
-        read_mappings(profile, fields)
-    except MappingError as errors:
-        return errors.findings
-    return []
+    _check_places(profile, mistakes)
+    return mappings, mistakes
 
 
 def with_all_carriers(profile: RobotProfile) -> RobotProfile:
     """The profile with every carrier in its action: also those that `options.wrapper` and `options.error` stand for."""
-    options = parse_options(profile, ProfileMistakes())
+    options = parse_options(profile, ProfileMistakes(profile.name))
     return replace(profile, actions={name: _write_out_carrier(spec, options) for name, spec in profile.actions.items()})
+
+
+def _check_places(profile: RobotProfile, mistakes: ProfileMistakes) -> None:
+    """What is said of a place and no carrier takes may be a slip, where carriers take anything of places."""
+    taken = mistakes.place_keys
+    for name, place in profile.places.items() if taken else ():
+        for key in place:
+            if key not in taken:
+                mistakes.add(f"places.{name}.{key}", f"is taken by no carrier{did_you_mean(key, taken)}", "unread")
 
 
 def _check_qos(name: str, mappings: Mapping[str, ActionMapping], mistakes: ProfileMistakes) -> None:
@@ -96,7 +116,7 @@ def _write_out_carrier(spec: ActionSpec, options: RosOptions) -> ActionSpec:
     standard = _standard_carriers().get(spec.name)
     if not carrier and options.wrapper and standard is not None and _is_done_by_itself(spec):
         carrier = {**standard, "action": standard["action"].replace(_STANDARD, options.wrapper, 1)}
-    if "action" in carrier and "error" not in carrier and options.error:
+    if carrier.keys() & {"action", "service"} and "error" not in carrier and options.error:
         carrier = {**carrier, "error": options.error}
     return replace(spec, carrier=carrier)
 

@@ -8,21 +8,27 @@ import re
 from typing import TypeAlias
 
 from msgspec import Struct
+from msgspec.structs import replace
 
 from rise_engine.nearest_name import did_you_mean
 from rise_engine.scenario.model import Parameter
 
-SPECIAL_NAMES = ("node", "goal", "frame", "parameters")
+SPECIAL_NAMES = ("node", "goal", "frame", "parameters", "now")
 """What `{@...}` can name: the full name of the node that sends, the goal as the session's record names it
-(`<task>/<actionID>`), the robot's frame, all parameters as a JSON object."""
-_STANDING_IN = SPECIAL_NAMES[:-1]
+(`<task>/<actionID>`), the robot's frame, all parameters as a JSON object, the time of sending."""
+FUNCTIONS = ("yaw",)
+"""What `{@...(parameter)}` can name: the quaternion of an angle around the vertical."""
+_STANDING_IN = SPECIAL_NAMES[:3]
 """What can stand in for a parameter: `{frame|@frame}`."""
 
 _TOKEN = re.compile(r"\{\{|\}\}|\{(?P<slot>[^}]*)\}|[{}]|[^{}]+")
 """A brace that is meant as one, a slot, a brace that is alone, or what stands between them."""
 _SLOT = re.compile(
-    r"\s*(?P<special>@)?(?P<name>[^\W\d]\w*)\s*(?::\s*(?P<unit>[a-z%]+)\s*)?(?:\|(?P<fallback>.*))?\Z", re.DOTALL
+    r"\s*(?P<special>@)?(?P<name>[^\W\d]\w*)(?:\.(?P<key>[^\W\d]\w*))?\s*(?::\s*(?P<unit>[a-z%]+)\s*)?"
+    r"(?:\|(?P<fallback>.*))?\Z",
+    re.DOTALL,
 )
+_CALL = re.compile(r"\s*@(?P<function>\w+)\s*\((?P<inside>.*)\)\s*\Z", re.DOTALL)
 
 _SIZES = {
     "time": {"ns": 1.0, "us": 1e3, "ms": 1e6, "s": 1e9},
@@ -43,6 +49,10 @@ class Placeholder(Struct, frozen=True):
     """The unit that the field wants."""
     fallback: str | None = None
     """When the author gives no value: as the author would write it, or `@` and a special."""
+    key: str = ""
+    """Of the place that the parameter names, the value that goes here."""
+    function: str = ""
+    """What is made of the value (FUNCTIONS); empty: it goes as it is."""
 
 
 TemplatePiece: TypeAlias = str | Placeholder
@@ -68,19 +78,34 @@ def parse_template(text: str) -> tuple[TemplatePiece, ...]:
 
 
 def _parse_slot(inside: str) -> Placeholder:
+    call = _CALL.match(inside)
+    if call is not None:
+        function = call["function"]
+        if function not in FUNCTIONS:
+            raise ValueError(f"has `@{function}(...)`, which does not exist{did_you_mean(function, FUNCTIONS)}")
+        slot = _parse_slot(call["inside"])
+        if slot.special or slot.unit is not None:
+            raise ValueError(
+                f"has `{{{inside}}}`; write {{@{function}(parameter)}} or {{@{function}(place.{function})}}"
+            )
+        return replace(slot, function=function)
     found = _SLOT.match(inside)
     if found is None:
         raise ValueError(
             f"has `{{{inside}}}`, which names no parameter; write {{name}}, {{name|fallback}} or {{@node}}"
         )
-    slot = Placeholder(found["name"], found["special"] is not None, found["unit"], found["fallback"])
+    slot = Placeholder(
+        found["name"], found["special"] is not None, found["unit"], found["fallback"], found["key"] or ""
+    )
+    if slot.special and slot.name in FUNCTIONS:
+        raise ValueError(f"has `@{slot.name}` without what it is of; write {{@{slot.name}(parameter)}}")
     for special, known in (
         (slot.name if slot.special else None, SPECIAL_NAMES),
         (special_fallback(slot), _STANDING_IN),
     ):
         if special is not None and special not in known:
             raise ValueError(f"has `@{special}`, which cannot stand there{did_you_mean(special, known)}")
-    if slot.special and (slot.unit is not None or slot.fallback is not None):
+    if slot.special and (slot.unit is not None or slot.fallback is not None or slot.key):
         raise ValueError(f"has `{{{inside}}}`; `@{slot.name}` has a value always, and no unit")
     return slot
 

@@ -5,9 +5,11 @@
        +-- server-missing           +-- rejected        +-- lost, timed-out, aborted, cancel-refused, ...
            two-servers              +-- no-accept
 
-A goal that has ended for the engine may still run on the robot: one that was accepted too late, or that refused to be
-cancelled. It is remembered under its id and cancelled as soon as the server can be reached, and what it then says is
-noted and changes nothing.
+A goal that has ended for the engine may still run on the robot, or begin there: one that was not answered, was
+accepted too late, or refused to be cancelled. It is *open*: it is remembered under its id and cancelled as soon as the
+server can be reached, its server gets nothing else, and what it then says is noted. It is over when the server says how
+it ended, refuses it, or has forgotten it after having accepted it. That a server does not know a goal which it never
+answered proves nothing, unless it is another program than the one that the goal was sent to.
 """
 
 from __future__ import annotations
@@ -36,6 +38,7 @@ from rise_adapters.ros2.robot.endpoints import ActionEndpoint
 from rise_adapters.ros2.robot.goal_host import TIMER_TOLERANCE, Ending, GoalHost, Phase
 from rise_adapters.ros2.robot.result_query import ResultQuery
 from rise_adapters.ros2.transport.port import Message, PortError
+from rise_engine.kernel.commands import StartAction
 
 _LOG = logging.getLogger(__name__)
 
@@ -51,23 +54,22 @@ class ActionGoal:
         self,
         host: GoalHost,
         endpoint: ActionEndpoint,
-        action: str,
+        goal: StartAction,
         mapping: ActionMapping,
         message: Message,
-        expected: float,
         limit: float,
     ) -> None:
-        """`expected` and `limit` in seconds: how long it will take, and when the kernel gives it up."""
-        self.id = uuid4().bytes
-        self.action = action
+        """`limit` in seconds: when the kernel gives it up."""
+        self.id = bytes.fromhex(goal.goal) if goal.goal else uuid4().bytes
+        self.action = goal.action
+        self.type = goal.type
         self.phase: Phase = "waiting"
         self.endpoint = endpoint
         self.may_be_running = False
-        """On the robot, whatever the engine thinks of it."""
         self._host = host
         self._mapping = mapping
         self._message = message
-        self._expected = expected
+        self._expected = goal.expected
         now = self._now()
         self._limit_at = now + limit
         self._server_by = now + mapping.deadlines.server
@@ -78,6 +80,13 @@ class ActionGoal:
         """How often the server said whether it takes the goal."""
         self._accepted: bool | None = None
         """What it said; None: nothing yet."""
+        self._sent_to: frozenset[bytes] = frozenset()
+        """The programs that offered the action when it was sent."""
+        self._is_adopted = False
+        """An engine before this one has sent it ..."""
+        self._may_cancel = True
+        """... and then it is stopped only when somebody asks for that."""
+        self._began_late = False
         self._heard_at = 0.0
         """Its last sign of life."""
         self._result = ResultQuery()
@@ -89,11 +98,21 @@ class ActionGoal:
 
     # --- from the engine ----------------------------------------------------------------------------------------
 
+    def adopt(self, *, accepted: bool) -> None:
+        """Take over one that an engine before this one has sent, and that has ended for the session."""
+        self.phase, self._ending = "ended", "lost"
+        self._ended_at, self._deadline = self._now(), inf
+        self.may_be_running = self._is_adopted = True
+        self._may_cancel = False
+        self._accepted = True if accepted else None
+        self._host.on_goal_changed(self)
+
     def cancel(self) -> None:
         """Stop it. Before it was sent that is all; after that the server is asked as soon as it has accepted it. One
         that has ended here, and may be going on there, is asked about once more."""
         cancellation = self.cancellation
         if self.phase == "ended" and self.may_be_running:
+            self._may_cancel = True
             cancellation.tries = 0
             self._ask_cancel()
         if self.phase == "ended" or cancellation.wanted:
@@ -104,6 +123,30 @@ class ActionGoal:
         elif self.phase == "running":
             self._ask_cancel()
         self._host.on_goal_changed(self)
+
+    @property
+    def is_accepted(self) -> bool:
+        return bool(self._accepted)
+
+    @property
+    def holds_its_part(self) -> bool:
+        return True
+
+    def release(self) -> None:
+        if self.phase == "ended" and self.may_be_running:
+            self._note_once("released", f"somebody has released {self.endpoint.name}; {self.why_open()}")
+            self._mark_over()
+
+    def why_open(self) -> str:
+        if self.endpoint.presence.was_seen and not self.endpoint.presence.count:
+            return "its program has gone"
+        if self._is_adopted and not self.cancellation.confirmed and self.cancellation.refused_at is None:
+            return f"an engine that has gone {'began' if self._accepted else 'may have begun'} it"
+        if self._accepted is None:
+            return "it has not answered and may still begin"
+        if self.cancellation.refused_at is not None:
+            return "it refused to stop"
+        return "it began late and is to stop" if self._began_late else "it has not ended yet"
 
     def is_live(self) -> bool:
         return self.phase != "ended" or self.cancellation.next_try < inf
@@ -139,6 +182,8 @@ class ActionGoal:
             self._send()
         elif presence.count > 1 and (presence.appeared_twice or now >= self._deadline):
             self._end(*endings.of_two_servers(endpoint))
+        elif endpoint.open and now >= self._deadline:
+            self._end("failed", f"held: {endpoint.trouble}")
         elif now >= self._deadline:
             self._end(*endings.of_missing_server(endpoint, self._sends))
 
@@ -193,7 +238,7 @@ class ActionGoal:
 
     def on_server_changed(self) -> None:
         """There are more servers than before, or fewer: was it restarted, and which of them has the goal?"""
-        if self.phase == "running":
+        if self.phase == "running" or (self.phase == "ended" and self.may_be_running and not self._may_cancel):
             self._ask_result()
         elif self.phase == "ended" and self.may_be_running:
             self.cancellation.next_try = self._now()
@@ -248,6 +293,7 @@ class ActionGoal:
 
     def _send(self) -> None:
         self._sends += 1
+        self._sent_to |= self.endpoint.comparison.programs
         self.phase = "sent"
         self.may_be_running = True
         self._deadline = self._now() + self._mapping.deadlines.acceptance
@@ -299,6 +345,10 @@ class ActionGoal:
     def _accept_late(self) -> None:
         self._accepted = True
         self.may_be_running = True
+        if not self._may_cancel:
+            self._ask_result()
+            return
+        self._began_late = True
         self._note_once(
             "late",
             f"{self.endpoint.name} took {self.action} {self._since_end()} after its end ({self._ending}); "
@@ -343,13 +393,17 @@ class ActionGoal:
                 "result",
             )
         self._result.taken = self._result.taken or ended
-        if ended or self._was_only_server(servers):
+        if ended or self._is_forgotten(servers):
             self._mark_over()
 
-    def _was_only_server(self, servers: int) -> bool:
-        """Whether what was asked of the servers of then was answered by the only one that there is."""
+    def _is_forgotten(self, servers: int) -> bool:
+        """The server does not know it: whether that means that it is over. `servers`: those of then."""
         presence = self.endpoint.presence
-        return presence.count == 1 and presence.changes == servers
+        if presence.count != 1 or presence.changes != servers:
+            return False  # another one may have it
+        programs = self.endpoint.comparison.programs
+        was_replaced = bool(self._sent_to and programs and not self._sent_to & programs)
+        return self._accepted is not None or was_replaced
 
     def _take_unknown_goal(self, servers: int) -> None:
         """The server does not know it: one that was restarted, or that keeps no results. The latter's status topic says
@@ -385,14 +439,13 @@ class ActionGoal:
         cancellation.start_over_for(presence.changes)
         if not presence.count:
             cancellation.pause()  # `on_server_changed` comes when it is back
-        elif self.phase == "ended" and cancellation.tries >= MAX_TRIES:
-            cancellation.pause()
-            self._note_once(
-                "still-running",
-                f"{self.action} could not be stopped at {self.endpoint.name} in {MAX_TRIES} tries; "
-                "the robot may go on with it",
-            )
         else:
+            if self.phase == "ended" and cancellation.tries >= MAX_TRIES:
+                self._note_once(
+                    "still-running",
+                    f"{self.action} could not be stopped at {self.endpoint.name} in {MAX_TRIES} tries; "
+                    "the robot may go on with it",
+                )
             cancellation.begin_try(self._now())
             try:
                 self.endpoint.client.cancel(self.id, partial(self._take_cancel_answer, presence.changes))
@@ -416,10 +469,10 @@ class ActionGoal:
                 self.cancellation.pause()
                 if self.endpoint.client.statuses.get(self.id, UNKNOWN) != CANCELING:
                     self._mark_over()
-            elif self._was_only_server(servers):
+            elif self._is_forgotten(servers):
                 self._mark_over()
             elif self.endpoint.presence.changes == servers:
-                self.cancellation.pause()  # one of several; `on_server_changed` comes when only one is left
+                self.cancellation.pause()  # until it answers, or there are other servers (`on_server_changed`)
         elif self.phase == "running":
             self.cancellation.pause()
             self._ask_result()  # it has ended, or the server has forgotten it: both come as a result

@@ -9,7 +9,8 @@ from rise_engine.kernel.act_runner import CANCEL_LIMIT
 RETRY_SECONDS = 1.0
 """Between requests to cancel that bring nothing."""
 MAX_TRIES = 5
-"""How often a goal that has ended here is cancelled at most while its server is there."""
+"""So many requests follow each other closely; after them the server is asked every SLOW_RETRY_SECONDS."""
+SLOW_RETRY_SECONDS = 5.0
 MAX_SECONDS = CANCEL_LIMIT - 0.25
 """Seconds. The kernel gives a cancel up after CANCEL_LIMIT; our word about it must be there before."""
 OVERDUE_SECONDS = 1.0
@@ -47,7 +48,7 @@ class Cancellation:
     def begin_try(self, now: float) -> None:
         """A request is about to be sent."""
         self.tries += 1
-        self.next_try = now + RETRY_SECONDS
+        self.next_try = now + (RETRY_SECONDS if self.tries <= MAX_TRIES else SLOW_RETRY_SECONDS)
 
     def start_over_for(self, servers: int) -> None:
         """Count the tries anew when there are other servers than before."""

@@ -13,8 +13,8 @@ from typing import TypeAlias
 from rise_adapters.ros2.actions.client import ABORTED, CANCELED, SUCCEEDED
 from rise_adapters.ros2.compatibility import MISFIT_KINDS, describe_several_servers
 from rise_adapters.ros2.mapping import ActionMapping
-from rise_adapters.ros2.robot.cancellation import Cancellation
-from rise_adapters.ros2.robot.endpoints import ActionEndpoint, Endpoint
+from rise_adapters.ros2.robot.cancellation import OVERDUE_SECONDS, Cancellation
+from rise_adapters.ros2.robot.endpoints import ActionEndpoint, Endpoint, ServiceEndpoint
 from rise_adapters.ros2.robot.goal_host import Ending
 from rise_adapters.ros2.transport.port import Message
 
@@ -34,12 +34,29 @@ def of_result(status: int, result: Message, mapping: ActionMapping, name: str, *
         return "canceled", "" if cancel_wanted else f"canceled: somebody else stopped it at {name}"
     if status == ABORTED:
         why = _read(mapping.result_rule.why_not_succeeded, result, name) or "the robot gave it up and did not say why"
-        return "failed", f"aborted: {why}"
+        return "aborted", f"aborted: {why}"
     if wrong := _read(mapping.result_rule.failure, result, name):
         return "failed", f"robot-error: {wrong}"
     if cancel_wanted:
         return "succeeded", "succeeded-during-cancel: the robot finished it although it was to stop"
     return "succeeded", ""
+
+
+def of_response(response: Message, mapping: ActionMapping, name: str) -> Outcome:
+    """A service has answered."""
+    wrong = _read(mapping.result_rule.failure, response, name)
+    return ("failed", f"robot-error: {wrong}") if wrong else ("succeeded", "")
+
+
+def of_unstoppable_call(name: str, *, is_overdue: bool) -> Outcome:
+    """A call was to be stopped, which no service can. `is_overdue`: its time was over."""
+    what = f"nothing stops a call of {name}; the robot may go on until it answers"
+    return ("timed-out", f"no-result: {what}") if is_overdue else ("canceled", f"unstoppable: {what}")
+
+
+def is_overdue(now: float, limit_at: float) -> bool:
+    """Whether a cancel at this time is the kernel's, at the end of the time that the action may take."""
+    return now >= limit_at - OVERDUE_SECONDS
 
 
 def of_missing_answer(name: str, seconds: float | None) -> Outcome:
@@ -65,7 +82,7 @@ def of_missing_result(status: int | None, name: str, *, cancel_wanted: bool) -> 
     if status == CANCELED:
         return "canceled", "" if cancel_wanted else f"canceled: somebody else stopped it, {_NO_RESULT}"
     if status == ABORTED:
-        return "failed", f"aborted: {_NO_RESULT}"
+        return "aborted", f"aborted: {_NO_RESULT}"
     return "timed-out", f"no-result: {name} says that it has ended, {_NO_RESULT}"
 
 
@@ -79,7 +96,7 @@ def of_discarded_result(status: int, name: str, *, cancel_wanted: bool) -> Outco
     if status == CANCELED:
         return "canceled", "" if cancel_wanted else f"canceled: somebody else stopped it; {gone}"
     if status == ABORTED:
-        return "failed", f"aborted: why is not known; {gone}"
+        return "aborted", f"aborted: why is not known; {gone}"
     return of_restart(name)
 
 
@@ -98,7 +115,7 @@ def of_failed_cancel(cancellation: Cancellation, name: str) -> Outcome:
     return "lost", f"cancel-unanswered: {name} did not answer within {seconds:g} s"
 
 
-def of_missing_server(endpoint: ActionEndpoint, sends: int) -> Outcome:
+def of_missing_server(endpoint: ActionEndpoint | ServiceEndpoint, sends: int) -> Outcome:
     """Nothing took it in time. `sends`: how often it was sent nevertheless."""
     presence = endpoint.presence
     if sends:
@@ -110,7 +127,7 @@ def of_missing_server(endpoint: ActionEndpoint, sends: int) -> Outcome:
     return "failed", f"server-missing: {why}"
 
 
-def of_two_servers(endpoint: ActionEndpoint) -> Outcome:
+def of_two_servers(endpoint: ActionEndpoint | ServiceEndpoint) -> Outcome:
     return "failed", f"two-servers: {describe_several_servers(endpoint.presence.count, endpoint.name)}; end all but one"
 
 

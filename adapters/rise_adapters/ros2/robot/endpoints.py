@@ -1,4 +1,5 @@
-"""What of a robot goals go to: its action servers and the topics that it listens to, and whether they can be relied on.
+"""What of a robot goals go to: its action servers, the topics that it listens to and its services, and whether they can
+be relied on.
 
 ROS 2 tells a client nothing when a server dies, so all this is found by polling, several times a second.
 """
@@ -6,21 +7,52 @@ ROS 2 tells a client nothing when a server dies, so all this is found by polling
 from __future__ import annotations
 
 import logging
-from typing import Literal, TypeAlias
+from contextlib import suppress
+from typing import Literal, Protocol, TypeAlias
 
 from rise_adapters.ros2 import compatibility
 from rise_adapters.ros2.actions.client import ActionClient
 from rise_adapters.ros2.compatibility import EndpointComparison
 from rise_adapters.ros2.mapping import ActionMapping
+from rise_adapters.ros2.robot.lifecycle import LifecycleWatch
 from rise_adapters.ros2.robot.presence import ServerPresence
-from rise_adapters.ros2.transport.port import Message, PortError, Publisher, Transport
+from rise_adapters.ros2.transport.port import (
+    Message,
+    PortError,
+    Publisher,
+    ServiceClient,
+    Transport,
+)
 from rise_engine.ports.robot import Clock
 
 _LOG = logging.getLogger(__name__)
 
-Fault: TypeAlias = Literal["", "unfit", "missing", "double", "silent", "unheard"]
+Fault: TypeAlias = Literal["", "unfit", "missing", "inactive", "double", "held", "silent", "unheard"]
 """What can be wrong with an endpoint. unfit: it is there, and is another one than the profile says (`compatibility`).
+inactive: it is there, and its lifecycle says that it does nothing now.
+held: it may still be doing something that has ended for the session, and gets nothing else.
 unheard: what is sent reaches it, and some of what it says does not arrive."""
+
+ASKING_SECONDS = 0.5
+"""Seconds after its appearance in which it is asked what has become of earlier goals, and people are not told yet."""
+
+PROBE_SECONDS = 2.0
+"""Between two questions to a server that owes an answer: one that moves again says so, and nobody has to act first."""
+NO_GOAL = b"\xff" * 16
+"""A goal that no server has: that it does not know it is a sign of life. (Zeros would mean all goals to a cancel.)"""
+
+
+class OpenOne(Protocol):
+    """A goal that has ended for the session, and may be running."""
+
+    action: str
+    type: str
+
+    @property
+    def is_accepted(self) -> bool: ...
+
+    def why_open(self) -> str: ...
+
 
 UNLISTED_SECONDS = 1.0
 """Seconds after its appearance in which everything of an endpoint must have been seen and compared before it gets
@@ -38,22 +70,25 @@ class _ComparedEndpoint:
         self.presence = ServerPresence(clock)
         self.comparison = EndpointComparison()
         """What was seen when it was compared last."""
+        self.open: dict[str, OpenOne] = {}
+        """What holds it, by action: while there is any, nothing else is sent to it."""
         self._transport = transport
         self._mapping = mapping
         self._clock = clock
         self._compared_version: int | None = None
         """Of the graph (`Transport.graph_version`), when it was compared."""
 
-    def compare(self) -> None:
+    def compare(self) -> bool:
         """Compare what is there with what the profile says, unless nothing has changed since that was done last: it is
-        asked for before each goal, and is 2 % of a task (benchmarks/ros)."""
+        asked for before each goal, and is 2 % of a task (benchmarks/ros). Whether it was done."""
         version = self._transport.graph_version()
         if version is not None and version == self._compared_version:
-            return
+            return False
         self._compared_version = version
         before, self.comparison = self.comparison, compatibility.compare(self._transport, self._mapping)
         if before.complete and not self.comparison.complete:  # another one is appearing
             self.presence.appeared_at = self._clock.now()
+        return True
 
     @property
     def is_compared(self) -> bool:
@@ -69,7 +104,12 @@ class _ComparedEndpoint:
     def fault(self) -> Fault:
         if self.comparison.unusable:
             return "unfit"
-        return "" if self.presence.is_settled and self.is_compared else "missing"
+        if not (self.presence.is_settled and self.is_compared):
+            return "missing"
+        if not self.open:
+            return ""
+        was_asked = self._clock.now() >= self.presence.appeared_at + ASKING_SECONDS
+        return "held" if was_asked else "missing"
 
     @property
     def trouble(self) -> str:
@@ -78,6 +118,10 @@ class _ComparedEndpoint:
             return compatibility.describe_misfits(self.comparison.misfits)
         if not self.presence.count:
             return compatibility.describe_absence(self.comparison, self._mapping, self.name)
+        if self.open and self.presence.is_settled:
+            first, *others = self.open.values()
+            more = f" and {len(others)} more" if others else ""
+            return f"{self.name} may still be doing {first.type} ({first.why_open()}){more} and gets nothing else"
         return ""
 
     @property
@@ -102,7 +146,9 @@ class ActionEndpoint(_ComparedEndpoint):
         self.client = ActionClient(
             transport, mapping.name, mapping.type, now=clock.now, feedback=feedback, status=status
         )
+        self.lifecycle = LifecycleWatch(transport, clock.now)
         self._unanswered_at: float | None = None
+        self._probed_at = 0.0
 
     def poll(self, count: int | None = None) -> bool:
         """See whether it is there (or be told). True when it has just gone; what it said of goals counts no more."""
@@ -110,11 +156,28 @@ class ActionEndpoint(_ComparedEndpoint):
         if gone:
             self.client.statuses.clear()
             self._unanswered_at = None
+            self.lifecycle.follow("")
+        elif self.presence.count:
+            self.lifecycle.poll()
+            if self.is_silent and self._clock.now() >= self._probed_at + PROBE_SECONDS:
+                self._probe()
         return gone
+
+    def compare(self) -> bool:
+        looked = super().compare()
+        if self.presence.count and (looked or not self.lifecycle.node):
+            self.lifecycle.follow_server(self.name)
+        return looked
 
     def mark_unanswered(self) -> None:
         """It owes an answer that did not come in time."""
-        self._unanswered_at = self._clock.now()
+        self._unanswered_at = self._probed_at = self._clock.now()
+
+    def _probe(self) -> None:
+        """What it was asked while it stood still may be lost: its side has taken ours for dead meanwhile."""
+        self._probed_at = self._clock.now()
+        with suppress(PortError):
+            self.client.get_result(NO_GOAL, lambda status, result: None)
 
     @property
     def is_silent(self) -> bool:
@@ -123,11 +186,24 @@ class ActionEndpoint(_ComparedEndpoint):
         return since is not None and (heard is None or heard <= since)
 
     @property
+    def misfit_kind(self) -> str:
+        return super().misfit_kind or (f"inactive, {self.lifecycle.state}" if self.fault == "inactive" else "")
+
+    @property
+    def misfit(self) -> str:
+        return super().misfit or (f"inactive: {self.lifecycle.trouble}" if self.lifecycle.sentence else "")
+
+    @property
     def fault(self) -> Fault:
-        if fault := super().fault:
+        fault = super().fault
+        if fault not in ("", "held"):
             return fault
+        if self.lifecycle.sentence:
+            return "inactive"
         if self.presence.count > 1:
             return "double"
+        if fault:
+            return fault
         return "silent" if self.is_silent else "unheard" if self.comparison.unheard else ""
 
     @property
@@ -136,12 +212,15 @@ class ActionEndpoint(_ComparedEndpoint):
             return trouble
         if not self.presence.is_settled:
             return f"{self.name} comes and goes"
+        if self.lifecycle.sentence:
+            return self.lifecycle.trouble
         if self.presence.count > 1:
             return compatibility.describe_several_servers(self.presence.count, self.name)
         return f"{self.name} does not answer" if self.is_compared else f"{self.name} has only just been found"
 
     def close(self) -> None:
         self.client.close()
+        self.lifecycle.close()
 
 
 class TopicEndpoint(_ComparedEndpoint):
@@ -153,6 +232,11 @@ class TopicEndpoint(_ComparedEndpoint):
         self.publisher: Publisher = transport.publisher(mapping.name, mapping.type, mapping.topic_qos)
         self.user: object | None = None
         """The goal that published last: only its end takes back what was said."""
+        self.is_stoppable = mapping.stoppable
+        """Whether anything can be published that stops what was asked for."""
+        self.is_harmless = mapping.harmless
+        self.unstopped: OpenOne | None = None
+        """The goal that published last and has ended, where nothing can stop what it asked for."""
 
     def poll(self, count: int | None = None) -> bool:
         return self.presence.update(self.publisher.count_subscribers() if count is None else count)
@@ -174,7 +258,37 @@ class TopicEndpoint(_ComparedEndpoint):
         self.publisher.close()
 
 
-Endpoint: TypeAlias = ActionEndpoint | TopicEndpoint
+class ServiceEndpoint(_ComparedEndpoint):
+    """One service of the robot."""
+
+    def __init__(self, label: str, transport: Transport, mapping: ActionMapping, clock: Clock) -> None:
+        """Raises PortError."""
+        super().__init__(label, transport, mapping, clock)
+        self.client: ServiceClient = transport.client(mapping.name, mapping.type)
+
+    def poll(self, count: int | None = None) -> bool:
+        return self.presence.update(self.client.count_servers() if count is None else count)
+
+    @property
+    def fault(self) -> Fault:
+        fault = super().fault
+        return "double" if fault in ("", "held") and self.presence.count > 1 else fault
+
+    @property
+    def trouble(self) -> str:
+        if trouble := super().trouble:
+            return trouble
+        if not self.presence.is_settled:
+            return f"{self.name} comes and goes"
+        if self.presence.count > 1:
+            return compatibility.describe_several_servers(self.presence.count, self.name)
+        return f"{self.name} has only just been found"
+
+    def close(self) -> None:
+        self.client.close()
+
+
+Endpoint: TypeAlias = ActionEndpoint | TopicEndpoint | ServiceEndpoint
 
 
 def close_all(endpoints: tuple[Endpoint, ...]) -> None:

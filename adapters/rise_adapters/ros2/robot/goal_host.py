@@ -8,7 +8,8 @@ from rise_adapters.ros2.robot.endpoints import Endpoint
 from rise_engine.ports.robot import Clock
 
 Phase: TypeAlias = Literal["waiting", "sent", "running", "ended"]
-Ending: TypeAlias = Literal["succeeded", "failed", "canceled", "timed-out", "lost"]
+Ending: TypeAlias = Literal["succeeded", "failed", "aborted", "canceled", "timed-out", "lost"]
+"""As `ActionReport.status`; aborted: it has failed because the robot gave it up by itself."""
 
 TIMER_TOLERANCE = 1e-5
 """Seconds that a timer may be early."""
@@ -17,20 +18,47 @@ TIMER_TOLERANCE = 1e-5
 class Goal(Protocol):
     """One action on its way to the robot and back.
 
-    It has no timer of its own: `next_deadline` says when it wants to be polled, and `poll` does what is due.
+    It has no timer of its own (but for what a topic repeats): `next_deadline` says when it wants to be polled, and
+    `poll` does what is due.
     """
 
     action: str
     """As the engine calls it."""
+    type: str
+    """What the robot does, as the profile calls it."""
     phase: Phase
+    may_be_running: bool
+    """On the robot, whatever the engine thinks of it."""
 
     @property
     def endpoint(self) -> Endpoint:
         """Where it is sent."""
         ...
 
+    def adopt(self, *, accepted: bool) -> None:
+        """Take over one that an engine before this one has sent, and that has ended for the session."""
+        ...
+
     def cancel(self) -> None:
-        """Stop it. Before it was sent, that ends it."""
+        """Stop it. Before it was sent, that ends it. One that has ended, and may be running, is asked to stop again."""
+        ...
+
+    @property
+    def is_accepted(self) -> bool:
+        """The robot has taken it."""
+        ...
+
+    @property
+    def holds_its_part(self) -> bool:
+        """Whether its server or topic gets nothing else while it has ended and may be running."""
+        ...
+
+    def release(self) -> None:
+        """A person has looked: one that has ended counts as over on the robot."""
+        ...
+
+    def why_open(self) -> str:
+        """Of one that has ended and may be running: why it is not over, for a person."""
         ...
 
     def is_live(self) -> bool:

@@ -1,22 +1,32 @@
 """A robot on ROS 2, behind the engine's port: `Ros2Robot` keeps its goals, and watches whether it is there.
 
-Every action of the profile goes to an action server, or is published on a topic. One timer drives everything: it polls
-the servers (ROS says nothing when one dies) and the goals whose time has come.
+Every action of the profile goes to an action server or a service, or is published on a topic. One timer drives
+everything: it polls the servers (ROS says nothing when one dies) and the goals whose time has come.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from functools import partial
 from itertools import cycle
 from math import inf
 
 from rise_adapters.ros2.compatibility import describe_uncompared
-from rise_adapters.ros2.mapping import ActionMapping
+from rise_adapters.ros2.graph_checks import describe_other_client, other_clients
+from rise_adapters.ros2.mapping import ActionMapping, read_options
 from rise_adapters.ros2.robot import standing
 from rise_adapters.ros2.robot.action_goal import ActionGoal
-from rise_adapters.ros2.robot.endpoints import ActionEndpoint, Endpoint, TopicEndpoint, close_all, short_labels
+from rise_adapters.ros2.robot.endpoints import (
+    ActionEndpoint,
+    Endpoint,
+    ServiceEndpoint,
+    TopicEndpoint,
+    close_all,
+    short_labels,
+)
+from rise_adapters.ros2.robot.estop_input import EstopInput
 from rise_adapters.ros2.robot.goal_host import TIMER_TOLERANCE, Ending, Goal
+from rise_adapters.ros2.robot.service_goal import ServiceGoal
 from rise_adapters.ros2.robot.standing import Standing
 from rise_adapters.ros2.robot.stop_all import StopAll
 from rise_adapters.ros2.robot.topic_goal import TopicGoal
@@ -67,7 +77,12 @@ class Ros2Robot:
         self._seen_at: float | None = None
         self._uncompared: set[str] = set()
         """Names of endpoints that do not say what their types are, which was noted already."""
+        self._other_clients: set[str] = set()
+        """Nodes that may move the robot, too, which were noted already."""
         self._closed = False
+        self._estop: EstopInput | None = None
+        self._adopted: list[Goal] = []
+        """What an engine before this one may have left running."""
         self._open_endpoints(transport)
 
     def _open_endpoints(self, transport: Transport) -> None:
@@ -89,6 +104,8 @@ class Ros2Robot:
     def _make_endpoint(self, mapping: ActionMapping, label: str) -> Endpoint:
         if mapping.kind == "topic":
             return TopicEndpoint(label, self._transport, mapping, self.clock)
+        if mapping.kind == "service":
+            return ServiceEndpoint(label, self._transport, mapping, self.clock)
         endpoint = ActionEndpoint(label, self._transport, mapping, self.clock)
         endpoint.client.on_feedback = self._take_feedback
         endpoint.client.on_status = partial(self._take_status, endpoint)
@@ -101,15 +118,59 @@ class Ros2Robot:
         self._report = report
         deadlines = [mapping.deadlines.server for mapping in self._mappings.values()]
         self._grace_until = self.clock.now() + max(deadlines, default=0.0)
+        if self._adopted:  # first of all: nobody has seen yet what the robot is doing
+            goals = standing.open_goals(self._endpoints)
+            why = "an engine that has gone left goals behind; the robot is asked about them"
+            self._report(RobotChanged(status="degraded", detail=why, open=goals))
+        self._open_estop()
         self._poll()
+
+    def adopt(self, goals: Sequence[StartAction]) -> None:
+        """As `rise_engine.ports.robot.RobotWithOpenGoals.adopt`; before `connect`."""
+        for goal in goals:
+            mapping = self._mappings.get(goal.type)
+            if mapping is None:
+                continue
+            made = self._make_goal(goal, mapping, {})
+            self._goals[goal.action] = made
+            self._adopted.append(made)
+            made.adopt(accepted=goal.accepted)
+
+    def cancel_open_goals(self, part: str) -> None:
+        for goal in self._goals_at(part):
+            goal.cancel()
+
+    def release_open_goals(self, part: str) -> None:
+        for goal in self._goals_at(part):
+            goal.release()
+        self._reported = None  # also of a robot that is lost
+        self._report_standing()
+
+    def _goals_at(self, part: str) -> list[Goal]:
+        """Open goals that hold a part; empty: any part."""
+        return [
+            goal
+            for goal in tuple(self._goals.values())
+            if goal.phase == "ended" and goal.may_be_running and part in ("", goal.endpoint.label)
+        ]
+
+    def _open_estop(self) -> None:
+        """Hear the emergency stop that the profile names. Raises PortError."""
+        if (estop := read_options(self._profile).estop) is not None:
+            self._estop = EstopInput(estop, self._transport, self.clock.now, lambda report: self._report(report))
 
     def start(self, goal: StartAction) -> None:
         mapping = self._mappings.get(goal.type)
         if mapping is None:
             self.report_ended(goal.action, "failed", f"not-sent: nothing carries {goal.type} to {self._profile.title}")
             return
+        if self._stop is not None and self._stop.is_answered:
+            self._stop.abandon()  # it was released
+            self._stop = None
         try:
-            made = self._make_goal(goal, mapping)
+            node, frame = self._transport.node, self._frame
+            message = mapping.make_message(goal.parameters, node=node, goal=goal.action, frame=frame)
+            made = self._make_goal(goal, mapping, message)
         except (PortError, ValueError) as error:
             self.report_ended(goal.action, "failed", f"not-sent: {error}")
             return
@@ -119,16 +180,18 @@ class Ros2Robot:
         made.poll()
         self.on_goal_changed(made)
 
-    def _make_goal(self, goal: StartAction, mapping: ActionMapping) -> Goal:
-        """Raises PortError and ValueError for what cannot be sent."""
+    def _make_goal(self, goal: StartAction, mapping: ActionMapping, message: Message) -> Goal:
+        """Raises ValueError for what cannot be sent. `message` is as of now; what may be sent later is made then."""
         node, frame = self._transport.node, self._frame
-        message = mapping.make_message(goal.parameters, node=node, goal=goal.action, frame=frame)
+        make_message = partial(mapping.make_message, goal.parameters, node=node, goal=goal.action, frame=frame)
         endpoint = self._endpoint_of[goal.type]
         if isinstance(endpoint, TopicEndpoint):
-            reset = mapping.make_reset(node=node, goal=goal.action, frame=frame)
-            return TopicGoal(self, endpoint, goal.action, mapping, message, reset, goal.expected)
+            make_reset = partial(mapping.make_reset, node=node, goal=goal.action, frame=frame)
+            return TopicGoal(self, endpoint, goal, mapping, make_message, make_reset)
         limit = limit_seconds(self._profile.actions[goal.type], goal.parameters)
-        made = ActionGoal(self, endpoint, goal.action, mapping, message, goal.expected, limit)
+        if isinstance(endpoint, ServiceEndpoint):
+            return ServiceGoal(self, endpoint, goal, mapping, make_message, limit)
+        made = ActionGoal(self, endpoint, goal, mapping, message, limit)
         self._by_id[made.id] = made
         return made
 
@@ -172,6 +235,8 @@ class Ros2Robot:
             self._stop.abandon()
         if self._timer is not None:
             self._timer.cancel()
+        if self._estop is not None:
+            self._estop.close()
         # A request that has only just been sent could be lost with its client.
         self.clock.call_at(self.clock.now() + FAREWELL_SECONDS, partial(close_all, self._endpoints))
 
@@ -186,10 +251,13 @@ class Ros2Robot:
         before = self._endpoints
         self._open_endpoints(transport)
         close_all(before)
+        for endpoint in before:
+            self._endpoint_of[actions[endpoint]].open = endpoint.open
         for goal in self._by_id.values():
             moved = self._endpoint_of[actions[goal.endpoint]]
             assert isinstance(moved, ActionEndpoint)
             goal.move_to(moved)
+        self._open_estop()
         self._poll()
 
     # --- what goals need (`GoalHost`) ---------------------------------------------------------------------------
@@ -198,7 +266,10 @@ class Ros2Robot:
         self._report(ActionReport(action=action, status="accepted"))
 
     def report_ended(self, action: str, status: Ending, reason: str) -> None:
-        self._report(ActionReport(action=action, status=status, reason=reason))
+        if status == "aborted":
+            self._report(ActionReport(action=action, status="failed", reason=reason, aborted=True))
+        else:
+            self._report(ActionReport(action=action, status=status, reason=reason))
 
     def report_note(self, endpoint: Endpoint, text: str) -> None:
         self._report(Note(text=text, source=f"ros:{endpoint.name}"))
@@ -210,9 +281,21 @@ class Ros2Robot:
             self._live[goal.action] = goal
         else:
             self._live.pop(goal.action, None)
+        self._note_open(goal)
         self._set_timer()
         if self._stop is not None:
             self._stop.poll()
+
+    def _note_open(self, goal: Goal) -> None:
+        """A goal that ends here and may be running holds its part; people hear of it before they hear of its end."""
+        was_open = goal.action in goal.endpoint.open
+        is_open = (goal.phase == "ended" or was_open) and goal.may_be_running and goal.holds_its_part
+        if is_open:
+            goal.endpoint.open[goal.action] = goal
+        else:
+            goal.endpoint.open.pop(goal.action, None)
+        if is_open and not was_open and self._reported is not None:
+            self._report_standing()
 
     # --- stopping everything ------------------------------------------------------------------------------------
 
@@ -220,7 +303,8 @@ class Ros2Robot:
         return {id: goal for id, goal in self._by_id.items() if goal.endpoint is endpoint}
 
     def _report_stop(self, report: StopReport) -> None:
-        self._stop = None
+        if not report.unconfirmed and not (self._stop is not None and self._stop.waits_for_calls):
+            self._stop = None
         self._report(report)
 
     # --- polling ------------------------------------------------------------------------------------------------
@@ -253,6 +337,8 @@ class Ros2Robot:
         if self._closed:
             return
         self._poll_endpoints()
+        if self._estop is not None and not self._transport.failure():
+            self._estop.poll()
         for goal in tuple(self._live.values()):
             goal.poll()
         self._report_standing()
@@ -287,18 +373,23 @@ class Ros2Robot:
             self._stop.poll()
 
     def _compare_endpoint(self, endpoint: Endpoint) -> None:
-        endpoint.compare()
+        looked = endpoint.compare()
         unknown = endpoint.comparison.unannounced or not endpoint.comparison.complete
         is_there = endpoint.presence.is_settled and endpoint.is_compared
         if unknown and is_there and endpoint.name not in self._uncompared:
             self._uncompared.add(endpoint.name)
             self.report_note(endpoint, describe_uncompared(endpoint.name))
+        if looked and isinstance(endpoint, ActionEndpoint):
+            for node in other_clients(self._transport, endpoint.name):
+                if node not in self._other_clients:
+                    self._other_clients.add(node)
+                    self.report_note(endpoint, describe_other_client(node, endpoint.name))
 
     # --- how the robot stands -----------------------------------------------------------------------------------
 
     def _assess_standing(self) -> Standing:
         busy = [goal.endpoint for goal in self._live.values() if goal.phase == "running"]
-        return standing.assess(self._transport, self._endpoints, busy)
+        return standing.assess(self._transport, self._endpoints, busy, self._estop)
 
     def _report_standing(self) -> None:
         """Report how the robot stands, when that has changed."""
@@ -308,26 +399,30 @@ class Ros2Robot:
                 return
         elif not now.is_news_after(self._reported):
             return
-        detail = standing.describe(now.status, self._profile.title, self._transport, self._endpoints)
+        detail = standing.describe(now.status, self._profile.title, self._transport, self._endpoints, self._estop)
         if now.status == "lost":
             self._report_lost(detail)
         else:
             self._reported = now
-            self._report(RobotChanged(status=now.status, detail=detail))
+            self._report(RobotChanged(status=now.status, detail=detail, open=now.open))
 
     def _is_discovering(self) -> bool:
         """What is missing may still be found."""
         is_early = self.clock.now() + TIMER_TOLERANCE < self._grace_until
-        return is_early and any(endpoint.fault == "missing" for endpoint in self._endpoints)
+        return is_early and any(each.fault == "missing" for each in (*self._endpoints, self._estop) if each is not None)
 
     def _report_lost(self, detail: str) -> None:
         """Nothing of the robot is there. What was not sent has failed; what the robot was doing, nobody knows."""
-        self._reported = Standing("lost", self._assess_standing().faults)
         goals = [goal for goal in self._goals.values() if goal.phase != "ended"]
+        for goal in goals:
+            if goal.may_be_running:
+                goal.endpoint.open[goal.action] = goal  # in a moment, and it is told once
+        now = self._assess_standing()
+        self._reported = Standing("lost", now.faults, now.open)
         for goal in goals:
             if goal.phase == "waiting":
                 goal.on_robot_lost(detail)
-        self._report(RobotChanged(status="lost", detail=detail))
+        self._report(RobotChanged(status="lost", detail=detail, open=now.open))
         for goal in goals:
             goal.on_robot_lost(detail)
 
@@ -347,7 +442,8 @@ class Ros2Robot:
 
     def _forget_oldest(self) -> None:
         """Keep what is remembered within bounds."""
-        oldest = next((goal for goal in self._goals.values() if not goal.is_live()), None)
+        goals = self._goals.values()
+        oldest = next((goal for goal in goals if not goal.is_live() and not goal.may_be_running), None)
         if len(self._goals) > MAX_REMEMBERED and oldest is not None:
             del self._goals[oldest.action]
             if isinstance(oldest, ActionGoal):

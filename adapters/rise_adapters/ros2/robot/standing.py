@@ -8,8 +8,10 @@ from typing import Literal, TypeAlias
 from msgspec import Struct
 
 from rise_adapters.ros2.compatibility import MISFIT_KINDS, SHORT_MISFITS, describe_misfits
-from rise_adapters.ros2.robot.endpoints import Endpoint
+from rise_adapters.ros2.robot.endpoints import Endpoint, TopicEndpoint
+from rise_adapters.ros2.robot.estop_input import EstopInput
 from rise_adapters.ros2.transport.port import Transport
+from rise_engine.kernel.records import OpenGoal
 
 Status: TypeAlias = Literal["connected", "degraded", "lost"]
 
@@ -20,36 +22,62 @@ class Standing(Struct, frozen=True):
     status: Status
     faults: frozenset[tuple[str, str]] = frozenset()
     """By the endpoint's label, the kind of its misfit, or its fault."""
+    open: tuple[OpenGoal, ...] = ()
+    """What it may still be doing of actions that have ended."""
 
     def is_news_after(self, before: Standing) -> bool:
-        """Whether people have to be told. (Of a robot that is lost anyway only what does not fit is.)"""
+        """Whether people have to be told. (Of a robot that is lost anyway only what does not fit is, and what more it
+        may be doing.)"""
         if self.status == "lost" == before.status:
-            return self._misfits() != before._misfits()
-        return self != before
+            return self._misfits() != before._misfits() or not self._open() <= before._open()
+        return (self.status, self.faults, self._open()) != (before.status, before.faults, before._open())
+
+    def _open(self) -> set[tuple[str, bool]]:
+        return {(goal.action, goal.accepted) for goal in self.open}
 
     def _misfits(self) -> frozenset[tuple[str, str]]:
-        return frozenset(each for each in self.faults if each[1] in MISFIT_KINDS)
+        return frozenset(each for each in self.faults if each[1].startswith((*MISFIT_KINDS, "inactive")))
 
 
-def assess(transport: Transport, endpoints: Sequence[Endpoint], busy: Collection[Endpoint]) -> Standing:
+def assess(
+    transport: Transport, endpoints: Sequence[Endpoint], busy: Collection[Endpoint], estop: EstopInput | None = None
+) -> Standing:
     """How the robot stands now. `busy`: the endpoints that do something of ours."""
+    goals = open_goals(endpoints)
     if transport.failure():
-        return Standing("lost")
+        return Standing("lost", open=goals)
     faults = frozenset((each.label, each.misfit_kind or each.fault) for each in endpoints if each.fault)
     if faults and all(_is_useless(each, busy) for each in endpoints):
-        return Standing("lost", faults)
-    return Standing("degraded" if faults else "connected", faults)
+        return Standing("lost", faults, goals)
+    if estop is not None and estop.fault:
+        faults |= {(estop.label, estop.fault)}
+    return Standing("degraded" if faults else "connected", faults, goals)
+
+
+def open_goals(endpoints: Sequence[Endpoint]) -> tuple[OpenGoal, ...]:
+    """What the robot may still be doing of actions that have ended."""
+    found = []
+    for each in endpoints:
+        found += [
+            OpenGoal(each.label, goal.action, goal.type, goal.why_open(), accepted=goal.is_accepted)
+            for goal in each.open.values()
+        ]
+        if isinstance(each, TopicEndpoint) and (goal := each.unstopped) is not None:
+            found.append(OpenGoal(each.label, goal.action, goal.type, goal.why_open(), holds=False))
+    return tuple(found)
 
 
 def _is_useless(endpoint: Endpoint, busy: Collection[Endpoint]) -> bool:
     """Nothing can be sent to it, and it does nothing of ours. (Beside what is doing something another program may have
     appeared that does not fit.)"""
-    if endpoint.fault == "unfit":
+    if endpoint.fault in ("unfit", "inactive"):
         return endpoint not in busy
     return endpoint.fault == "missing"
 
 
-def describe(status: Status, title: str, transport: Transport, endpoints: Sequence[Endpoint]) -> str:
+def describe(
+    status: Status, title: str, transport: Transport, endpoints: Sequence[Endpoint], estop: EstopInput | None = None
+) -> str:
     """For a person; `title` is the robot's. Of what is wrong, what to do about it comes first: on a small screen the
     rest is cut."""
     failure = transport.failure()
@@ -58,17 +86,19 @@ def describe(status: Status, title: str, transport: Transport, endpoints: Sequen
     if status == "connected":
         return f"{title} on ROS 2 ({transport.about})"
     misfits = [misfit for each in endpoints for misfit in each.comparison.misfits]
-    trouble = "; ".join(
-        [
-            *([describe_misfits(misfits)] if misfits else []),
-            *(each.trouble for each in endpoints if each.fault not in ("", "unfit", "unheard")),
-        ]
-    )
+    told = [
+        *([describe_misfits(misfits)] if misfits else []),
+        *(each.trouble for each in endpoints if each.fault not in ("", "unfit", "unheard")),
+        *([estop.trouble] if estop is not None and estop.fault else []),
+    ]
+    trouble = "; ".join(dict.fromkeys(told))
     if status == "degraded":
         return trouble
     if misfits:
         kind = misfits[0].kind
         return f"{kind}: {title} {SHORT_MISFITS[kind]} ({trouble})"
+    if any(each.fault == "inactive" for each in endpoints):
+        return f"inactive: {title} is not active ({trouble})"
     if any(each.presence.was_seen for each in endpoints):
         return f"server-gone: the program of {title} has gone; start it again ({trouble})"
     return f"server-missing: {title} is not there; is its wrapper running? ({trouble})"

@@ -2,9 +2,12 @@
 
 A server has confirmed when its answer has come and every goal that is known to run there has ended: ours by their
 results, those of others by the server's status topic. A goal that its answer does not name is asked about by its id,
-because what the status topic said last may be the word of a server that has been restarted since. What cannot confirm
-is named with the reason. A server that is not there is never called confirmed, even if nothing was known to run: nobody
-could be asked.
+because what the status topic said last may be the word of a server that has been restarted since. One of ours that the
+server has not answered may still begin, so it has not ended. What cannot confirm is named with the reason. A server
+that is not there is never called confirmed, even if nothing was known to run: it could not be asked.
+
+The first report comes when all have confirmed, or after ANSWER_SECONDS. Until all have, whatever changes after that is
+reported again: a goal that begins late, one that ends late, a server that comes back and is asked then.
 """
 
 from __future__ import annotations
@@ -24,7 +27,8 @@ from rise_adapters.ros2.actions.client import (
     CancelResponse,
 )
 from rise_adapters.ros2.robot.action_goal import ActionGoal
-from rise_adapters.ros2.robot.endpoints import ActionEndpoint, Endpoint
+from rise_adapters.ros2.robot.endpoints import ActionEndpoint, Endpoint, ServiceEndpoint
+from rise_adapters.ros2.robot.goal_host import TIMER_TOLERANCE
 from rise_adapters.ros2.transport.port import PortError
 from rise_engine.kernel.inputs import StopReport
 from rise_engine.ports.robot import Clock, Timer
@@ -34,7 +38,9 @@ _LOG = logging.getLogger(__name__)
 ANSWER_SECONDS = 2.5
 """Seconds until the report is given; the kernel waits STOP_LIMIT, 3 s."""
 REPEAT_SECONDS = 0.8
-"""After which a server that has not answered is asked again, until ANSWER_WITHIN."""
+"""After which a server that has not answered is asked again, until the first report ..."""
+SLOW_REPEAT_SECONDS = 2.0
+"""... and afterwards: what it was asked while it stood still may be lost."""
 
 MAX_BY_ID = 20
 """Goals of others that one server is asked about by id at most, in one stop."""
@@ -60,6 +66,9 @@ class CancelAll:
         """Those of others that it was asked about one by one ..."""
         self._over: set[bytes] = set()
         """... and of which it said that it does not have them (any more)."""
+        self._has_confirmed = False
+        self.is_closed = False
+        """What others begin there counts no more: the stop was reported."""
 
     def take_answer(self, answer: CancelResponse) -> None:
         if self.answer is None or answer.goals:
@@ -74,7 +83,8 @@ class CancelAll:
     def find_running(self) -> set[bytes]:
         """Goals that may be running there."""
         statuses = self.endpoint.client.statuses
-        self._known |= self.endpoint.client.unfinished_goals()
+        if not self.is_closed:
+            self._known |= self.endpoint.client.unfinished_goals()
         self._listed |= self._known & statuses.keys()
         own = self._own_goals()
         over = {
@@ -86,20 +96,27 @@ class CancelAll:
         return {id for id, goal in own.items() if goal.may_be_running} | others
 
     def is_confirmed(self) -> bool:
-        """Whether the one server that there is has answered, and nothing runs there."""
+        """Whether the one server that there is, or was when it confirmed, has answered, and nothing runs there."""
         running = self.find_running()  # also notes what is listed, so it is asked first
-        return not running and self.answer is not None and self.endpoint.presence.count == 1
+        if not running and self.answer is not None and self.endpoint.presence.count == 1:
+            self._has_confirmed = True
+        return self._has_confirmed and not running
 
     def why_unconfirmed(self) -> str:
         """Why it has not confirmed, for a person."""
-        count = self.endpoint.presence.count
-        if count != 1:
-            return f"{count} servers, and only one can have answered" if count else "gone"
+        endpoint, own = self.endpoint, self._own_goals()
+        presence = endpoint.presence
+        if not presence.count:
+            return endpoint.misfit_kind or ("gone" if presence.was_seen else "never seen")
+        if presence.count > 1:
+            return f"{presence.count} servers, and only one can have answered"
         if self.answer is None:
-            self.endpoint.mark_unanswered()
-            return "no answer"
+            return "asked, no answer"
+        ours = [goal for goal in own.values() if goal.may_be_running and goal.phase == "ended"]
+        if ours:
+            return ours[0].why_open()
         if self.answer.code in (CANCEL_NONE, CANCEL_REJECTED) and not self._is_stopping(self.find_running()):
-            return "it refused"
+            return "it refused to stop"
         return "still running"
 
     def _is_stopping(self, goals: set[bytes]) -> bool:
@@ -134,7 +151,7 @@ class CancelAll:
 
 
 class StopAll:
-    """One stop, from the request to its report."""
+    """One stop, from the request until all have confirmed or it is abandoned."""
 
     def __init__(
         self,
@@ -143,53 +160,84 @@ class StopAll:
         find_goals: FindGoals,
         report: Callable[[StopReport], None],
     ) -> None:
+        """`report` is called for the first time within ANSWER_SECONDS, and again with each change."""
         self._clock = clock
         self._report = report
-        self._is_over = False
         self._until = clock.now() + ANSWER_SECONDS
         self._timer: Timer | None = None
         self._cancels: list[CancelAll] = []
-        self._unasked: list[str] = []
-        """Endpoints that cannot even be asked, with the reason."""
+        self._asked: set[CancelAll] = set()
+        self._silent: list[str] = []
+        """Parts that cannot confirm, with the reason."""
+        self._unstoppable: list[str] = []
+        self._services: list[ServiceEndpoint] = []
+        self._reported: StopReport | None = None
+        self._is_abandoned = False
         for endpoint in endpoints:
-            presence = endpoint.presence
-            if not presence.count:
-                why = endpoint.misfit_kind or ("not there" if presence.was_seen else "never seen")
-                self._unasked.append(f"{endpoint.label} ({why})")
-            elif isinstance(endpoint, ActionEndpoint):
+            if isinstance(endpoint, ActionEndpoint):
                 self._cancels.append(CancelAll(endpoint, find_goals))
+            elif isinstance(endpoint, ServiceEndpoint):
+                self._services.append(endpoint)
+            elif not endpoint.is_stoppable:
+                if not endpoint.is_harmless:
+                    self._unstoppable.append(endpoint.label)
+            elif endpoint.presence.count:
+                self._silent.append(f"{endpoint.label} (told to stop; a topic gives no answer)")
             else:
-                self._unasked.append(f"{endpoint.label} (told to stop; a topic gives no answer)")
+                why = "gone" if endpoint.presence.was_seen else "never seen"
+                self._silent.append(f"{endpoint.label} ({endpoint.misfit_kind or why})")
+
+    @property
+    def is_answered(self) -> bool:
+        """It was reported at least once."""
+        return self._reported is not None
+
+    @property
+    def waits_for_calls(self) -> bool:
+        """Whether something that cannot be stopped will end by itself, and be told."""
+        return any(endpoint.open for endpoint in self._services)
 
     def begin(self) -> None:
-        self._ask_servers()
+        self._keep_asking()
         self.poll()
 
     def poll(self) -> None:
         """Something has changed: have all confirmed?"""
+        if self._is_abandoned:
+            return
         confirmed = [cancel.is_confirmed() for cancel in self._cancels]  # all are looked at: see `find_running`
-        if not self._is_over and all(confirmed):
+        if self._reported is not None:
+            self._ask(cancel for cancel in self._cancels if cancel not in self._asked)  # it was not there before
+            if self._make_report() != self._reported:
+                self._finish()
+        elif all(confirmed):
             self._finish()
 
     def abandon(self) -> None:
         """No report any more."""
-        self._is_over = True
+        self._is_abandoned = True
         if self._timer is not None:
             self._timer.cancel()
 
-    def _ask_servers(self) -> None:
-        """Ask those that have not answered, and again a while later."""
-        for cancel in self._cancels:
-            if cancel.answer is None:
+    def _keep_asking(self) -> None:
+        """Ask those that have not answered, and again a while later, until all have confirmed."""
+        now = self._clock.now()
+        if self._reported is None and now + TIMER_TOLERANCE >= self._until:
+            self._finish()
+        if self._is_abandoned or (self._reported is not None and not self._reported.unconfirmed):
+            return
+        self._ask(cancel for cancel in self._cancels if cancel.answer is None)
+        again = min(now + REPEAT_SECONDS, self._until) if self._reported is None else now + SLOW_REPEAT_SECONDS
+        self._timer = self._clock.call_at(again, self._keep_asking)
+
+    def _ask(self, cancels: Iterable[CancelAll]) -> None:
+        for cancel in tuple(cancels):
+            if cancel.endpoint.presence.count:
+                self._asked.add(cancel)
                 try:
                     cancel.endpoint.client.cancel(ALL_GOALS, partial(self._take_answer, cancel))
                 except PortError as error:
                     _LOG.warning("%s could not be asked to stop: %s", cancel.endpoint.name, error)
-        again = self._clock.now() + REPEAT_SECONDS
-        if again < self._until:
-            self._timer = self._clock.call_at(again, self._ask_servers)
-        else:
-            self._timer = self._clock.call_at(self._until, self._finish)
 
     def _take_answer(self, cancel: CancelAll, answer: CancelResponse) -> None:
         cancel.take_answer(answer)
@@ -197,11 +245,26 @@ class StopAll:
         self.poll()
 
     def _finish(self) -> None:
-        self.abandon()
-        confirmed, unconfirmed = [], self._unasked
+        """Say how things stand."""
+        if self._reported is None:
+            for cancel in self._cancels:
+                if cancel.answer is None and cancel.endpoint.presence.count == 1:
+                    cancel.endpoint.mark_unanswered()
+        self._reported = report = self._make_report()
+        for cancel in self._cancels:
+            cancel.is_closed = True
+        self._report(report)
+
+    def _make_report(self) -> StopReport:
+        confirmed, unconfirmed = [], list(self._silent)
         for cancel in self._cancels:
             if cancel.is_confirmed():
                 confirmed.append(cancel.endpoint.label)
             else:
                 unconfirmed.append(f"{cancel.endpoint.label} ({cancel.why_unconfirmed()})")
-        self._report(StopReport(confirmed=tuple(sorted(confirmed)), unconfirmed=tuple(sorted(unconfirmed))))
+        calls = [f"{each.label} (nothing stops a call of a service)" for each in self._services if each.open]
+        return StopReport(
+            confirmed=tuple(sorted(confirmed)),
+            unconfirmed=tuple(sorted(unconfirmed)),
+            unstoppable=tuple(sorted([*self._unstoppable, *calls])),
+        )

@@ -148,7 +148,8 @@ class RosSessionInterface:
         elif topics.error:
             level, message = diagnostics.ERROR, f"records are not published: {topics.error}"
         elif others:
-            level, message = diagnostics.WARN, f"another session has the same names: {others[0]}"
+            same = "moves the same robot" if self._neighbours.shared_with(others[0]) else "has the same names"
+            level, message = diagnostics.WARN, f"another session {same}: {others[0]}"
         elif topics.dropped > self._dropped:
             level, message = diagnostics.WARN, "records come faster than they can be published; some are missing"
         values = {

@@ -1,10 +1,13 @@
-"""Other sessions on the same ROS network that go by the same names: nodes could not tell them from this one, and a task
-would be done by each of them.
+"""Other sessions on the same ROS network that are in this one's way. Those that go by the same names: nodes could not
+tell them from this one, and a task would be done by each of them. And those that go by others, in another namespace,
+and use the same robot.
 
 Every session says on the topic `rise/session` (std_msgs/String, latched, JSON) who it is: `id`, `since` (nanoseconds
-since 1970), `state`, and what a person needs to find it. One that is about to begin says that it is `asking` and
-listens for a moment. It stands back when another one is `serving`, or asks and began to ask earlier; of two that begin
-at once, both decide the same. A session that has crashed says nothing any more, whatever the network still shows of it.
+since 1970), `state`, by what it moves its robot, and what a person needs to find it. While it serves it says so twice a
+second: that is its sign of life, without which the reference wrapper stops the robot. One that is about to begin says
+that it is `asking` and listens for a moment. It stands back when another one is `serving`, or asks and began to ask
+earlier; of two that begin at once, both decide the same. A session that has crashed says nothing any more, whatever the
+network still shows of it.
 
 Afterwards a session goes on listening. One that appears then (two networks that are joined) is reported, and neither
 ends: a study that runs is not given up for one that nobody knows.
@@ -16,7 +19,8 @@ import asyncio
 import logging
 import os
 import socket
-from collections.abc import Callable
+from collections.abc import Callable, Iterable, Sequence
+from functools import partial
 from time import time_ns
 from typing import Literal
 from uuid import uuid4
@@ -24,15 +28,22 @@ from uuid import uuid4
 import msgspec
 from msgspec import Struct
 
-from rise_adapters.ros2.transport.port import Message, PortError, QoS, Transport
+from rise_adapters.ros2.transport.port import Closable, Message, PortError, QoS, Transport
 
 TOPIC, TYPE = "rise/session", "std_msgs/msg/String"
 LISTEN_SECONDS = 1.0
 """Seconds for which others are listened for; to find each other takes programs on one network some hundredths."""
 LISTEN_LONGER_SECONDS = 1.0
 """Seconds more, when there is another one that has not said anything yet."""
+LOOK_SECONDS = 0.1
+"""Between two looks for sessions under other names, while it listens ..."""
+LOOK_BEATS = 10
+"""... and, in signs of life, while it serves."""
+BEAT_SECONDS = 0.5
+"""Between two signs of life."""
 _POLL_SECONDS = 0.02
 _MAX_CHARACTERS = 100
+_MOST_NAMES = 3
 _LOG = logging.getLogger(__name__)
 
 AnnouncedState = Literal["asking", "serving", "over"]
@@ -50,6 +61,8 @@ class SessionAnnouncement(Struct, frozen=True, omit_defaults=True):
     node: str = ""
     host: str = ""
     pid: int = 0
+    carriers: tuple[str, ...] = ()
+    """The full names of the actions and topics by which it moves its robot."""
 
     def __str__(self) -> str:
         title, folder, node, host = map(_keep_printable, (self.title, self.folder, self.node, self.host))
@@ -65,24 +78,36 @@ class SessionAnnouncement(Struct, frozen=True, omit_defaults=True):
 class NeighbourSessions:
     """This session among others. All methods belong to the transport's loop."""
 
-    def __init__(self, transport: Transport, me: SessionAnnouncement | None = None) -> None:
-        """`me`: as it was known on a connection before this one. Raises PortError."""
+    def __init__(
+        self, transport: Transport, me: SessionAnnouncement | None = None, carriers: Iterable[str] = ()
+    ) -> None:
+        """`me`: as it was known on a connection before this one. `carriers`: of the robot, names that are resolved.
+        Raises PortError."""
         self.on_other_session: Callable[[SessionAnnouncement], object] = _ignore
         """Called with a session that appears while this one is serving."""
         self.announcement = me or SessionAnnouncement(
-            uuid4().hex, time_ns(), "asking", host=socket.gethostname(), pid=os.getpid()
+            uuid4().hex,
+            time_ns(),
+            "asking",
+            host=socket.gethostname(),
+            pid=os.getpid(),
+            carriers=tuple(sorted({transport.resolve(name) for name in carriers})),
         )
         self._transport = transport
         self._others: dict[str, SessionAnnouncement] = {}
-        qos = QoS(depth=1, latched=True)
-        self._publisher = transport.publisher(TOPIC, TYPE, qos)
-        # As deep as there may be others: of each the latest counts.
-        self._subscription = transport.subscribe(TOPIC, TYPE, self._take_announcement, QoS(depth=20, latched=True))
+        """Those that are in the way."""
+        self._heard: dict[str, set[str]] = {}
+        """By topic, the sessions that speak there, in the way or not."""
+        self._subscriptions: list[Closable] = []
+        self._beats = 0
+        self._timer: asyncio.TimerHandle | None = None
+        self._publisher = transport.publisher(TOPIC, TYPE, QoS(depth=1, latched=True))
+        self._listen_to(transport.resolve(TOPIC))
         self._announce(node=transport.node)
 
     @property
     def others(self) -> list[SessionAnnouncement]:
-        """Those that serve under these names, the oldest first."""
+        """Those that serve and are in the way, the oldest first."""
         return sorted((each for each in self._others.values() if each.state == "serving"), key=lambda each: each.rank)
 
     async def find_earlier(self) -> SessionAnnouncement | None:
@@ -90,26 +115,63 @@ class NeighbourSessions:
         loop = asyncio.get_running_loop()
         until = loop.time() + LISTEN_SECONDS
         at_most = until + LISTEN_LONGER_SECONDS
-        while loop.time() < (at_most if self._is_someone_silent() else until):  # noqa: ASYNC110  # a graph tells nobody of changes
+        look_at = loop.time()
+        while loop.time() < (at_most if self._is_someone_silent() else until):
+            if loop.time() >= look_at:
+                self._look_elsewhere()
+                look_at = loop.time() + LOOK_SECONDS
             await asyncio.sleep(_POLL_SECONDS)
         first = min([self.announcement, *self._others.values()], key=lambda each: each.rank)
         return None if first is self.announcement else first
+
+    def shared_with(self, other: SessionAnnouncement) -> list[str]:
+        """By what another session moves the same robot under other names; empty when its names are the same."""
+        if other.id in self._heard[self._transport.resolve(TOPIC)]:
+            return []
+        return [name for name in self.announcement.carriers if name in other.carriers]
 
     def announce_serving(self, title: str, folder: str) -> None:
         """From now on the names are this session's."""
         self._announce(state="serving", title=title, folder=folder)
         for other in self.others:
             self.on_other_session(other)
+        self._timer = asyncio.get_running_loop().call_later(BEAT_SECONDS, self._beat)
 
     def close(self) -> None:
         """Leave the names to others."""
+        if self._timer is not None:
+            self._timer.cancel()
         self._announce(state="over")
-        for handle in (self._publisher, self._subscription):
+        for handle in (self._publisher, *self._subscriptions):
             handle.close()
+
+    def _beat(self) -> None:
+        """Give a sign of life, and now and then look who else is there."""
+        if self._transport.failure():
+            return  # who makes the connection anew speaks there
+        self._timer = asyncio.get_running_loop().call_later(BEAT_SECONDS, self._beat)
+        self._announce()
+        self._beats += 1
+        if self._beats % LOOK_BEATS == 0:
+            self._look_elsewhere()
+
+    def _look_elsewhere(self) -> None:
+        """Listen to sessions in other namespaces, too."""
+        for topic in self._transport.topics(f"/{TOPIC}"):
+            self._listen_to(topic)
+
+    def _listen_to(self, topic: str) -> None:
+        """`topic`: a full name."""
+        if topic not in self._heard:
+            self._heard[topic] = set()
+            # As deep as there may be others: of each the latest counts.
+            qos = QoS(depth=20, latched=True)
+            take = partial(self._take_announcement, topic)
+            self._subscriptions.append(self._transport.subscribe(topic, TYPE, take, qos))
 
     def _is_someone_silent(self) -> bool:
         """Whether there are more who may speak than have."""
-        return len(self._transport.publisher_endpoints(TOPIC)) > len(self._others)
+        return any(len(self._transport.publisher_endpoints(topic)) > len(ids) for topic, ids in self._heard.items())
 
     def _announce(self, **changes: str) -> None:
         self.announcement = msgspec.structs.replace(self.announcement, **changes)
@@ -118,7 +180,7 @@ class NeighbourSessions:
         except PortError as error:
             _LOG.warning("other sessions cannot be told of this one: %s", error)
 
-    def _take_announcement(self, message: Message) -> None:
+    def _take_announcement(self, topic: str, message: Message) -> None:
         try:
             other = msgspec.json.decode(message["data"], type=SessionAnnouncement)
         except (msgspec.MsgspecError, RecursionError):
@@ -127,7 +189,11 @@ class NeighbourSessions:
         if other.id == self.announcement.id:
             return
         before = self._others.pop(other.id, None)
+        self._heard[topic].discard(other.id)
         if other.state == "over":
+            return
+        self._heard[topic].add(other.id)
+        if topic != self._transport.resolve(TOPIC) and not self.shared_with(other):
             return
         self._others[other.id] = other
         new = before is None or before.state != "serving"
@@ -135,8 +201,13 @@ class NeighbourSessions:
             self.on_other_session(other)
 
 
-def describe_refusal(other: SessionAnnouncement, transport: Transport) -> list[str]:
-    """Why a session does not begin, and what to do."""
+def describe_refusal(other: SessionAnnouncement, shared: Sequence[str], transport: Transport) -> list[str]:
+    """Why a session does not begin, and what to do. `shared`: as of `NeighbourSessions.shared_with`."""
+    if shared:
+        return [
+            f"another session moves the same robot ({transport.about}): {other}; both would use {_join_some(shared)}",
+            "each would start and stop what the other one does; end that one, or give this one a robot of its own",
+        ]
     return [
         f"another session is on ROS under the same names ({transport.about}): {other}",
         "nodes could not tell the two apart, and tasks would be done twice; end that one, or give this one names of "
@@ -144,12 +215,19 @@ def describe_refusal(other: SessionAnnouncement, transport: Transport) -> list[s
     ]
 
 
-def describe_other_session(other: SessionAnnouncement) -> str:
+def describe_other_session(other: SessionAnnouncement, shared: Sequence[str]) -> str:
     """For the record of a session that finds that it is not alone."""
+    if shared:
+        return f"another session moves the same robot now, by {_join_some(shared)}: {other}. End one of them"
     return (
         f"another session is on ROS under the same names now: {other}; tasks of nodes may be done by both. "
         "End one of them, or give it a namespace"
     )
+
+
+def _join_some(names: Sequence[str]) -> str:
+    more = len(names) - _MOST_NAMES
+    return ", ".join(names[:_MOST_NAMES]) + (f" and {more} more" if more > 0 else "")
 
 
 def _keep_printable(text: str) -> str:

@@ -22,6 +22,7 @@ from rise_engine.kernel.records import (
     SessionRecord,
     StopRecord,
     TaskRecord,
+    stopper_words,
 )
 
 TOPIC, TYPE = "/rosout", "rcl_interfaces/msg/Log"
@@ -76,6 +77,8 @@ def _stop_line(record: StopRecord) -> LogLine:
         return WARN, f"stop requested by {record.source}"
     if record.status == "released":
         return INFO, f"stop released by {record.source}"
+    if record.status == "let-go":
+        return INFO, f"{stopper_words(record.source)} is not pressed any more; the stop can be released"
     if record.unconfirmed:
         return ERROR, f"stopped, but NOT confirmed by {', '.join(record.unconfirmed)}"
     return WARN, _add_reason("stopped", f"confirmed by {', '.join(record.confirmed)}" if record.confirmed else "")

@@ -13,6 +13,11 @@ _NAME = re.compile(rf"(?:~|/?{_TOKEN})(?:/{_TOKEN})*")
 _NODE = re.compile(_TOKEN)
 
 
+def is_ros_name(name: object) -> bool:
+    """Whether this can be the name of an action, a topic or a service, relative or not."""
+    return isinstance(name, str) and name != "~" and _NAME.fullmatch(name) is not None and "__" not in name
+
+
 def check_node(name: str) -> str:
     """The name of a node. Raises PortError."""
     if not _NODE.fullmatch(name):

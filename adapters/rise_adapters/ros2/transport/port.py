@@ -57,6 +57,9 @@ class RemoteEndpoint(Struct, frozen=True):
     """Whose software carries it, by the number that DDS gives out (`0110`); empty when that is not known."""
     qos: QoS | None = None
     """What it promises, or asks for; None: not known. (Of the depth others know nothing.)"""
+    program: bytes = b""
+    """What tells the program that has it from all others, also from itself after a restart (12 bytes, the prefix of
+    the DDS GUID); empty when that is not known."""
 
 
 RELIABLE = QoS()
@@ -266,8 +269,12 @@ class Transport(Protocol):
         """
         ...
 
-    def topics(self) -> list[str]:
-        """List the topics that other nodes publish on or subscribe to, by full name."""
+    def topics(self, ending: str = "") -> list[str]:
+        """List the topics that other nodes publish on or subscribe to.
+
+        :param ending: of their names; empty: all of them.
+        :returns: full names.
+        """
         ...
 
     def programs_of_other_vendors(self) -> list[tuple[str, str]]:

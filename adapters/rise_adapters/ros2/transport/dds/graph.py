@@ -180,13 +180,13 @@ class DdsGraph:
         """Those of others that read a DDS topic."""
         return self._find_of_others(self._readers, topic)
 
-    def topics(self) -> list[str]:
-        """The topics of ROS (without those of services) on which others have something."""
+    def topics(self, ending: str) -> list[str]:
+        """The topics of ROS (without those of services) with this end on which others have something."""
         found = {
             topic
             for endpoints in (self._readers, self._writers)
             for topic, ends in endpoints.items()
-            if any(not key.startswith(self._own) for key in ends)
+            if topic.endswith(ending) and any(not key.startswith(self._own) for key in ends)
         }
         return sorted(name for topic in found if (name := names.ros_topic(topic)))
 
@@ -209,6 +209,7 @@ class DdsGraph:
                 end.user_data.get("typehash", ""),
                 key[:2].hex(),
                 end.qos,
+                key[:12],
             )
             for key, end in endpoints.get(topic, {}).items()
             if not key.startswith(self._own)

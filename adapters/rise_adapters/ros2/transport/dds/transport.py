@@ -104,8 +104,8 @@ class DdsTransport:
             *self._dds.graph.find_writers(names.reply_topic(full)),
         ]
 
-    def topics(self) -> list[str]:
-        return self._dds.graph.topics()
+    def topics(self, ending: str = "") -> list[str]:
+        return self._dds.graph.topics(ending)
 
     def nodes(self) -> list[str]:
         return self._dds.graph.nodes()

@@ -46,8 +46,8 @@ class RclpyGraph:
         infos = self._look_up(self._node.get_publishers_info_by_topic, f"rq{service}Request", no_mangle=True)
         return sorted({_full_name(info) for info in infos} - {self._spinning.name})
 
-    def topics(self) -> list[str]:
-        names = [name for name, _ in self._look_up(self._node.get_topic_names_and_types)]
+    def topics(self, ending: str) -> list[str]:
+        names = [name for name, _ in self._look_up(self._node.get_topic_names_and_types) if name.endswith(ending)]
         return [name for name in names if self.find_publishers(name) or self.find_subscribers(name)]
 
     def nodes(self) -> list[str]:
@@ -91,6 +91,7 @@ class RclpyGraph:
             _read_hash(info.topic_type_hash),
             bytes(info.endpoint_gid[:2]).hex() if self._vendor else "",
             self._spinning.read_profile(info.qos_profile),
+            bytes(info.endpoint_gid[:12]) if self._vendor else b"",
         )
 
     def _find_servers_by_node(self, service: str) -> list[RemoteEndpoint]:

@@ -96,8 +96,8 @@ class RclpyTransport:
     def server_endpoints(self, service: str) -> list[RemoteEndpoint]:
         return self._graph.find_servers(self.resolve(service))
 
-    def topics(self) -> list[str]:
-        return self._graph.topics()
+    def topics(self, ending: str = "") -> list[str]:
+        return self._graph.topics(ending)
 
     def programs_of_other_vendors(self) -> list[tuple[str, str]]:
         return self._graph.programs_of_other_vendors()

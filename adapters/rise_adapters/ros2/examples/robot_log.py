@@ -1,0 +1,27 @@
+"""What a simulated robot really does, one JSON object a line: for tests that compare it with what a session believes.
+
+    {"t": 12.5, "wall": 1795460000.1, "event": "begun", "action": "Speech", "goal": "4f1c..."}
+
+`t` counts seconds by a clock that no change of the date moves (`time.monotonic`), `wall` since 1970. Of an action:
+arrived, accepted, rejected, begun, cancel-asked, ended (`how`: succeeded, failed, canceled, vanished). Of a topic:
+begun (repetitions are left out), ended with its `reset`. Of the robot: appeared, vanished, inactive, active.
+"""
+
+from __future__ import annotations
+
+import json
+import time
+from typing import TextIO
+
+
+class RobotLog:
+    """Writes them, each at once. Without a file, nothing."""
+
+    def __init__(self, file: TextIO | None = None) -> None:
+        self._file = file
+
+    def note(self, event: str, action: str = "", goal: str = "", **more: object) -> None:
+        if self._file is not None:
+            row = {"t": time.monotonic(), "wall": time.time(), "event": event, "action": action, "goal": goal, **more}
+            self._file.write(json.dumps(row) + "\n")
+            self._file.flush()

@@ -1,0 +1,166 @@
+"""Times, angles and places in the fields of a message: `{@now}`, `{@yaw(angle)}`, `{place.x}`, and a whole pose out of
+the place that a parameter names (docs/reference/robots.md, "What fills a field").
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from typing import Any
+
+from msgspec import Struct
+
+from rise_adapters.ros2.mapping.field_sources import NO_VALUE, FieldSource, FillContext, fit_literal
+from rise_adapters.ros2.mapping.field_types import (
+    QUATERNION,
+    TIME,
+    MessageFieldType,
+    describe_field_type,
+    describe_value,
+)
+from rise_adapters.ros2.mapping.templates import Placeholder, special_fallback
+from rise_engine.nearest_name import did_you_mean
+from rise_engine.scenario.model import Parameter
+
+PLACE_FRAME = "map"
+"""The coordinate frame of a place that names none (REP 105)."""
+
+_POINT = {"x": "{%s.x}", "y": "{%s.y}", "z": "{%s.z|0}"}
+_POSE = {"position": _POINT, "orientation": "{@yaw(%s.yaw|0)}"}
+_POSES: dict[str, dict[str, Any]] = {
+    "geometry_msgs/msg/Point": _POINT,
+    "geometry_msgs/msg/Pose": _POSE,
+    "geometry_msgs/msg/PoseStamped": {
+        "header": {"frame_id": "{%s.frame|" + PLACE_FRAME + "}", "stamp": "{@now}"},
+        "pose": _POSE,
+    },
+}
+
+
+def pose_fields(type: str, parameter: str) -> dict[str, Any] | None:
+    """What a place fills the fields of a message with, as a carrier would write it; None: it is no type for a place."""
+    table = _POSES.get(type)
+    return None if table is None else _insert(table, parameter)
+
+
+def _insert(table: dict[str, Any], parameter: str) -> dict[str, Any]:
+    return {
+        key: _insert(value, parameter) if isinstance(value, dict) else value.replace("%s", parameter)
+        for key, value in table.items()
+    }
+
+
+# --- the time ---------------------------------------------------------------------------------------------------------
+
+
+class NowSource(Struct, frozen=True):
+    """The time of sending."""
+
+    in_seconds: bool
+
+    def fill(self, context: FillContext) -> Any:
+        seconds, nanoseconds = divmod(context.now, 1_000_000_000)
+        return context.now / 1e9 if self.in_seconds else {"sec": seconds, "nanosec": nanoseconds}
+
+
+def compile_now(type: MessageFieldType | None, *, in_text: bool) -> NowSource:
+    """Raises ValueError with a sentence where there can be no time."""
+    if in_text or (type is not None and (type.is_list or (type.base not in (TIME, "float64")))):
+        takes = "is a text" if in_text or type is None else f"takes {describe_field_type(type)}"
+        raise ValueError(f"{takes}, and @now is a {TIME}, or seconds since 1970 in a float64")
+    return NowSource(type is not None and type.base != TIME)
+
+
+# --- an angle ---------------------------------------------------------------------------------------------------------
+
+
+class YawSource(Struct, frozen=True):
+    """The quaternion of a turn around the vertical."""
+
+    field: str
+    angle: FieldSource
+    """In radians; without a value, no turn."""
+
+    def fill(self, context: FillContext) -> Any:
+        angle = self.angle.fill(context)
+        if angle is NO_VALUE:
+            angle = 0.0
+        elif isinstance(angle, bool) or not isinstance(angle, int | float):
+            raise ValueError(f"`{self.field}` takes an angle in radians, and {describe_value(angle)} is not")
+        return {"x": 0.0, "y": 0.0, "z": math.sin(angle / 2), "w": math.cos(angle / 2)}
+
+
+def check_quaternion(type: MessageFieldType | None, *, in_text: bool) -> None:
+    """Raises ValueError with a sentence where there can be no quaternion."""
+    if in_text or (type is not None and (type.is_list or type.base != QUATERNION)):
+        takes = "is a text" if in_text or type is None else f"takes {describe_field_type(type)}"
+        raise ValueError(f"{takes}, and @yaw gives a {QUATERNION}")
+
+
+# --- a place ----------------------------------------------------------------------------------------------------------
+
+
+class PlaceSource(Struct, frozen=True):
+    """One value of the place that a parameter names."""
+
+    field: str
+    parameter: Parameter
+    key: str
+    values: dict[str, Any]
+    """By the place's name; places without that value are left out."""
+    places: frozenset[str]
+    absent: Any
+    special: str | None
+    type: MessageFieldType | None
+
+    def fill(self, context: FillContext) -> Any:
+        place = context.parameters.get(self.parameter.name, self.parameter.default)
+        if place is not None and place not in self.places:
+            known = did_you_mean(str(place), self.places)
+            raise ValueError(f"`{self.field}` needs a place, and `{place}` is none{known}")
+        if place in self.values:
+            return self.values[place]
+        return self.absent if self.special is None else fit_literal(context.specials[self.special], self.type)
+
+
+def compile_place_value(
+    slot: Placeholder,
+    parameter: Parameter,
+    places: Mapping[str, Mapping[str, Any]],
+    type: MessageFieldType | None,
+    where: str,
+) -> PlaceSource:
+    """Raises ValueError with a sentence for a parameter that names no places, and for what the field cannot take."""
+    if not parameter.place:
+        raise ValueError(
+            f"has `{{{slot.name}.{slot.key}}}`, and `{slot.name}` names no places; declare it with `place = true`"
+        )
+    if slot.unit is not None:
+        raise ValueError(f"has `{{{slot.name}.{slot.key}:{slot.unit}}}`; what is said of a place has no unit")
+    keys = dict.fromkeys(key for place in places.values() for key in place)
+    if places and slot.key not in keys and slot.fallback is None:
+        raise ValueError(f"takes `{slot.key}`, which no place has{did_you_mean(slot.key, keys)}")
+    values = {}
+    for name, place in places.items():
+        if slot.key in place:
+            try:
+                values[name] = fit_literal(place[slot.key], type)
+            except ValueError as error:
+                raise ValueError(f"{error} (`places.{name}.{slot.key}`)") from None
+    special = special_fallback(slot)
+    absent: Any = NO_VALUE
+    if slot.fallback is not None and special is None:
+        try:
+            absent = fit_literal(_read_fallback(slot.fallback, type), type)
+        except ValueError as error:
+            raise ValueError(f"{error} (the fallback of `{slot.name}.{slot.key}`)") from None
+    return PlaceSource(where, parameter, slot.key, values, frozenset(places), absent, special, type)
+
+
+def _read_fallback(written: str, type: MessageFieldType | None) -> str | float:
+    if type is not None and type.kind == "text":
+        return written
+    try:
+        return float(written)
+    except ValueError:
+        return written

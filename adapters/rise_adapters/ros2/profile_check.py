@@ -1,0 +1,39 @@
+"""What there is to say about a robot's profile before anything is connected (an entry point of the group
+`rise.checks`): for `rise-engine check`, which loads nothing else of ROS.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from rise_adapters.ros2.mapping import MappingError, mapping_findings, read_options
+from rise_adapters.ros2.mapping.field_types import ReadFields
+from rise_adapters.ros2.transport.port import PortError
+from rise_adapters.ros2.transport.rclpy.types import InstalledTypes
+from rise_adapters.ros2.transport.selection import why_unavailable
+from rise_engine.ports.bridge import ProfileFinding
+from rise_engine.scenario.model import RobotProfile
+
+
+def check_profile(profile: RobotProfile) -> list[ProfileFinding]:
+    """What there is to say about a profile without a connection (`rise-engine check`): also what a session, which takes
+    the types from where the check takes them, is refused for."""
+    try:
+        fields = _field_reader(read_options(profile).share)
+    except MappingError:
+        return mapping_findings(profile)
+    except PortError as error:
+        return [ProfileFinding(str(error), "options.share", "missing")]
+    return mapping_findings(profile, fields)
+
+
+def _field_reader(share: Sequence[str]) -> ReadFields | None:
+    """The types as the transport has them that a session would use here; None: there is none."""
+    missing = why_unavailable()
+    if not missing["rclpy"]:
+        return InstalledTypes().fields
+    if missing["dds"]:
+        return None
+    from rise_adapters.ros2.transport.interfaces import InterfaceCatalog  # needs rosbags, which is an extra
+
+    return InterfaceCatalog(share).fields

@@ -1,0 +1,118 @@
+"""The emergency stop of the laboratory, heard: on a topic of somebody else, or by a service that this side offers.
+
+It hears every publisher, whatever that promises, because its subscription asks for what is offered (as `ros2 topic
+echo` does). What it cannot hear is a fault of the robot, so that nobody relies on it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Literal
+
+from rise_adapters.ros2.mapping.action_mapping import EstopMapping
+from rise_adapters.ros2.transport.port import Closable, Message, QoS, SendReply, Subscription, Transport
+from rise_engine.kernel.inputs import EstopReport
+
+SERVICE_TYPE = "std_srvs/srv/SetBool"
+UNHEARD_SECONDS = 2.0
+"""For which one that has just been found may say nothing at all."""
+
+
+class EstopInput:
+    """One emergency stop. `poll` looks whether it is there; what it says goes to `report` when that is news."""
+
+    label = "estop"
+
+    def __init__(
+        self,
+        mapping: EstopMapping,
+        transport: Transport,
+        now: Callable[[], float],
+        report: Callable[[EstopReport], object],
+    ) -> None:
+        """`now`: seconds on any clock that goes on. Raises PortError."""
+        self.name = transport.resolve(mapping.name)
+        self.pressed: bool | None = None
+        """None: it has not said it."""
+        self.publishers: list[str] = []
+        """The nodes that publish it, as was seen last."""
+        self._mapping = mapping
+        self._transport = transport
+        self._now = now
+        self._report = report
+        self._qos = QoS()
+        self._subscription: Subscription | None = None
+        self._service: Closable | None = None
+        self._since: float | None = None
+        """When it was found, or last heard; None: it is not there."""
+        if mapping.type:
+            self._subscription = transport.subscribe(mapping.name, mapping.type, self._take_message, self._qos)
+        else:
+            self._service = transport.serve(mapping.name, SERVICE_TYPE, self._take_request)
+
+    def poll(self) -> None:
+        """See who publishes it, and ask for what they offer."""
+        if self._subscription is None:
+            return
+        ends = [end for end in self._transport.publisher_endpoints(self.name) if end.type == self._mapping.type]
+        self.publishers = [end.node for end in ends]
+        offered = [end.qos for end in ends if end.qos is not None]
+        if offered:
+            self._subscribe(QoS(10, all(qos.reliable for qos in offered), all(qos.latched for qos in offered)))
+        if not self._subscription.count_publishers():
+            self._since = None
+        elif self._since is None:
+            self._since = self._now()
+
+    @property
+    def fault(self) -> Literal["", "missing", "silent"]:
+        if self._service is not None:
+            return ""
+        if self._since is None:
+            return "missing"
+        limit = self._mapping.silent_after or (UNHEARD_SECONDS if self.pressed is None else 0.0)
+        return "silent" if limit and self._now() > self._since + limit else ""
+
+    @property
+    def trouble(self) -> str:
+        """What is wrong with it, for a person; empty when it is heard."""
+        what = f"the emergency stop at {self.name}"
+        match self.fault:
+            case "missing":
+                why = f"cannot be heard: nothing publishes it as {self._mapping.type}"
+            case "silent" if self._mapping.silent_after:
+                why = f"has said nothing for {self._mapping.silent_after:g} s"
+            case "silent":
+                why = "has said nothing yet, so whether it is pressed is not known"
+            case _:
+                return ""
+        return f"{what} {why}{'; it was pressed when it was heard last' if self.pressed else ''}"
+
+    def close(self) -> None:
+        for handle in (self._subscription, self._service):
+            if handle is not None:
+                handle.close()
+
+    def _subscribe(self, qos: QoS) -> None:
+        if qos != self._qos:
+            assert self._subscription is not None
+            self._subscription.close()
+            self._qos = qos
+            self._subscription = self._transport.subscribe(
+                self._mapping.name, self._mapping.type, self._take_message, qos
+            )
+
+    def _take_message(self, message: Message) -> None:
+        self._since = self._now()
+        self._take(self._mapping.is_pressed(message))
+
+    def _take_request(self, request: Message, reply: SendReply) -> None:
+        pressed = bool(request["data"])
+        self._take(pressed)
+        stays = "is not pressed any more; a stop is released at the console"
+        reply({"success": True, "message": f"the emergency stop {'is pressed' if pressed else stays}"})
+
+    def _take(self, pressed: bool) -> None:
+        if pressed != self.pressed:
+            self.pressed = pressed
+            self._report(EstopReport(source=f"estop:{self.name}", pressed=pressed))

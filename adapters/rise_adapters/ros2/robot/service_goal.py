@@ -1,0 +1,155 @@
+"""An action that a service carries: one call, and its response.
+
+Nothing takes a call back. Who stops the action ends it for the engine; the robot may go on until it answers, and until
+then nothing else goes out on that service.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from math import inf
+
+from rise_adapters.ros2.mapping import ActionMapping
+from rise_adapters.ros2.robot import endings
+from rise_adapters.ros2.robot.endpoints import ServiceEndpoint
+from rise_adapters.ros2.robot.goal_host import TIMER_TOLERANCE, Ending, GoalHost, Phase
+from rise_adapters.ros2.transport.port import Message, PortError
+from rise_engine.kernel.commands import StartAction
+
+
+class ServiceGoal:
+    """One call of ours of one service. Implements `Goal`."""
+
+    def __init__(
+        self,
+        host: GoalHost,
+        endpoint: ServiceEndpoint,
+        goal: StartAction,
+        mapping: ActionMapping,
+        make_request: Callable[[], Message],
+        limit: float,
+    ) -> None:
+        """`limit`: seconds after which the kernel gives it up."""
+        self.action = goal.action
+        self.type = goal.type
+        self.phase: Phase = "waiting"
+        self.endpoint = endpoint
+        self.may_be_running = False
+        self._host = host
+        self._mapping = mapping
+        self._make_request = make_request
+        self._expected = goal.expected
+        self._deadline = host.clock.now() + mapping.deadlines.server
+        self._limit_at = host.clock.now() + limit
+        self._ended_at = 0.0
+        self._is_adopted = False
+
+    def adopt(self, *, accepted: bool) -> None:
+        """Take over one that an engine before this one has called; its answer has nobody to go to."""
+        self.phase = "ended"
+        self.may_be_running = self._is_adopted = True
+        self._host.on_goal_changed(self)
+
+    @property
+    def is_accepted(self) -> bool:
+        return True
+
+    @property
+    def holds_its_part(self) -> bool:
+        return True
+
+    def release(self) -> None:
+        if self.phase == "ended" and self.may_be_running:
+            self._host.report_note(
+                self.endpoint, f"released: somebody has released {self.endpoint.name}; {self.why_open()}"
+            )
+            self._mark_over()
+
+    def why_open(self) -> str:
+        return (
+            "an engine that has gone called it" if self._is_adopted else "nothing stops a call, and it has not answered"
+        )
+
+    def cancel(self) -> None:
+        if self.phase == "waiting":
+            self._end("canceled", "it had not been sent yet")
+        elif self.phase == "running":
+            is_overdue = endings.is_overdue(self._host.clock.now(), self._limit_at)
+            self._end(*endings.of_unstoppable_call(self.endpoint.name, is_overdue=is_overdue))
+
+    def is_live(self) -> bool:
+        return self.phase != "ended" or self.may_be_running
+
+    def next_deadline(self) -> float:
+        return self._deadline if self.phase != "ended" else inf
+
+    def poll(self) -> None:
+        now = self._host.clock.now() + TIMER_TOLERANCE
+        endpoint = self.endpoint
+        if self.phase == "waiting":
+            endpoint.compare()
+            if endpoint.misfit:
+                self._end("failed", endpoint.misfit)
+            elif endpoint.is_ready:
+                self._call()
+            elif now >= self._deadline:
+                self._end(*self._why_not_sent())
+        elif self.phase == "running" and now >= self._deadline:
+            grace = self._mapping.deadlines.result
+            self._end(*endings.of_overdue_result(endpoint.name, self._expected, grace))
+
+    def _why_not_sent(self) -> endings.Outcome:
+        if self.endpoint.presence.count > 1:
+            return endings.of_two_servers(self.endpoint)
+        if self.endpoint.open:
+            return "failed", f"held: {self.endpoint.trouble}"
+        return endings.of_missing_server(self.endpoint, 0)
+
+    def on_server_gone(self) -> None:
+        self._mark_over()
+        if self.phase == "running":
+            self._end("lost", f"server-gone: what offered {self.endpoint.name} has gone away in the middle of it")
+
+    def on_server_changed(self) -> None:
+        """Another one would not know the call: only the one that has it can answer."""
+
+    def on_robot_lost(self, reason: str) -> None:
+        if self.phase != "ended":
+            self._end(*endings.of_lost_robot(reason, was_sent=self.phase != "waiting"))
+        self._mark_over()
+
+    def _call(self) -> None:
+        try:
+            self.endpoint.client.call(self._make_request(), self._take_response)
+        except (PortError, ValueError) as error:
+            self._end("failed", f"not-sent: {error}")
+            return
+        grace = self._mapping.deadlines.result
+        self._deadline = self._host.clock.now() + self._expected + grace if grace else inf
+        self.phase = "running"
+        self.may_be_running = True
+        self._host.report_accepted(self.action)
+        self._host.on_goal_changed(self)
+
+    def _take_response(self, response: Message) -> None:
+        if self.phase == "ended":
+            if self.may_be_running:
+                seconds = self._host.clock.now() - self._ended_at
+                answer = f"{self.endpoint.name} answered {self.action} {seconds:.1f} s after its end"
+                self._host.report_note(self.endpoint, f"late: {answer}; it changes nothing")
+            self._mark_over()
+            return
+        self.may_be_running = False
+        self._end(*endings.of_response(response, self._mapping, self.endpoint.name))
+
+    def _end(self, status: Ending, reason: str) -> None:
+        assert self.phase != "ended"
+        self.phase = "ended"
+        self._ended_at = self._host.clock.now()
+        self._host.on_goal_changed(self)
+        self._host.report_ended(self.action, status, reason)
+
+    def _mark_over(self) -> None:
+        """Nothing of it runs on the robot any more, or nobody will ever say so."""
+        self.may_be_running = False
+        self._host.on_goal_changed(self)

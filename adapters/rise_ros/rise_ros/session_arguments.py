@@ -1,0 +1,133 @@
+"""What the launch file `session.launch.py` takes, and the command lines that it makes of it.
+
+Only Python's own library is used here: `ros2 launch` runs with the system's Python, in which rise-tui is not installed.
+So the options of `rise-engine serve` are written down once more; tests compare them with the program's own.
+"""
+
+from __future__ import annotations
+
+import shlex
+from collections.abc import Iterable, Mapping, Sequence
+from difflib import get_close_matches
+from itertools import pairwise
+
+SERVE_OPTIONS = {
+    "study": "A session of this study, in the place of DIR (--participant).",
+    "run": "Which of the participant's runs; else the next.",
+    "pilot": "With --study: with a participant, and it does not count.",
+    "training": "With --study: without a participant, to practise; it does not count.",
+    "record": "With --study: whether its recorders run. Usually those of sessions that count and of pilots.",
+    "confirm": "What this check of the study asks for is done. Repeatable.",
+    "skip_check": "Go on without this check of the study; the reason stands in the record. Repeatable.",
+    "wizard": "Who begins it; stands in the session's folder.",
+    "name": "Of the session's socket; without it, made from DIR.",
+    "set": "Set a memory value first. Repeatable.",
+    "rule": "Start an interaction rule. Repeatable.",
+    "act": "Start an act. Repeatable.",
+    "recover": "Go on with the latest session of DIR that did not end, if there is one.",
+    "session": "Go on with this session.",
+    "here": "Go on also with one that another computer had last, where nobody can see whether it still has.",
+    "new": "Begin a new session, also when an earlier one did not end.",
+    "speed": "How many times faster.",
+    "seed": "For everything picked at random; without it, a new one.",
+    "robot": "Another robot profile than the scenario's.",
+    "mode": "Another mode than the scenario's.",
+    "participant": "Who takes part; stands in the record.",
+    "condition": "One of the scenario's conditions: sets what that says.",
+    "language": "What is said is said in this language (texts/TAG.toml).",
+    "allow_untranslated": "With --language: what is not translated is said as the acts have it.",
+    "ros": "How ROS 2 is spoken. auto: as the robot needs it.",
+    "fault": "What the simulated robot does wrong. Repeatable.",
+    "tasks": "In debug mode: what is done when, one JSON object per line.",
+    "place": "Read acts, rules or memory from another PATH in the scenario's folder (memory=pilot.json). Repeatable.",
+}
+"""Every option of `rise-engine serve`, `-` written as `_`, with its help."""
+
+ARGUMENTS = {
+    "config": ("", "The scenario's folder (DIR); a study says it itself."),
+    **{name: ("rclpy" if name == "ros" else "", about) for name, about in SERVE_OPTIONS.items()},
+    "params_file": ("", "A file of ROS parameters for the session's node; what is said here counts more."),
+    "ros_arguments": ("", "More of what stands behind --ros-args: -r rise/domain_task:=task --log-level debug."),
+    "namespace": ("", "Namespace of all these nodes."),
+    "ros_domain_id": ("", "ROS domain of all these nodes; without it, that of the terminal."),
+    "robot_sim": ("false", "true: a simulated robot on the wire, in place of the robot's wrapper."),
+    "respawn": ("false", "true: an engine that crashed is started again, and goes on with the same session."),
+}
+"""Each argument's default and help. Those without a value are not given."""
+
+_OF_LAUNCH = ("launch-prefix", "launch-prefix-filter")
+"""What ros2 launch takes itself."""
+_IN_ORDER = range(6)
+"""Exit statuses after which another try mends nothing: it has ended, or was refused (as in the unit for systemd)."""
+
+
+def typed_arguments(command: Sequence[str], file: str) -> list[str]:
+    """What of a command line, `ros2 launch PACKAGE FILE NAME:=VALUE ...`, is for a launch file; none of it is where
+    another file includes this one."""
+    places = [place for place, word in enumerate(command) if word.rpartition("/")[2] == file]
+    return [word for word in command[places[0] + 1 :] if ":=" in word] if places else []
+
+
+def find_problems(given: Mapping[str, str], typed: Iterable[str]) -> list[str]:
+    """A sentence for each argument that cannot be used. `typed`: as `typed_arguments` gives them."""
+    problems = []
+    for word in typed:
+        name = word.partition(":=")[0]
+        if name not in (*ARGUMENTS, *_OF_LAUNCH):
+            near = get_close_matches(name, ARGUMENTS, 1)
+            hint = f"did you mean {near[0]}?" if near else "ros2 launch rise_ros session.launch.py --show-args"
+            problems.append(f"the launch argument {name} is unknown; {hint}")
+    for name in ("robot_sim", "respawn"):
+        if given[name] not in ("true", "false"):
+            problems.append(f"the launch argument {name} is true or false, not {given[name]!r}")
+    if given["robot_sim"] == "true" and not (given["config"] or given["robot"]):
+        problems.append("robot_sim:=true needs to know which robot: say config:=DIR or robot:=NAME too")
+    try:
+        shlex.split(given["ros_arguments"])
+    except ValueError as error:
+        problems.append(f"the launch argument ros_arguments cannot be read: {error}")
+    return problems
+
+
+def engine_arguments(given: Mapping[str, str]) -> list[str]:
+    """Of `ros2 run rise_ros engine`, without what stands behind `--ros-args`."""
+    return [*(["--config", given["config"]] if given["config"] else []), "--ros", given["ros"]]
+
+
+def engine_ros_arguments(given: Mapping[str, str]) -> list[str]:
+    """What stands behind `--ros-args`. Options are parameters there: the engine itself says what each may be, and
+    `[a, b]` gives one that is repeatable several times."""
+    words = ["--params-file", given["params_file"]] if given["params_file"] else []
+    for name in SERVE_OPTIONS:
+        value = given[name]
+        if value and name != "ros":
+            words += ["-p", f"{name}:={value if value.startswith('[') else _quote(value)}"]
+    return [*words, *shlex.split(given["ros_arguments"])]
+
+
+def _quote(text: str) -> str:
+    """A text of YAML, whatever is in it."""
+    return "'" + text.replace("'", "''") + "'"
+
+
+def robot_arguments(given: Mapping[str, str]) -> list[str]:
+    """Of `ros2 run rise_ros robot_sim`."""
+    named = [(f"--{name}", given[name]) for name in ("config", "robot") if given[name]]
+    return ["--ros", given["ros"], *(word for pair in named for word in pair)]
+
+
+def robot_ros_arguments(given: Mapping[str, str]) -> list[str]:
+    """What of `ros_arguments` both sides of an action need: that it has another name."""
+    words = shlex.split(given["ros_arguments"])
+    remaps = [after for word, after in pairwise(words) if word in ("-r", "--remap")]
+    return [word for remap in remaps if not remap.startswith("__") for word in ("-r", remap)]
+
+
+def is_crash(returncode: int) -> bool:
+    """Whether an engine that is over has neither ended its session nor refused it."""
+    return returncode not in _IN_ORDER
+
+
+def after_a_crash(given: Mapping[str, str]) -> dict[str, str]:
+    """The same once more, going on with the session that did not end. (A file of parameters may say `new`.)"""
+    return {**given, "new": "false", "tasks": "", "recover": "true"}

@@ -1,0 +1,411 @@
+"""A model of what a goal can be on a robot, and of what can happen to it, explored against `Ros2Robot`.
+
+    asked --taken--> running --ends, is stopped--> over
+      |                |
+      +-- refused -----+-- its program ends ------> over
+
+`World` is one action server and one session, on a wire in memory and in virtual time. The server does nothing alone:
+each *event* is one thing that it, the network, the wizard or the engine can do (docs/explanation/ros2.md). What the
+robot really does is known here, so that whatever the session says about it can be compared with the truth.
+"""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Callable, Iterator
+
+import msgspec
+from msgspec import Struct
+from rise_adapters.ros2.actions.client import ABORTED, CANCELED, CANCELING, EXECUTING, FINAL_STATUSES, SUCCEEDED
+from rise_adapters.ros2.mapping import read_mappings
+from rise_adapters.ros2.robot import Ros2Robot
+from rise_adapters.ros2.transport.port import (
+    CANCEL_GOAL,
+    GET_RESULT,
+    SEND_GOAL,
+    STATUS,
+    STATUS_TOPIC,
+    Message,
+    SendReply,
+    action_topic,
+    action_types,
+)
+
+from rise_engine.engine.clock import VirtualClock
+from rise_engine.kernel.commands import StartAction
+from rise_engine.kernel.inputs import ActionReport, RobotChanged, StopReport
+from rise_engine.kernel.records import OpenGoal
+from rise_engine.ports.robot import RobotReport
+from tests.ros.bench import SPEECH, TYPES, profile
+from tests.ros.memory import ClockLoop, MemoryTransport, MemoryWire
+
+PART = "pepper/speech"
+SETTLE = 0.6
+"""Seconds after an event in which what follows from it by itself has happened: messages, and the next look at the
+servers."""
+
+
+class RobotGoal(Struct):
+    """One goal as it really stands on the robot."""
+
+    id: bytes
+    replies: list[SendReply]
+    """To requests that it begins."""
+    status: int = 0
+    """As in action_msgs/GoalStatus; 0: asked for, and neither taken nor refused yet."""
+    askers: list[SendReply] = []
+
+    @property
+    def can_move(self) -> bool:
+        """It moves the robot, or may still begin to."""
+        return self.status not in FINAL_STATUSES
+
+
+class Program:
+    """The robot's program: one action server in a process."""
+
+    def __init__(self, world: World) -> None:
+        self.transport = MemoryTransport(world.wire, world.loop, "/robot")
+        self.goals: dict[bytes, RobotGoal] = {}
+        self.cancels: list[tuple[bytes, SendReply]] = []
+        """Requests to cancel that are not answered yet."""
+        self.moved_together = False
+        """Two goals of the session ran here at one time, one of which had ended for it."""
+        self._world = world
+        types = action_types(TYPES[SPEECH])
+        full = self.transport.resolve(SPEECH)
+        self._status = self.transport.publisher(action_topic(full, STATUS_TOPIC), types[STATUS_TOPIC], STATUS)
+        for part, take in ((SEND_GOAL, self._ask), (CANCEL_GOAL, self._cancel), (GET_RESULT, self._result)):
+            self.transport.serve(action_topic(full, part), types[part], take)
+
+    # --- requests ---
+
+    def _ask(self, request: Message, reply: SendReply) -> None:
+        id = bytes(request["goal_id"]["uuid"])
+        ended = self._world.ended_for_session()
+        self.moved_together |= any(goal.can_move and goal.id in ended for goal in self.goals.values())
+        self.goals.setdefault(id, RobotGoal(id, [])).replies.append(reply)
+
+    def _cancel(self, request: Message, reply: SendReply) -> None:
+        id = bytes(request["goal_info"]["goal_id"]["uuid"])
+        moving = [goal for goal in self.goals.values() if goal.status in (EXECUTING, CANCELING)]
+        meant = [goal for goal in moving if id in (goal.id, bytes(16))]
+        known = self.goals.get(id)
+        if meant:
+            self.cancels.append((id, reply))
+        elif not any(id):
+            reply({"return_code": 0})
+        else:  # as rclpy: what it has not taken yet it does not know
+            reply({"return_code": 3 if known is not None and not known.can_move else 2})
+
+    def _result(self, request: Message, reply: SendReply) -> None:
+        goal = self.goals.get(bytes(request["goal_id"]["uuid"]))
+        if goal is None or goal.status == 0:
+            reply({"status": 0})
+        elif goal.status in FINAL_STATUSES:
+            reply({"status": goal.status})
+        else:
+            goal.askers.append(reply)
+
+    # --- what it does when it is told to ---
+
+    def take(self) -> None:
+        for goal in self._asked()[:1]:
+            goal.status = EXECUTING
+            self._tell()
+            for reply in goal.replies:
+                reply({"accepted": reply is goal.replies[0]})
+
+    def refuse(self) -> None:
+        for goal in self._asked()[:1]:
+            goal.status = ABORTED
+            for reply in goal.replies:
+                reply({"accepted": False})
+
+    def end(self, status: int) -> None:
+        for goal in [goal for goal in self.goals.values() if goal.status in (EXECUTING, CANCELING)][:1]:
+            goal.status = status
+            self._tell()
+            for reply in goal.askers:
+                reply({"status": status})
+
+    def answer_cancels(self, *, stops: bool) -> None:
+        asked, self.cancels = self.cancels, []
+        for id, reply in asked:
+            moving = [each for each in self.goals.values() if each.status in (EXECUTING, CANCELING)]
+            meant = [each for each in moving if id in (each.id, bytes(16))] if stops else []
+            reply({"return_code": 0, "goals_canceling": [{"goal_id": {"uuid": each.id}} for each in meant]})
+            for each in meant:
+                each.status = CANCELING
+        if stops:
+            self._tell()
+
+    def _asked(self) -> list[RobotGoal]:
+        return [goal for goal in self.goals.values() if goal.status == 0]
+
+    def _tell(self) -> None:
+        shown = [goal for goal in self.goals.values() if goal.status]
+        self._status.publish(
+            {"status_list": [{"goal_info": {"goal_id": {"uuid": goal.id}}, "status": goal.status} for goal in shown]}
+        )
+
+
+class World:
+    """One robot, one session, and everything that can happen to them."""
+
+    def __init__(self) -> None:
+        self.clock = VirtualClock()
+        self.loop = ClockLoop(self.clock)
+        self.wire = MemoryWire()
+        self.near = MemoryTransport(self.wire, self.loop, "/engine")
+        whole = profile()
+        self.profile = msgspec.structs.replace(
+            whole, actions={name: spec for name, spec in whole.actions.items() if name == "Speech"}
+        )
+        self.reports: list[RobotReport] = []
+        self.started: list[StartAction] = []
+        self.program: Program | None = None
+        self.programs: list[Program] = []
+        self.is_cut = False
+        self.is_stopped = False
+        """F9 was pressed, and nothing was started since."""
+        self.new_program()
+        self._connect([])
+        self.settle()
+
+    def _connect(self, adopted: list[StartAction]) -> None:
+        self.robot = Ros2Robot(self.profile, self.clock, self.near, read_mappings(self.profile, self.near.fields))
+        if adopted:
+            self.robot.adopt(adopted)
+        self.robot.connect(self.reports.append)
+
+    def settle(self, seconds: float = SETTLE) -> None:
+        self.loop.run_until(self.clock.now() + seconds)
+
+    # --- the truth, and what the session says ---
+
+    def moving(self) -> set[bytes]:
+        """Goals that move the robot, or may still begin to."""
+        return {goal.id for program in self.programs for goal in program.goals.values() if goal.can_move}
+
+    def ended_for_session(self) -> set[bytes]:
+        ended = {each.action for each in self.reports if isinstance(each, ActionReport) and each.status != "accepted"}
+        return {bytes.fromhex(goal.goal) for goal in self.started if goal.action in ended}
+
+    def open(self) -> tuple[OpenGoal, ...]:
+        """What the session says that may still be going on."""
+        said = [each.open for each in self.reports if isinstance(each, RobotChanged)]
+        return said[-1] if said else ()
+
+    def stop_said(self) -> StopReport | None:
+        said = [each for each in self.reports if isinstance(each, StopReport)]
+        return said[-1] if said and self.is_stopped else None
+
+    # --- what can happen ---
+
+    def start(self) -> None:
+        """The wizard starts an action; twice at most, which is enough for one beside another."""
+        if len(self.started) < 2:
+            number = len(self.started) + 1
+            goal = StartAction(f"{number}/a", "Speech", {"message": "Hello"}, 2.0, bytes([number] * 16).hex())
+            self.started.append(goal)
+            self.is_stopped = False
+            self.robot.start(goal)
+
+    def cancel(self) -> None:
+        for goal in self.started:
+            self.robot.cancel(goal.action)
+
+    def stop(self) -> None:
+        self.is_stopped = True
+        self.robot.stop_all()
+
+    def take(self) -> None:
+        for program in self._live():
+            program.take()
+
+    def take_unheard(self) -> None:
+        """It begins, and its answer is lost."""
+        lost = self.wire.drop("*/send_goal", what="reply")
+        self.take()
+        lost.stop()
+
+    def refuse(self) -> None:
+        for program in self._live():
+            program.refuse()
+
+    def finish(self) -> None:
+        for program in self._live():
+            program.end(SUCCEEDED)
+
+    def is_stopped_by_robot(self) -> None:
+        """What is being stopped ends."""
+        for program in self._live():
+            program.answer_cancels(stops=True)
+            program.end(CANCELED)
+
+    def refuses_to_stop(self) -> None:
+        for program in self._live():
+            program.answer_cancels(stops=False)
+
+    def program_ends(self) -> None:
+        if self.program is not None:
+            self.program.transport.close()
+            self.programs.remove(self.program)
+            self.program = None
+
+    def new_program(self) -> None:
+        if self.program is None:
+            self.program = Program(self)
+            self.programs.append(self.program)
+            if self.is_cut:
+                self.wire.forget("/robot")
+
+    def cut(self) -> None:
+        """The link is gone, and both sides have noticed; the robot goes on."""
+        self.is_cut = True
+        self.wire.forget("/robot")
+
+    def heal(self) -> None:
+        self.is_cut = False
+        self.wire.heal("/robot")
+
+    def wait(self) -> None:
+        self.settle(5.5)
+
+    def engine_dies(self) -> None:
+        """It is killed, and another one goes on with the session."""
+        heard = [each for each in self.reports if isinstance(each, ActionReport)]
+        accepted = {each.action for each in heard if each.status == "accepted"}
+        ended = self.ended_for_session()
+        known = {goal.action: goal.accepted for goal in self.open()}
+        self.robot._report, self.robot._closed = lambda report: None, True  # it says and asks nothing any more
+        if self.robot._stop is not None:
+            self.robot._stop.abandon()
+        self.near.close()
+        unfinished = [
+            msgspec.structs.replace(goal, accepted=known.get(goal.action, goal.action in accepted))
+            for goal in self.started
+            if goal.action in known or bytes.fromhex(goal.goal) not in ended
+        ]
+        for goal in unfinished:  # the kernel's word: it is lost
+            if bytes.fromhex(goal.goal) not in ended:
+                self.reports.append(ActionReport(action=goal.action, status="lost"))
+        self.near = MemoryTransport(self.wire, self.loop, "/engine")
+        if self.is_cut:
+            self.wire.forget("/robot")
+        self._connect(unfinished)
+
+    def _live(self) -> Iterator[Program]:
+        yield from self.programs
+
+    # --- for the exploration ---
+
+    def state(self) -> object:
+        """Everything that decides what can come of it; two worlds of one state are explored once."""
+        robot = self.robot
+        goals = [
+            (
+                goal.phase,
+                goal.may_be_running,
+                goal.is_accepted,
+                goal.why_open(),
+                goal.cancellation.wanted,  # type: ignore[union-attr]
+                goal.cancellation.confirmed,  # type: ignore[union-attr]
+                goal.cancellation.refused_at is not None,  # type: ignore[union-attr]
+            )
+            for goal in robot._goals.values()
+        ]
+        truth = [
+            (goal.id, goal.status, len(goal.replies), len(program.cancels), program is self.program)
+            for program in self.programs
+            for goal in program.goals.values()
+        ]
+        said = self.stop_said()
+        return (
+            repr(goals),
+            repr(truth),
+            self.is_cut,
+            self.program is None,
+            len(self.started),
+            None if said is None else (said.confirmed, said.unconfirmed),
+            {goal.action for goal in self.open()} == set(),
+        )
+
+
+EVENTS: dict[str, Callable[[World], None]] = {
+    name: getattr(World, name)
+    for name in (
+        *("start", "cancel", "stop", "wait"),
+        *("take", "take_unheard", "refuse", "finish", "is_stopped_by_robot", "refuses_to_stop"),
+        *("program_ends", "new_program", "cut", "heal", "engine_dies"),
+    )
+}
+
+
+def play(names: tuple[str, ...]) -> World:
+    """What has come of these events, one after the other."""
+    world = World()
+    for name in names:
+        EVENTS[name](world)
+        world.settle()
+        check(world)
+    return world
+
+
+def check(world: World) -> None:
+    """What the session says must be true."""
+    moving, ended = world.moving(), world.ended_for_session()
+    reports = [each for each in world.reports if isinstance(each, ActionReport) and each.status != "accepted"]
+    assert len({each.action for each in reports}) == len(reports), "an action has two endings"
+    said = world.stop_said()
+    if said is not None and PART in said.confirmed:
+        assert not moving, "the stop is confirmed, and something moves or may still begin"
+    told = {goal.action for goal in world.open()}
+    for goal in world.started:
+        id = bytes.fromhex(goal.goal)
+        if id in moving and id in ended:
+            assert goal.action in told, f"{goal.action} may be going on, and the session does not say so"
+    assert not any(program.moved_together for program in world.programs), "one began beside another that was to end"
+
+
+def check_that_nothing_is_held_for_ever(world: World) -> None:
+    """When the robot answers and ends everything, nothing is open any more."""
+    world.heal()
+    world.new_program()
+    world.settle()
+    for _ in world.started:
+        world.take()
+        world.settle()
+        world.robot.cancel_open_goals("")
+        world.settle()
+        world.is_stopped_by_robot()
+        world.finish()
+        world.settle(6.0)
+    check(world)
+    if all(not goal.accepted and "may have begun" in goal.reason for goal in world.open()):
+        world.robot.release_open_goals("")  # whom it was sent to, only the engine knew that has gone
+    assert not world.moving() and world.open() == (), world.open()
+
+
+def explore(depth: int) -> int:
+    """Play every sequence of up to `depth` events, but for those that lead to the same state as one before; how many
+    states there are."""
+    seen: set[object] = {repr(World().state())}
+    frontier: list[tuple[str, ...]] = [("start",)]
+    for _ in range(depth):
+        following: list[tuple[str, ...]] = []
+        for path in frontier:
+            for name in EVENTS:
+                world = play((*path, name))
+                key = repr(world.state())
+                if key not in seen:
+                    seen.add(key)
+                    check_that_nothing_is_held_for_ever(world)
+                    following.append((*path, name))
+        frontier = following
+    return len(seen)
+
+
+if __name__ == "__main__":
+    print(f"{explore(int(sys.argv[1]))} states, and what was said of them was so")

@@ -1,0 +1,101 @@
+"""The emergency stop that a profile names: heard from whoever publishes it, and a fault of the robot when it is not."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import pytest
+from msgspec.structs import replace
+from rise_adapters.ros2.robot.estop_input import SERVICE_TYPE
+from rise_adapters.ros2.transport.port import STATUS, QoS
+
+from rise_engine.kernel.inputs import EstopReport, RobotChanged
+from tests.ros.bench import profile
+from tests.ros.test_robot import Alone
+
+NAME, TYPE, SOURCE = "/estop_pressed", "std_msgs/msg/Bool", "estop:/estop_pressed"
+TOPIC = {"topic": NAME, "type": TYPE, "when": {"data": True}}
+PRESSED, LET_GO = EstopReport(source=SOURCE, pressed=True), EstopReport(source=SOURCE, pressed=False)
+
+
+def with_estop(**estop: Any) -> Alone:
+    return Alone(which=replace(profile(), options={"estop": estop}))
+
+
+def standing(robot: Alone) -> tuple[str, str]:
+    last = robot.of(RobotChanged)[-1]
+    return last.status, last.detail
+
+
+@pytest.mark.parametrize("offered", [QoS(), QoS(reliable=False), STATUS], ids=["usual", "best effort", "latched"])
+def test_it_is_heard_whatever_its_publisher_promises(offered: QoS) -> None:
+    robot = with_estop(**TOPIC)
+    button = robot.far.publisher(NAME, TYPE, offered)
+    if offered.latched:
+        button.publish({"data": True})
+    robot.run(1)
+    assert robot.of(EstopReport) == [PRESSED] * offered.latched, "what was said before this session"
+    for pressed in (True, True, False, False):
+        button.publish({"data": pressed})
+        robot.run(robot.clock.now() + 0.1)
+    assert robot.of(EstopReport) == [PRESSED, LET_GO], "what is said again is no news"
+
+
+def test_a_robot_whose_emergency_stop_cannot_be_heard_is_degraded() -> None:
+    robot = with_estop(**TOPIC, silent_after=3)
+    robot.run(6)
+    missing = "the emergency stop at /estop_pressed cannot be heard: nothing publishes it as std_msgs/msg/Bool"
+    assert standing(robot) == ("degraded", missing)
+    button = robot.far.publisher(NAME, TYPE)
+    for _ in range(3):
+        robot.run(robot.clock.now() + 1)
+        button.publish({"data": False})
+    assert standing(robot)[0] == "connected"
+    button.publish({"data": True})
+    robot.run(robot.clock.now() + 4)
+    was = "; it was pressed when it was heard last"
+    assert standing(robot) == ("degraded", f"the emergency stop at /estop_pressed has said nothing for 3 s{was}")
+    button.close()
+    robot.run(robot.clock.now() + 1)
+    assert standing(robot) == ("degraded", missing + was)
+    assert robot.of(EstopReport)[-1] == PRESSED, "who is not heard any more has let nothing go"
+
+
+def test_one_that_speaks_only_of_changes_is_not_known_until_then() -> None:
+    robot = with_estop(**TOPIC)
+    button = robot.far.publisher(NAME, TYPE)
+    robot.run(4)
+    unknown = "the emergency stop at /estop_pressed has said nothing yet, so whether it is pressed is not known"
+    assert standing(robot) == ("degraded", unknown)
+    button.publish({"data": False})
+    robot.run(60)
+    assert standing(robot)[0] == "connected" and robot.of(EstopReport) == [LET_GO]
+
+
+def test_which_values_mean_that_it_is_pressed() -> None:
+    robot = with_estop(topic="/safety", type="std_msgs/msg/UInt8", when={"data": [3, 6]})
+    button = robot.far.publisher("/safety", "std_msgs/msg/UInt8", STATUS)
+    robot.run(1)
+    for mode in (1, 3, 6, 7):
+        button.publish({"data": mode})
+        robot.run(robot.clock.now() + 0.1)
+    assert [report.pressed for report in robot.of(EstopReport)] == [False, True, False]
+
+
+def test_programs_press_it_by_a_service_too() -> None:
+    robot = with_estop(service="rise/estop")
+    robot.run(1)
+    assert standing(robot)[0] == "connected"
+    answers: list[Any] = []
+    client = robot.far.client("/rise/estop", SERVICE_TYPE)
+    for pressed in (True, True, False):
+        client.call({"data": pressed}, answers.append)
+        robot.run(robot.clock.now() + 0.1)
+    assert [(each.source, each.pressed) for each in robot.of(EstopReport)] == [
+        ("estop:/rise/estop", True),
+        ("estop:/rise/estop", False),
+    ]
+    assert all(answer["success"] for answer in answers) and answers[0]["message"] == "the emergency stop is pressed"
+    robot.robot.close()
+    robot.run(robot.clock.now() + 1)
+    assert client.count_servers() == 0

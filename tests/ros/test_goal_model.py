@@ -1,0 +1,66 @@
+"""What a goal can be on a robot, explored: no report says that it has stopped while it moves or may still begin."""
+
+from __future__ import annotations
+
+import pytest
+
+from tests.ros import goal_model
+from tests.ros.goal_model import World, play
+
+DEPTH = 3
+"""Events after the start. `./dev soak --goals 6` explores further."""
+
+
+def test_whatever_happens_the_session_says_what_is_so() -> None:
+    assert goal_model.explore(DEPTH) > 150
+
+
+@pytest.mark.parametrize(
+    ("events", "reason"),
+    [
+        (("start", "stop", "wait"), "it has not answered and may still begin"),
+        (("start", "take", "cancel", "refuses_to_stop", "wait", "refuses_to_stop"), "it refused to stop"),
+        (("start", "take", "cancel", "wait"), "it has not ended yet"),
+        (("start", "take", "cut"), "its program has gone"),
+        (("start", "stop", "wait", "take"), "it began late and is to stop"),
+        (("start", "take", "engine_dies"), "an engine that has gone began it"),
+        (("start", "engine_dies"), "an engine that has gone may have begun it"),
+    ],
+)
+def test_what_may_be_going_on_is_named_with_its_reason(events: tuple[str, ...], reason: str) -> None:
+    world = play(events)
+    assert [goal.reason for goal in world.open()] == [reason]
+
+
+def test_a_goal_that_begins_after_its_stop_is_stopped_and_the_panel_says_so() -> None:
+    world = play(("start", "stop", "wait"))
+    said = world.stop_said()
+    assert said is not None and said.unconfirmed == (f"{goal_model.PART} (it has not answered and may still begin)",)
+    play_more(world, "take")
+    said = world.stop_said()
+    assert said is not None and said.unconfirmed == (f"{goal_model.PART} (it began late and is to stop)",)
+    play_more(world, "is_stopped_by_robot")
+    said = world.stop_said()
+    assert said is not None and said.confirmed == (goal_model.PART,) and said.unconfirmed == ()
+
+
+def test_what_an_engine_left_behind_runs_on_until_somebody_asks() -> None:
+    world = play(("start", "take", "engine_dies", "wait"))
+    assert world.moving() and not any(program.cancels for program in world.programs)
+    world.robot.cancel_open_goals("")
+    world.settle()
+    play_more(world, "is_stopped_by_robot")
+    assert not world.moving() and world.open() == ()
+
+
+def test_a_part_that_a_person_releases_is_used_again() -> None:
+    world = play(("start", "take", "cancel", "refuses_to_stop", "wait", "refuses_to_stop", "start", "wait"))
+    assert world.reports[-1].status == "failed" and world.reports[-1].reason.startswith("held: ")  # type: ignore[union-attr]
+    world.robot.release_open_goals(goal_model.PART)
+    assert world.open() == ()
+
+
+def play_more(world: World, event: str) -> None:
+    goal_model.EVENTS[event](world)
+    world.settle()
+    goal_model.check(world)

@@ -1,0 +1,134 @@
+"""What a session leaves behind on a robot, with processes and the wire: its end says so, the next engine finds it."""
+
+from __future__ import annotations
+
+import json
+import signal
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import msgspec
+import pytest
+
+from rise_engine import exit_status
+from tests.ros.badrobot import Plan
+from tests.ros.bench import SPEECH, TYPES
+from tests.ros.contract.peers import missing
+from tests.ros.programs import PATIENCE, Program
+from tests.ros.session_node_bench import until
+
+pytestmark = [
+    pytest.mark.dds,
+    pytest.mark.slow,
+    pytest.mark.skipif(bool(missing("dds")), reason=missing("dds") or "there is no reason"),
+]
+
+PROFILE = """
+title = "Mini"
+driver = "ros2"
+{options}
+[actions.Speech.carrier]
+action = "/pepper/rise/speech"
+type = "rise_interfaces/action/Speech"
+goal = {{ message = "{{message}}" }}
+"""
+STUDY = {
+    "scenario.toml": 'title = "leftovers"\nrobot = "mini"\nmode = "real"\n',
+    "acts/a.xml": """<Dialog name="R_Talk">
+        <Speech><actionID>1</actionID><message>It goes on and on.</message></Speech></Dialog>""",
+    "rules/r.xml": """<InteractionRule name="Go" initial="a"><State id="a">
+        <onEntry><function startCommunicationRobotAct="R_Talk"/></onEntry>
+        <transition eventTopic="/never" target="a"/></State></InteractionRule>""",
+}
+
+
+class Lab:
+    """A study, a robot and its sessions, each in a process of its own."""
+
+    def __init__(self, folder: Path) -> None:
+        self.folder = folder
+        self.programs: list[Program] = []
+
+    def write_study(self, options: str = "") -> None:
+        for name, text in {**STUDY, "robots/mini.toml": PROFILE.format(options=options)}.items():
+            path = self.folder / "study" / name
+            path.parent.mkdir(parents=True, exist_ok=True)
+            path.write_text(text)
+
+    def start(self, name: str, *command: str) -> Program:
+        sessions = str(self.folder / "sessions")
+        program = Program(self.folder / f"{name}.log", sys.executable, "-m", *command, RISE_SESSIONS=sessions)
+        self.programs.append(program)
+        return program
+
+    async def robot(self, plan: Plan) -> Program:
+        order = {"names": {SPEECH: TYPES[SPEECH]}, "plans": [msgspec.to_builtins(plan)]}
+        robot = self.start("robot", "tests.ros.badrobot", json.dumps(order))
+        await robot.says('"ready"')
+        return robot
+
+    async def serve(self, name: str, *options: str) -> Program:
+        session = self.start(name, "rise_engine", "serve", str(self.folder / "study"), "--ros", "dds", *options)
+        await session.says("serving study")
+        return session
+
+    def records(self) -> list[dict[str, Any]]:
+        (journal,) = (self.folder / "sessions").glob("*/journal.jsonl")
+        lines = [json.loads(line) for line in journal.read_bytes().splitlines(keepends=True) if line.endswith(b"\n")]
+        return [line for line in lines if "kind" in line]
+
+
+@pytest.fixture
+def lab(tmp_path: Path) -> Iterator[Lab]:
+    made = Lab(tmp_path)
+    yield made
+    for program in made.programs:
+        if program.process.poll() is None:
+            program.process.kill()
+            program.process.wait()
+
+
+async def test_the_end_of_a_session_names_what_the_robot_goes_on_with(lab: Lab) -> None:
+    lab.write_study()
+    robot = await lab.robot(Plan(seconds=60, cancel="refuse"))
+    session = await lab.serve("session", "--rule", "Go", "--new")
+    await robot.says('"begin"')
+    assert session.end(signal.SIGTERM) == exit_status.STILL_RUNNING
+    assert "mini/speech may still be doing Speech (it refused to stop)" in session.said()
+    last = lab.records()[-1]
+    assert last["status"] == "ended"
+    assert [(goal["part"], goal["reason"]) for goal in last["open"]] == [("mini/speech", "it refused to stop")]
+
+
+async def test_what_a_killed_engine_left_running_is_named_first_and_then_stopped(lab: Lab) -> None:
+    lab.write_study()
+    robot = await lab.robot(Plan(seconds=60))
+    session = await lab.serve("session", "--rule", "Go", "--new")
+    await robot.says('"begin"')
+    await until(lambda: any(each.get("status") == "accepted" for each in lab.records()), PATIENCE)
+    session.process.kill()
+    session.process.wait()
+    again = await lab.serve("again", "--recover")
+    await robot.says('"end"')  # no wizard is there, so the session stops it by itself
+    await until(lambda: lab.records()[-1].get("open") == [], PATIENCE)
+    after = [each for each in lab.records() if each["kind"] in ("robot", "task")]
+    first = next(each for each in after if each["kind"] == "robot" and each["open"])
+    assert first["open"][0]["reason"] == "an engine that has gone began it" and first["status"] == "degraded"
+    assert [each["source"] for each in after if each.get("function") == "cancelOpenGoals"] == ["engine"]
+    assert again.end(signal.SIGTERM) == exit_status.OK
+
+
+async def test_a_profile_can_keep_what_a_killed_engine_left_running(lab: Lab) -> None:
+    lab.write_study('[options]\nleftovers = "keep"')
+    robot = await lab.robot(Plan(seconds=8))
+    session = await lab.serve("session", "--rule", "Go", "--new")
+    await robot.says('"begin"')
+    await until(lambda: any(each.get("status") == "accepted" for each in lab.records()), PATIENCE)
+    session.process.kill()
+    session.process.wait()
+    await lab.serve("again", "--recover")
+    await robot.says('"end".*"status": 4')
+    await until(lambda: lab.records()[-1].get("open") == [], PATIENCE)
+    assert '"cancel"' not in robot.said()
