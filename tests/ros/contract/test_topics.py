@@ -291,7 +291,7 @@ def test_of_what_comes_while_a_subscription_pauses_the_newest_is_read(pair: Pair
     name = f"{pair.name}/points"
     pair.near.subscribe(key=name, topic=name, type=STRING, depth=1, reliable=False, pause=0.05)
     pair.far.publisher(key=name, topic=name, type=STRING)
-    until(lambda: pair.far.subscribers(key=name) == 1)
+    until(lambda: pair.far.subscribers(key=name) == pair.near.publishers(key=name) == 1)
     pair.far.publish(key=name, messages=[{"data": f"{number:02}"} for number in range(50)])
     taken = [""]
     while taken[-1] != "49":
