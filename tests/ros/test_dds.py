@@ -23,7 +23,7 @@ pytest.importorskip("rosbags", reason="the extra dds is not installed")
 from cyclonedds.qos import Policy
 from rise_adapters.ros2.transport import vendors
 from rise_adapters.ros2.transport.dds import DdsTransport, domain, graph, names
-from rise_adapters.ros2.transport.dds.entities import dds_qos
+from rise_adapters.ros2.transport.dds.entities import dds_qos, list_matched
 from rise_adapters.ros2.transport.port import PortError, QoS, RemoteEndpoint
 
 from tests.patience import PATIENCE
@@ -458,3 +458,15 @@ async def test_the_graph_has_another_version_when_somebody_comes_or_goes(transpo
     await until(lambda: not transport.publisher_endpoints("/chat"))
     assert before < between < transport.graph_version()
     other.close()
+
+
+def test_who_is_matched_is_listed_anew_when_somebody_comes_while_dds_counts() -> None:
+    answers: list[list[int] | IndexError] = [IndexError("invalid index"), [7, 8]]
+
+    def handles() -> list[int]:
+        answer = answers.pop(0)
+        if isinstance(answer, IndexError):
+            raise answer
+        return answer
+
+    assert list_matched(handles) == [7, 8]
