@@ -21,7 +21,7 @@ ALL = (
         "check_start",
     ),
     *("journal", "acknowledge", "commands_under_load", "bad_clients", "attach", "start_console", "ros", "log"),
-    *("console_keys", "console_bytes", "console_day", "editor", "exports", "marks", "explore"),
+    *("console_keys", "console_bytes", "console_day", "editor", "exports", "long_session", "marks", "explore"),
 )
 
 names = sys.argv[1:] or ALL

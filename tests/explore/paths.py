@@ -31,11 +31,15 @@ def space_of(name: str, faults: int) -> Space:
 
 @cache
 def paths_of(name: str, faults: int, most: int = 60) -> dict[Fact, Path]:
-    """The way to each thing that is worth telling, and to some situations."""
+    """The way to each thing that is worth telling, to some situations, and to the first over which the robot is back."""
     space = space_of(name, faults)
     paths = Paths(space)
     found = {fact: path for fact in space.facts if fact[0] in TELLING and (path := paths.to_fact(fact)) is not None}
     count = len(space.situations)
     for number in range(0, count, max(1, count // most)):
         found["situation", number] = paths.to(number)
+    back = (target for number in range(count) for move, target, _ in space.steps_from(number) if move.kind == "back")
+    over_it = (paths.to(number) for number in back)
+    if over := next((path for path in over_it if any(step.move.kind == "back" for step in path.steps)), None):
+        found["back",] = over
     return found

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from rise_engine.kernel import act_runner, scheduler
+from rise_engine.kernel import act_runner, failures, scheduler
 
 from .comparison import MOVES, Play, difference, shortest_difference
 
@@ -31,6 +31,8 @@ def test_the_same_studies_every_time(first: int) -> None:
     ("owner", "name", "wrong"),
     [
         (act_runner, "CANCEL_LIMIT", 4.0),
+        (failures, "LONGEST_PAUSE", 3.0),
+        (failures.FailedActs, "robot_back", lambda self: None),
         (scheduler, "_OUTCOMES", {"SUCCEEDED": "succeeded", "ABORTED": "stopped", "CANCELED": "failed"}),
         (act_runner.ActRunner, "_pick_variant", lambda self, run, action: action.calls[0]),
     ],
@@ -39,7 +41,7 @@ def test_a_kernel_that_does_something_else_is_found(
     owner: object, name: str, wrong: object, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(owner, name, wrong)
-    study = next(study for study in range(100) if difference(study))
+    study = next(study for study in range(400) if difference(study))
     told = shortest_difference(study)
     assert f"study {study}, input" in told and ("  kernel " in told or "  interpreter " in told)
     assert f" of {MOVES} moves; again: python -m tests.reference --study {study})" in told
@@ -61,7 +63,7 @@ def test_the_studies_use_everything() -> None:
         *(f"stop {how}" for how in ("requested", "latched", "released")),
         *(f"countdown {how}" for how in ("began", "broken", "failed")),
         *(f"kept {how}" for how in ("kept", "taken", "expired", "taken-back")),
-        *(f"failure {how}" for how in ("asked", "repeated", "gone-on", "dropped")),
+        *(f"failure {how}" for how in ("asked", "waiting", "repeated", "gone-on", "dropped")),
         *(f"{how}{more}" for how in ("start", "resumed", "stepped back") for more in ("", ", without onEntry")),
         *("session recovered", "check", "outcome aborted", "recording stalled", "sync"),
         *("mistake", "timing ABORTED", "timing CANCELED", "note", "memory", "event", "condition", "robot lost"),

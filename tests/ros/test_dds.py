@@ -22,7 +22,7 @@ pytest.importorskip("rosbags", reason="the extra dds is not installed")
 
 from cyclonedds.qos import Policy
 from rise_adapters.ros2.transport import vendors
-from rise_adapters.ros2.transport.dds import DdsTransport, domain, graph, names
+from rise_adapters.ros2.transport.dds import DdsTransport, domain, graph, names, reader_thread
 from rise_adapters.ros2.transport.dds.entities import dds_qos, list_matched
 from rise_adapters.ros2.transport.port import PortError, QoS, RemoteEndpoint
 
@@ -142,6 +142,29 @@ async def test_a_thousand_messages_a_second_leave_room(transport: DdsTransport) 
             turns += 1
     assert heard == [str(number) for number in range(2000)]
     assert turns > 20
+
+
+async def test_a_reader_that_pauses_is_left_alone_and_then_gives_the_newest(
+    transport: DdsTransport, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    every: list[str] = []
+    newest: list[str] = []
+    transport.subscribe("said", TEXT, lambda message: every.append(message["data"]))
+    transport.subscribe("said", TEXT, lambda message: newest.append(message["data"]), QoS(depth=3), pause=3600.0)
+    other = opened("other")
+    say = other.publisher("said", TEXT)
+    await until(lambda: say.count_subscribers() == 2)
+    say.publish({"data": "first"})
+    await until(lambda: every == newest == ["first"])
+    for number in range(20):
+        say.publish({"data": str(number)})
+    await until(lambda: len(every) == 21)
+    assert newest == ["first"]
+    monkeypatch.setattr(reader_thread, "monotonic", lambda: time.monotonic() + 7200.0)
+    say.publish({"data": "last"})  # wakes the thread
+    await until(lambda: len(newest) > 1 and newest[-1] == "last")
+    assert newest[1:] == ["18", "19", "last"]
+    other.close()
 
 
 async def test_a_loop_that_is_busy_gets_what_was_sent_meanwhile_in_slices(transport: DdsTransport) -> None:

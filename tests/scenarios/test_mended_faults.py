@@ -69,6 +69,8 @@ def end_of(session: Session, act: str, status: str = "succeeded") -> None:
         session.report(goals[0], status)
         session.wait(3)
         confirm_cancels(session)
+        if status == "failed":
+            session.wait(3)  # where it is repeated, after a pause
 
 
 # --- greeting --------------------------------------------------------------------------------------------------------

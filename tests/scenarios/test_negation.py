@@ -91,6 +91,7 @@ def test_what_could_not_be_said_waits_for_a_decision() -> None:
     for _ in range(2):  # once more by itself
         for goal in list(session.goals):
             session.report(goal, "failed")
+        session.wait(2)
     assert session.states == {"Instructions": "Not said"}
     session.event("/done")
     assert session.states == {"Instructions": "Not said"}, "nobody has heard it"
