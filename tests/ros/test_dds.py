@@ -103,11 +103,11 @@ async def test_a_topic_a_service_and_an_end(transport: DdsTransport) -> None:
         await until(lambda: all(end.node for end in transport.publisher_endpoints("said")))
         types = [f"{SET}_Request", f"{SET}_Response"]
         usual = QoS(depth=10)
+        (said,) = transport.publisher_endpoints("said")
+        assert len(said.program) == 12
+        assert said == RemoteEndpoint("/peer", TEXT, transport.type_hash(TEXT), "0110", usual, said.program)
         assert transport.server_endpoints("set") == [
-            RemoteEndpoint("/peer", type, transport.type_hash(type), "0110", usual) for type in types
-        ]
-        assert transport.publisher_endpoints("said") == [
-            RemoteEndpoint("/peer", TEXT, transport.type_hash(TEXT), "0110", usual)
+            RemoteEndpoint("/peer", type, transport.type_hash(type), "0110", usual, said.program) for type in types
         ]
         assert transport.publisher_endpoints("heard") == []
         process.kill()
@@ -462,7 +462,7 @@ def test_endpoints_of_others_come_and_go() -> None:
     end = graph.DdsEndpoint(key, "rt/a", TEXT, {"typehash": "RIHS01_1"})
     seen.update_writer(end)
     seen.update_writer(graph.DdsEndpoint(own, "rt/a", TEXT, {}))
-    assert seen.find_writers("rt/a") == [RemoteEndpoint("", TEXT, "RIHS01_1", "0110")]
+    assert seen.find_writers("rt/a") == [RemoteEndpoint("", TEXT, "RIHS01_1", "0110", program=key[:12])]
     seen.set_nodes(key, [("/camera", [key])])
     assert [end.node for end in seen.find_writers("rt/a")] == ["/camera"]
     assert seen.topics("") == ["/a"] and seen.topics("/b") == []
