@@ -23,7 +23,7 @@ pytest.importorskip("rosbags", reason="the extra dds is not installed")
 from cyclonedds.qos import Policy
 from rise_adapters.ros2.transport import vendors
 from rise_adapters.ros2.transport.dds import DdsTransport, domain, graph, names, reader_thread
-from rise_adapters.ros2.transport.dds.entities import dds_qos
+from rise_adapters.ros2.transport.dds.entities import dds_qos, list_matched
 from rise_adapters.ros2.transport.port import PortError, QoS, RemoteEndpoint
 
 from tests.patience import PATIENCE
@@ -103,11 +103,11 @@ async def test_a_topic_a_service_and_an_end(transport: DdsTransport) -> None:
         await until(lambda: all(end.node for end in transport.publisher_endpoints("said")))
         types = [f"{SET}_Request", f"{SET}_Response"]
         usual = QoS(depth=10)
+        (said,) = transport.publisher_endpoints("said")
+        assert len(said.program) == 12
+        assert said == RemoteEndpoint("/peer", TEXT, transport.type_hash(TEXT), "0110", usual, said.program)
         assert transport.server_endpoints("set") == [
-            RemoteEndpoint("/peer", type, transport.type_hash(type), "0110", usual) for type in types
-        ]
-        assert transport.publisher_endpoints("said") == [
-            RemoteEndpoint("/peer", TEXT, transport.type_hash(TEXT), "0110", usual)
+            RemoteEndpoint("/peer", type, transport.type_hash(type), "0110", usual, said.program) for type in types
         ]
         assert transport.publisher_endpoints("heard") == []
         process.kill()
@@ -462,7 +462,7 @@ def test_endpoints_of_others_come_and_go() -> None:
     end = graph.DdsEndpoint(key, "rt/a", TEXT, {"typehash": "RIHS01_1"})
     seen.update_writer(end)
     seen.update_writer(graph.DdsEndpoint(own, "rt/a", TEXT, {}))
-    assert seen.find_writers("rt/a") == [RemoteEndpoint("", TEXT, "RIHS01_1", "0110")]
+    assert seen.find_writers("rt/a") == [RemoteEndpoint("", TEXT, "RIHS01_1", "0110", program=key[:12])]
     seen.set_nodes(key, [("/camera", [key])])
     assert [end.node for end in seen.find_writers("rt/a")] == ["/camera"]
     assert seen.topics("") == ["/a"] and seen.topics("/b") == []
@@ -481,3 +481,15 @@ async def test_the_graph_has_another_version_when_somebody_comes_or_goes(transpo
     await until(lambda: not transport.publisher_endpoints("/chat"))
     assert before < between < transport.graph_version()
     other.close()
+
+
+def test_who_is_matched_is_listed_anew_when_somebody_comes_while_dds_counts() -> None:
+    answers: list[list[int] | IndexError] = [IndexError("invalid index"), [7, 8]]
+
+    def handles() -> list[int]:
+        answer = answers.pop(0)
+        if isinstance(answer, IndexError):
+            raise answer
+        return answer
+
+    assert list_matched(handles) == [7, 8]

@@ -10,6 +10,7 @@ import pytest
 
 from rise_engine.scenario import load, memo
 from rise_engine.scenario.checker import ScenarioChecker
+from tests.chance import examples
 from tests.scenario.folders import SPEECH, act, folder, found, in_state, rule
 from tests.scenario.test_held_files import SCENARIOS, STUDIES, content, outcome
 
@@ -41,15 +42,16 @@ def broken(data: bytes, random: Random) -> bytes:
             return data[: random.randrange(len(data))]
 
 
+@pytest.mark.search
 @pytest.mark.slow
 @pytest.mark.parametrize("name", STUDIES)
 def test_each_check_finds_what_reading_all_files_finds(name: str, tmp_path: Path) -> None:
-    """Through a hundred changes of files, some undone, some files taken away, the memory of all that is kept."""
+    """Through many changes of files, some undone, some files taken away, the memory of all that is kept."""
     random = Random(name)
     whole = content(SCENARIOS / name)
     checker = ScenarioChecker(tmp_path / name)
     history: list[dict[str, bytes | None]] = [dict(whole)]
-    for step in range(80):
+    for step in range(examples(80)):
         if random.random() < 0.4:
             held = random.choice(history)
         else:

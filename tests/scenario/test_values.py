@@ -24,6 +24,9 @@ def nested(levels: int) -> Any:
     return value
 
 
+DEEP = nested(100_000)
+
+
 def json(text: str) -> Any:
     def duplicate(key: str, offset: int, first: int) -> None:
         raise JsonError(f"twice: {key}", offset)
@@ -187,7 +190,7 @@ def test_convert(parameter: Parameter, value: object, result: object) -> None:
         (Parameter("n", "integer"), 1e300),
         (Parameter("n", "integer"), {}),
         (Parameter("b", "boolean"), 10**4000),
-        (Parameter("t", "text"), nested(100_000)),
+        (Parameter("t", "text"), DEEP),
         (Parameter("v", "name"), 10**4000),
         (Parameter("n", "integer"), "1.5"),
         (Parameter("b", "boolean"), "yes"),
@@ -226,7 +229,7 @@ def test_reasons_name_the_memory_keys() -> None:
 JUNK = [None, True, 0, 10**400, -(10**4000), 1e300, float("inf"), float("nan"), "", "9" * 5000, "x" * 10**6]
 
 
-@pytest.mark.parametrize("value", [*JUNK, [], {}, nested(100_000)], ids=range(len(JUNK) + 3))
+@pytest.mark.parametrize("value", [*JUNK, [], {}, DEEP], ids=range(len(JUNK) + 3))
 def test_no_value_breaks_parameters_and_durations(value: Any) -> None:
     for spec in core_actions().values():
         for name in spec.parameters:

@@ -5,7 +5,8 @@ from __future__ import annotations
 import asyncio
 import logging
 from collections import deque
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
+from contextlib import suppress
 from typing import Any
 
 from cyclonedds import _clayer
@@ -98,7 +99,7 @@ class DdsWriter:
 
     def matched_readers(self) -> list[int]:
         """Handles of the readers that take it."""
-        return self._writer.get_matched_subscriptions() if self._writer is not None else []
+        return list_matched(self._writer.get_matched_subscriptions) if self._writer is not None else []
 
     def close(self) -> None:
         if self._timer is not None:
@@ -126,6 +127,14 @@ class DdsWriter:
         if code < 0 and code != DDSException.DDS_RETCODE_TIMEOUT:
             raise PortError(f"DDS does not send on {self.topic}: {DDSException(code)}")
         return bool(code >= 0)
+
+
+def list_matched(handles: Callable[[], list[int]]) -> list[int]:
+    """Handles of who is matched. DDS counts them first and lists them then; when somebody comes in between, the wheel's
+    list is too short and it raises IndexError, so it is asked again."""
+    while True:
+        with suppress(IndexError):
+            return handles()
 
 
 def make_reader(participant: DomainParticipant, topic: str, idl: type[IdlStruct], qos: Qos) -> DataReader[Any]:

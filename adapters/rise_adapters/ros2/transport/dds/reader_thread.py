@@ -23,7 +23,7 @@ from cyclonedds.domain import DomainParticipant
 from cyclonedds.internal import dds_infinity
 from cyclonedds.sub import DataReader
 
-from rise_adapters.ros2.transport.dds.entities import delete_entity
+from rise_adapters.ros2.transport.dds.entities import delete_entity, list_matched
 from rise_adapters.ros2.transport.inbox import Inbox
 
 _MOST_PER_TAKE = 500
@@ -65,7 +65,7 @@ class DdsReader:
 
     def matched_writers(self) -> list[int]:
         """Handles of the writers that it hears."""
-        return self._reader.get_matched_publications() if self.is_open else []
+        return list_matched(self._reader.get_matched_publications) if self.is_open else []
 
     def deliver(self, sample: Any) -> None:
         if self.is_open:
