@@ -155,13 +155,13 @@ def test_no_bundle(tmp_path: Path) -> None:
 
 
 def test_the_same_robot_without_its_fault(bundle: Path) -> None:
-    """In the sample, pointing fails once and is repeated; a robot without that fault does it at once."""
+    """In the sample, pointing fails once and is repeated; a robot without that fault does it the first time."""
     status, said, _ = run(bundle, "--robot", "generic")
     assert status == 1
     assert "2 of 2 sessions identical" in said
     assert "14 of 16 acts end as they had" in said
     assert "Point of wizard:W1, at 40.0 s: SUCCEEDED, not ABORTED" in said
-    assert "Point of wizard:W1 (number 2), at 41.0 s: was not played" in said
+    assert "Point of wizard:W1 (number 2), at 43.0 s: was not played" in said
     assert "the same way: Lamp, Visit" in said
     document = json.loads(run(bundle, "--robot", "generic", "--json")[1])
     assert document["on_robot"][0]["acts"] == 16
