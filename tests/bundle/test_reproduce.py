@@ -155,7 +155,7 @@ def test_no_bundle(tmp_path: Path) -> None:
 
 
 def test_the_same_robot_without_its_fault(bundle: Path) -> None:
-    """In the sample, pointing fails once and is repeated; a robot without that fault does it at once."""
+    """In the sample, pointing fails once and is repeated; a robot without that fault does it the first time."""
     status, said, _ = run(bundle, "--robot", "generic")
     assert status == 1
     assert "2 of 2 sessions identical" in said
