@@ -21,6 +21,7 @@
       ExportError                 The export cannot be made
       ExportFailed                Nothing was written
       FindingError                Marks cannot be looked for
+      HeaderError                 Where a message begins cannot be known any more
       IllegalScriptError          A text that is no expression of ECMAScript at all
       InvalidFilter               What is typed is no filter
       InvalidTime                 It is no time
