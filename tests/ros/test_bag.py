@@ -121,7 +121,7 @@ def test_the_file_is_whole_and_compressed(bag: Path, data: SessionData) -> None:
     from mcap.stream_reader import StreamReader
 
     file = mcap_of(bag).read_bytes()
-    assert check_file(file) > len(data.records)
+    assert check_file(file) > len(list(data.records))
     chunks = [record for record in StreamReader(BytesIO(file), emit_chunks=True).records if isinstance(record, Chunk)]
     assert chunks and all(chunk.compression == "zstd" and chunk.uncompressed_crc for chunk in chunks)
 

@@ -49,7 +49,7 @@ def text_of(folder: Path) -> str:
 
 def what_is_told(data: SessionData) -> object:
     """Everything but what the program says about what was asked for, which depends on what was written."""
-    told = msgspec.to_builtins((data.records, data.acts, data.cues, data.phases, data.points))
+    told = msgspec.to_builtins((list(data.records), data.acts, data.cues, data.phases, data.points))
     return _without_sentences(told)
 
 
