@@ -15,10 +15,12 @@ import asyncio
 import os
 import signal
 import sys
+import tempfile
 import time
 from collections.abc import Awaitable, Callable
 from contextlib import suppress
 from itertools import pairwise, product
+from pathlib import Path
 
 import msgspec
 from rise_adapters.ros2.actions.client import ABORTED
@@ -31,7 +33,7 @@ from rise_engine.engine.engine import Engine
 from rise_engine.kernel.records import RobotRecord
 from tests.ros.badrobot import Plan
 from tests.ros.bench import SPEECH, TYPES, Records, profile, scenario
-from tests.ros.contract.peers import ROOT, environment
+from tests.ros.contract.peers import ROOT, environment, fast_dds
 from tests.ros.test_faults_dds import Process, until
 
 PART = "pepper/speech"
@@ -164,7 +166,7 @@ async def play(goal: str, moment: str, robot: str, transport: str) -> list[str]:
             *(sys.executable, "-m", module, msgspec.json.encode(order).decode()),
             stdout=asyncio.subprocess.PIPE,
             cwd=ROOT,
-            env=environment(),
+            env=dict(os.environ),
         )
     )
     try:
@@ -217,7 +219,6 @@ def find_lies(case: Case, ended: float) -> list[str]:
 
 
 def open_transport(kind: str, loop: asyncio.AbstractEventLoop) -> Transport:
-    os.environ.update(environment())
     if kind == "dds":
         from rise_adapters.ros2.transport.dds import DdsTransport
 
@@ -228,6 +229,9 @@ def open_transport(kind: str, loop: asyncio.AbstractEventLoop) -> Transport:
 
 
 async def main(arguments: argparse.Namespace) -> int:
+    os.environ.update(environment())
+    if arguments.fast:
+        os.environ.update(fast_dds(Path(tempfile.mkdtemp(prefix="rise-matrix-"))))
     number, parts = map(int, arguments.part.split("/"))
     cases = list(product(GOALS, MOMENTS))[number - 1 :: parts]
     wrong = 0
@@ -246,5 +250,6 @@ if __name__ == "__main__":
     parser = argparse.ArgumentParser()
     parser.add_argument("--robot", choices=("dds", "rclpy"), default="dds")
     parser.add_argument("--transport", choices=("dds", "rclpy"), default="dds")
+    parser.add_argument("--fast", action="store_true", help="rclpy on Fast DDS instead of Cyclone DDS, on both sides")
     parser.add_argument("--part", default="1/1", help="the first of four quarters: 1/4")
     sys.exit(asyncio.run(main(parser.parse_args())))

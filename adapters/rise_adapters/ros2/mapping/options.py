@@ -19,6 +19,7 @@ from rise_engine.scenario.durations import MAX_SECONDS
 from rise_engine.scenario.model import RobotProfile
 
 DRIVER = "ros2"
+LEAST_FEEDBACK_SECONDS = 0.5
 
 
 def parse_options(
