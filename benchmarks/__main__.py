@@ -20,8 +20,8 @@ ALL = (
         "lsp_typing",
         "check_start",
     ),
-    *("journal", "acknowledge", "commands_under_load", "attach", "start_console", "ros", "log"),
-    *("console_keys", "console_bytes", "console_day", "editor", "exports", "marks", "explore"),
+    *("journal", "acknowledge", "commands_under_load", "bad_clients", "attach", "start_console", "ros", "log"),
+    *("console_keys", "console_bytes", "console_day", "editor", "exports", "long_session", "marks", "explore"),
 )
 
 names = sys.argv[1:] or ALL

@@ -39,7 +39,7 @@ _LAUNCH = """
 import os, sys
 child = os.posix_spawn(sys.argv[1], sys.argv[1:], os.environ)
 _, status, usage = os.wait4(child, 0)
-print("maxrss", usage.ru_maxrss)
+print("used", usage.ru_utime + usage.ru_stime, usage.ru_maxrss)
 sys.exit(os.waitstatus_to_exitcode(status))
 """
 """Starts a process and says how much memory it had. The system counts with that what its parent had, so this one is
@@ -102,16 +102,16 @@ def make_study(folder: Path) -> None:
         """Writes what the folders say into the log."""
 
 
-def measured(command: Sequence[str]) -> tuple[float, float]:
-    """Seconds of a process that must succeed, and the megabytes that it had at most."""
+def measured(command: Sequence[str]) -> tuple[float, float, float]:
+    """Seconds of a process that must succeed, its CPU seconds, and the megabytes that it had at most."""
     start = time.perf_counter()
     launch = [sys.executable, "-I", "-S", "-c", _LAUNCH, *command]
     process = subprocess.run(launch, capture_output=True, text=True, check=False)
     seconds = time.perf_counter() - start
     if process.returncode:
         raise SystemExit(f"{' '.join(command)} ended with {process.returncode}: {process.stderr}")
-    memory = float(process.stdout.rpartition("maxrss")[2])
-    return seconds, memory / (1024 * 1024 if sys.platform == "darwin" else 1024)
+    used, memory = map(float, process.stdout.rpartition("used")[2].split())
+    return seconds, used, memory / (1024 * 1024 if sys.platform == "darwin" else 1024)
 
 
 def main() -> bool:
@@ -124,13 +124,13 @@ def main() -> bool:
             f"Exports of a study: {len(sessions)} sessions of an hour, {records:,} records each", "wall time and memory"
         )
         report.target("records in a session", records, RECORDS, at_least=True)
-        seconds, memory = measured([sys.executable, "-c", _FLOOR, str(folder / "sessions")])
+        seconds, _, memory = measured([sys.executable, "-c", _FLOOR, str(folder / "sessions")])
         report.row("floor: reading all journals", f"{seconds:.1f} s", f"{memory:.0f} MB")
         export = [sys.executable, "-m", "rise_engine", "export", str(folder)]
         for format in format_names():
             for level in ("full", "shared"):
                 out = Path(name) / f"{format}-{level}"
-                seconds, memory = measured([*export, "--format", format, "--level", level, "-o", str(out)])
+                seconds, _, memory = measured([*export, "--format", format, "--level", level, "-o", str(out)])
                 report.target(f"{format}, {level}: seconds", seconds, SECONDS, at_least=False)
                 report.target(f"{format}, {level}: megabytes", memory, MEGABYTES, at_least=False)
                 shutil.rmtree(out) if out.is_dir() else out.unlink()
@@ -139,7 +139,7 @@ def main() -> bool:
             ("bundle", "study", "bundle", str(folder), "-o", str(out)),
             ("reproduce", "reproduce", str(out)),
         ):
-            seconds, memory = measured([sys.executable, "-m", "rise_engine", *command])
+            seconds, _, memory = measured([sys.executable, "-m", "rise_engine", *command])
             report.row(what, f"{seconds:.1f} s", f"{memory:.0f} MB")
     return report.met
 

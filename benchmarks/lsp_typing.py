@@ -1,17 +1,24 @@
 """From a key in an editor to its findings: `rise-engine lsp` as a process, a file of rules of LabLinking, one character
-at a time. Seconds on the clock, of both processes and the pipe between them."""
+at a time. Seconds on the clock, of both processes and the pipe between them. And the outline of a large file, beside
+that of an eighth of it."""
 
 from __future__ import annotations
 
 import asyncio
 import statistics
 import sys
+import tempfile
 import time
 from pathlib import Path
 
 from lsprotocol import types as lsp
-from measure import Report
+from measure import Report, cpu_seconds
 from pygls.lsp.client import LanguageClient
+from pygls.workspace import Workspace
+
+from rise_engine.lsp.served_study import ServedStudy
+from rise_engine.lsp.server import make_server
+from rise_engine.lsp.symbols import file_symbols
 
 FILE = Path(__file__).parents[1] / "scenarios" / "lablinking" / "rules" / "table_setting.xml"
 KEYS = 200
@@ -50,12 +57,32 @@ async def typed() -> list[float]:
     return sorted(seconds)
 
 
+def outline_seconds(folder: Path, rules: int) -> tuple[float, int]:
+    """CPU seconds for the symbols of a file with so many rules on one line, and its bytes."""
+    name = "rules/all.xml"
+    rule = '<InteractionRule name="R{0}" initial="A"><State id="A"><transition eventTopic="/{0} ü" target="B"/></State>'
+    text = "".join(f'{rule.format(number)}<State id="B"/></InteractionRule>' for number in range(rules))
+    (folder / "rules").mkdir(parents=True)
+    (folder / "scenario.toml").write_text('robot = "generic"\n')
+    (folder / name).write_text(f"<InteractionRules>{text}</InteractionRules>", "utf-8")
+    server, study = make_server(), ServedStudy(folder)
+    server.protocol._workspace = Workspace(None)
+    source = study.source(name)
+    assert source is not None and study.state  # what is read once
+    seconds = cpu_seconds(lambda: file_symbols(server, study, name, source), 1)
+    return seconds, len(source.data)
+
+
 def main() -> bool:
     seconds = asyncio.run(typed())
     report = Report("Findings while typing, through the language server", "on the clock")
     report.row("median", f"{statistics.median(seconds) * 1000:.1f} ms")
     report.row("longest", f"{seconds[-1] * 1000:.1f} ms")
     report.target("95 of 100 keys, ms", seconds[int(0.95 * KEYS)] * 1000, 100, at_least=False)
+    with tempfile.TemporaryDirectory() as folder:
+        (eighth, _), (whole, size) = (outline_seconds(Path(folder, str(rules)), rules) for rules in (1_600, 12_800))
+    report.row(f"symbols of {size / 1e6:.1f} MB on one line", f"{whole:.2f} s")
+    report.target("times an eighth of it", whole / eighth, 24, at_least=False)
     return report.met
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gc
 import os
 import shutil
 import signal
@@ -12,14 +13,30 @@ from contextlib import suppress
 import pytest
 from hypothesis import HealthCheck, settings
 
-from tests import virtual_time
+from tests import chance, virtual_time
 
 virtual_time.install()
 
-# For every property test: whether it passes never depends on how quick the machine is. A new clone has none of
-# hypothesis' cached tables yet, and its first examples take seconds.
-settings.register_profile("rise", deadline=None, suppress_health_check=[HealthCheck.too_slow])
-settings.load_profile("rise")
+# For every property test: whether it passes depends neither on chance nor on how quick the machine is. A new clone has
+# none of hypothesis' cached tables yet, and its first examples take seconds.
+settings.register_profile(
+    "fixed",
+    derandomize=True,
+    database=None,
+    max_examples=chance.examples(100),
+    deadline=None,
+    print_blob=True,
+    suppress_health_check=[HealthCheck.too_slow],
+)
+settings.register_profile("search", settings.get_profile("fixed"), derandomize=False)
+settings.load_profile("search" if chance.SEARCH else "fixed")
+
+
+def pytest_collection_finish() -> None:
+    """What has been imported stays: looking through it for garbage again and again was a tenth of the whole run."""
+    gc.collect()
+    gc.freeze()
+    gc.set_threshold(20_000, 50, 50)
 
 
 @pytest.fixture(scope="session", autouse=True)

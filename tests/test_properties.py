@@ -7,11 +7,14 @@ from pathlib import Path
 
 from hypothesis import HealthCheck, settings
 
+from tests import chance
+
 TESTS = Path(__file__).parent
 
 
-def test_no_property_test_depends_on_speed() -> None:
+def test_no_property_test_depends_on_chance_or_on_speed() -> None:
     usual = settings()
+    assert usual.derandomize != bool(chance.SEARCH) and usual.database is None
     assert usual.deadline is None
     assert HealthCheck.too_slow in usual.suppress_health_check
 
@@ -26,4 +29,5 @@ def test_no_test_has_a_rule_of_its_own_about_speed() -> None:
             continue
         for settings_ in re.findall(r"\bsettings\((?:[^()]|\([^()]*\))*\)", text):
             assert "deadline" not in settings_, (file, settings_)
+            assert not re.search(r"max_examples=\d", settings_), (file, settings_)
             assert "suppress_health_check=[Health" not in settings_, (file, settings_)

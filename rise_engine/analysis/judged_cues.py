@@ -324,11 +324,10 @@ def _marked_acts(
         return []
     marked = {task for marks in coders.values() for task in marks}
     acts = {act.task for act in data.acts if act.actor == "wizard" and act.status != "REJECTED"}
-    deeds = {
-        each.id: each
-        for each in reversed(data.records)
-        if isinstance(each, TaskRecord) and (each.id in acts or each.id in marked)
-    }
+    deeds: dict[int, TaskRecord] = {}
+    for each in data.records:
+        if isinstance(each, TaskRecord) and (each.id in acts or each.id in marked):
+            deeds.setdefault(each.id, each)
     return [
         MarkedAct(
             facts=data.facts,

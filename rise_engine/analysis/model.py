@@ -6,6 +6,7 @@ does not tell (`rise_engine.session.levels`) is not in here at all: a level is a
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from pathlib import Path
 from typing import Any, Literal, TypeAlias
 
@@ -243,8 +244,9 @@ class SessionData(Struct, frozen=True, kw_only=True):
     level: ExportLevel
     folder: Path
     """Where it lies; for what is read from there besides. Never to be told in an export."""
-    records: tuple[AnyRecord, ...]
-    """All of them, as the level tells them (`wall` is empty where that tells no times of day)."""
+    records: Iterable[AnyRecord]
+    """All of them, as the level tells them (`wall` is empty where that tells no times of day). A session may have a
+    million, so they are read from its journal each time that somebody goes through them."""
     acts: tuple[PlayedAct, ...] = ()
     """By when the engine took them."""
     cues: tuple[Cue, ...] = ()

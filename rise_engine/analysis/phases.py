@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 from collections import Counter
 from collections.abc import Iterable, Mapping
+from sys import intern
 
 from msgspec import Struct
 from msgspec.structs import replace
@@ -98,11 +99,11 @@ class PhaseCollector:
     @staticmethod
     def _phase(rule: str, found: _Open, end: float, ended_by: str) -> Phase:
         return Phase(
-            rule=rule,
-            state=found.state,
+            rule=intern(rule),
+            state=intern(found.state),
             start=found.start,
             end=end,
-            trigger=found.trigger,
+            trigger=intern(found.trigger),
             source=found.source,
             ended_by=ended_by,
             stepped_back=found.stepped_back,
@@ -144,7 +145,8 @@ class PointCollector:
 
 def _point_of(record: AnyRecord) -> Point | None:
     def point(kind: PointKind, name: str, value: str = "", source: str = "", task: int | None = None) -> Point:
-        return Point(at=record.t, kind=kind, name=name, value=value, source=source, task=task)
+        # Each record that is read has texts of its own; a long session has hundreds of thousands of these few.
+        return Point(at=record.t, kind=kind, name=intern(name), value=value, source=intern(source), task=task)
 
     match record:
         case NoteRecord():

@@ -19,9 +19,12 @@ from rise_engine.analysis.session_records import SessionRecords
 from rise_engine.kernel.records import (
     AnyRecord,
     CheckRecord,
+    CueRecord,
+    FailureRecord,
     OutcomeRecord,
     RecordingRecord,
     SessionRecord,
+    StopRecord,
     SyncRecord,
 )
 from rise_engine.scenario.model import Scenario
@@ -32,6 +35,11 @@ from rise_engine.session.media import MediaError, MediaFile, read_media
 from rise_engine.study.sessions import GIVEN_UP
 from rise_engine.study.traces import study_of_session, wizard_names
 
+_FEW = (
+    *(CheckRecord, RecordingRecord, SyncRecord, OutcomeRecord, SessionRecord),
+    *(FailureRecord, CueRecord, StopRecord),  # what `count_repairs` counts
+)
+"""Kinds of which even a long session has few."""
 UnreadableCallback = Callable[[Path, SessionError], object]
 """Gets a session's folder and why nothing in it can be read."""
 
@@ -111,38 +119,41 @@ def _read(
         scenario = source.load_scenario()
     except SessionError as error:
         problems.append(f"what the robot's actions take of it is not known for certain: {error}")
-    records = tuple(source.read())
     acts, phases, points = ActCollector(scenario), PhaseCollector(), PointCollector()
-    for record in records:
+    few: list[AnyRecord] = []
+    end = 0.0
+    for record in source.read():
         acts.add(record)
         phases.add(record)
         points.add(record)
+        if isinstance(record, _FEW):
+            few.append(record)
+        end = record.t
     played = acts.acts()
-    end = records[-1].t if records else 0.0
     media = _media(folder, problems) if level == "full" else ()
     data = SessionData(
-        facts=_facts(source, records, _judgement(source, study, records)),
+        facts=_facts(source, few, end, _judgement(source, study, few)),
         level=level,
         folder=folder,
-        records=records,
+        records=source,
         acts=played,
         cues=acts.cues(played),
         phases=phases.phases(end),
         points=points.points(),
-        checks=tuple({each.id: each for each in records if isinstance(each, CheckRecord)}.values()),
-        recordings=tuple({each.name: each for each in records if isinstance(each, RecordingRecord)}.values()),
-        syncs=tuple(each for each in records if isinstance(each, SyncRecord)),
+        checks=tuple({each.id: each for each in few if isinstance(each, CheckRecord)}.values()),
+        recordings=tuple({each.name: each for each in few if isinstance(each, RecordingRecord)}.values()),
+        syncs=tuple(each for each in few if isinstance(each, SyncRecord)),
         media=media,
-        repairs=count_repairs(records, played, phases.stepped_back),
+        repairs=count_repairs(few, played, phases.stepped_back),
         problems=tuple(problems),
     )
     return data, source.filter.people
 
 
-def _facts(source: SessionRecords, records: tuple[AnyRecord, ...], judgement: Judgement | None) -> SessionFacts:
+def _facts(source: SessionRecords, few: Iterable[AnyRecord], end: float, judgement: Judgement | None) -> SessionFacts:
     """What session.toml says, or else the journal, which says nearly all of it, too."""
     begun, info = source.begun or SessionRecord(0, 0.0, "", status="started"), source.info
-    recovered = [each for each in records if isinstance(each, SessionRecord) and each.status == "recovered"]
+    recovered = [each for each in few if isinstance(each, SessionRecord) and each.status == "recovered"]
     started = ""
     if source.level == "full":
         started = info.started if info is not None else begun.wall
@@ -167,7 +178,7 @@ def _facts(source: SessionRecords, records: tuple[AnyRecord, ...], judgement: Ju
         seed=info.seed if info is not None else begun.seed,
         speed=info.speed if info is not None else 1.0,
         started=started,
-        duration=records[-1].t if records else 0.0,
+        duration=end,
         ended=source.contents.ended,
         downtime=round(sum((each.downtime or 0.0 for each in recovered), 0.0), 6),
         recoveries=len(recovered),
@@ -175,14 +186,14 @@ def _facts(source: SessionRecords, records: tuple[AnyRecord, ...], judgement: Ju
     )
 
 
-def _judgement(source: SessionRecords, study: Path | None, records: tuple[AnyRecord, ...]) -> Judgement | None:
+def _judgement(source: SessionRecords, study: Path | None, few: Iterable[AnyRecord]) -> Judgement | None:
     """The study's word counts before the session's own."""
     participant = source.info.participant if source.info is not None else ""
     found = read_judgements(study).of(source.folder.resolve().name, participant)
     if found is not None:
         reason = found.reason if found.reason == GIVEN_UP else source.filter.count_typed_words(found.reason)
         return Judgement(found.status, reason)
-    said = [each for each in records if isinstance(each, OutcomeRecord)]
+    said = [each for each in few if isinstance(each, OutcomeRecord)]
     if said:
         return Judgement(said[-1].status, said[-1].reason)
     if not source.contents.ended and is_abandoned(source.folder):

@@ -83,6 +83,10 @@ class SessionRecords:
         self.mode = self.info.mode if self.info is not None else self.begun.mode if self.begun is not None else ""
         self.name = self._name()
 
+    def __iter__(self) -> Iterator[AnyRecord]:
+        """As `read`."""
+        return self.read()
+
     def read(self) -> Iterator[AnyRecord]:
         """Every record that can be read, in the journal's order. Raises SessionError when it cannot be read now."""
         if self.level == "full":

@@ -7,6 +7,7 @@ import sys
 import click
 
 from rise_engine.exit_status import USAGE
+from rise_engine.lsp.headers import CheckedHeaders, HeaderError
 
 
 @click.command("lsp")
@@ -23,7 +24,11 @@ def lsp(stdio: bool) -> None:
             raise
         click.echo('the language server needs a package: pip install "rise-tui[lsp]"', err=True)
         sys.exit(USAGE)
-    make_server().start_io()
+    try:
+        make_server().start_io(CheckedHeaders(sys.stdin.buffer))  # type: ignore[arg-type]  # what pygls reads with
+    except HeaderError as error:
+        click.echo(f"error: {error}", err=True)
+        sys.exit(USAGE)
 
 
 COMMANDS = {"lsp": lsp}

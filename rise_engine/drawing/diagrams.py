@@ -28,7 +28,7 @@ def mermaid_of_rules(rules: Sequence[Rule]) -> str:
     lines = ["stateDiagram-v2"]
     for number, rule in enumerate(rules):
         if len(rules) == 1:
-            lines += [f"    %% rule {clean(rule.name)}", *_mermaid_states(rule, "s", "    ")]
+            lines += [f"    %% rule {_mermaid(rule.name)}", *_mermaid_states(rule, "s", "    ")]
         else:
             inside = _mermaid_states(rule, f"r{number}s", "        ")
             lines += [f'    state "{_mermaid(rule.name)}" as r{number} {{', *inside, "    }"]

@@ -52,32 +52,48 @@ def write_eaf(out: Path, sessions: Iterable[SessionData], context: ExportContext
         found = lay_out(spans_of(data), clock, data.facts.duration)
         warn_of_lost(data, found.lost, context.warnings)
         folder = context.folder if context.folder is not None else out.absolute().parent
-        document = etree.ElementTree(_document(data, clock, found, folder))
         with out.open("xb") as file:
-            document.write(file, xml_declaration=True, encoding="UTF-8", pretty_print=True)
+            with etree.xmlfile(file, encoding="UTF-8") as xml:
+                xml.write_declaration()
+                _write_document(xml, data, clock, found, folder)
+            file.write(b"\n")
 
 
-def _document(data: SessionData, clock: MediaClock, found: TierSet, folder: Path) -> etree._Element:
-    root = etree.Element("ANNOTATION_DOCUMENT", nsmap={"xsi": _XSI})
-    root.set("AUTHOR", AUTHOR)
-    root.set("DATE", _date(data.facts.started))
-    root.set("FORMAT", "3.0")
-    root.set("VERSION", "3.0")
-    root.set(f"{{{_XSI}}}noNamespaceSchemaLocation", _SCHEMA)
-    header = etree.SubElement(root, "HEADER", MEDIA_FILE="", TIME_UNITS="milliseconds")
-    for linked in clock.linked:
-        _add_media(header, linked, folder)
-    annotations = sum(len(tier.annotations) for tier in found.tiers)
-    for name, value in _properties(data, clock, annotations):
-        etree.SubElement(header, "PROPERTY", NAME=name).text = one_line(value)
-    slots = etree.SubElement(root, "TIME_ORDER")
-    _add_tiers(root, slots, found.tiers)
-    etree.SubElement(
-        root, "LINGUISTIC_TYPE", LINGUISTIC_TYPE_ID=TYPE, TIME_ALIGNABLE="true", GRAPHIC_REFERENCES="false"
-    )
-    for stereotype, description in _CONSTRAINTS.items():
-        etree.SubElement(root, "CONSTRAINT", STEREOTYPE=stereotype, DESCRIPTION=description)
-    return root
+def _write_document(
+    xml: etree._IncrementalFileWriter, data: SessionData, clock: MediaClock, found: TierSet, folder: Path
+) -> None:
+    """Piece by piece: a long session has hundreds of thousands of annotations."""
+    attributes = {"AUTHOR": AUTHOR, "DATE": _date(data.facts.started), "FORMAT": "3.0", "VERSION": "3.0"}
+    attributes[f"{{{_XSI}}}noNamespaceSchemaLocation"] = _SCHEMA
+    slots, numbers = _time_slots(found.tiers)
+    with xml.element("ANNOTATION_DOCUMENT", attributes, nsmap={"xsi": _XSI}):
+        header = etree.Element("HEADER", MEDIA_FILE="", TIME_UNITS="milliseconds")
+        for linked in clock.linked:
+            _add_media(header, linked, folder)
+        for name, value in _properties(data, clock, len(slots) // 2):
+            etree.SubElement(header, "PROPERTY", NAME=name).text = one_line(value)
+        _write(xml, 1, header)
+        xml.write(_line(1))
+        with xml.element("TIME_ORDER"):
+            for slot, at in enumerate(slots, 1):
+                _write(xml, 2, etree.Element("TIME_SLOT", TIME_SLOT_ID=f"ts{slot}", TIME_VALUE=str(at)))
+            xml.write(_line(1))
+        _write_tiers(xml, found.tiers, numbers)
+        attributes = {"LINGUISTIC_TYPE_ID": TYPE, "TIME_ALIGNABLE": "true", "GRAPHIC_REFERENCES": "false"}
+        _write(xml, 1, etree.Element("LINGUISTIC_TYPE", attributes))
+        for stereotype, description in _CONSTRAINTS.items():
+            _write(xml, 1, etree.Element("CONSTRAINT", STEREOTYPE=stereotype, DESCRIPTION=description))
+        xml.write(_line(0))
+
+
+def _line(depth: int) -> str:
+    """A line end, and the blanks with which the next line begins."""
+    return "\n" + "  " * depth
+
+
+def _write(xml: etree._IncrementalFileWriter, depth: int, element: etree._Element) -> None:
+    etree.indent(element, level=depth)
+    xml.write(_line(depth), element)
 
 
 def _add_media(header: etree._Element, linked: LinkedFile, folder: Path) -> None:
@@ -113,25 +129,40 @@ def _properties(data: SessionData, clock: MediaClock, annotations: int) -> list[
     ]
 
 
-def _add_tiers(root: etree._Element, slots: etree._Element, tiers: Iterable[Tier]) -> None:
-    """Tiers, and the time slots that they refer to, numbered in the order of time as ELAN wants them."""
-    moments: list[tuple[int, int, etree._Element, str]] = []
-    number = 0
+def _time_slots(tiers: Iterable[Tier]) -> tuple[list[int], list[int]]:
+    """The times of all slots, in the order of time as ELAN wants them; and for the begin and the end of each
+    annotation, one after the other, the number of its slot."""
+    annotations = (annotation for tier in tiers for annotation in tier.annotations)
+    moments: list[tuple[int, bool, int]] = []
+    for annotation in annotations:
+        moments.append((annotation.start, True, len(moments)))
+        moments.append((annotation.end, False, len(moments)))
+    moments.sort()
+    numbers = [0] * len(moments)
+    for slot, (_, _, place) in enumerate(moments, 1):
+        numbers[place] = slot
+    return [at for at, _, _ in moments], numbers
+
+
+def _write_tiers(xml: etree._IncrementalFileWriter, tiers: Iterable[Tier], numbers: list[int]) -> None:
+    """Tiers with their annotations. `numbers`: of the time slots, as of `_time_slots`."""
+    slots = iter(numbers)
+    count = 0
     for tier in tiers:
-        row = etree.SubElement(root, "TIER", TIER_ID=tier.name, LINGUISTIC_TYPE_REF=TYPE, ANNOTATOR=AUTHOR)
+        attributes = {"TIER_ID": tier.name, "LINGUISTIC_TYPE_REF": TYPE, "ANNOTATOR": AUTHOR}
         if tier.doer != "session":
-            row.set("PARTICIPANT", tier.doer)
-        for annotation in tier.annotations:
-            number += 1
-            holder = etree.SubElement(etree.SubElement(row, "ANNOTATION"), "ALIGNABLE_ANNOTATION")
-            holder.set("ANNOTATION_ID", f"a{number}")
-            moments.append((annotation.start, 1, holder, "TIME_SLOT_REF1"))
-            moments.append((annotation.end, 0, holder, "TIME_SLOT_REF2"))
-            etree.SubElement(holder, "ANNOTATION_VALUE").text = annotation.text
-    moments.sort(key=lambda moment: moment[:2])
-    for slot, (at, _, holder, reference) in enumerate(moments, 1):
-        etree.SubElement(slots, "TIME_SLOT", TIME_SLOT_ID=f"ts{slot}", TIME_VALUE=str(at))
-        holder.set(reference, f"ts{slot}")
+            attributes["PARTICIPANT"] = tier.doer
+        xml.write(_line(1))
+        with xml.element("TIER", attributes):
+            for annotation in tier.annotations:
+                count += 1
+                row = etree.Element("ANNOTATION")
+                holder = etree.SubElement(row, "ALIGNABLE_ANNOTATION", ANNOTATION_ID=f"a{count}")
+                holder.set("TIME_SLOT_REF1", f"ts{next(slots)}")
+                holder.set("TIME_SLOT_REF2", f"ts{next(slots)}")
+                etree.SubElement(holder, "ANNOTATION_VALUE").text = annotation.text
+                _write(xml, 2, row)
+            xml.write(_line(1))
 
 
 def _date(started: str) -> str:

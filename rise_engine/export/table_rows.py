@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Callable, Iterator, Mapping
 from datetime import datetime
+from heapq import merge
 from typing import Any, TypeAlias
 
 from rise_engine.analysis.acts import actor_of
@@ -203,36 +204,41 @@ def _phase_rows(data: SessionData) -> Iterator[Row]:
 
 
 def _event_rows(data: SessionData) -> Iterator[Row]:
-    rows: list[dict[str, Any]] = []
+    def row(
+        onset: float, end: float | None, kind: str, name: str, value: str, source: str, task: int | None
+    ) -> dict[str, Any]:
+        return {
+            "onset": onset,
+            "duration": _between(onset, end) if end is not None else 0.0,
+            "kind": kind,
+            "name": name,
+            "value": value,
+            "source": source,
+            "actor": actor_of(source) if source else None,
+            "task": task,
+        }
 
-    def add(onset: float, end: float | None, kind: str, name: str, value: str, source: str, task: int | None) -> None:
-        rows.append(
-            {
-                "onset": onset,
-                "duration": _between(onset, end) if end is not None else 0.0,
-                "kind": kind,
-                "name": name,
-                "value": value,
-                "source": source,
-                "actor": actor_of(source) if source else None,
-                "task": task,
-            }
-        )
+    def row_of_act(act: PlayedAct) -> dict[str, Any]:
+        end = (act.ended_at if act.ended_at is not None else last) if act.started_at is not None else None
+        return row(_began(act), end, "act", act.act, act.status, act.source, act.task)
 
     last = data.facts.duration
-    for phase in data.phases:
-        add(phase.start, phase.end, "phase", phase.rule, phase.state, phase.source, None)
-    for cue in data.cues:
-        add(cue.at, None, "cue", "cue", cue.text, cue.source, cue.task)
-    for act in data.acts:
-        began = act.started_at if act.started_at is not None else act.accepted_at
-        end = (act.ended_at if act.ended_at is not None else last) if act.started_at is not None else None
-        add(began, end, "act", act.act, act.status, act.source, act.task)
-    for point in data.points:
-        add(point.at, None, point.kind, point.name, point.value, point.source, point.task)
-    rows.sort(key=lambda row: row["onset"])
-    for number, row in enumerate(rows, 1):
-        yield {"event": number, **row}
+    rows = merge(  # a long session has hundreds of thousands: one is made at a time
+        (row(each.start, each.end, "phase", each.rule, each.state, each.source, None) for each in data.phases),
+        (row(each.at, None, "cue", "cue", each.text, each.source, each.task) for each in data.cues),
+        (row_of_act(each) for each in sorted(data.acts, key=_began)),
+        (
+            row(each.at, None, each.kind, each.name, each.value, each.source, each.task)
+            for each in sorted(data.points, key=lambda point: point.at)
+        ),
+        key=lambda row: row["onset"],
+    )
+    for number, each in enumerate(rows, 1):
+        yield {"event": number, **each}
+
+
+def _began(act: PlayedAct) -> float:
+    return act.started_at if act.started_at is not None else act.accepted_at
 
 
 def _check_rows(data: SessionData) -> Iterator[Row]:

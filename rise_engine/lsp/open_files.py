@@ -1,4 +1,4 @@
-"""What editors say of open files, in whichever order."""
+"""What editors say of open files, in whichever order, and requests that are not as the protocol has them."""
 
 from __future__ import annotations
 
@@ -6,7 +6,9 @@ from collections.abc import Iterator
 from typing import Any
 from urllib.parse import unquote
 
+from cattrs import transform_error
 from lsprotocol import types as lsp
+from pygls.exceptions import JsonRpcException, JsonRpcInvalidParams
 from pygls.protocol import LanguageServerProtocol, lsp_method
 
 
@@ -17,6 +19,17 @@ class OpenFilesProtocol(LanguageServerProtocol):
     has made first what is written into it, and then that it is open and empty. Each change has the whole text
     (`TextDocumentSyncKind.Full`), so that a late one can be left out.
     """
+
+    def structure_message(self, data: dict[str, Any]) -> Any:
+        """As pygls, which says nothing to whoever waits for an answer to a request that it cannot read."""
+        try:
+            return super().structure_message(data)
+        except JsonRpcException as error:
+            if "id" in data and "method" in data:
+                why = "; ".join(transform_error(error.__cause__)) if error.__cause__ is not None else str(error)
+                refusal = JsonRpcInvalidParams(f"this is no request {data['method']} of the protocol: {why}")
+                self._send_response(data["id"], error=refusal.to_response_error())
+            raise
 
     @lsp_method(lsp.TEXT_DOCUMENT_DID_CHANGE)
     def lsp_text_document__did_change(self, params: lsp.DidChangeTextDocumentParams) -> Iterator[Any]:

@@ -7,11 +7,19 @@ CRLF or CR alone, columns count units of the encoding that client and server agr
 from __future__ import annotations
 
 import re
-from bisect import bisect_right
+from bisect import bisect_left, bisect_right
+from itertools import accumulate
 from typing import Literal, NamedTuple, TypeAlias
 
 PositionEncoding: TypeAlias = Literal["utf-8", "utf-16", "utf-32"]
 _LINE_END = re.compile(r"\r\n?|\n")
+_CODECS: dict[PositionEncoding, str] = {"utf-8": "utf-8", "utf-16": "utf-16-le", "utf-32": "utf-32-le"}
+_WIDE: dict[PositionEncoding, re.Pattern[str]] = {
+    "utf-8": re.compile("[\x80-\ud7ff\ue000-\U0010ffff]"),
+    "utf-16": re.compile("[\U00010000-\U0010ffff]"),
+    "utf-32": re.compile("(?!)"),
+}
+"""Characters of more than one unit. Half characters, which no encoding has, count as `?`."""
 _UNIT_BYTES: dict[PositionEncoding, int] = {"utf-8": 1, "utf-16": 2, "utf-32": 4}
 
 
@@ -28,7 +36,15 @@ class TextPositions:
     def __init__(self, text: str, encoding: PositionEncoding = "utf-16") -> None:
         self.text = text
         self._starts = [0, *(found.end() for found in _LINE_END.finditer(text))]
-        self._codec = {"utf-8": "utf-8", "utf-16": "utf-16-le", "utf-32": "utf-32-le"}[encoding]
+        wide = list(_WIDE[encoding].finditer(text))
+        self._wide = [found.start() for found in wide]
+        """Where characters stand that take more than one unit; a file may be one line of megabytes."""
+        self._more = [
+            0,
+            *accumulate(len(found[0].encode(_CODECS[encoding])) // _UNIT_BYTES[encoding] - 1 for found in wide),
+        ]
+        """The units beyond one that the first of them take, then the first two, ..."""
+        self._codec = _CODECS[encoding]
         self._unit = _UNIT_BYTES[encoding]
 
     def place(self, offset: int) -> LinePlace:
@@ -38,8 +54,11 @@ class TextPositions:
         LinePlace(line=1, units=2)
         """
         line = bisect_right(self._starts, offset) - 1
-        before = self.text[self._starts[line] : offset]
-        return LinePlace(line, len(before.encode(self._codec, "replace")) // self._unit)
+        return LinePlace(line, self._units(offset) - self._units(self._starts[line]))
+
+    def _units(self, offset: int) -> int:
+        """From the text's beginning."""
+        return offset + self._more[bisect_left(self._wide, offset)]
 
     def offset(self, line: int, units: int) -> int:
         """The reverse of `place`, kept within the text.

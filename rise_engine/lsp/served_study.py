@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from pathlib import Path
 
 from msgspec import UNSET
@@ -9,7 +10,7 @@ from msgspec.structs import replace
 
 from rise_engine.edit.edits import AddRule, Rename
 from rise_engine.edit.formatting import format_file
-from rise_engine.edit.plan import EditRefused, Files, Plan, Splice
+from rise_engine.edit.plan import EditRefused, Files, Plan
 from rise_engine.edit.planning import plan
 from rise_engine.edit.read_outline import read_outline
 from rise_engine.edit.remedies import Remedy, remedies
@@ -165,11 +166,16 @@ def _touches(source: SourceFile, found: Diagnostic, start: int, end: int) -> boo
     return first <= end and start <= last
 
 
-def splice_offsets(source: SourceFile, splice: Splice) -> tuple[int, int]:
-    """From where to where in its file's text a splice goes."""
-    mark = len(source.data) - len(source.data.removeprefix(b"\xef\xbb\xbf"))
-    start, end = (len(source.data[mark:at].decode(errors="replace")) for at in (splice.start, splice.end))
-    return start, end
+def text_offsets(source: SourceFile, offsets: Iterable[int]) -> dict[int, int]:
+    """Where in a file's text the bytes at these offsets stand. All at once, since each byte is decoded once then."""
+    found: dict[int, int] = {}
+    at = len(source.data) - len(source.data.removeprefix(b"\xef\xbb\xbf"))
+    count = 0
+    for offset in sorted({*offsets}):
+        count += len(source.data[at:offset].decode(errors="replace"))
+        at = max(at, offset)
+        found[offset] = count
+    return found
 
 
-__all__ = ["PositionEncoding", "ServedStudy", "place_of", "splice_offsets", "study_folder"]
+__all__ = ["PositionEncoding", "ServedStudy", "place_of", "study_folder", "text_offsets"]

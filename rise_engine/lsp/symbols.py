@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable
 
 from lsprotocol import types as lsp
 
 from rise_engine.edit.outline import Span
-from rise_engine.edit.plan import EditRefused, Splice
-from rise_engine.lsp.served_study import ServedStudy, splice_offsets
+from rise_engine.edit.plan import EditRefused
+from rise_engine.lsp.served_study import ServedStudy, text_offsets
 from rise_engine.lsp.study_server import StudyServer
 from rise_engine.scenario.source_files import SourceFile
 from rise_engine.scenario.uses import UsedKind
@@ -23,8 +23,11 @@ class _FileSymbols:
     def __init__(self, server: StudyServer, study: ServedStudy, name: str, source: SourceFile) -> None:
         self.server, self.name, self.source = server, name, source
         self.uses = study.checked.uses
-        self.states = self.uses.names("state")
-        self.spans = dict(_spans(study, name))
+        self.states: dict[str, list[str]] = {}
+        """By rule."""
+        for state in self.uses.names("state"):
+            self.states.setdefault(state.partition("/")[0], []).append(state)
+        self.spans = _spans(study, name)
 
     def find(self) -> list[lsp.DocumentSymbol]:
         acts = self.symbols("act", self.uses.names("act"), lsp.SymbolKind.Function)
@@ -39,9 +42,7 @@ class _FileSymbols:
                 start = self.source.offset(use.place.line, use.place.column)
                 end = start + use.length
                 first, last = self.spans.get((kind, each), (start, end))
-                states = [
-                    state for state in self.uses.names("state") if kind == "rule" and state.startswith(f"{each}/")
-                ]
+                states = self.states.get(each, []) if kind == "rule" else []
                 found.append(
                     lsp.DocumentSymbol(
                         each.partition("/")[2] if kind == "state" else each,
@@ -54,23 +55,19 @@ class _FileSymbols:
         return sorted(found, key=lambda each: (each.range.start.line, each.range.start.character))
 
 
-def _spans(study: ServedStudy, name: str) -> Iterator[tuple[tuple[str, str], tuple[int, int]]]:
+def _spans(study: ServedStudy, name: str) -> dict[tuple[str, str], tuple[int, int]]:
     """From where to where acts, rules and states stand in a file: by that an editor knows in which the cursor is."""
     try:
         outline = study.state.outline
     except EditRefused:  # the folder cannot be read
-        return
+        return {}
     source = study.source(name)
     assert source is not None  # its names were read
 
-    def offsets(span: Span) -> tuple[int, int]:
-        return splice_offsets(source, Splice(name, span.start, span.end, b""))
-
-    for act in outline.acts:
-        if act.file == name:
-            yield ("act", act.name), offsets(act.span)
+    spans: dict[tuple[str, str], Span] = {("act", act.name): act.span for act in outline.acts if act.file == name}
     for rule in outline.rules:
         if rule.file == name:
-            yield ("rule", rule.name), offsets(rule.span)
-            for state in rule.states:
-                yield ("state", f"{rule.name}/{state.id}"), offsets(state.span)
+            spans["rule", rule.name] = rule.span
+            spans.update({("state", f"{rule.name}/{state.id}"): state.span for state in rule.states})
+    offsets = text_offsets(source, (at for span in spans.values() for at in (span.start, span.end)))
+    return {named: (offsets[span.start], offsets[span.end]) for named, span in spans.items()}

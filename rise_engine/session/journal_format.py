@@ -10,6 +10,7 @@ the CRC-32 (IEEE 802.3) of all bytes of the line before `,"crc"`, as eight hexad
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterable
 from typing import TypeAlias
 from zlib import crc32
@@ -25,8 +26,8 @@ from rise_engine.kernel.records import AnyRecord
 FORMAT = 5
 """Goes up when older programs could not read what is written. 2: sessions of studies, with what is reported about them
 (`check`, `outcome`, `recording`, `sync`); as early as 1 there were kinds that its first programs do not know. 3: when a
-mark began. 4: the language of the session. 5: what the robot may still be doing, what takes no stop, and the pause
-before a failed act is repeated."""
+mark began. 4: the language of the session. 5: what the robot may still be doing, what takes no stop, who holds it, and
+the pause before a failed act is repeated."""
 _NEW_FIELDS: dict[int, dict[str, frozenset[str]]] = {
     2: {
         "session": frozenset({"study", "study_hash", "slot", "run", "attempt", "purpose", "factors", "downtime"}),
@@ -63,8 +64,12 @@ class _Number(Struct):
     n: int
 
 
+_read_number = msgspec.json.Decoder(_Number).decode
 _read_input = msgspec.json.Decoder(AnyInput).decode
 _read_record = msgspec.json.Decoder(AnyRecord).decode
+
+_CHECKSUM_BYTES = len(b',"crc":"01234567"}')
+"""At the end of a line."""
 
 JournalLine: TypeAlias = JournalHeader | InputLine | AnyRecord
 
@@ -120,10 +125,10 @@ def join_step(line: bytes, encoded: Iterable[bytes]) -> bytes:
 
 def read_line(data: bytes) -> JournalLine:
     """What a line (without its line end) holds. Raises LineError, NewerFormatError."""
-    body, mark, rest = data.rpartition(b',"crc":"')
-    if not mark or len(rest) != 10 or rest[8:] != b'"}':
-        raise LineError("it has no check sum at its end")
-    if b"%08x" % crc32(body) != rest[:8]:
+    body = data[:-_CHECKSUM_BYTES]
+    if data[-_CHECKSUM_BYTES:] != b',"crc":"%08x"}' % crc32(body):
+        if re.fullmatch(rb',"crc":".{8}"}', data[-_CHECKSUM_BYTES:], re.DOTALL) is None:
+            raise LineError("it has no check sum at its end")
         raise LineError("its check sum does not fit: something in it was changed or damaged")
     text = body + b"}"
     try:
@@ -131,7 +136,7 @@ def read_line(data: bytes) -> JournalLine:
             record: AnyRecord = _read_record(text)
             return record
         if text.startswith(b'{"n"'):
-            return InputLine(msgspec.json.decode(text, type=_Number).n, _read_input(text))
+            return InputLine(_read_number(text).n, _read_input(text))
         header = msgspec.json.decode(text, type=JournalHeader)
     except (msgspec.DecodeError, UnicodeDecodeError) as error:
         raise NewerFormatError(f"it holds something that this version does not know ({error})") from None

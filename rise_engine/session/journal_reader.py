@@ -38,6 +38,7 @@ _PROGRESS_LINES = 1_000
 """Lines between two looks at the clock."""
 PROGRESS_SECONDS = 0.5
 """Between two sentences."""
+_OUT_OF_PLACE = "its number was there before: it stands here a second time, or in the wrong place"
 
 
 class ReadingProgress:
@@ -126,6 +127,31 @@ class JournalContents(Struct):
         with _open_journal(self.path) as file:
             yield from _read_valid_lines(file, self.size, JournalContents(self.path))
 
+    def follow(self, on_progress: ProgressCallback | None = None) -> Iterator[tuple[int, bytes, JournalLine]]:
+        """The lines of a journal of which only the path is known so far; everything else is known as far as they have
+        been given, and all of it after the last one. Parameters and errors as of `read_journal`."""
+        progress = ReadingProgress(on_progress)
+        with _open_journal(self.path) as file:
+            end = file.seek(0, SEEK_END)
+            if not end:
+                raise SessionError(f"{self.path} is empty: nothing was ever recorded")
+            file.seek(0)
+            for number, line, found in _read_valid_lines(file, end, self):
+                yield number, line, found
+                if number % _PROGRESS_LINES == 0:
+                    progress.report(lambda: f"reading the record: {self.size / 1e6:,.0f} of {end / 1e6:,.0f} MB")
+            file.seek(self.size)
+            self.torn = file.read(end - self.size)
+        if self.size == 0:
+            reason = (
+                "its first line is no header of a journal" if b"\n" in self.torn else "not even its first line is whole"
+            )
+            raise SessionError(f"{self.path} holds nothing that can be read: {reason}")
+        last = self.last_record
+        self.ended = self.ended or (isinstance(last, SessionRecord) and last.status == "ended")
+        if self.header is None and 1 not in self.damaged:
+            self.damaged = {1: "it is no header of a journal", **self.damaged}
+
 
 def read_journal(path: Path, on_progress: ProgressCallback | None = None) -> JournalContents:
     """Go through the journal in the file `path` once: what is in it, and how far it can be believed.
@@ -150,36 +176,9 @@ def read_journal(path: Path, on_progress: ProgressCallback | None = None) -> Jou
         >>> contents.inputs, contents.records, contents.seconds, contents.ended, contents.torn
         (1, 1, 2.5, False, b'{"kind":"no')
     """
-    progress = ReadingProgress(on_progress)
     contents = JournalContents(path)
-    with _open_journal(path) as file:
-        end = file.seek(0, SEEK_END)
-        if not end:
-            raise SessionError(f"{path} is empty: nothing was ever recorded")
-        file.seek(0)
-        for number, _, found in _read_valid_lines(file, end, contents):
-            if isinstance(found, JournalHeader):
-                contents.header = found
-            elif isinstance(found, InputLine):
-                contents.inputs += 1
-                contents.input_t = found.input.t
-                contents.ended = isinstance(found.input, SessionEnded)
-            else:
-                contents.records += 1
-                contents.last_record = found
-            if number % _PROGRESS_LINES == 0:
-                progress.report(lambda: f"reading the record: {contents.size / 1e6:,.0f} of {end / 1e6:,.0f} MB")
-        file.seek(contents.size)
-        contents.torn = file.read(end - contents.size)
-    if contents.size == 0:
-        reason = (
-            "its first line is no header of a journal" if b"\n" in contents.torn else "not even its first line is whole"
-        )
-        raise SessionError(f"{path} holds nothing that can be read: {reason}")
-    last = contents.last_record
-    contents.ended = contents.ended or (isinstance(last, SessionRecord) and last.status == "ended")
-    if contents.header is None and 1 not in contents.damaged:
-        contents.damaged = {1: "it is no header of a journal", **contents.damaged}
+    for _ in contents.follow(on_progress):
+        pass
     return contents
 
 
@@ -199,15 +198,15 @@ def _read_valid_lines(file: IO[bytes], end: int, contents: JournalContents) -> I
     """Go through a journal from its beginning: the valid lines before the offset `end`, with their numbers, without
     their line ends, and what they hold.
 
-    `contents` gets the last numbers and the size up to the line that is given, and what is damaged or missing before.
+    `contents` gets what is known up to the line that is given, and what is damaged or missing before.
     """
     suspect: dict[int, str] = {}
     """Unreadable lines with nothing valid after them so far."""
     offset = input_line = record_line = 0
     for number, line in enumerate(file, 1):
-        if not line.endswith(b"\n") or offset + len(line) > end:
-            break  # the beginning of a line
         offset += len(line)
+        if offset > end or not line.endswith(b"\n"):
+            break  # the beginning of a line
         line = line[:-1]
         try:
             found = read_line(line)
@@ -217,11 +216,13 @@ def _read_valid_lines(file: IO[bytes], end: int, contents: JournalContents) -> I
             suspect[number] = str(error)
             continue
         if isinstance(found, JournalHeader):
-            if number > 1:
-                suspect[number] = "it is a second header"
-                continue
-        elif found.n <= contents.last_input if isinstance(found, InputLine) else found.seq <= contents.last_seq:
-            suspect[number] = "its number was there before: it stands here a second time, or in the wrong place"
+            problem = "it is a second header" if number > 1 else ""
+        elif isinstance(found, InputLine):
+            problem = _OUT_OF_PLACE if found.n <= contents.last_input else ""
+        else:
+            problem = _OUT_OF_PLACE if found.seq <= contents.last_seq else ""
+        if problem:
+            suspect[number] = problem
             continue
         if suspect:
             contents.damaged.update(suspect)
@@ -231,10 +232,17 @@ def _read_valid_lines(file: IO[bytes], end: int, contents: JournalContents) -> I
             if found.n != contents.last_input + 1:
                 _note_gap(contents, "input", contents.last_input + 1, found.n - 1, input_line, number)
             contents.last_input, input_line = found.n, number
-        elif not isinstance(found, JournalHeader):
+            contents.inputs += 1
+            contents.input_t = found.input.t
+            contents.ended = isinstance(found.input, SessionEnded)
+        elif isinstance(found, JournalHeader):
+            contents.header = found
+        else:
             if found.seq != contents.last_seq + 1:
                 _note_gap(contents, "record", contents.last_seq + 1, found.seq - 1, record_line, number)
             contents.last_seq, record_line = found.seq, number
+            contents.records += 1
+            contents.last_record = found
         yield number, line, found
 
 

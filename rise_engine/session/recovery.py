@@ -17,11 +17,11 @@ from rise_engine.kernel import Kernel
 from rise_engine.kernel.view import SessionView
 from rise_engine.scenario.model import Scenario
 from rise_engine.session.disk import Disk, error_message
-from rise_engine.session.folder import JOURNAL, SessionError, SessionInfo, read_info
+from rise_engine.session.folder import JOURNAL, SessionError, SessionInfo, has_ended, read_info
 from rise_engine.session.journal_format import encode_header, encode_record, with_checksum
 from rise_engine.session.journal_reader import JournalContents, ProgressCallback, read_journal
 from rise_engine.session.lock import JournalLock
-from rise_engine.session.replay import Replay, load_session_scenario, require_inputs
+from rise_engine.session.replay import Replay, load_session_scenario
 
 CLOCK = "clock"
 BLOCK = 1_000_000
@@ -84,29 +84,28 @@ def recover(
 def _recover(folder: Path, disk: Disk, lock: JournalLock, on_progress: ProgressCallback | None) -> RecoveredSession:
     path = folder / JOURNAL
     info = read_info(folder)
-    contents = read_journal(path, on_progress)
-    if contents.ended:
-        last = contents.last_record
-        when = f"at {last.wall}" if last is not None and last.wall else f"after {contents.seconds:.1f} s"
-        raise SessionError(f"the session {folder.name} ended in order {when}: there is nothing to recover")
-    require_inputs(path, contents)
-    if not contents.inputs:
-        raise SessionError(f"{path} has no input: nothing happened in this session, so start a new one")
+    if has_ended(folder) and (known := read_journal(path, on_progress)).ended:  # without working all of it out
+        raise _nothing_to_recover(folder, known)
     report: list[str] = []
     scenario = load_session_scenario(folder, info, report)
     kernel = Kernel(scenario, info.seed)
-    replay = Replay(kernel, contents, on_progress)
+    replay = Replay(kernel, path, on_progress)
     view = SessionView()
     for step in replay.steps():
         for record in step.records:
             view.apply(record)
+    contents = replay.contents
+    if contents.ended:
+        raise _nothing_to_recover(folder, contents)
+    if not contents.inputs:
+        raise SessionError(f"{path} has no input: nothing happened in this session, so start a new one")
     if replay.difference is not None:
         raise SessionError(
             f"the session {folder.name} does not repeat: {replay.difference}. Either the journal or session.toml was "
             f"changed, or another version of this program wrote it ({_versions_text(info)}): recover it with that "
             "version. It can be exported with this one (rise-engine export)"
         )
-    fresh_replay = Replay(Kernel(scenario, info.seed), contents, on_progress)
+    fresh_replay = Replay(Kernel(scenario, info.seed), path, on_progress)
     try:
         size = _repair_journal(contents, replay, fresh_replay, info, disk, lock, report)
     except OSError as error:
@@ -128,6 +127,12 @@ def _recover(folder: Path, disk: Disk, lock: JournalLock, on_progress: ProgressC
         last_wall=contents.last_record.wall if contents.last_record is not None else "",
         report=[text if text.endswith(".") else f"{text[:1].upper()}{text[1:]}." for text in report],
     )
+
+
+def _nothing_to_recover(folder: Path, contents: JournalContents) -> SessionError:
+    last = contents.last_record
+    when = f"at {last.wall}" if last is not None and last.wall else f"after {contents.seconds:.1f} s"
+    return SessionError(f"the session {folder.name} ended in order {when}: there is nothing to recover")
 
 
 def _repair_journal(

@@ -176,7 +176,7 @@ class _Redaction:
                 f"{self._path} is damaged, so nobody can prove that it still says what happened without the words. "
                 "Nothing was changed; what can be read can be exported, and the folder can be deleted"
             )
-        require_inputs(self._path, contents)
+        require_inputs(contents)
 
     def _refuse_pseudonym(self, info: SessionInfo) -> None:
         if self._words.find(info.participant):
@@ -296,10 +296,10 @@ class _Redaction:
 
     def _prove_replay(self, info: SessionInfo) -> None:
         """Raises RedactionRefused unless what stands in the new file now replays identically."""
-        contents = read_journal(self._new)
-        replay = Replay(Kernel(load_session_scenario(self._folder, info, []), info.seed), contents)
+        replay = Replay(Kernel(load_session_scenario(self._folder, info, []), info.seed), self._new)
         for _ in replay.steps():
             pass
+        contents = replay.contents
         if replay.difference is not None or replay.missing or contents.damaged or contents.torn:
             raise RedactionRefused(f"the new journal does not replay ({replay.difference}). Nothing was changed")
 

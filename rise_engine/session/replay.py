@@ -21,8 +21,8 @@ from rise_engine.kernel.records import AnyRecord
 from rise_engine.scenario import load
 from rise_engine.scenario.model import Scenario
 from rise_engine.session.folder import JOURNAL, SessionError, SessionInfo, load_scenario_copy, read_info, spoken_as
-from rise_engine.session.journal_format import InputLine, JournalHeader, encode_record, fields_left_out
-from rise_engine.session.journal_reader import JournalContents, ProgressCallback, ReadingProgress, read_journal
+from rise_engine.session.journal_format import InputLine, JournalHeader, encode_record, fields_left_out, with_checksum
+from rise_engine.session.journal_reader import JournalContents, ProgressCallback
 from rise_engine.session.scenario_copies import offer_changed
 
 NO_RECORD = "(no record)"
@@ -93,21 +93,18 @@ def compare_replay(folder: Path, scenario: Path | None = None) -> ReplayComparis
         print("identical" if comparison.identical else comparison.difference)
     """
     info = read_info(folder)
-    path = folder / JOURNAL
-    contents = read_journal(path)
-    require_inputs(path, contents)
     notes: list[str] = []
     model = (
         load_session_scenario(folder, info, notes) if scenario is None else _load_other_scenario(scenario, info, notes)
     )
+    replay = Replay(Kernel(model, info.seed), folder / JOURNAL)
+    for _ in replay.steps():
+        pass
+    contents = replay.contents
     if not contents.ended:
         notes.append("the session has not ended in order: it is running, or its engine went away")
     if contents.torn:
         notes.append(f"the last {len(contents.torn)} bytes of {JOURNAL} are torn and were left out")
-
-    replay = Replay(Kernel(model, info.seed), contents)
-    for _ in replay.steps():
-        pass
     if replay.unwritten and replay.difference is None:
         first, last = replay.unwritten[0].seq, replay.unwritten[-1].seq
         which = f"record {first}" if first == last else f"records {first} to {last}"
@@ -126,11 +123,11 @@ def compare_replay(folder: Path, scenario: Path | None = None) -> ReplayComparis
 # --- what recovery needs too ----------------------------------------------------------------------------------------
 
 
-def require_inputs(path: Path, contents: JournalContents) -> None:
+def require_inputs(contents: JournalContents) -> None:
     """Raises SessionError when an input in the middle is not there."""
     lost = next((gap for gap in contents.gaps if gap.what == "input"), None)
     if lost is not None:
-        raise SessionError(f"{path}: {lost}. {CANNOT_REPLAY}")
+        raise SessionError(f"{contents.path}: {lost}. {CANNOT_REPLAY}")
 
 
 def load_session_scenario(folder: Path, info: SessionInfo, notes: list[str]) -> Scenario:
@@ -180,10 +177,12 @@ class Replay:
     Iterate over it to its end; one step at a time is in memory.
     """
 
-    def __init__(self, kernel: Kernel, contents: JournalContents, on_progress: ProgressCallback | None = None) -> None:
+    def __init__(self, kernel: Kernel, path: Path, on_progress: ProgressCallback | None = None) -> None:
         self._kernel = kernel
-        self._contents = contents
-        self._progress = ReadingProgress(on_progress)
+        self._folder = path.parent
+        self.contents = JournalContents(path)
+        """What is in the journal; after the last step, all of it is known."""
+        self._tape = _JournalTape(self.contents, on_progress)
         self.inputs = 0
         """How many were replayed."""
         self.compared = 0
@@ -197,12 +196,13 @@ class Replay:
         """Timers that are set, and when they are due (session time)."""
 
     def steps(self) -> Iterator[ReplayedStep]:
-        """Each step, compared by the numbers of its records. Raises SessionError."""
-        contents, kernel = self._contents, self._kernel
-        tape = _JournalTape(contents)
+        """Each step, compared by the numbers of its records. Raises SessionError, also when an input is not there."""
+        contents, tape = self.contents, self._tape
         wall, line = "", 0
-        while (found := tape.next_input()) is not None:
+        while self.difference is None and (found := tape.next_input()) is not None:
             line, text, input = found
+            self.missing += len(self.unwritten)  # an input came after them
+            self.unwritten = []
             records = self._handle(line, input)
             self.inputs += 1
             written = [tape.record(record.seq) for record in records]
@@ -210,19 +210,20 @@ class Replay:
             wall = next((recorded.record.wall for recorded in written if recorded is not None), wall)
             for record, recorded in zip(records, written, strict=True):
                 record.wall = wall if recorded is None else recorded.record.wall
-                if recorded is not None:
-                    self.difference = _first_difference(contents, input.n, recorded, record)
-                    if self.difference is not None:
-                        return
-                    self.compared += 1
-                elif record.seq < contents.last_seq or input.n != contents.last_input:
-                    self.missing += 1
-                else:
+                if recorded is None:
                     self.unwritten.append(record)
-            yield ReplayedStep(input.n, text, records, written)
-            if self.inputs % 1_000 == 0:
-                self._progress.report(lambda: f"{self.compared:,} of {contents.records:,} records")
-        if contents.last_seq > kernel.seq:
+                    continue
+                self.difference = _first_difference(contents, input.n, recorded, record)
+                if self.difference is not None:
+                    break
+                self.compared += 1
+            else:
+                yield ReplayedStep(input.n, text, records, written)
+        tape.read_rest()
+        lost = [record for record in self.unwritten if record.seq < contents.last_seq]
+        self.missing += len(lost)
+        self.unwritten = self.unwritten[len(lost) :]
+        if self.difference is None and contents.last_seq > self._kernel.seq:
             self.difference = _first_beyond(contents, tape, line)
 
     def _handle(self, line: int, input: InputLine) -> list[AnyRecord]:
@@ -230,12 +231,12 @@ class Replay:
         timers = self.timers
         if isinstance(input.input, TimerElapsed):
             timers.pop(input.input.timer, None)
-        offer_changed(self._kernel, self._contents.path.parent, input.input)
+        offer_changed(self._kernel, self._folder, input.input)
         try:
             records, commands = self._kernel.handle(input.input)
         except Exception as error:  # whatever it is: whoever has this journal needs to know what to do with it
             raise SessionError(
-                f"{self._contents.path}:{line}: input {input.n} makes the engine fail, which is a mistake in this "
+                f"{self.contents.path}:{line}: input {input.n} makes the engine fail, which is a mistake in this "
                 f"program ({type(error).__name__}: {error}). What was recorded can be exported (rise-engine export)"
             ) from error
         for command in commands:
@@ -253,13 +254,14 @@ class _JournalTape:
     lies between is kept.
     """
 
-    def __init__(self, contents: JournalContents) -> None:
-        self._lines = contents.lines()
+    def __init__(self, contents: JournalContents, on_progress: ProgressCallback | None) -> None:
+        self._contents = contents
+        self._lines = contents.follow(on_progress)
         self._inputs: deque[tuple[int, bytes, InputLine]] = deque()
         self._records: deque[RecordedLine] = deque()
 
     def next_input(self) -> tuple[int, bytes, InputLine] | None:
-        """With its line number and its line."""
+        """With its line number and its line. Raises SessionError when one before it is not there."""
         while not self._inputs:
             if not self._read():
                 return None
@@ -277,9 +279,16 @@ class _JournalTape:
                 return None
         return self._records[0]
 
+    def read_rest(self) -> None:
+        """Go through the journal to its end, for what is known of it then."""
+        for _ in self._lines:
+            pass
+
     def _read(self) -> bool:
         for number, text, found in self._lines:
             if isinstance(found, InputLine):
+                if self._contents.gaps:
+                    require_inputs(self._contents)
                 self._inputs.append((number, text, found))
                 return True
             if not isinstance(found, JournalHeader):
@@ -291,8 +300,10 @@ class _JournalTape:
 def _first_difference(
     contents: JournalContents, n: int, written: RecordedLine, replayed: AnyRecord
 ) -> ReplayDifference | None:
-    before, after = encode_record(written.record), encode_record(replayed)  # not the line: another release may have
-    # written the same in other words
+    after = encode_record(replayed)
+    if with_checksum(after)[:-1] == written.text:
+        return None
+    before = encode_record(written.record)  # not the line: another release may have written the same in other words
     if before == after:
         return None
     old, new = msgspec.json.decode(before), msgspec.json.decode(after)  # what JSON cannot hold is null in both

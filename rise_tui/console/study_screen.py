@@ -42,6 +42,7 @@ from rise_tui.model.study_rows import (
     running_people,
     running_rehearsal,
 )
+from rise_tui.rendering.later import Later
 from rise_tui.rendering.terminal_app import TerminalApp
 from rise_tui.screens.checks import ChecksScreen
 from rise_tui.screens.outcome import Outcome
@@ -127,7 +128,7 @@ class StudyScreen(Screen[None]):
 
     def read(self) -> None:
         """Read the study now."""
-        self.run_worker(self._read(), group="read", exclusive=True)
+        self.run_worker(Later(self._read), group="read", exclusive=True)
 
     async def _read(self) -> None:
         fingerprint = await asyncio.to_thread(self._source.fingerprint)
@@ -147,7 +148,7 @@ class StudyScreen(Screen[None]):
     def _watch(self) -> None:
         """See whether something has changed, while nothing lies over this screen."""
         if self.app.screen is self and not self.busy:
-            self.run_worker(self._read_if_changed(), group="watch", exclusive=True)
+            self.run_worker(Later(self._read_if_changed), group="watch", exclusive=True)
 
     async def _read_if_changed(self) -> None:
         if await asyncio.to_thread(self._source.fingerprint) != self._fingerprint:

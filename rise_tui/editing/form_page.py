@@ -13,6 +13,7 @@ from rise_tui.editing.field_list import FieldList
 from rise_tui.editing.model.draft import first_new_finding
 from rise_tui.editing.model.fields import EditField, FieldChoice
 from rise_tui.editing.page import EditFrame, EditPage
+from rise_tui.rendering.later import Later
 
 PAINTED = 0.02
 """Seconds until a letter has been painted: a check beside it, in another thread, would hold it up."""
@@ -82,7 +83,7 @@ class FormPage(EditPage):
     @on(FieldList.FieldTyped)
     def _typed(self, event: FieldList.FieldTyped) -> None:
         event.stop()
-        self.run_worker(self._preview(event.field, event.text), group="preview", exclusive=True)
+        self.run_worker(Later(self._preview, event.field, event.text), group="preview", exclusive=True)
 
     async def _preview(self, field: EditField, text: str) -> None:
         """Say what would be wrong with the files then that is not wrong now, once the letter itself is shown."""

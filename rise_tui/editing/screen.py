@@ -38,6 +38,7 @@ from rise_tui.editing.study import EditedStudy
 from rise_tui.editing.study_page import StudyPage
 from rise_tui.messages import RunAction
 from rise_tui.model.notice import Level
+from rise_tui.rendering.later import Later
 from rise_tui.rendering.terminal_app import TerminalApp
 from rise_tui.screens.dialog import Dialog, DialogChoice
 from rise_tui.screens.too_small import TooSmallScreen, is_too_small
@@ -309,7 +310,7 @@ class EditScreen(Screen[None]):
     def _watch(self) -> None:
         """Look whether files have changed outside or a session has begun, while nothing is being typed."""
         if self.app.screen is self and not self.study.busy and not self.page.is_typing:
-            self.run_worker(self._look(), group="watch", exclusive=True)
+            self.run_worker(Later(self._look), group="watch", exclusive=True)
 
     async def _look(self) -> None:
         found = await asyncio.to_thread(self._sessions.find, overlays.folder_of(self.study))
@@ -323,7 +324,7 @@ class EditScreen(Screen[None]):
 
     def look_outside(self) -> None:
         """Look now whether files have changed."""
-        self.run_worker(self._look(), group="watch", exclusive=True)
+        self.run_worker(Later(self._look), group="watch", exclusive=True)
 
     async def _look_outside(self) -> bool:
         """Take in what somebody else has written. True: something of ours has no place any more."""

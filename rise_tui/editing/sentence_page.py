@@ -16,6 +16,7 @@ from rise_engine.text import clean
 from rise_tui.editing.model.draft import first_new_finding
 from rise_tui.editing.page import EditFrame, EditPage
 from rise_tui.editing.sentence_field import SentenceField
+from rise_tui.rendering.later import Later
 from rise_tui.rendering.text import TextRole, crop, shorten, wrap
 from rise_tui.widgets.static_lines import StaticLines
 
@@ -125,7 +126,7 @@ class SentencePage(EditPage):
     def _typed(self, event: TextArea.Changed) -> None:
         event.stop()
         if self.is_typing:
-            self.run_worker(self._preview(self.field.sentence), group="preview", exclusive=True)
+            self.run_worker(Later(self._preview, self.field.sentence), group="preview", exclusive=True)
 
     async def _preview(self, said: str) -> None:
         """Say what would be wrong with the files then that is not wrong now."""

@@ -18,6 +18,7 @@ from rise_tui.model.store import Store
 from rise_tui.model.task_text import value_rows
 from rise_tui.panes.pane import ListPane
 from rise_tui.panes.save_start_values import ask_to_save_start_values
+from rise_tui.rendering.later import Later
 from rise_tui.rendering.text import (
     ListRow,
     StyledLine,
@@ -183,7 +184,7 @@ class MemoryPane(ListPane):
         elif action == "memory.undo":
             self._undo()
         elif action == "memory.save":
-            self.run_worker(ask_to_save_start_values(self), group="keep", exclusive=True)
+            self.run_worker(Later(ask_to_save_start_values, self), group="keep", exclusive=True)
         elif action == "memory.add" or self.row_list.current_id == ADD:
             if action != "memory.delete":
                 self._open_editor((), *(self.store.last_deletion or ("", None)))

@@ -15,10 +15,11 @@ from textual import events
 from textual.app import App
 from textual.message_pump import MessagePump
 
-MOST_SECONDS = 2.0
-"""How long a key waits at most for what the one before it began."""
 LOOK_SECONDS = 0.004
 """Seconds between two looks whether a screen has opened, or work is done."""
+MOST_LOOKS = 500
+"""How often it is looked at most whether what a key began is done. Looks and not seconds: on a busy machine everything
+takes longer, and a key that did not wait would go to the wrong field."""
 ROUNDS = 3
 """How often the way from the focus up to the app is gone: a key's message, that message's answer, and what it opens."""
 
@@ -55,10 +56,14 @@ class KeyQueue:
         try:
             while self._keys:
                 await self._pass_on(self._keys.popleft())
+                carried_out = asyncio.create_task(self._carried_out())
                 try:
-                    await asyncio.wait_for(self._carried_out(), MOST_SECONDS)
-                except TimeoutError:
-                    continue
+                    for _ in range(MOST_LOOKS):
+                        if (await asyncio.wait([carried_out], timeout=LOOK_SECONDS))[0]:
+                            carried_out.result()
+                            break
+                finally:
+                    carried_out.cancel()
         finally:
             self._task = None
 

@@ -19,6 +19,7 @@ from rise_engine.checks import CheckOutcome
 from rise_engine.kernel.inputs import CheckReport
 from rise_engine.study.model import StudyCheck
 from rise_tui.model.check_list import CheckItem, CheckList
+from rise_tui.rendering.later import Later
 from rise_tui.rendering.modal import SingleDismissModal
 from rise_tui.rendering.text import ListRow, StyledLine, TextRole, crop, wrap
 from rise_tui.widgets.prompt_bar import PromptBar
@@ -197,7 +198,7 @@ class ChecksScreen(SingleDismissModal[tuple[CheckReport, ...] | None]):
 
     def _begin(self, item: CheckItem) -> None:
         self.checks.reset(item)
-        self.run_worker(self._run(item), group=f"check-{item.check.id}", exclusive=True)
+        self.run_worker(Later(self._run, item), group=f"check-{item.check.id}", exclusive=True)
 
     async def _run(self, item: CheckItem) -> None:
         async with nullcontext() if item.check.ask else self._one_at_a_time:

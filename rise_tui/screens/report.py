@@ -14,6 +14,7 @@ from textual.app import ComposeResult
 
 from rise_engine.report.document import Document
 from rise_engine.report.plain_text import WIDTH, text_lines
+from rise_tui.rendering.later import Later
 from rise_tui.rendering.modal import SingleDismissModal
 from rise_tui.rendering.text import ListRow, TextRole, crop, wrap
 from rise_tui.widgets.row_list import RowList, RowView
@@ -85,7 +86,7 @@ class ReportScreen(SingleDismissModal[None]):
         self._document = None
         self.query_one("#box").border_title = f" {self._title} "
         self._show(["", " reading the record …"])
-        self.run_worker(self._read(self._sessions[self._shown].folder), group="report", exclusive=True)
+        self.run_worker(Later(self._read, self._sessions[self._shown].folder), group="report", exclusive=True)
 
     async def _read(self, folder: str) -> None:
         try:
@@ -108,7 +109,7 @@ class ReportScreen(SingleDismissModal[None]):
     @on(RowView.Resized)
     def _resized(self) -> None:
         if self._document is not None:
-            self.run_worker(self._lay_out(self._document), group="report", exclusive=True)
+            self.run_worker(Later(self._lay_out, self._document), group="report", exclusive=True)
 
     def _show(self, lines: Sequence[str]) -> None:
         rows = []

@@ -23,6 +23,7 @@ from rise_tui.config.launch import Launcher, ScenarioProblems, ScenarioSummary, 
 from rise_tui.config.paths import expand_home
 from rise_tui.model.session_summary import participant_text
 from rise_tui.model.store import Store
+from rise_tui.rendering.later import Later
 from rise_tui.rendering.modal import SingleDismissModal
 from rise_tui.rendering.text import cell_width, clean, shorten
 from rise_tui.screens.end_session import end_session_dialog
@@ -250,7 +251,7 @@ class SettingsScreen(SingleDismissModal[tuple[Scenario, SessionOptions] | None])
     def _folder_changed(self) -> None:
         self._apply_next = False
         if self._folder != self._folder_read:
-            self.run_worker(self._fill_fields(self._folder), exclusive=True, group="fields")
+            self.run_worker(Later(self._fill_fields, self._folder), exclusive=True, group="fields")
 
     async def _fill_fields(self, folder: str) -> None:
         """Another scenario has its own paths, robot and mode."""
@@ -288,7 +289,7 @@ class SettingsScreen(SingleDismissModal[tuple[Scenario, SessionOptions] | None])
         self._apply_next = folder != self._folder_read  # then it is being read: first shown, then applied
         self.findings.update("reading …")
         if not self._apply_next:
-            self.run_worker(self._load(self.chosen_options()), exclusive=True, group="load")
+            self.run_worker(Later(self._load, self.chosen_options()), exclusive=True, group="load")
 
     async def _load(self, settings: SessionOptions) -> None:
         """Show what is wrong with the scenario; when nothing is, ask."""

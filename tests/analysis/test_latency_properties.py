@@ -11,6 +11,7 @@ from hypothesis import strategies as st
 
 from rise_engine.analysis.reading import read_session
 from rise_engine.kernel.inputs import Submit
+from tests.chance import examples
 
 from .samples import WIZARD, play_session, task
 
@@ -37,7 +38,7 @@ def scripts(draw: st.DrawFn) -> list[tuple[float, Submit]]:
     return script
 
 
-@settings(max_examples=30)
+@settings(max_examples=examples(30))
 @given(script=scripts(), ends=st.booleans())
 def test_times_of_acts_and_cues(script: list[tuple[float, Submit]], ends: bool) -> None:
     with tempfile.TemporaryDirectory() as name:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Iterable
 from pathlib import Path
 
 import pytest
@@ -35,9 +36,9 @@ def scenario(folder: Path) -> Scenario:
     return load_scenario_copy(folder, read_info(folder))
 
 
-def live(scenario: Scenario, records: tuple[AnyRecord, ...], begin: int = 0) -> list[tuple[float, str]]:
+def live(scenario: Scenario, told: Iterable[AnyRecord], begin: int = 0) -> list[tuple[float, str]]:
     """The markers that a stream sends that attaches after `begin` records."""
-    view = SessionView()
+    view, records = SessionView(), list(told)
     for record in records[:begin]:
         view.apply(record)
     words = live_words(scenario, str)
@@ -54,10 +55,11 @@ def test_a_stream_and_a_file_tell_the_same(data: SessionData, scenario: Scenario
 
 def test_who_attaches_late_tells_nothing_twice(data: SessionData, scenario: Scenario) -> None:
     whole = live(scenario, data.records)
-    for begin in range(len(data.records)):
+    records = list(data.records)
+    for begin in range(len(records)):
         late = live(scenario, data.records, begin)
         assert late == whole[len(whole) - len(late) :], begin
-        expected = [each for each in whole if each[0] > data.records[begin].t]
+        expected = [each for each in whole if each[0] > records[begin].t]
         assert late[len(late) - len(expected) :] == expected
 
 

@@ -18,6 +18,7 @@ from rise_engine.session.folder import JOURNAL
 from rise_engine.session.journal_reader import read_journal
 from rise_engine.session.shadow import ShadowCue, ShadowKey, read_shadows
 from tests.analysis.cues import ACT, Deed, cue_numbers, make_session
+from tests.chance import examples
 from tests.virtual_time import VirtualLoop
 
 WHAT = st.sampled_from(
@@ -40,7 +41,7 @@ def scripts(draw: st.DrawFn) -> list[Deed]:
 
 
 @pytest.mark.slow
-@settings(max_examples=25)
+@settings(max_examples=examples(25))
 @given(scripts(), st.lists(st.integers(1, 90), unique=True, max_size=8).map(sorted))
 def test_nothing_too_early_and_nothing_lost(deeds: list[Deed], presses: list[int]) -> None:
     """`presses`: when the second wizard presses the key of an act, in quarters of a second (and a little later)."""

@@ -10,6 +10,7 @@ from hypothesis import strategies as st
 
 from rise_engine.bml.sync import milliseconds, parse_sync, seconds_text
 from tests.bml.samples import read
+from tests.chance import examples
 
 OFFSETS = st.one_of(st.just(Decimal(0)), st.decimals("0", "3", places=2))
 
@@ -25,7 +26,7 @@ def times(draw: st.DrawFn, before: list[str]) -> str:
     return f"{draw(st.sampled_from(before[-3:]))}:{'end' if kind == 'end' else 'start'}{written}"
 
 
-@settings(max_examples=400)
+@settings(max_examples=examples(400))
 @given(st.data())
 def test_an_act_begins_everything_when_its_block_does(data: st.DataObject) -> None:
     ids = [f"s{number}" for number in range(data.draw(st.integers(1, 8)))]

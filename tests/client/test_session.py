@@ -106,7 +106,7 @@ async def test_a_program_drives_a_session(scratch: Path) -> None:
         await session.add_note("done")
         await session.stop_all()
         await session.wait_until(lambda view: view.stop.status == "latched", 10)
-        with pytest.raises(Rejected, match=r"test may not release a stop: only who holds control may.*may_release"):
+        with pytest.raises(Rejected, match=r"test may not release what is stopped: only who holds .*may_release"):
             await session.release_stop()
         assert session.view.stop.latched and session.now() > 0
 

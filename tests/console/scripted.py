@@ -18,8 +18,7 @@ from rise_engine.protocol import messages, registry
 from rise_engine.scenario import load
 from rise_engine.session.folder import create_session
 from tests.console.fake import DEMO, FakeClient
-
-PATIENCE = 60.0
+from tests.patience import PATIENCE
 
 
 class ScriptedEngine:

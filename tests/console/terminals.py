@@ -22,9 +22,10 @@ from time import monotonic
 
 import pyte
 
+from tests.patience import PATIENCE
+
 ROOT = Path(__file__).parents[2]
 SEQUENCE = re.compile(rb"\x1b(\[[0-9;?<>=$]*[A-Za-z@`~p]|\][^\x07\x1b]*(\x07|\x1b\\)|[P_^][^\x1b]*\x1b\\|.)")
-PATIENCE = 60.0
 STILL = 0.25
 """Seconds without a byte after which the screen counts as painted."""
 ASKED = re.compile(rb"\x1b\[\?(2026|2048)\$p")

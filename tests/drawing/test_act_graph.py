@@ -8,6 +8,7 @@ from hypothesis import strategies as st
 from rise_engine.drawing.act_graph import ActRow, act_rows
 from rise_engine.scenario import load
 from rise_engine.scenario.model import Act, Action, ActionCall
+from tests.chance import examples
 from tests.console.fake import DEMO
 
 
@@ -103,7 +104,7 @@ def acts(draw: st.DrawFn) -> Act:
     return act(*(" ".join(map(str, each)) for each in waits))
 
 
-@settings(max_examples=400)
+@settings(max_examples=examples(400))
 @given(acts(), st.integers(0, 12))
 def test_the_lines_say_who_waits_for_whom(some: Act, most: int) -> None:
     rows = act_rows(some, most)

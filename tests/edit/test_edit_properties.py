@@ -56,6 +56,7 @@ from rise_engine.edit.plan import EditRefused, Files, Plan, Splice, apply_plan
 from rise_engine.edit.planning import StudyState, plan
 from rise_engine.edit.transitions import same_form
 from rise_engine.edit.writing import one_line
+from tests.chance import examples
 from tests.edit.samples import NAMES, SPELLINGS, changed_lines, state_of, study_state
 
 TEXTS = st.builds(
@@ -189,7 +190,7 @@ def _statements(rule: WrittenRule) -> list[StatementAddress]:
     return found
 
 
-@settings(max_examples=200)
+@settings(max_examples=examples(200))
 @given(st.data(), st.sampled_from(NAMES), st.sampled_from(sorted(SPELLINGS)), st.integers(0, 7))
 def test_an_edit_does_what_it_says_and_nothing_else(data: st.DataObject, name: str, spelling: str, kind: int) -> None:
     study = study_state(name, spelling)
@@ -353,7 +354,7 @@ def is_done_once(edit: AnyEdit, after: StudyState) -> bool:
     return True
 
 
-@settings(max_examples=25)
+@settings(max_examples=examples(25))
 @given(st.data(), st.sampled_from(["lf", "crlf", "comments", "one_line", "bom_tabs"]))
 def test_a_series_of_edits_leaves_a_study_that_can_be_read(data: st.DataObject, spelling: str) -> None:
     study = study_state("greeting", spelling)

@@ -19,6 +19,7 @@ from rise_engine.edit.plan import EditRefused
 from rise_engine.edit.proposals import ProposalFiles
 from rise_engine.edit.workspace import Workspace
 from rise_engine.json_codec import decode
+from tests.chance import examples
 from tests.edit.samples import SCENARIOS
 
 SPEECH = "acts/greeting.xml"
@@ -275,7 +276,7 @@ def test_only_whoever_has_the_study_open_decides(folder: Path) -> None:
 
 
 @pytest.mark.slow
-@settings(max_examples=25)
+@settings(max_examples=examples(25))
 @given(
     st.lists(st.sampled_from(["make", "give up", "undo", "redo", "save", "outside", "killed"]), max_size=12), st.data()
 )

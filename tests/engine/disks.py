@@ -9,6 +9,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 from rise_engine.session.disk import Disk
+from tests.patience import PATIENCE
 
 
 class FailingDisk(Disk):
@@ -53,7 +54,7 @@ class StallingDisk(Disk):
     def sync(self, descriptor: int) -> None:
         if not self.go.is_set():
             self.waits.set()
-            assert self.go.wait(20)
+            assert self.go.wait(PATIENCE)
         super().sync(descriptor)
 
 

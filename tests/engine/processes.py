@@ -12,6 +12,8 @@ from pathlib import Path
 from types import TracebackType
 from typing import Any
 
+from tests.patience import PATIENCE
+
 ENGINE = str(Path(sys.executable).with_name("rise-engine"))
 FAST = ("--speed", "max", "--json")
 
@@ -66,7 +68,7 @@ def engine(*arguments: object, stdin: str | None = None) -> subprocess.Completed
         text=True,
         input=stdin,
         stdin=subprocess.DEVNULL if stdin is None else None,
-        timeout=60,
+        timeout=PATIENCE,
         check=False,
     )
 
@@ -104,7 +106,9 @@ class Live:
         self.records: list[dict[str, Any]] = []
 
     def __enter__(self) -> Live:
-        self._limit = threading.Timer(60, self.process.kill)  # a process that hangs fails its test, not the whole run
+        self._limit = threading.Timer(
+            PATIENCE, self.process.kill
+        )  # a process that hangs fails its test, not the whole run
         self._limit.start()
         return self
 
@@ -114,7 +118,7 @@ class Live:
         self._limit.cancel()
         if self.process.poll() is None:
             self.process.kill()
-        self.process.wait(10)
+        self.process.wait(PATIENCE)
         for pipe in (self.process.stdin, self.process.stdout, self.process.stderr):
             if pipe is not None and not pipe.closed:
                 pipe.close()
@@ -146,7 +150,7 @@ class Live:
         assert self.process.stdout is not None
         for line in self.process.stdout:
             self.records.append(json.loads(line))
-        return self.process.wait(20)
+        return self.process.wait(PATIENCE)
 
     def errors(self) -> str:
         assert self.process.stderr is not None

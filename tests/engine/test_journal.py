@@ -10,6 +10,7 @@ import pytest
 
 from rise_engine.session.disk import Disk
 from rise_engine.session.journal import Journal
+from tests.patience import PATIENCE
 
 from .disks import FailingDisk, FullDisk
 
@@ -27,7 +28,7 @@ class Watch:
     def until(self, true: object) -> None:
         assert callable(true)
         with self._changed:
-            assert self._changed.wait_for(true, 20)
+            assert self._changed.wait_for(true, PATIENCE)
 
 
 @pytest.fixture(autouse=True)
@@ -150,7 +151,7 @@ def test_another_file_in_its_place_is_not_touched(tmp_path: Path) -> None:
         it.append(lines[-1])
         watch.until(lambda: it.error or it.durable == len(lines))
     with disk.opened_again:  # also when it has been tried again and again
-        assert disk.opened_again.wait_for(lambda: disk.reopened >= 3, 20)
+        assert disk.opened_again.wait_for(lambda: disk.reopened >= 3, PATIENCE)
     assert it.path.read_bytes() == b"mine"
     it.path.unlink()
     watch.until(lambda: it.durable == len(lines))

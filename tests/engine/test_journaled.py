@@ -19,6 +19,7 @@ from rise_engine.protocol.client import JournalStatus, Reply
 from rise_engine.session.disk import Disk
 from rise_engine.session.journal import Journal
 from rise_engine.session.journal_format import InputLine, encode_header, read_line
+from tests.patience import PATIENCE
 
 from .disks import FullDisk, StallingDisk
 from .samples import GREETING, scenario, start
@@ -80,7 +81,7 @@ class Session:
     async def until(self, true: Callable[[], Any]) -> None:
         while not true():
             self.turned.clear()
-            await asyncio.wait_for(self.turned.wait(), 10)
+            await asyncio.wait_for(self.turned.wait(), PATIENCE)
 
     def ask(self, fact: Submit) -> None:
         self.engine.accept(fact, self.replies.append)
@@ -234,7 +235,7 @@ async def test_the_end_is_recorded_before_the_session_is_over(tmp_path: Path) ->
         it.ask(start("Greet"))
         assert it.replies == [Reply(False, "the session has ended")]
         disk.go.set()
-        await asyncio.wait_for(ended.wait(), 10)
+        await asyncio.wait_for(ended.wait(), PATIENCE)
         last = it.lines()[-1]
         assert isinstance(last, SessionRecord) and (last.status, last.reason) == ("ended", "enough")
 

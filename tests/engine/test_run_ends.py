@@ -26,6 +26,7 @@ from rise_engine.kernel.inputs import ActionReport, AnyInput, RobotChanged, Stop
 from rise_engine.kernel.records import AnyRecord, MemoryRecord, NoteRecord
 from rise_engine.ports.robot import ReportCallback
 from rise_engine.protocol.session_options import SessionOptions
+from tests.patience import PATIENCE
 
 from .processes import ENGINE, FAST, Live, engine, records
 from .samples import GREETING, assert_one_ending_each, scenario, start
@@ -72,7 +73,7 @@ def test_no_standard_input_is_an_empty_one(study: Path) -> None:
     for speed in ("max", "1"):
         for redirected in ("<&-", "</dev/null"):
             line = f"{shlex.quote(ENGINE)} run {shlex.quote(str(study))} --tasks - --json --speed {speed} {redirected}"
-            done = subprocess.run(["sh", "-c", line], capture_output=True, text=True, timeout=20, check=False)
+            done = subprocess.run(["sh", "-c", line], capture_output=True, text=True, timeout=PATIENCE, check=False)
             assert (done.returncode, done.stderr) == (0, "")
             assert records(done.stdout)[-1]["reason"] == "nothing is left to do"
 
@@ -102,7 +103,7 @@ def test_a_reader_that_goes_away_ends_the_session_quietly(study: Path) -> None:
         assert process.stdout is not None and process.stderr is not None
         process.stdout.readline()
         process.stdout.close()
-        assert process.wait(30) == 141
+        assert process.wait(PATIENCE) == 141
         assert process.stderr.read() == b""
         process.stderr.close()
 

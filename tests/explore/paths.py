@@ -31,8 +31,7 @@ def space_of(name: str, faults: int) -> Space:
 
 @cache
 def paths_of(name: str, faults: int, most: int = 60) -> dict[Fact, Path]:
-    """The way to each thing that is worth telling, to some situations, and to a first one over which the robot is
-    back."""
+    """The way to each thing that is worth telling, to some situations, and to the first in which the robot is back."""
     space = space_of(name, faults)
     paths = Paths(space)
     found = {fact: path for fact in space.facts if fact[0] in TELLING and (path := paths.to_fact(fact)) is not None}

@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-import os
-
 import pytest
 
 from rise_engine.explore.exploration import sessions_of
 from rise_engine.explore.moves import cue_matters
 from rise_engine.kernel import rules
 from rise_engine.kernel.inputs import SessionStarted
+from tests.chance import SEARCH, seeds
 from tests.explore.exploring import all_projections, shipped
 from tests.explore.naive import explore_naively
 from tests.explore.projection import difference, project
@@ -17,9 +16,9 @@ from tests.explore.random_runs import random_run
 from tests.explore.random_studies import random_study
 from tests.explore.world import World
 
-STUDIES, RUNS, INPUTS = (int(n) for n in os.environ.get("RISE_EXPLORE_RUNS", "40 8 50").split())
+STUDIES, RUNS, INPUTS = 20, 8, 50
 """How many random studies are explored, with how many random runs each, of how many inputs."""
-NAIVE_STUDIES = 24
+NAIVE_STUDIES = 16
 MOST_SITUATIONS = 1_500
 """What the naive explorer is asked to look at, at most: it is slow."""
 RELEASES = ("leave", "enter")
@@ -57,10 +56,11 @@ def test_shipped_studies_have_the_same_situations(name: str, world: World) -> No
     assert projections == naive.states, difference(projections, naive.states)
 
 
+@pytest.mark.search
 @pytest.mark.slow
 def test_random_studies_have_no_situation_less_and_hardly_one_more() -> None:
-    compared = 0
-    for seed in range(NAIVE_STUDIES):
+    compared, studies = 0, seeds(NAIVE_STUDIES)
+    for seed in studies:
         study = random_study(seed)
         world = World(beside=1, faults=1, stop=seed % 3 == 0, releases=RELEASES, cues=cue_matters(study.scenario))
         found = all_projections(study.scenario, world, SessionStarted(), in_order=True)
@@ -71,14 +71,15 @@ def test_random_studies_have_no_situation_less_and_hardly_one_more() -> None:
         if naive.complete:
             compared += 1
             assert projections == naive.states, f"study {seed}: {difference(projections, naive.states)}"
-    assert compared > NAIVE_STUDIES // 3
+    assert SEARCH or compared > len(studies) // 3
 
 
+@pytest.mark.search
 @pytest.mark.slow
 def test_random_runs_meet_nothing_that_exploring_has_not_found() -> None:
-    """Also with clocks, which leave out what cannot come in time. A soak run takes more: RISE_EXPLORE_RUNS."""
-    explored = 0
-    for seed in range(STUDIES):
+    """Also with clocks, which leave out what cannot come in time."""
+    explored, studies = 0, seeds(STUDIES)
+    for seed in studies:
         study = random_study(seed, speaking=True)
         world = random_world(seed, has_cue=cue_matters(study.scenario))
         found = all_projections(study.scenario, world, SessionStarted(), in_order=False)
@@ -90,4 +91,4 @@ def test_random_runs_meet_nothing_that_exploring_has_not_found() -> None:
             for kernel in random_run(study.scenario, run, INPUTS, world=world):
                 met = project(kernel, keys, in_order=False)
                 assert met in projections, f"study {seed}, run {run}: {met}"
-    assert explored > STUDIES // 2
+    assert SEARCH or explored > len(studies) // 2

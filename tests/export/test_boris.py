@@ -22,6 +22,7 @@ from rise_engine.analysis.reading import read_session, read_sessions
 from rise_engine.export.boris import write_boris
 from rise_engine.export.format import ExportContext
 from rise_engine.session.levels import ExportLevel
+from tests.chance import examples
 
 from ..analysis.samples import make_study, play_session, sessions_of
 from .made_sessions import act, point, session, sessions, video
@@ -133,7 +134,7 @@ def test_a_whole_study_is_one_project_with_its_conditions(tmp_path: Path) -> Non
     )
 
 
-@settings(max_examples=40)
+@settings(max_examples=examples(40))
 @given(data=st.lists(sessions(), max_size=2))
 def test_any_sessions_make_a_sound_project(data: list[SessionData], tmp_path_factory: pytest.TempPathFactory) -> None:
     project = write(tmp_path_factory.getbasetemp(), *data)

@@ -23,6 +23,7 @@ from rise_engine.export.xdf import BOUNDARY, SAMPLES, STREAM_FOOTER, write_sessi
 from rise_engine.kernel.records import AnyRecord, EventRecord, NoteRecord
 from rise_engine.session.levels import ExportLevel
 from tests.analysis.samples import BEGAN, play_session
+from tests.chance import examples
 
 pyxdf: Any = pytest.importorskip("pyxdf")
 
@@ -199,7 +200,7 @@ def test_a_reader_goes_on_behind_what_is_damaged(data: SessionData) -> None:
 
 
 @pytest.mark.slow
-@settings(max_examples=25)
+@settings(max_examples=examples(25))
 @given(st.lists(st.tuples(st.floats(0, 1e6), st.text(max_size=300)), max_size=30))
 def test_any_text_comes_back(notes: list[tuple[float, str]]) -> None:
     notes = sorted(notes, key=lambda note: note[0])

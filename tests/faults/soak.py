@@ -40,10 +40,10 @@ from rise_engine.session.folder import JOURNAL
 from rise_engine.session.journal_format import InputLine
 from rise_engine.session.journal_reader import read_journal
 from rise_engine.session.replay import compare_replay
+from tests.patience import PATIENCE
 
 ROOT = Path(__file__).parents[2]
 SCENARIOS = [ROOT / "scenarios" / "lablinking", ROOT / "scenarios" / "greeting", ROOT / "tests/console/data/demo"]
-PATIENCE = 20.0
 
 
 class Mistake(AssertionError):

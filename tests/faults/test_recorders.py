@@ -18,6 +18,7 @@ import pytest
 
 from rise_engine.protocol.registry import is_locked
 from rise_engine.session.folder import JOURNAL
+from tests.patience import PATIENCE
 from tests.study.studies import DESIGN, write_study
 
 pytestmark = [
@@ -36,8 +37,6 @@ input = ["-re", "-f", "lavfi", "-i", "testsrc=size=64x48:rate=10"]
 output = ["-c:v", "mpeg4"]
 """
 PEOPLE = "participant,consent_study,consent_recording,status,comment\nP01,2026-11-01,2026-11-01,,\nP02,2026-11-01,,,\n"
-SECONDS = 60.0
-"""After which something that is waited for does not come any more."""
 
 
 @pytest.fixture
@@ -85,7 +84,7 @@ class Serving:
         return [each["status"] for each in self.lines("recording") if each["name"] == name]
 
     def until(self, name: str, status: str, times: int = 1) -> None:
-        until = time.monotonic() + SECONDS
+        until = time.monotonic() + PATIENCE
         while self.statuses(name).count(status) < times:
             assert time.monotonic() < until and self.process.poll() is None, (self.statuses(name), self.said)
             time.sleep(0.05)
@@ -96,7 +95,7 @@ class Serving:
 
     def wait(self) -> int:
         assert self.process.stderr is not None
-        code = self.process.wait(SECONDS)
+        code = self.process.wait(PATIENCE)
         self.process.stderr.close()
         return code
 
@@ -134,7 +133,7 @@ def test_a_session_is_the_same_with_recorders_and_ends_with_whole_files(study: P
     last = recorded.lines("session", "recording", "sync")[-1]
     assert (last["kind"], last["status"]) == ("session", "ended")  # everything was over before it
     plain = Serving(study, "--no-record", "--act", "Greet")
-    until = time.monotonic() + SECONDS
+    until = time.monotonic() + PATIENCE
     while ("task", "Greet", "SUCCEEDED", None) not in acts(plain):
         assert time.monotonic() < until
         time.sleep(0.05)
@@ -154,7 +153,7 @@ def test_recorders_that_are_killed_are_on_record_end_and_begin_again_in_a_new_fi
     serving.until("camera", "failed")
     reasons = [each["reason"] for each in serving.lines("recording") if each["status"] == "failed"]
     assert "SIGKILL ended its process" in reasons
-    until = time.monotonic() + SECONDS
+    until = time.monotonic() + PATIENCE
     while any(_runs(pid) for pid in programs):
         assert time.monotonic() < until
         time.sleep(0.05)
@@ -177,7 +176,7 @@ def test_nothing_records_any_longer_when_all_is_killed_at_once(study: Path) -> N
     os.kill(supervisor, signal.SIGSTOP)  # so that it does nothing about it
     serving.end(signal.SIGKILL)
     os.kill(supervisor, signal.SIGKILL)
-    until = time.monotonic() + SECONDS
+    until = time.monotonic() + PATIENCE
     while any(_runs(pid) for pid in programs):
         assert time.monotonic() < until
         time.sleep(0.05)

@@ -26,6 +26,7 @@ from rise_engine.protocol.session_options import SessionOptions
 from rise_engine.server.spawn import EngineRefused, EngineStarted, start_engine
 from rise_engine.session.folder import JOURNAL, find_unfinished, read_info
 from rise_engine.session.journal_reader import read_journal
+from tests.patience import PATIENCE
 
 from ..engine.processes import ENGINE, engine, folder
 
@@ -71,7 +72,7 @@ class Serving:
 
     def wait(self) -> int:
         assert self.process.stderr is not None
-        code = self.process.wait(30)
+        code = self.process.wait(PATIENCE)
         self.process.stderr.close()
         return code
 
@@ -97,7 +98,7 @@ def wait_for_record(record: Path, what: bytes) -> None:
     """Until the journal holds it; the file system is asked, because nothing else of that process is known here."""
     import time
 
-    deadline = time.monotonic() + 20
+    deadline = time.monotonic() + PATIENCE
     while what not in (record / JOURNAL).read_bytes():
         assert time.monotonic() < deadline, (record / JOURNAL).read_bytes()
         time.sleep(0.01)
@@ -409,7 +410,7 @@ def test_systemd_is_told(root: Path) -> None:
     path = root / "notify"
     with socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM) as notify:
         notify.bind(str(path))
-        notify.settimeout(20)
+        notify.settimeout(PATIENCE)
         environment = {**os.environ, "NOTIFY_SOCKET": str(path)}
         process = subprocess.Popen(
             [ENGINE, "serve", folder(root / "study")],
@@ -420,7 +421,7 @@ def test_systemd_is_told(root: Path) -> None:
         assert notify.recv(100) == b"READY=1"
         process.terminate()
         assert notify.recv(100) == b"STOPPING=1"
-        assert process.wait(30) == 0
+        assert process.wait(PATIENCE) == 0
 
 
 def test_the_unit_file_names_options_that_exist() -> None:

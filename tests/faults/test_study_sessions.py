@@ -13,6 +13,7 @@ from typing import Any
 import pytest
 
 from rise_engine.session.folder import find_unfinished, running_sessions
+from tests.patience import PATIENCE
 
 from ..engine.processes import engine
 from ..study.invariants import check_day, first_input, log_lines
@@ -44,7 +45,7 @@ class Session(Serving):
 
     def wait_until(self, condition: Callable[[], bool]) -> None:
         """Until its process has got so far."""
-        limit = time.monotonic() + 30
+        limit = time.monotonic() + PATIENCE
         while not condition():
             assert self.process.poll() is None and time.monotonic() < limit
             time.sleep(0.005)

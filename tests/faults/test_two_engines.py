@@ -36,6 +36,7 @@ from rise_engine.session.lock import (
     read_holder,
 )
 from rise_engine.session.recovery import recover
+from tests.patience import PATIENCE
 
 from ..engine.processes import ENGINE, engine, folder
 from .test_serve import Serving, wait_for_record
@@ -43,6 +44,9 @@ from .test_serve import Serving, wait_for_record
 pytestmark = pytest.mark.slow
 
 TUI = Path(ENGINE).with_name("rise-tui")
+RUNNING = " is running: "
+"""What is said to whoever is refused; then which process it is, or "another program" when that has only just begun and
+not yet written who it is."""
 
 
 class Runtimes:
@@ -52,13 +56,30 @@ class Runtimes:
         self.root = tmp_path
         self.runs = [Path(tempfile.mkdtemp(prefix="r-", dir="/tmp")) for _ in range(2)]
         self._monkeypatch = monkeypatch
+        self._tried: list[subprocess.Popen[str]] = []
         monkeypatch.setenv("RISE_SESSIONS", str(tmp_path / "sessions"))
         self.use(0)
 
     def use(self, number: int) -> None:
         self._monkeypatch.setenv("RISE_RUNTIME", str(self.runs[number]))
 
+    def try_to_serve(self, study: Path, how: list[str], **environment: str) -> subprocess.Popen[str]:
+        """An engine that may be refused. Whatever becomes of the test, it does not outlive it."""
+        tried = subprocess.Popen(
+            [ENGINE, "serve", str(study), *how],
+            env={**os.environ, **environment},
+            stdin=subprocess.DEVNULL,
+            stdout=subprocess.DEVNULL,
+            stderr=subprocess.PIPE,
+            text=True,
+        )
+        self._tried.append(tried)
+        return tried
+
     def close(self) -> None:
+        for each in self._tried:
+            each.kill()
+            each.communicate()
         for run in self.runs:
             for path in run.glob("*.lock"):
                 if is_locked(path):
@@ -163,10 +184,10 @@ def test_the_lock_goes_with_the_process_however_that_ends(runtimes: Runtimes) ->
 def test_of_many_that_recover_at_once_one_does(runtimes: Runtimes) -> None:
     study = folder(runtimes.root / "study")
     record = killed(study)
-    tried = [_serve(study, ["--name", f"n{number}", "--session", str(record)]) for number in range(6)]
+    tried = [runtimes.try_to_serve(study, ["--name", f"n{number}", "--session", str(record)]) for number in range(6)]
     lines = [each.stderr.readline() for each in tried if each.stderr is not None]
     serving = [each for each, line in zip(tried, lines, strict=True) if line.startswith("In ") or "serving" in line]
-    refused = [line for line in lines if f"the session {record.name} is running: process " in line]
+    refused = [line for line in lines if f"the session {record.name}{RUNNING}" in line]
     assert len(serving) == 1 and len(refused) == 5, lines
     _end(tried, lines)
     assert engine("replay", record).returncode == 0
@@ -181,33 +202,20 @@ def test_of_many_that_begin_at_once_one_does(runtimes: Runtimes, how: list[str])
     runs = [runtimes.root / f"run{number}" for number in range(4)]
     for run in runs:
         run.mkdir(0o700)
-    tried = [_serve(study, how, RISE_RUNTIME=str(run)) for run in runs]
+    tried = [runtimes.try_to_serve(study, how, RISE_RUNTIME=str(run)) for run in runs]
     lines = [each.stderr.readline() for each in tried if each.stderr is not None]
     assert sum(line.startswith("serving ") for line in lines) == 1, lines
-    assert sum(" is running: process " in line for line in lines) == 3, lines
+    assert sum(RUNNING in line for line in lines) == 3, lines
     _end(tried, lines)
     assert len(list((runtimes.root / "sessions").iterdir())) == 1
 
 
-def _serve(study: Path, how: list[str], **environment: str) -> subprocess.Popen[str]:
-    return subprocess.Popen(
-        [ENGINE, "serve", str(study), *how],
-        env={**os.environ, **environment},
-        stdin=subprocess.DEVNULL,
-        stdout=subprocess.DEVNULL,
-        stderr=subprocess.PIPE,
-        text=True,
-    )
-
-
 def _end(tried: list[subprocess.Popen[str]], lines: list[str]) -> None:
     for each, line in zip(tried, lines, strict=True):
-        refused = " is running: process " in line
+        refused = RUNNING in line
         if not refused:
             each.terminate()
-        assert each.wait(30) == (3 if refused else 0)
-        assert each.stderr is not None
-        each.stderr.close()
+        assert each.wait(PATIENCE) == (3 if refused else 0)
 
 
 def test_a_copied_folder_is_not_locked(runtimes: Runtimes) -> None:
@@ -297,7 +305,7 @@ def wait_for_file(path: Path) -> None:
     """Until the engine, which looks once a second, has put it back."""
     import time
 
-    deadline = time.monotonic() + 30
+    deadline = time.monotonic() + PATIENCE
     while not path.exists():
         assert time.monotonic() < deadline
         time.sleep(0.02)

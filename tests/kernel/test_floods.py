@@ -12,6 +12,7 @@ from rise_engine.kernel import rules as kernel_rules
 from rise_engine.kernel.records import EventRecord, RuleRecord
 from rise_engine.kernel.runaway import STEP_LIMIT
 from rise_engine.scenario.model import Function, RobotProfile, Rule, Scenario, State, Transition
+from tests.chance import examples
 from tests.kernel.harness import Session, dialog, pause
 from tests.kernel.test_rules import do, on, put, rule, session, state
 
@@ -220,7 +221,7 @@ def in_circles(table: list[list[list[int] | None]]) -> set[str]:
 
 
 @pytest.mark.slow
-@settings(max_examples=150)
+@settings(max_examples=examples(150))
 @given(TABLES, st.integers(0, TOPICS - 1))
 def test_only_who_is_in_a_circle_is_stopped(table: list[list[list[int] | None]], first: int) -> None:
     """Whatever the rules raise: the go ends, and a rule from which no way leads back to itself is never stopped."""

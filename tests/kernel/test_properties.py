@@ -53,6 +53,7 @@ from rise_engine.scenario.model import (
     Transition,
 )
 from rise_engine.scenario.template import parse_template
+from tests.chance import examples
 
 ACTS = ("A0", "A1", "A2", "A3")
 RULES = ("R0", "R1", "R2", "R3")
@@ -365,7 +366,7 @@ class Run:
 
 
 cases = given(scenarios(), st.lists(MOVES, max_size=25))
-quick = settings(max_examples=60, phases=[p for p in Phase if p not in (Phase.shrink, Phase.explain)])
+quick = settings(max_examples=examples(60), phases=[p for p in Phase if p not in (Phase.shrink, Phase.explain)])
 
 
 @pytest.mark.slow

@@ -17,6 +17,7 @@ from rise_engine.kernel.inputs import SessionRecovered
 from rise_engine.kernel.records import ActionRecord, AnyRecord, RuleRecord, TaskRecord
 from rise_engine.kernel.view import SessionView, StoodView
 from rise_engine.scenario import load
+from tests.chance import examples
 
 from .harness import Session, dialog, read, speech, write
 from .test_rules import do, on, rule, session, state
@@ -281,7 +282,7 @@ def later_records(s: Session, then: list[Step]) -> list[dict[str, object]]:
     return plain(s.records[count:])
 
 
-@settings(max_examples=150)
+@settings(max_examples=examples(150))
 @given(studies(), steps, steps)
 def test_who_waits_goes_on_as_if_there_had_been_no_stop(rules: str, before: list[Step], then: list[Step]) -> None:
     with TemporaryDirectory() as folder:
@@ -301,7 +302,7 @@ def test_who_waits_goes_on_as_if_there_had_been_no_stop(rules: str, before: list
     assert later_records(runs[0], then) == later_records(runs[1], then)
 
 
-@settings(max_examples=150)
+@settings(max_examples=examples(150))
 @given(studies(), steps, st.sampled_from(EVENTS), steps)
 def test_who_enters_again_goes_on_as_if_it_had_just_come(
     rules: str, before: list[Step], last: str, then: list[Step]

@@ -15,6 +15,7 @@ from rise_engine.kernel.history import LEAST_CHANGES, MAX_STEPS, MemoryLog, Valu
 from rise_engine.kernel.inputs import Submit
 from rise_engine.kernel.records import RuleRecord, TaskRecord
 from rise_engine.kernel.view import SessionView
+from tests.chance import examples
 
 from .harness import Session, dialog, speech
 from .test_rules import do, on, rule, session, state
@@ -186,7 +187,7 @@ def test_so_many_steps_are_kept_and_not_more(tmp_path: Path) -> None:
 # --- the log of the memory ---
 
 
-@settings(max_examples=200)
+@settings(max_examples=examples(200))
 @given(
     st.lists(
         st.one_of(

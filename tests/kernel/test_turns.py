@@ -24,6 +24,7 @@ from rise_engine.kernel.records import (
 from rise_engine.kernel.view import SessionView
 from rise_engine.scenario import load
 from rise_engine.scenario.model import Scenario
+from tests.chance import examples
 
 from .harness import Session, dialog, read, speech, write
 from .test_rules import do, on, rule, session, state
@@ -211,7 +212,7 @@ def test_what_changes_back_within_a_block_is_no_interruption(tmp_path: Path) -> 
     assert s.states["R"] == "b"
 
 
-@settings(max_examples=150)
+@settings(max_examples=examples(150))
 @given(st.lists(st.tuples(st.integers(0, 30), st.booleans()), max_size=12), st.integers(1, 30))
 def test_it_fires_at_the_moment_that_the_definition_gives(changes: list[tuple[int, bool]], tenths: int) -> None:
     """For any interleaving: the first moment at which the condition has held for so long."""
@@ -468,7 +469,7 @@ def test_what_cannot_be_read_is_rejected(tmp_path: Path, behavior: str, reason: 
     assert task.status == "REJECTED" and reason in task.reason
 
 
-@settings(max_examples=150)
+@settings(max_examples=examples(150))
 @given(st.lists(st.sampled_from(["keep", "next", "x", "understood", "wait", "cancel", "stop", "rule"]), max_size=20))
 def test_a_kept_event_ends_exactly_once(moves: list[str]) -> None:
     s, view, tasks = Session(KEEPS), SessionView(), []

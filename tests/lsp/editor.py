@@ -14,9 +14,9 @@ from lsprotocol import types as lsp
 from pygls.lsp.client import LanguageClient
 
 from rise_engine.lsp.positions import TextPositions
+from tests.patience import PATIENCE
 
 SCENARIOS = Path(__file__).parents[2] / "scenarios"
-_PATIENCE = 60.0
 """Seconds after which a server that says nothing has failed."""
 
 
@@ -54,7 +54,7 @@ class Editor:
             return self.uri(name) in self.findings and self.codes(name) == codes
 
         async with self._said:
-            await asyncio.wait_for(self._said.wait_for(is_so), _PATIENCE)
+            await asyncio.wait_for(self._said.wait_for(is_so), PATIENCE)
 
     def open(self, name: str) -> None:
         self.texts[name] = (self.folder / name).read_bytes().decode("utf-8-sig")

@@ -19,7 +19,8 @@ from sybil.parsers.myst import CodeBlockParser
 from rise_engine.client import connect
 from rise_engine.protocol.session_options import SessionOptions
 from rise_engine.server.spawn import EngineStarted, start_engine
-from tests.recording.test_lsl_recorded import SECONDS, finish, line, start
+from tests.patience import PATIENCE
+from tests.recording.test_lsl_recorded import finish, line, start
 from tests.scenarios.played import process
 from tests.server.conftest import scratch as scratch
 from tests.server.serving import GREETING
@@ -61,7 +62,7 @@ async def until_both_are_recorded(recorder: asyncio.subprocess.Process) -> None:
     """LabRecorder's threads, one a stream, may write into the same line."""
     assert recorder.stdout is not None
     seen = ""
-    async with asyncio.timeout(SECONDS):
+    async with asyncio.timeout(PATIENCE):
         while seen.count("Started data collection") < 2:
             more = (await recorder.stdout.read(1000)).decode()
             assert more, f"the recorder has ended: {seen}"
@@ -109,7 +110,7 @@ async def test_gaze_that_was_streamed_lies_in_the_acts_in_which_it_was_seen(
         for act in ("R_Greeting", "R_Smile"):
             task = await program.start(act)
             await look(ROBOT)
-            await program.wait_for_task(task, SECONDS)
+            await program.wait_for_task(task, PATIENCE)
             await look(TABLE)
         await program.end("all is recorded")
     await finish(outlet)

@@ -20,6 +20,7 @@ from rise_engine.recording import finding, media_files
 from rise_engine.recording.alignment import SessionMark, align_by_marks
 from rise_engine.recording.finding import FindingError, find_marks
 from rise_engine.recording.media_files import SOUND_RATE, Sound, look_at_media
+from tests.chance import examples
 from tests.recording.sounds import make_video, record_marks, write_wav
 
 PLAYED = [(1, 2.25), (2, 95.0)]
@@ -73,7 +74,7 @@ def test_a_film_of_a_fast_camera_is_laid_against_the_session(
 
 
 @pytest.mark.slow
-@settings(max_examples=12)
+@settings(max_examples=examples(12))
 @given(
     offset=st.floats(-10, 25),
     ppm=st.floats(-300, 300),

@@ -11,6 +11,7 @@ import pytest
 
 from rise_engine.client import connect
 from rise_engine.session.disk import Disk
+from tests.patience import PATIENCE
 from tests.server.conftest import scratch as scratch
 from tests.server.serving import GREETING, served
 
@@ -18,7 +19,6 @@ pytest.importorskip("labrecorder", reason="LabRecorder's wheel (labrecorder) is 
 pytest.importorskip("pylsl")
 COUNT, BEFORE = 1000, 400
 """Markers in all, and those that happen before anybody records."""
-SECONDS = 60.0
 
 
 async def start(*arguments: str) -> asyncio.subprocess.Process:
@@ -35,7 +35,7 @@ async def line(stream: asyncio.StreamReader | None, word: str) -> str:
     """The next line of a process's output with that word in it."""
     assert stream is not None
     seen = ""
-    async with asyncio.timeout(SECONDS):
+    async with asyncio.timeout(PATIENCE):
         while word not in (found := (await stream.readline()).decode()):
             seen += found
             assert found, f"the process has ended: {seen}"
@@ -44,7 +44,7 @@ async def line(stream: asyncio.StreamReader | None, word: str) -> str:
 
 async def finish(process: asyncio.subprocess.Process) -> str:
     """End its standard input; what it said then, once it has ended in order."""
-    async with asyncio.timeout(SECONDS):
+    async with asyncio.timeout(PATIENCE):
         _, errors = await process.communicate(b"")
     assert process.returncode == 0, errors.decode()
     return errors.decode()
@@ -78,7 +78,7 @@ async def test_labrecorder_has_every_marker_in_order_with_its_exact_time(scratch
         ended = asyncio.Event()
         session.engine.on_ended(ended.set)
         session.engine.end("all is recorded")
-        await asyncio.wait_for(ended.wait(), SECONDS)
+        await asyncio.wait_for(ended.wait(), PATIENCE)
     assert "went to nobody" not in await finish(outlet)  # it ends with the session, when its markers were fetched
     await finish(recorder)
     (stream,), _ = pyxdf.load_xdf(file, synchronize_clocks=False, dejitter_timestamps=False)

@@ -21,10 +21,9 @@ from rise_engine.ports.outlet import OutletError, OutletPlan
 from rise_engine.recording import marker_feed
 from rise_engine.recording.marker_feed import MarkerFeed, MarkerStream
 from rise_engine.session.disk import Disk
+from tests.patience import PATIENCE
 from tests.server.conftest import scratch as scratch
 from tests.server.serving import GREETING, Served, served
-
-SECONDS = 30.0
 
 
 @pytest.fixture(autouse=True)
@@ -62,7 +61,7 @@ class Outlet:
         self.closed = True
 
     async def until(self, true: Callable[[], object]) -> None:
-        async with asyncio.timeout(SECONDS):
+        async with asyncio.timeout(PATIENCE):
             while not true():
                 self._changed.clear()
                 await self._changed.wait()
@@ -92,7 +91,7 @@ async def following(
 
 async def eventually(true: Callable[[], object]) -> None:
     """Wait for something of which nobody tells."""
-    async with asyncio.timeout(SECONDS):
+    async with asyncio.timeout(PATIENCE):
         for _ in count():
             if true():
                 return
@@ -103,7 +102,7 @@ async def end(session: Served) -> None:
     ended = asyncio.Event()
     session.engine.on_ended(ended.set)
     session.engine.end("over")
-    await asyncio.wait_for(ended.wait(), SECONDS)
+    await asyncio.wait_for(ended.wait(), PATIENCE)
     await session.server.close()
 
 
@@ -144,7 +143,7 @@ async def test_it_ends_with_the_session(scratch: Path) -> None:
     outlet = Outlet()
     async with served(scratch, GREETING, disk=Disk()) as session, following(session, outlet) as task:
         await end(session)
-        await asyncio.wait_for(task, SECONDS)
+        await asyncio.wait_for(task, PATIENCE)
         assert outlet.texts[-1] == "session/ended" and outlet.closed
 
 
@@ -154,7 +153,7 @@ async def test_it_ends_when_it_is_told_to_and_the_session_goes_on(scratch: Path)
         async with connect(session.path, "seer") as program:
             await program.mark_sync(7, "sound")
             finish.set()
-            await asyncio.wait_for(task, SECONDS)
+            await asyncio.wait_for(task, PATIENCE)
             assert outlet.texts[-1] == "sync/7" and outlet.closed
             await program.raise_event("/still_there")
         await eventually(lambda: session.hub.clients == {})
@@ -166,7 +165,7 @@ async def test_markers_for_nobody_are_said_at_the_end(scratch: Path, caplog: pyt
         async with connect(session.path, "seer") as program:
             await program.raise_event("/a")
         finish.set()
-        await asyncio.wait_for(task, SECONDS)
+        await asyncio.wait_for(task, PATIENCE)
     assert re.search("[1-9] markers? went to nobody: no program received the stream", caplog.text)
 
 
@@ -176,7 +175,7 @@ async def test_an_engine_that_goes_without_a_word(scratch: Path) -> None:
         session.server.hub.engine.failure = RuntimeError("out of order")
         await session.server.close()
         with pytest.raises(EngineGone, match="out of order"):
-            await asyncio.wait_for(task, SECONDS)
+            await asyncio.wait_for(task, PATIENCE)
         assert outlet.closed
 
 
@@ -289,7 +288,7 @@ async def test_of_too_many_that_wait_the_oldest_are_given_up(
         await eventually(lambda: outlet.feed is not None and outlet.feed.seq >= session.hub.view.seq)
         outlet.consumers = True
         finish.set()
-        await asyncio.wait_for(task, SECONDS)
+        await asyncio.wait_for(task, PATIENCE)
     assert outlet.texts == [f"event/e{number}" for number in range(15, 25)]
     given_up = re.search(r"(\d+) markers went to nobody", caplog.text)
     assert given_up is not None and int(given_up[1]) >= 15  # with what came when the session began
@@ -313,7 +312,7 @@ async def test_what_happens_while_the_record_is_read_is_sent(scratch: Path, monk
 
     def read_slowly(folder: Path | None) -> list[AnyRecord]:
         begun.set()
-        assert go_on.wait(SECONDS)
+        assert go_on.wait(PATIENCE)
         return read(folder)
 
     monkeypatch.setattr(marker_feed, "_records_before", read_slowly)
@@ -321,7 +320,7 @@ async def test_what_happens_while_the_record_is_read_is_sent(scratch: Path, monk
     async with served(scratch, GREETING, disk=Disk()) as session, connect(session.path, "seer") as program:
         await program.add_note("there is a record to read")
         feed = asyncio.create_task(MarkerFeed(OutletPlan(str(session.path)), outlet).run(asyncio.Event()))
-        assert await asyncio.to_thread(begun.wait, SECONDS)
+        assert await asyncio.to_thread(begun.wait, PATIENCE)
         task = await program.start("R_Nod")
         await program.wait_until(lambda view: any(a.confirmed is not None for a in view.tasks[task].actions.values()))
         go_on.set()

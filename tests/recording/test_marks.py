@@ -104,7 +104,10 @@ async def test_the_next_player_is_asked_when_one_fails(tmp_path: Path) -> None:
     ("script", "problem"),
     [
         ("echo one >&2; echo 'no card' >&2; exit 3", "player ended with exit status 3: no card"),
-        ("exit 0", r"player has played nothing that could be heard: it was there for 0\.\d s, and the sound takes 1.2"),
+        (
+            "exit 0",
+            r"player has played nothing that could be heard: it was there for \d\.\d s, and the sound",
+        ),
         ("exec sleep 60", f"player did not come to an end within {PLAY_SECONDS:g} s"),
     ],
 )

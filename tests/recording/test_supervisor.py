@@ -22,6 +22,7 @@ from rise_engine.recording.one_recorder import SupervisedRecorder
 from rise_engine.recording.supervisor import path_in_record, supervise
 from rise_engine.session.media import read_media
 from rise_engine.study.model import RecorderSettings, RecordingSettings, SyncSettings
+from tests.patience import PATIENCE
 from tests.recording.recorders import ScriptedRecorder, hang, refuse
 from tests.server.serving import Served, served
 
@@ -59,13 +60,13 @@ class Supervision:
         return [each.status for each in self.records if isinstance(each, RecordingRecord) and each.name == name]
 
     async def until(self, name: str, status: str) -> None:
-        async with asyncio.timeout(20):
+        async with asyncio.timeout(PATIENCE):
             while status not in self.of(name):  # noqa: ASYNC110  # another process, or the session
                 await asyncio.sleep(0.01)
 
     async def end(self) -> None:
         self.finish.set()
-        async with asyncio.timeout(20):
+        async with asyncio.timeout(PATIENCE):
             await self.running
 
 
@@ -97,7 +98,7 @@ async def test_each_is_started_and_stopped_with_marks_and_is_registered(scratch:
     async with supervision(scratch, CAMERA, BAG, sync=SyncSettings(medium="flash")) as it:
         await it.until("camera", "running")
         await it.until("bag", "running")
-        async with asyncio.timeout(20):
+        async with asyncio.timeout(PATIENCE):
             while not it.marks:  # noqa: ASYNC110  # another process, or the session
                 await asyncio.sleep(0.01)
         await it.end()
@@ -151,7 +152,7 @@ async def test_when_the_session_is_over_everything_is_stopped_and_registered(
     async with supervision(scratch, CAMERA) as it:
         await it.until("camera", "running")
         it.session.engine.end("done")
-        async with asyncio.timeout(20):
+        async with asyncio.timeout(PATIENCE):
             await it.session.server.close()
             await it.running
         assert [each.name for each in read_media(it.session.folder)] == ["camera"]
@@ -162,7 +163,7 @@ async def test_a_cut_connection_ends_no_recording(scratch: Path, does: dict[str,
         await it.until("camera", "running")
         (attached,) = it.session.server._attached  # as who floods it is cut
         attached.connection.abort()
-        async with asyncio.timeout(20):
+        async with asyncio.timeout(PATIENCE):
             while attached in it.session.server._attached or not it.session.server._attached:  # noqa: ASYNC110  # another process, or the session
                 await asyncio.sleep(0.01)
         await it.end()

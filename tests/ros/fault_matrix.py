@@ -37,6 +37,8 @@ from tests.ros.test_faults_dds import Process, until
 PART = "pepper/speech"
 TOLERANCE = 0.3
 """Seconds between what the robot writes and what it sends."""
+START_SECONDS = 120.0
+"""Until the robot is there; a machine can be busy."""
 AFTER = 4.0
 """Seconds for which the truth is watched after the session's end."""
 
@@ -76,7 +78,7 @@ class Case(Records):
 
     async def begin(self) -> None:
         self.engine.start()
-        await until(lambda: self.robot_statuses()[-1:] == ["connected"])
+        await until(lambda: self.robot_statuses()[-1:] == ["connected"], START_SECONDS)
         self.act()
 
     async def begun(self, seconds: float) -> None:
@@ -166,7 +168,7 @@ async def play(goal: str, moment: str, robot: str, transport: str) -> list[str]:
         )
     )
     try:
-        await process.ready()
+        await until(lambda: process.said("ready"), START_SECONDS)
         case = Case(opened, process)
         await case.begin()
         await MOMENTS[moment](case)

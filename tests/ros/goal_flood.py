@@ -10,6 +10,7 @@ import sys
 from rise_adapters.ros2.actions.client import ActionClient
 from rise_adapters.ros2.transport.dds import DdsTransport
 
+from tests.patience import PATIENCE
 from tests.ros.session_node_process import environment
 
 
@@ -20,7 +21,7 @@ async def main(domain: int, rate: float, seconds: float) -> None:
     goal = {"function_type": "raiseEventTopic", "domain_task_behavior": "/noise", "calling_type": ""}
     sent = 0
     answers: list[bool] = []
-    async with asyncio.timeout(10):
+    async with asyncio.timeout(PATIENCE):
         while not client.count_servers():  # noqa: ASYNC110
             await asyncio.sleep(0.01)
     print("begun", flush=True)

@@ -398,7 +398,12 @@ class MemoryTransport:
         return made
 
     def subscribe(
-        self, topic: str, type: str, on_message: Callable[[Message], None], qos: QoS = RELIABLE
+        self,
+        topic: str,
+        type: str,
+        on_message: Callable[[Message], None],
+        qos: QoS = RELIABLE,
+        pause: float = 0.0,
     ) -> _Subscription:
         self._check()
         made = _Subscription(self, self.resolve(topic), type, on_message, qos)

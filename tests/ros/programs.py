@@ -9,11 +9,9 @@ from pathlib import Path
 
 import pytest
 
+from tests.patience import PATIENCE
 from tests.ros.contract.peers import environment
 from tests.ros.session_node_bench import until
-
-PATIENCE = 40.0
-"""Seconds until something that must happen is missed; a machine can be busy."""
 
 
 class Program:

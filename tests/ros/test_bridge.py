@@ -24,6 +24,7 @@ from rise_engine.ports.bridge import BridgeError, RosConnection
 from rise_engine.scenario import load
 from rise_engine.scenario.model import Scenario
 from rise_engine.server.hub import SessionHub
+from tests.patience import PATIENCE
 from tests.ros.memory import MemoryTransport, MemoryWire
 from tests.ros.session_node_bench import until
 
@@ -223,7 +224,7 @@ async def test_of_two_that_begin_at_once_both_decide_the_same_whatever_their_clo
             )
             for number, each in enumerate(since)
         ]
-        stands_back = [await asyncio.wait_for(each.find_earlier(), 10) is not None for each in made]
+        stands_back = [await asyncio.wait_for(each.find_earlier(), PATIENCE) is not None for each in made]
         assert sorted(stands_back) == [False, True]
         for each in made:
             each.close()

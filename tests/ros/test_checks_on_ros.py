@@ -13,13 +13,13 @@ import pytest
 from rise_engine.checks import CheckContext, run_check
 from rise_engine.study.model import Study, StudyCheck
 from tests.engine.processes import folder
+from tests.patience import PATIENCE
 from tests.ros.contract.peers import environment, missing
 from tests.ros.session_node_bench import until
 
 pytestmark = [pytest.mark.dds, pytest.mark.slow]
 
 TRANSPORTS = [kind for kind in ("dds", "rclpy") if not missing(kind)]
-PATIENCE = 40.0
 
 
 @contextmanager

@@ -31,13 +31,14 @@ pytest.importorskip("rosbags")
 
 from rise_adapters.ros2.transport.dds import DdsTransport
 
+from tests.patience import PATIENCE
+
 pytestmark = pytest.mark.dds
 
 WAVE = "lab_msgs/action/Wave"
 ONE = "int32 level\nfloat32[] gains\nstring[] tags\n---\nbool done\n---\n"
 OTHER = "float32[] gains\nint32 level\nstring[] tags\n---\nbool done\n---\n"
 GOAL = {"level": 1, "gains": [0.5, 0.25], "tags": ["a"]}
-PATIENCE = 40.0
 
 
 def node(name: str, share: Path, definition: str) -> DdsTransport:

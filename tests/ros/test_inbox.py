@@ -9,6 +9,8 @@ from typing import Any
 
 from rise_adapters.ros2.transport.inbox import LIMIT, Inbox
 
+from tests.patience import PATIENCE
+
 
 def filler(inbox: Inbox, heard: list[int], count: int) -> Thread:
     def fill() -> None:
@@ -23,7 +25,7 @@ def filler(inbox: Inbox, heard: list[int], count: int) -> Thread:
 async def test_everything_comes_in_order_on_the_loop_however_much_it_is() -> None:
     heard: list[int] = []
     thread = filler(Inbox(asyncio.get_running_loop()), heard, 3 * LIMIT)
-    async with asyncio.timeout(30):
+    async with asyncio.timeout(PATIENCE):
         while len(heard) < 3 * LIMIT:  # noqa: ASYNC110  # the loop must go on
             await asyncio.sleep(0)
     thread.join()
@@ -48,7 +50,7 @@ async def test_the_loops_own_thread_never_waits() -> None:
     inbox = Inbox(asyncio.get_running_loop())
     for number in range(LIMIT + 1):
         inbox.put(partial(heard.append, number), wait=False)
-    async with asyncio.timeout(30):
+    async with asyncio.timeout(PATIENCE):
         while len(heard) <= LIMIT:  # noqa: ASYNC110
             await asyncio.sleep(0)
 
@@ -58,7 +60,7 @@ async def test_what_cannot_be_dealt_with_is_told_and_keeps_nothing_else() -> Non
     loop.set_exception_handler(lambda _, context: told.append(context))
     inbox = Inbox(loop)
     inbox.put(lambda: 1 / 0, partial(heard.append, 1))
-    async with asyncio.timeout(30):
+    async with asyncio.timeout(PATIENCE):
         while not heard:  # noqa: ASYNC110
             await asyncio.sleep(0)
     assert [type(each["exception"]) for each in told] == [ZeroDivisionError]

@@ -19,6 +19,7 @@ from rise_engine.kernel.commands import StartAction
 from rise_engine.kernel.inputs import ActionReport, Note, RobotChanged, StopReport
 from rise_engine.ports.robot import RobotReport
 from rise_engine.scenario.model import RobotProfile
+from tests.chance import examples
 from tests.ros.badrobot import BadServer, Plan
 from tests.ros.bench import SPEECH, TYPES, profile
 from tests.ros.memory import ClockLoop, MemoryTransport, MemoryWire
@@ -482,7 +483,7 @@ class Chaos(Alone):
         self.serve()
 
 
-@settings(max_examples=150)
+@settings(max_examples=examples(150))
 @given(st.lists(plans, min_size=1, max_size=4), st.lists(moves, max_size=25), st.sampled_from([0.0, 1.0]))
 def test_whatever_happens_every_goal_has_exactly_one_ending(
     which: list[Plan], happenings: list[tuple[float, str]], result: float

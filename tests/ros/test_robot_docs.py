@@ -28,6 +28,7 @@ from rise_engine.scenario.model import RobotProfile
 from rise_engine.scenario.parameters import convert_parameter, fill_parameters
 from rise_engine.scenario.robot_profiles import read_profile
 from rise_engine.scenario.source_files import FileReader
+from tests.patience import PATIENCE
 from tests.ros.layouts import LAYOUTS, looked_up
 from tests.ros.zora import FOLDER as ZORA
 from tests.scenario.folders import folder
@@ -144,7 +145,7 @@ def test_the_driver_of_add_a_robot(tmp_path: Path) -> None:
 
     with socket(AF_INET, SOCK_DGRAM) as bulb:
         bulb.bind(("127.0.0.1", 0))
-        bulb.settimeout(10)
+        bulb.settimeout(PATIENCE)
         clock = VirtualClock()
         driver: Driver = lamp.Lamp
         robot = driver(replace(profile, options={"port": bulb.getsockname()[1]}), clock, 1)

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import asyncio
 import json
-import random
 import sys
 import tempfile
 from collections.abc import AsyncIterator
@@ -26,6 +25,8 @@ pytest.importorskip("rosbags")
 
 from rise_adapters.ros2.transport.dds import DdsTransport
 
+from tests.patience import PATIENCE
+from tests.ros.domains import own_domain
 from tests.ros.session_node_process import environment
 
 pytestmark = pytest.mark.dds
@@ -41,7 +42,7 @@ class Session:
         self.process, self.socket, self.domain = process, socket, domain
 
     async def end(self) -> dict[str, float]:
-        figures, _ = await asyncio.wait_for(self.process.communicate(b""), 30)
+        figures, _ = await asyncio.wait_for(self.process.communicate(b""), PATIENCE)
         assert self.process.returncode == 0
         found: dict[str, float] = json.loads(figures)
         return found
@@ -49,7 +50,7 @@ class Session:
 
 @asynccontextmanager
 async def on_the_wire() -> AsyncIterator[tuple[Session, Node]]:
-    domain = random.SystemRandom().randrange(1, 100)
+    domain = own_domain()
     pipe = asyncio.subprocess.PIPE
     with tempfile.TemporaryDirectory(prefix="rise-", dir=PLACE) as place:
         process = await asyncio.create_subprocess_exec(
@@ -59,7 +60,7 @@ async def on_the_wire() -> AsyncIterator[tuple[Session, Node]]:
         transport = DdsTransport(asyncio.get_running_loop(), node="node", environment=environment(domain))
         try:
             assert process.stdout is not None
-            words = (await asyncio.wait_for(process.stdout.readline(), 30)).decode().split()
+            words = (await asyncio.wait_for(process.stdout.readline(), PATIENCE)).decode().split()
             node = Node(transport)
             await node.ready()
             yield Session(process, Path(words[1]), domain), node

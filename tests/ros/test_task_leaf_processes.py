@@ -15,8 +15,9 @@ from xml.sax.saxutils import quoteattr
 import pytest
 
 from rise_engine.client import Session, connect
+from tests.patience import PATIENCE
 from tests.ros.contract.peers import cyclone_rmw, missing
-from tests.ros.programs import PATIENCE, Program
+from tests.ros.programs import Program
 
 pytestmark = [pytest.mark.dds, pytest.mark.slow]
 

@@ -12,6 +12,7 @@ from hypothesis import strategies as st
 
 from rise_engine.scenario import load
 from rise_engine.scenario.model import Scenario
+from tests.chance import examples
 from tests.scenario.folders import LISTINGS, SPEECH, act, folder, in_state, loaded, rule
 
 TOML = """title = "T"
@@ -128,7 +129,7 @@ PIECES = st.one_of(
 
 @pytest.mark.slow
 @given(name=st.sampled_from(sorted(SEEDS)), data=st.data())
-@settings(max_examples=300)
+@settings(max_examples=examples(300))
 def test_mutated_files_never_raise(name: str, data: st.DataObject) -> None:
     content = SEEDS[name]
     for _ in range(data.draw(st.integers(1, 4))):
@@ -140,7 +141,7 @@ def test_mutated_files_never_raise(name: str, data: st.DataObject) -> None:
 
 @pytest.mark.slow
 @given(name=st.sampled_from(sorted(SEEDS)), content=st.one_of(st.binary(max_size=80), st.text(max_size=80)))
-@settings(max_examples=150)
+@settings(max_examples=examples(150))
 def test_random_files_never_raise(name: str, content: str | bytes) -> None:
     check({name: content.encode("utf-8", "surrogatepass") if isinstance(content, str) else content})
 

@@ -21,7 +21,7 @@ from rise_engine.scenario import load
 from tests.scenario.folders import folder
 
 SIZE = 300_000
-SECONDS = 20.0
+SECONDS = 60.0
 
 
 def rule(body: str) -> str:

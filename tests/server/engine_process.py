@@ -1,4 +1,4 @@
-"""A served session in a process of its own: `python -m tests.server.engine_process FOLDER [TASKS]`.
+"""A served session in a process of its own: `python -m tests.server.engine_process FOLDER`.
 
 Prints its socket, goes on until its standard input ends, and prints how late its loop was and how much its memory grew.
 """
@@ -11,8 +11,6 @@ import resource
 import sys
 from pathlib import Path
 
-from rise_engine.kernel.inputs import Submit
-
 from .serving import served
 
 
@@ -20,11 +18,8 @@ def peak() -> int:
     return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * (1 if sys.platform == "darwin" else 1024)
 
 
-async def main(folder: Path, tasks: int) -> None:
+async def main(folder: Path) -> None:
     async with served(folder) as session:
-        for number in range(tasks):
-            session.engine.post(Submit(function="raiseEventTopic", behavior=f"/e{number % 100}"))
-        await asyncio.sleep(0.1)  # the loop is late once, because of that
         lag = session.server.lag
         before, lag.max = peak(), 0.0
         print(session.path, flush=True)
@@ -34,4 +29,4 @@ async def main(folder: Path, tasks: int) -> None:
 
 
 if __name__ == "__main__":
-    asyncio.run(main(Path(sys.argv[1]), int(sys.argv[2]) if len(sys.argv) > 2 else 0))
+    asyncio.run(main(Path(sys.argv[1])))

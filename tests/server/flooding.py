@@ -1,4 +1,7 @@
-"""A process of its own that is a hundred bad clients: `python flooding.py SOCKET SECONDS`. Prints what it has sent."""
+"""A process of its own that is a hundred bad clients: `python flooding.py SOCKET`.
+
+Prints `flooding` once all of them have done harm, goes on until its standard input ends, and prints what it has sent.
+"""
 
 from __future__ import annotations
 
@@ -9,7 +12,9 @@ import sys
 from contextlib import suppress
 
 logging.getLogger("asyncio").setLevel(logging.ERROR)  # it writes to connections that are cut
-PATH, SECONDS = sys.argv[1], float(sys.argv[2])
+PATH = sys.argv[1]
+MESSAGES, CONNECTIONS = 1000, 200
+"""So much has to have come before it counts as a flood."""
 NOTE = json.dumps({"type": "send", "id": 1, "message": {"input": "note", "text": "x" * 200}}).encode() + b"\n"
 EVENT = (
     json.dumps(
@@ -55,7 +60,7 @@ async def stalls() -> None:
     """Never reads."""
     _, writer = await attach("observer")
     writer.transport.pause_reading()  # type: ignore[attr-defined]
-    await asyncio.sleep(SECONDS)
+    await asyncio.Event().wait()
 
 
 async def vanishes(role: str) -> None:
@@ -98,7 +103,10 @@ async def main() -> None:
         *[babbles] * 5,
     ]
     tasks = [asyncio.create_task(again(kind)) for kind in kinds]
-    await asyncio.sleep(SECONDS)
+    while sent["messages"] <= MESSAGES or sent["connections"] <= CONNECTIONS:  # noqa: ASYNC110
+        await asyncio.sleep(0.01)
+    print("flooding", flush=True)
+    await asyncio.to_thread(sys.stdin.read)
     for task in tasks:
         task.cancel()
     await asyncio.gather(*tasks, return_exceptions=True)

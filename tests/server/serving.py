@@ -31,6 +31,7 @@ from rise_engine.server.server import SessionServer
 from rise_engine.session.disk import Disk
 from rise_engine.session.folder import JOURNAL, create_session
 from rise_engine.session.journal import Journal
+from tests.patience import PATIENCE
 
 ROOT = Path(__file__).parents[2]
 GREETING = ROOT / "scenarios" / "greeting"
@@ -152,7 +153,7 @@ class Follower:
             self._changed.set()
 
     async def until(self, true: Callable[[SessionView], object]) -> None:
-        async with asyncio.timeout(10):
+        async with asyncio.timeout(PATIENCE):
             while not true(self.view):
                 assert self._task is not None and not self._task.done(), f"the stream has ended: {self.error}"
                 self._changed.clear()
@@ -161,7 +162,7 @@ class Follower:
     async def over(self) -> EngineGone | None:
         """Wait until the stream has ended, and say how."""
         assert self._task is not None
-        async with asyncio.timeout(15):
+        async with asyncio.timeout(PATIENCE):
             await asyncio.wait([self._task])
         if self._task.exception() is not None:
             await self._task
@@ -190,13 +191,13 @@ class RawConnection:
 
     async def read(self) -> dict[str, Any]:
         """The next line; an empty object at the end."""
-        async with asyncio.timeout(10):
+        async with asyncio.timeout(PATIENCE):
             data = await self.reader.readline()
         value: dict[str, Any] = json.loads(data) if data else {}
         return value
 
     async def until(self, type: str) -> dict[str, Any]:
-        async with asyncio.timeout(20):  # over all of it: a session that never says it says other things for ever
+        async with asyncio.timeout(PATIENCE):  # over all of it: a session that never says it says other things for ever
             while True:
                 message = await self.read()
                 assert message, f"the connection ended before {type}"

@@ -23,6 +23,7 @@ from rise_engine.protocol.messages import (
 )
 from rise_engine.server import attachment
 from rise_engine.server import server as serving
+from tests.patience import PATIENCE
 
 from .serving import FAST, GREETING, Follower, RawConnection, Served, served
 
@@ -36,7 +37,7 @@ async def sees(follower: Follower, text: str, served: Served) -> None:
     done = asyncio.Event()
     served.hub.subscribe(lambda update: done.set() if getattr(update, "text", "") == text else None)
     assert (await follower.client.send(Note(text=text))).accepted
-    await asyncio.wait_for(done.wait(), 5)
+    await asyncio.wait_for(done.wait(), PATIENCE)
     seq = served.hub.view.seq
     await follower.until(lambda view: view.seq >= seq)
 
@@ -118,7 +119,7 @@ async def test_the_end_of_the_session_ends_the_stream_and_nothing_else_does(scra
         await bob.close()
         assert (await anna.client.send(Note(text="still there"))).accepted
         ending = asyncio.create_task(anna.client.close(end_session=True))
-        await asyncio.wait_for(_ended(session), 10)
+        await asyncio.wait_for(_ended(session), PATIENCE)
         await session.server.close()
         await ending
         assert await anna.over() is None and anna.view.ended
@@ -179,7 +180,7 @@ async def test_a_client_that_does_not_read_is_dropped_and_can_attach_again(
         await busy.until(lambda view: view.control == "wizard:lazy")
         lazy.writer.transport.pause_reading()  # type: ignore[attr-defined]
         text = "x" * 10_000
-        async with asyncio.timeout(20):
+        async with asyncio.timeout(PATIENCE):
             while "wizard:lazy" in session.hub.clients:
                 assert (await busy.client.send(Note(text=text))).accepted
         assert session.hub.view.seq * 10_000 < 2_000_000, "it was kept for too long"
@@ -204,7 +205,7 @@ async def test_the_state_is_not_waited_for_without_end(scratch: Path, monkeypatc
         leave = session.hub.detach
         monkeypatch.setattr(session.hub, "detach", lambda client: (leave(client), gone.set()))
         slow.attach("slow")
-        await asyncio.wait_for(gone.wait(), 10)
+        await asyncio.wait_for(gone.wait(), PATIENCE)
         assert list(session.hub.clients) == ["node:program"]
         slow.writer.transport.abort()
 

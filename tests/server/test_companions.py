@@ -14,6 +14,7 @@ from rise_engine.kernel.records import RecordingStatus
 from rise_engine.recording.companion import CompanionRequest, companions_for, decode_request, encode_request
 from rise_engine.server.companions import Companions
 from rise_engine.study.model import MarkerSettings, RecorderSettings, RecordingSettings, SyncSettings
+from tests.patience import PATIENCE
 
 CAMERA = RecordingSettings((RecorderSettings("camera", "ffmpeg"), RecorderSettings("bag", "rosbag2")))
 
@@ -54,11 +55,11 @@ class Reports:
         self.told.append((report.name, report.status, report.reason))
 
     async def gone(self) -> None:
-        async with asyncio.timeout(30):
+        async with asyncio.timeout(PATIENCE):
             await asyncio.wait(self.companions._tasks)
 
     async def finish(self) -> None:
-        async with asyncio.timeout(30):
+        async with asyncio.timeout(PATIENCE):
             await self.companions.finish()
 
 
@@ -81,7 +82,7 @@ async def test_one_that_finishes_when_its_leash_ends_needs_no_word(tmp_path: Pat
     reports = Reports(request(ScriptedRequest, script=script))
     reports.companions.start()
     assert reports.companions.recording
-    async with asyncio.timeout(30):
+    async with asyncio.timeout(PATIENCE):
         while not (tmp_path / "got").exists() or not (tmp_path / "got").read_text():  # noqa: ASYNC110  # another process, or the session
             await asyncio.sleep(0.02)
     await reports.finish()
@@ -132,7 +133,7 @@ async def test_one_that_dies_is_started_again_some_times(tmp_path: Path) -> None
 async def test_one_that_is_to_be_started_again_holds_up_no_end(tmp_path: Path) -> None:
     reports = Reports(request(ScriptedRequest, script="raise SystemExit(1)"), again=2, again_seconds=1_000.0)
     reports.companions.start()
-    async with asyncio.timeout(30):
+    async with asyncio.timeout(PATIENCE):
         while not reports.told:  # noqa: ASYNC110  # another process
             await asyncio.sleep(0.02)
     await reports.finish()
@@ -168,7 +169,7 @@ async def test_an_outlet_is_left_alone_until_the_session_is_over(tmp_path: Path)
     reports = Reports(request(ScriptedRequest, script=script, kind="outlet"))
     reports.companions.start()
     assert not reports.companions.recording, "a session waits for no outlet before it ends"
-    async with asyncio.timeout(30):
+    async with asyncio.timeout(PATIENCE):
         while not (tmp_path / "ready").exists():  # noqa: ASYNC110  # another process
             await asyncio.sleep(0.02)
     await reports.companions.finish_recorders()
@@ -217,7 +218,7 @@ async def test_what_a_dead_one_has_left_running_is_asked_to_end(tmp_path: Path) 
     reports = Reports(request(ScriptedRequest, script=script))
     reports.companions.start()
     await reports.gone()
-    async with asyncio.timeout(30):
+    async with asyncio.timeout(PATIENCE):
         while not done.exists():  # noqa: ASYNC110  # another process, or the session
             await asyncio.sleep(0.02)
     assert reports.told[0][2] == "SIGKILL ended its process"

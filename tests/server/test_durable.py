@@ -11,6 +11,7 @@ from rise_engine.kernel.inputs import Note, Submit
 from rise_engine.server.server import MAX_UNANSWERED
 from rise_engine.session.disk import Disk
 from rise_engine.session.folder import JOURNAL
+from tests.patience import PATIENCE
 
 from .serving import Follower, RawConnection, served
 
@@ -24,7 +25,7 @@ class SlowDisk(Disk):
         self.full = False
 
     def sync(self, descriptor: int) -> None:
-        self.let.wait(10)
+        self.let.wait(PATIENCE)
         if self.full:
             raise OSError(errno.ENOSPC, "full")
         super().sync(descriptor)

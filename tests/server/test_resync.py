@@ -13,6 +13,7 @@ from rise_engine.protocol import messages
 from rise_engine.protocol.client import LinkLost, Resync
 from rise_engine.server import attachment
 from rise_engine.server import server as serving
+from tests.patience import PATIENCE
 
 from .serving import GREETING, Follower, RawConnection, Served, served
 
@@ -33,7 +34,7 @@ def _little_room(monkeypatch: pytest.MonkeyPatch) -> None:
 async def flooded(session: Served, console: Follower) -> None:
     """So much at once, again and again, that nobody can keep up."""
     before = console.resyncs
-    async with asyncio.timeout(30):
+    async with asyncio.timeout(PATIENCE):
         while console.resyncs == before:
             events(session, 500)
             await asyncio.sleep(0)
@@ -82,7 +83,7 @@ async def test_marks_of_tasks_that_were_over_are_not_lost(scratch: Path) -> None
         await console.until(lambda view: task in view.tasks and view.tasks[task].ended is not None)
         (console_here,) = session.server.connections.values()
         assert console_here is not None
-        async with asyncio.timeout(30):
+        async with asyncio.timeout(PATIENCE):
             while console_here.missed_tasks is None:
                 events(session, 500)
                 await asyncio.sleep(0)
@@ -100,7 +101,7 @@ async def test_a_client_that_wants_every_record_is_cut_off_instead(scratch: Path
         program.attach()
         await program.until("ready")
         program.writer.transport.pause_reading()  # type: ignore[attr-defined]
-        async with asyncio.timeout(30):
+        async with asyncio.timeout(PATIENCE):
             while session.server.connections:
                 events(session, 500)
                 await asyncio.sleep(0)
@@ -116,7 +117,7 @@ async def test_a_client_that_takes_nothing_at_all_is_dropped_in_the_end(
         raw.send(type="attach", version=messages.VERSION, name="ben", role="observer", resync=True)
         await raw.until("ready")
         raw.writer.transport.pause_reading()  # type: ignore[attr-defined]
-        async with asyncio.timeout(30):
+        async with asyncio.timeout(PATIENCE):
             while session.server.connections:
                 events(session, 200)
                 await asyncio.sleep(0.01)

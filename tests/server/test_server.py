@@ -23,6 +23,7 @@ from rise_engine.protocol.messages import (
 )
 from rise_engine.server import server as serving
 from rise_engine.server.hub import SessionHub
+from tests.patience import PATIENCE
 
 from .serving import GREETING, Follower, RawConnection, served
 
@@ -270,7 +271,12 @@ else:
     print(connection.makefile().readline())
 """
     done = await asyncio.to_thread(
-        subprocess.run, [sys.executable, "-S", "-c", code], capture_output=True, text=True, timeout=20, check=False
+        subprocess.run,
+        [sys.executable, "-S", "-c", code],
+        capture_output=True,
+        text=True,
+        timeout=PATIENCE,
+        check=False,
     )
     assert done.returncode == 0, done.stderr
     return done.stdout.strip()
@@ -304,7 +310,7 @@ async def test_a_connection_that_ends_while_it_is_written_to_ends_once(
         connection.finish(encode_line(RefusedMessage("enough")))
         raw.writer.transport.resume_reading()  # type: ignore[attr-defined]
         assert await raw.refused() == "enough"
-        async with asyncio.timeout(10):
+        async with asyncio.timeout(PATIENCE):
             await lost.wait()
         await asyncio.sleep(0)
         assert not failed, failed

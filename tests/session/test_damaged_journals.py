@@ -20,11 +20,12 @@ from rise_engine.session.journal_format import (
 )
 from rise_engine.session.recovery import recover
 from rise_engine.session.replay import compare_replay
+from tests.chance import examples
 
 from .journals import Made, assert_is, clean, kept
 
 quick = settings(
-    max_examples=150,
+    max_examples=examples(150),
     phases=[phase for phase in Phase if phase is not Phase.explain],
     suppress_health_check=[*settings().suppress_health_check, HealthCheck.function_scoped_fixture],
 )

@@ -24,6 +24,7 @@ from rise_engine.scenario import load
 from rise_engine.session.folder import SessionError
 from rise_engine.session.levels import ExportLevel, without_dates
 from rise_engine.session.private_values import NAMES_FIELDS, PrivateValues
+from tests.chance import examples
 
 from ..kernel.harness import Session
 from .journals import TOML, Made, Recording
@@ -236,7 +237,7 @@ def leaves(value: Any) -> Iterator[str]:
 
 
 @pytest.mark.slow
-@settings(max_examples=40)
+@settings(max_examples=examples(40))
 @given(VALUES, st.lists(WAYS, max_size=8))
 def test_nothing_of_a_private_value(root: Path, value: Any, ways: list[str]) -> None:
     for path in root.iterdir():

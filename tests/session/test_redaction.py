@@ -26,6 +26,7 @@ from rise_engine.session.redaction import NEW_SUFFIX, RedactionRefused, redact
 from rise_engine.session.replay import compare_replay
 from rise_engine.session.suggestions import suggest_words
 from rise_engine.words import Words, parse_replacement
+from tests.chance import examples
 
 from ..kills import every_kill
 from .journals import TOML, Made, Recording
@@ -337,7 +338,7 @@ def root(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
 
 
 @pytest.mark.slow
-@settings(max_examples=40)
+@settings(max_examples=examples(40))
 @given(typings(), st.lists(NAMES, min_size=1, max_size=3, unique=True))
 def test_random_words_in_random_sessions(root: Path, typed: list[tuple[str, str]], names: list[str]) -> None:
     for path in root.iterdir():

@@ -15,6 +15,7 @@ from rise_engine.kernel.records import AnyRecord
 from rise_engine.kernel.view import SessionView
 from rise_engine.protocol.client import EngineGone
 from rise_engine.session.journal_reader import read_journal
+from tests.patience import PATIENCE
 
 from .journals import Made
 
@@ -67,4 +68,4 @@ async def test_leaving_in_the_middle(made: Made) -> None:
 
 async def test_what_cannot_be_read_is_said(tmp_path: Path) -> None:
     with pytest.raises(EngineGone, match="is no session"):
-        await asyncio.wait_for(ReplayClient(tmp_path).attach(), 10)
+        await asyncio.wait_for(ReplayClient(tmp_path).attach(), PATIENCE)

@@ -35,6 +35,7 @@ from rise_engine.study import judge, state, study_log
 from rise_engine.study.judge import CannotJudge, exclude_participant, judge_session
 from rise_engine.study.state import OpenStudy, read_state
 from rise_engine.study.withdrawal import WithdrawalError, withdraw
+from tests.chance import examples
 
 from .invariants import check_day
 from .studies import HEAD, write_study
@@ -336,5 +337,5 @@ class StudyDay(RuleBasedStateMachine):
         assert len(held) == len(set(held))
 
 
-StudyDay.TestCase.settings = settings(max_examples=25, stateful_step_count=20, phases=PHASES)
+StudyDay.TestCase.settings = settings(max_examples=examples(25), stateful_step_count=20, phases=PHASES)
 test_random_days = pytest.mark.slow(StudyDay.TestCase)

@@ -10,6 +10,7 @@ from typing import Any
 
 import pytest
 
+from tests import chance
 from tests.tutorials.player import play
 from tests.tutorials.shell import shell
 
@@ -30,9 +31,9 @@ def records(folder: Path) -> list[dict[str, Any]]:
 
 @pytest.mark.slow
 @pytest.mark.pty
-@pytest.mark.parametrize("size", [(80, 24), (120, 40)], ids=str)
-def test_the_greeting_from_nothing(tmp_path: Path, size: tuple[int, int]) -> None:
-    with shell(tmp_path, size) as terminal:
+@pytest.mark.search
+def test_the_greeting_from_nothing(tmp_path: Path) -> None:
+    with shell(tmp_path, chance.one_of((80, 24), (120, 40))) as terminal:
         play(PAGE.read_text(), terminal, between=0)
     built = tmp_path / "work" / "greeting"
     found, shipped = records(built), records(SHIPPED)

@@ -67,6 +67,8 @@ class EndpointComparison(Struct):
     """Because of these some of what it says would not be heard; what is sent arrives."""
     seen: list[str] = []
     """Whose programs have any of it, for a person; empty when nobody has."""
+    programs: frozenset[bytes] = frozenset()
+    """The programs that offer any of an action (`RemoteEndpoint.program`), as far as they can be told apart."""
     unannounced: bool = False
     """It does not say which version of its types it has, or that is not known of this side's: nobody can compare."""
     complete: bool = False
@@ -129,6 +131,7 @@ def _compare_servers(transport: Transport, mapping: ActionMapping) -> EndpointCo
     for service, type in services.items():
         for end in transport.server_endpoints(service):
             found.seen.append(describe_node(end.node))
+            found.programs |= {end.program} - {b""}
             answers = end.type.endswith("_Response")
             seen.add((service, answers))
             wanted_type = f"{type}_{'Response' if answers else 'Request'}"

@@ -17,6 +17,7 @@ from rise_tui.editing.model.condition_reading import FieldNote
 from rise_tui.editing.model.fields import FieldChoice
 from rise_tui.editing.model.form import RuleForm
 from rise_tui.editing.rules.form_fields import FieldControl, FieldRow, WrittenField
+from rise_tui.rendering.later import Later
 from rise_tui.rendering.text import crop
 from rise_tui.widgets.static_lines import StaticLines
 
@@ -87,7 +88,7 @@ class FormPanel(Vertical, can_focus=True):
         self.add_class("-open")
         self.screen.set_focus(self)
         self.say("")
-        self.run_worker(self._fill(focus), group="form", exclusive=True)
+        self.run_worker(Later(self._fill, focus), group="form", exclusive=True)
 
     async def _fill(self, focus: str) -> None:
         """Make the fields, and go into one."""

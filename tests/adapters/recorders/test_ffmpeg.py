@@ -15,6 +15,7 @@ from rise_adapters.recorders import program as programs
 from rise_adapters.recorders.ffmpeg import FfmpegRecorder
 
 from rise_engine.ports.recorder import RecorderEnded, RecorderError, RecordingPlan
+from tests.patience import PATIENCE
 
 PICTURE = ["-re", "-f", "lavfi", "-i", "testsrc=size=64x48:rate=10"]
 needs_ffmpeg = pytest.mark.skipif(shutil.which("ffmpeg") is None, reason="ffmpeg is not installed here")
@@ -45,7 +46,7 @@ async def test_a_recording_can_be_read_and_is_its_owners_alone(tmp_path: Path) -
     path = await begin(recorder, tmp_path)
     assert path.name == "S1_camera.mkv"
     first = await recorder.status()
-    async with asyncio.timeout(20):
+    async with asyncio.timeout(PATIENCE):
         while (await recorder.status()).bytes == first.bytes:  # noqa: ASYNC110  # another process, or the session
             await asyncio.sleep(0.05)
     status = await recorder.status()
@@ -65,7 +66,7 @@ async def test_its_file_grows_every_second_however_little_there_is(tmp_path: Pat
     recorder = camera(input=picture)
     path = await begin(recorder, tmp_path)
     with pytest.raises(RecorderEnded):
-        async with asyncio.timeout(30):
+        async with asyncio.timeout(PATIENCE):
             while True:
                 await recorder.status()
                 await asyncio.sleep(0.02)
@@ -81,7 +82,7 @@ async def test_one_that_dies_says_why_and_a_new_one_gets_a_new_file(tmp_path: Pa
     assert recorder._run is not None and recorder._run.process is not None
     os.kill(recorder._run.process.pid, signal.SIGKILL)
     with pytest.raises(RecorderEnded, match="SIGKILL ended ffmpeg"):
-        async with asyncio.timeout(20):
+        async with asyncio.timeout(PATIENCE):
             while True:
                 await recorder.status()
                 await asyncio.sleep(0.02)

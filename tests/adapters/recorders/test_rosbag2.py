@@ -13,6 +13,7 @@ from rise_adapters.ros2.transport.interfaces import InterfaceCatalog
 from rise_adapters.ros2.transport.port import Message, SendReply
 
 from rise_engine.ports.recorder import RecorderEnded, RecorderError, RecordingPlan
+from tests.patience import PATIENCE
 from tests.ros.memory import MemoryTransport, MemoryWire
 
 NODE = "/rosbag2_recorder"
@@ -179,7 +180,7 @@ async def test_a_program_of_our_own_records_until_it_is_interrupted(tmp_path: Pa
     recorder = open_rosbag2("bag", {"program": program, "topics": ["/rise/record"], "arguments": ["--storage", "mcap"]})
     await recorder.prepare(plan(tmp_path))
     path = Path(await recorder.start())
-    async with asyncio.timeout(20):
+    async with asyncio.timeout(PATIENCE):
         while not (await recorder.status()).bytes:  # noqa: ASYNC110  # another process, or the session
             await asyncio.sleep(0.02)
     said = (path / "bag_0.mcap").read_text()
@@ -194,7 +195,7 @@ async def test_a_program_that_ends_or_leaves_half_a_bag_says_so(tmp_path: Path) 
     await recorder.prepare(plan(tmp_path))
     with pytest.raises(RecorderEnded, match="bag record ended with exit status 3: no plugin: mcap"):
         await recorder.start()
-        async with asyncio.timeout(20):
+        async with asyncio.timeout(PATIENCE):
             while True:
                 await recorder.status()
                 await asyncio.sleep(0.02)

@@ -17,9 +17,9 @@ from rise_tui.editing.screen import EditScreen
 from rise_tui.editing.sessions import RunningHere
 from rise_tui.editing.study import EditedStudy
 from rise_tui.rendering.terminal_reader import mark_together
+from tests.patience import PATIENCE
 from tests.virtual_time import real_monotonic
 
-PATIENCE = 60.0
 STUDIES = Path(__file__).parents[3] / "scenarios"
 
 
@@ -50,7 +50,8 @@ class Editor:
 
     @property
     def notice(self) -> str:
-        return self.screen.notice.text
+        """As one line, however it is wrapped here: it may name a file, and a folder has a name of any length."""
+        return " ".join(self.screen.notice.text.split())
 
     async def press(self, *keys: str) -> None:
         for key in keys:

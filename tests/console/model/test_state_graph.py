@@ -16,6 +16,7 @@ from rise_engine.scenario import load
 from rise_engine.scenario.model import Delay, Rule, State, Transition
 from rise_tui.model.state_drawing import HERE, GraphPosition, draw_state_graph
 from rise_tui.rendering.text import plain_text
+from tests.chance import examples
 
 
 def rule(**ways: str) -> Rule:
@@ -244,7 +245,7 @@ def check(some: Rule, width: int) -> GraphLayout:
 
 
 @pytest.mark.slow
-@settings(max_examples=300)
+@settings(max_examples=examples(300))
 @given(rules(), st.integers(34, 130))
 def test_everything_is_there_once_and_rails_lead_where_they_should(some: Rule, width: int) -> None:
     layout = check(some, width)
@@ -252,7 +253,7 @@ def test_everything_is_there_once_and_rails_lead_where_they_should(some: Rule, w
 
 
 @pytest.mark.slow
-@settings(max_examples=150)
+@settings(max_examples=examples(150))
 @given(rules(), st.integers(34, 130), st.data())
 def test_only_marks_change(some: Rule, width: int, data: st.DataObject) -> None:
     layout = lay_out_graph(some, width)

@@ -19,12 +19,11 @@ import pytest
 from rise_tui.rendering.terminal_writer import TerminalWriter
 from tests.console.scripted import scripted
 from tests.console.terminals import ROOT, Terminal, environment_of, terminal
+from tests.patience import PATIENCE
 
 pytestmark = pytest.mark.pty
 
 GREETING = str(ROOT / "scenarios" / "greeting")
-SECONDS = 20.0
-"""For a busy machine; an orderly end takes less than 3."""
 
 
 def busy(it: Terminal) -> None:
@@ -41,7 +40,7 @@ def test_a_terminal_that_closes_while_the_screen_is_busy_ends_the_console() -> N
         busy(it)
         os.close(it.master)
         it.master = -1
-        assert it.process.wait(SECONDS) == 128 + signal.SIGHUP
+        assert it.process.wait(PATIENCE) == 128 + signal.SIGHUP
 
 
 @pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGHUP])
@@ -51,7 +50,7 @@ def test_a_signal_ends_a_busy_console_whose_terminal_takes_nothing(number: signa
         with pytest.raises(subprocess.TimeoutExpired):  # nobody reads: the terminal fills up
             it.process.wait(8)
         it.process.send_signal(number)
-        assert it.process.wait(SECONDS) == 128 + number
+        assert it.process.wait(PATIENCE) == 128 + number
 
 
 def test_stop_works_while_the_terminal_takes_nothing_and_the_screen_is_right_once_it_does() -> None:
@@ -117,6 +116,6 @@ def test_the_shell_keeps_its_blocking_terminal() -> None:
 def test_a_folder_that_is_no_scenario_is_refused(folder: str, said: str, tmp_path: Path) -> None:
     place = folder.replace("DIR", str(tmp_path))
     command = [sys.executable, "-m", "rise_tui", "--config", place]
-    done = subprocess.run(command, capture_output=True, text=True, cwd=ROOT, check=False, timeout=SECONDS)
+    done = subprocess.run(command, capture_output=True, text=True, cwd=ROOT, check=False, timeout=PATIENCE)
     assert done.returncode == 1
     assert said.replace("DIR", str(tmp_path)) in done.stdout

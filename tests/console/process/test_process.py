@@ -11,7 +11,8 @@ from pathlib import Path
 import pytest
 
 from tests.console.fake import DEMO
-from tests.console.terminals import PATIENCE, ROOT, alive, terminal
+from tests.console.terminals import ROOT, alive, terminal
+from tests.patience import PATIENCE
 
 pytestmark = pytest.mark.pty
 

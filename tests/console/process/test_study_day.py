@@ -15,7 +15,8 @@ from time import monotonic
 import pytest
 
 from tests.console.study_files import write_study
-from tests.console.terminals import PATIENCE, Terminal, alive, kill_engines, terminal
+from tests.console.terminals import Terminal, alive, kill_engines, terminal
+from tests.patience import PATIENCE
 
 pytestmark = pytest.mark.pty
 

@@ -30,10 +30,9 @@ from rise_tui.web.auth import TokenAuth  # noqa: E402
 from rise_tui.web.page import console_page, security_headers  # noqa: E402
 from tests.console.fake import DEMO  # noqa: E402
 from tests.console.terminals import ROOT, UNKNOWN_TO_PYTE, alive, environment_of  # noqa: E402
+from tests.patience import PATIENCE  # noqa: E402
 
 pytestmark = pytest.mark.slow
-
-PATIENCE = 60.0
 
 
 class Serving:

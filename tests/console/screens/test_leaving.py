@@ -19,6 +19,7 @@ from rise_tui.screens.dialog import Dialog
 from rise_tui.screens.end_session import EndSessionDialog
 from tests.console.conftest import Console, console
 from tests.console.fake import FakeClient, FakeLauncher, demo
+from tests.patience import PATIENCE
 
 ENDED = "ended: the record is in "
 
@@ -194,7 +195,7 @@ async def test_a_session_whose_engine_has_gone_goes_on_in_the_same_console() -> 
     def recover(attach_reply: AttachReply, tell: Callable[[str], object]) -> RecoveredClient:
         asked.append(attach_reply.folder)
         tell("recovering: 412,000 of 1,040,000 records")
-        going.wait(10)
+        going.wait(PATIENCE)
         way = next(ways)
         if isinstance(way, EngineGone):
             raise way

@@ -17,7 +17,8 @@ from rise_tui.console.ui_state import UiState
 from rise_tui.rendering.themes import short_name
 from tests.console.conftest import Console, console
 from tests.console.fake import DEMO, FakeClient, demo
-from tests.console.terminals import PATIENCE, terminal
+from tests.console.terminals import terminal
+from tests.patience import PATIENCE
 
 
 @pytest.fixture(autouse=True)

@@ -39,9 +39,8 @@ from rise_tui.screens.report import ReportScreen
 from rise_tui.screens.wizard_name import WizardNameDialog
 from tests.console.fake import DEMO, FakeClient, FakeLauncher, demo
 from tests.console.fake_study import CHECKS, FakeStudy, entry, pending, person, standing, study
+from tests.patience import PATIENCE
 from tests.virtual_time import real_monotonic
-
-PATIENCE = 60.0
 
 
 class Day:

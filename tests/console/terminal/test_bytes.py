@@ -16,7 +16,8 @@ import pytest
 
 from rise_engine.kernel.records import MemoryRecord
 from tests.console.scripted import ScriptedEngine, scripted
-from tests.console.terminals import PATIENCE, Terminal, environment_of, terminal
+from tests.console.terminals import Terminal, environment_of, terminal
+from tests.patience import PATIENCE
 
 pytestmark = pytest.mark.pty
 

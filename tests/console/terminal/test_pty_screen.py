@@ -16,6 +16,7 @@ from rise_engine.kernel.records import MemoryRecord
 from tests.console.fake import FakeClient
 from tests.console.scripted import ScriptedEngine, scripted
 from tests.console.terminals import Terminal, environment_of, terminal
+from tests.patience import PATIENCE
 
 pytestmark = pytest.mark.pty
 
@@ -58,7 +59,7 @@ def test_a_storm_of_sizes_ends_in_the_same_screen() -> None:
             it.resize(*size)
             it.read(0.03)
         it.resize(120, 40)
-        end = monotonic() + 20
+        end = monotonic() + PATIENCE
         while it.text != before:
             assert monotonic() < end, f"it was\n{before}\nand is\n{it.text}"
             it.read(0.2)

@@ -28,10 +28,11 @@ from textual.widgets import Input, Static
 from rise_tui.rendering.modal import SingleDismissModal
 from rise_tui.rendering.terminal_app import TerminalApp
 from rise_tui.rendering.terminal_writer import TerminalWriter
+from tests.patience import PATIENCE
 
 
 async def until(pilot: Pilot[Any], holds: Callable[[], object]) -> None:
-    end = monotonic() + 20
+    end = monotonic() + PATIENCE
     while not holds():
         assert monotonic() < end
         await pilot.pause(0.01)

@@ -18,6 +18,7 @@ from textual.message import Message
 
 from rise_tui.rendering.terminal_driver import TerminalDriver
 from rise_tui.rendering.terminal_reader import TerminalReader, read_together
+from tests.patience import PATIENCE
 
 
 def test_the_driver_asks_for_clicks_but_not_for_every_movement() -> None:
@@ -67,18 +68,24 @@ class Terminal:
 
     async def until(self, holds: object) -> None:
         assert callable(holds)
-        end = monotonic() + 20
+        end = monotonic() + PATIENCE
         while not holds():
             assert monotonic() < end, self.messages
             await asyncio.sleep(0.001)
 
     def close(self) -> None:
         self.stop.set()
-        self.thread.join(20)
+        self.thread.join(PATIENCE)
         assert not self.thread.is_alive()
         for descriptor in (self.master, self.slave):
             if descriptor >= 0:
                 os.close(descriptor)
+
+
+@pytest.fixture
+def patient(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A reader that waits for the rest of a sequence for as long as a busy machine needs to send it."""
+    monkeypatch.setattr("textual.constants.ESCAPE_DELAY", PATIENCE)
 
 
 @pytest_asyncio.fixture
@@ -119,7 +126,7 @@ async def test_what_came_with_escape_did_not_come_alone(data: bytes, key: str, t
     assert await terminal.keys(data, 1) == [(key, True)]
 
 
-async def test_a_sequence_in_two_pieces_is_one_key(terminal: Terminal) -> None:
+async def test_a_sequence_in_two_pieces_is_one_key(terminal: Terminal, patient: None) -> None:
     terminal.messages.clear()
     os.write(terminal.master, b"\x1b[2")
     await terminal.taken()
@@ -130,7 +137,7 @@ async def test_a_sequence_in_two_pieces_is_one_key(terminal: Terminal) -> None:
 async def test_garbage_ends_nothing(garbage: bytes, terminal: Terminal) -> None:
     os.write(terminal.master, garbage)
     await terminal.taken()
-    end = monotonic() + 20
+    end = monotonic() + PATIENCE
     while ("f9", False) not in await terminal.keys(b"\x1b[20~", 1):
         assert monotonic() < end
 

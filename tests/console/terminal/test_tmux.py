@@ -14,7 +14,8 @@ from time import monotonic, sleep
 import pytest
 
 from tests.console.fake import DEMO
-from tests.console.terminals import PATIENCE, ROOT, environment_of, kill_engines
+from tests.console.terminals import ROOT, environment_of, kill_engines
+from tests.patience import PATIENCE
 
 pytestmark = [pytest.mark.pty, pytest.mark.skipif(shutil.which("tmux") is None, reason="tmux is not installed")]
 

@@ -106,9 +106,9 @@ class Peer:
     def subscribers(self, key: str) -> int:
         return int(self._things[key].count_subscribers())
 
-    def subscribe(self, key: str, topic: str, type: str, **qos: Any) -> None:
+    def subscribe(self, key: str, topic: str, type: str, pause: float = 0.0, **qos: Any) -> None:
         self._things[key] = self._transport.subscribe(
-            topic, type, lambda message: say("taken", key=key, message=message), QoS(**qos)
+            topic, type, lambda message: say("taken", key=key, message=message), QoS(**qos), pause
         )
 
     def publishers(self, key: str) -> int:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-import random
 import subprocess
 import sys
 import tempfile
@@ -18,11 +17,12 @@ from pathlib import Path
 from types import TracebackType
 from typing import Any
 
+from tests.patience import PATIENCE
+from tests.ros.domains import own_domain
+
 from .lines import decode, encode
 
 ROOT = Path(__file__).parents[3]
-PATIENCE = 15.0
-"""Seconds until what must happen is missed. Long, because a machine can be busy."""
 LEASE = 2.0
 """Seconds after which a participant that says nothing is taken as gone (with Cyclone DDS and Fast DDS, here)."""
 _CYCLONE = (
@@ -31,7 +31,7 @@ _CYCLONE = (
     '<MaxAutoParticipantIndex>64</MaxAutoParticipantIndex><Peers><Peer address="localhost"/></Peers>'
     f"<LeaseDuration>{LEASE:g} s</LeaseDuration></Discovery></Domain></CycloneDDS>"
 )
-_DOMAIN = str(random.SystemRandom().randrange(1, 101))
+_DOMAIN = str(own_domain())
 
 
 @cache

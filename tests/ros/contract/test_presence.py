@@ -8,8 +8,10 @@ from typing import Any
 
 import pytest
 
+from tests.patience import PATIENCE
+
 from .conftest import Pair
-from .peers import LEASE, PATIENCE, Peer, until
+from .peers import LEASE, Peer, until
 
 pytestmark = pytest.mark.dds
 

@@ -287,6 +287,18 @@ def test_a_subscription_that_asks_for_more_than_is_promised_does_not_count_it(pa
     assert pair.near.publishers(key=name) == 0 and pair.far.subscribers(key=name) == 0
 
 
+def test_of_what_comes_while_a_subscription_pauses_the_newest_is_read(pair: Pair) -> None:
+    name = f"{pair.name}/points"
+    pair.near.subscribe(key=name, topic=name, type=STRING, depth=1, reliable=False, pause=0.05)
+    pair.far.publisher(key=name, topic=name, type=STRING)
+    until(lambda: pair.far.subscribers(key=name) == pair.near.publishers(key=name) == 1)
+    pair.far.publish(key=name, messages=[{"data": f"{number:02}"} for number in range(50)])
+    taken = [""]
+    while taken[-1] != "49":
+        taken.append(pair.near.event("taken", key=name)["message"]["data"])
+    assert taken == sorted(set(taken))
+
+
 def test_feature_nodes_hear_what_is_promised_and_what_is_not(pair: Pair) -> None:
     """A14: of best-effort publishers a reliable subscription hears nothing, 0 of 20 messages."""
     name = f"{pair.name}/gaze"

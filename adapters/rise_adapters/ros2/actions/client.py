@@ -12,6 +12,7 @@ import time
 from collections.abc import Callable, Mapping
 
 from msgspec import Struct
+from msgspec.structs import replace
 
 from rise_adapters.ros2.transport.port import (
     CANCEL_GOAL,
@@ -41,6 +42,11 @@ cancelled only the list of goals says: rclpy answers a refused cancel with NONE 
 
 ALL_GOALS = bytes(16)
 """The goal id that, with a zero stamp, asks to cancel all goals of a server, also those of others."""
+
+
+FEEDBACK_PAUSE = 0.1
+"""Seconds between two looks at feedback, which counts as a sign of life: a robot may send it a thousand times a
+second."""
 
 
 class CancelResponse(Struct, frozen=True):
@@ -73,16 +79,20 @@ class ActionClient:
         self.statuses: dict[bytes, int] = {}
         """What the server said last about each goal that it knows, also about those of others."""
         self.on_feedback: Callable[[bytes, Message], None] = _ignore
-        """Called with the goal's id and the action's feedback."""
+        """Called with the goal's id and the action's feedback: of what comes quickly, with the newest
+        (`FEEDBACK_PAUSE`), as many as the depth of the topic, since several goals share it."""
         self.on_status: Callable[[Mapping[bytes, int]], None] = _ignore
         """Called with `statuses` when the server has published it."""
         self._now = now
         types = action_types(type)
+        feedback = replace(feedback, depth=max(feedback.depth, RELIABLE.depth))  # of each goal that runs at a time
         self._send = transport.client(action_topic(self.name, SEND_GOAL), types[SEND_GOAL])
         self._cancel = transport.client(action_topic(self.name, CANCEL_GOAL), types[CANCEL_GOAL])
         self._result = transport.client(action_topic(self.name, GET_RESULT), types[GET_RESULT])
         self._subscriptions = (
-            transport.subscribe(action_topic(self.name, FEEDBACK), types[FEEDBACK], self._take_feedback, feedback),
+            transport.subscribe(
+                action_topic(self.name, FEEDBACK), types[FEEDBACK], self._take_feedback, feedback, FEEDBACK_PAUSE
+            ),
             transport.subscribe(action_topic(self.name, STATUS_TOPIC), types[STATUS_TOPIC], self._take_status, status),
         )
 

@@ -123,9 +123,11 @@ async def work(transport: Transport, options: Namespace) -> None:
     timer = LookTimer(options.dwell, options.gap, options.away)
     trigger = GazeTrigger(SessionClient(transport), timer, options.region)
     if options.region:
-        TopicListener(transport, options.topic, "geometry_msgs/msg/PointStamped", trigger.take_point)
+        TopicListener(
+            transport, options.topic, "geometry_msgs/msg/PointStamped", trigger.take_point, pause=_POLL_SECONDS
+        )
     else:
-        TopicListener(transport, options.topic, "std_msgs/msg/String", trigger.take_name)
+        TopicListener(transport, options.topic, "std_msgs/msg/String", trigger.take_name, pause=_POLL_SECONDS)
     print(f"watching {transport.resolve(options.topic)} ({transport.about})")
     await trigger.work()
 

@@ -7,8 +7,10 @@ from __future__ import annotations
 import asyncio
 from collections.abc import Callable, Sequence
 
+from msgspec.structs import replace
+
 from rise_adapters.ros2.graph_checks import describe_other_versions
-from rise_adapters.ros2.transport.port import RELIABLE, SENSOR, Message, Subscription, Transport
+from rise_adapters.ros2.transport.port import RELIABLE, SENSOR, Message, QoS, Subscription, Transport
 
 POLL_SECONDS = 0.5
 """Seconds between two looks at who publishes."""
@@ -35,11 +37,13 @@ class TopicListener:
         report: Callable[[str], object] = print,
         interval: float = POLL_SECONDS,
         patience: float = PATIENCE_SECONDS,
+        pause: float = 0.0,
     ) -> None:
-        """Raises PortError."""
+        """`pause`: seconds between two messages, of those that come quickly only the newest; 0: every message is
+        wanted. Raises PortError."""
         self._transport, self._name, self._type, self._report = transport, topic, type, report
         self._topic = transport.resolve(topic)
-        self._interval, self._patience = interval, patience
+        self._interval, self._patience, self._pause = interval, patience, pause
         self._on_message = on_message
         self._has_arrived = False
         self._other_versions: list[str] = []
@@ -50,12 +54,16 @@ class TopicListener:
         self._loop = asyncio.get_running_loop()
         self._begun = self._loop.time()
         self._best_effort = False
-        self._subscription: Subscription = transport.subscribe(topic, type, self._take_message, RELIABLE)
+        self._subscription = self._subscribe(RELIABLE)
         self._timer = self._loop.call_later(interval, self._poll)
 
     def close(self) -> None:
         self._timer.cancel()
         self._subscription.close()
+
+    def _subscribe(self, qos: QoS) -> Subscription:
+        wanted = replace(qos, depth=1) if self._pause else qos
+        return self._transport.subscribe(self._name, self._type, self._take_message, wanted, self._pause)
 
     def _take_message(self, message: Message) -> None:
         if not self._has_arrived:
@@ -79,7 +87,7 @@ class TopicListener:
         if unmatched and self._unmatched and not self._best_effort:
             self._best_effort = True
             self._subscription.close()
-            self._subscription = self._transport.subscribe(self._name, self._type, self._take_message, SENSOR)
+            self._subscription = self._subscribe(SENSOR)
         self._unmatched = unmatched
         self._compare_types()
         if not self._has_arrived and self._loop.time() - self._begun >= self._patience:

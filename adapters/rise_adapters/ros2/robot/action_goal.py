@@ -293,7 +293,7 @@ class ActionGoal:
 
     def _send(self) -> None:
         self._sends += 1
-        self._sent_to |= self.endpoint.programs()
+        self._sent_to |= self.endpoint.comparison.programs
         self.phase = "sent"
         self.may_be_running = True
         self._deadline = self._now() + self._mapping.deadlines.acceptance
@@ -401,7 +401,7 @@ class ActionGoal:
         presence = self.endpoint.presence
         if presence.count != 1 or presence.changes != servers:
             return False  # another one may have it
-        programs = self.endpoint.programs()
+        programs = self.endpoint.comparison.programs
         was_replaced = bool(self._sent_to and programs and not self._sent_to & programs)
         return self._accepted is not None or was_replaced
 

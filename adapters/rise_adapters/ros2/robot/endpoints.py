@@ -17,13 +17,11 @@ from rise_adapters.ros2.mapping import ActionMapping
 from rise_adapters.ros2.robot.lifecycle import LifecycleWatch
 from rise_adapters.ros2.robot.presence import ServerPresence
 from rise_adapters.ros2.transport.port import (
-    SEND_GOAL,
     Message,
     PortError,
     Publisher,
     ServiceClient,
     Transport,
-    action_topic,
 )
 from rise_engine.ports.robot import Clock
 
@@ -170,11 +168,6 @@ class ActionEndpoint(_ComparedEndpoint):
         if self.presence.count and (looked or not self.lifecycle.node):
             self.lifecycle.follow_server(self.name)
         return looked
-
-    def programs(self) -> frozenset[bytes]:
-        """The programs that take goals now (`RemoteEndpoint.program`), as far as they can be told apart."""
-        ends = self._transport.server_endpoints(action_topic(self.name, SEND_GOAL))
-        return frozenset(end.program for end in ends if end.program)
 
     def mark_unanswered(self) -> None:
         """It owes an answer that did not come in time."""

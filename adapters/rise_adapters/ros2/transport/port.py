@@ -174,7 +174,12 @@ class Transport(Protocol):
         ...
 
     def subscribe(
-        self, topic: str, type: str, on_message: Callable[[Message], None], qos: QoS = RELIABLE
+        self,
+        topic: str,
+        type: str,
+        on_message: Callable[[Message], None],
+        qos: QoS = RELIABLE,
+        pause: float = 0.0,
     ) -> Subscription:
         """Hear a topic, until what is returned is closed.
 
@@ -183,6 +188,8 @@ class Transport(Protocol):
         :param on_message: called with each message. One that cannot be read is reported to the loop's exception handler
             and left out.
         :param qos: what the subscription asks for; publishers that promise less are not heard.
+        :param pause: seconds for which nothing is read after something was. Of what comes meanwhile, the newest are
+            read then, as many as the depth: what is published a thousand times a second costs no more than that.
         :raises PortError: as `publisher`.
         """
         ...

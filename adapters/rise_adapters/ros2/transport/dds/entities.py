@@ -29,10 +29,11 @@ _READER_HISTORY = 1000
 _LOG = logging.getLogger(__name__)
 
 
-def dds_qos(qos: QoS, data: Mapping[str, str], *, reader: bool) -> Qos:
-    """A ROS quality of service as DDS has it, with an endpoint's user data."""
+def dds_qos(qos: QoS, data: Mapping[str, str], *, reader: bool, pauses: bool = False) -> Qos:
+    """A ROS quality of service as DDS has it, with an endpoint's user data. `pauses`: a reader wants the newest, and no
+    more of them than the depth."""
     depth = max(qos.depth, 1)
-    if reader and not qos.latched:
+    if reader and not qos.latched and not pauses:
         depth = max(depth, _READER_HISTORY)
     chosen: list[BasePolicy] = [
         # Never wait in a write: it would hold up everything else. What does not go out at once is kept by `DdsWriter`.

@@ -83,11 +83,18 @@ class DdsNode:
         return writer
 
     def open_reader(
-        self, topic: str, type: str, qos: QoS, on_sample: HandleSample, ids: Mapping[str, str] | None = None
+        self,
+        topic: str,
+        type: str,
+        qos: QoS,
+        on_sample: HandleSample,
+        ids: Mapping[str, str] | None = None,
+        pause: float = 0.0,
     ) -> DdsReader:
-        """As `open_writer`. `on_sample` is given pairs of bytes and `SampleInfo`."""
-        reader = make_reader(self._participant, topic, *self._make_settings(type, qos, ids, reader=True))
-        watched = self.reader_thread.add(reader, on_sample)
+        """As `open_writer`. `on_sample` is given pairs of bytes and `SampleInfo`; `pause` as of `port.Transport`."""
+        settings = self._make_settings(type, qos, ids, reader=True, pauses=bool(pause))
+        reader = make_reader(self._participant, topic, *settings)
+        watched = self.reader_thread.add(reader, on_sample, pause=pause)
         self._gids[watched] = reader.guid.bytes
         self._announce_soon()
         return watched
@@ -115,12 +122,12 @@ class DdsNode:
         domains.release_domain(self._domain)
 
     def _make_settings(
-        self, type: str, qos: QoS, ids: Mapping[str, str] | None = None, *, reader: bool
+        self, type: str, qos: QoS, ids: Mapping[str, str] | None = None, *, reader: bool, pauses: bool = False
     ) -> tuple[Any, Qos]:
         if self.closed:
             raise PortError("the transport is closed")
         data = {**(ids or {}), "typehash": self.types.type_hash(type)}
-        return self._idl.find_or_make(type, headed=bool(ids)), dds_qos(qos, data, reader=reader)
+        return self._idl.find_or_make(type, headed=bool(ids)), dds_qos(qos, data, reader=reader, pauses=pauses)
 
     # --- who is there ---------------------------------------------------------------------------------------------
 

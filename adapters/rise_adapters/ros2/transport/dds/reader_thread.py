@@ -1,7 +1,8 @@
 """Reading from DDS in a thread of its own, and handing over what came to the asyncio loop (`transport.inbox`).
 
 The thread does nothing but wait, take and hand over. When the loop is far behind it takes no more: the rest stays in
-DDS, whose quality of service says what becomes of it.
+DDS, whose quality of service says what becomes of it. So it does with a reader that may pause: until that is over, the
+thread is not woken for it.
 """
 
 from __future__ import annotations
@@ -9,9 +10,11 @@ from __future__ import annotations
 import asyncio
 import ctypes
 import logging
+from collections import deque
 from collections.abc import Callable
 from functools import partial
 from threading import Thread
+from time import monotonic
 from typing import Any
 
 from cyclonedds import _clayer
@@ -44,11 +47,17 @@ class DdsReader:
     """One reader that the thread reads, until it is closed. Its methods belong to the loop's thread."""
 
     def __init__(
-        self, reader: DataReader[Any], on_sample: HandleSample, take: TakeSamples, closed: Callable[[DdsReader], None]
+        self,
+        reader: DataReader[Any],
+        on_sample: HandleSample,
+        take: TakeSamples,
+        pause: float,
+        closed: Callable[[DdsReader], None],
     ) -> None:
         self.is_open = True
         self.handle = int(reader._ref)
         self.take = take
+        self.pause = pause
         self.condition = ReadCondition(reader, _NOT_READ)
         self._reader = reader
         self._on_sample = on_sample
@@ -86,16 +95,25 @@ class ReaderThread:
         self._thread = Thread(target=self._run, name=name, daemon=True)
         self._thread.start()
 
-    def add(self, reader: DataReader[Any], on_sample: HandleSample, take: TakeSamples = take_samples) -> DdsReader:
-        """Have `on_sample` called with everything that comes, until what is returned is closed."""
-        added = DdsReader(reader, on_sample, take, self._remove)
+    def add(
+        self, reader: DataReader[Any], on_sample: HandleSample, take: TakeSamples = take_samples, pause: float = 0.0
+    ) -> DdsReader:
+        """Have `on_sample` called with everything that comes, until what is returned is closed. `pause`: seconds for
+        which nothing is taken after something was."""
+        added = DdsReader(reader, on_sample, take, pause, self._remove)
         self._readers[added.handle] = added
-        self._waitset._waitset_attach(self._waitset._ref, added.condition._ref, added.handle)
+        self._attach(added)
         return added
+
+    def _attach(self, reader: DdsReader) -> None:
+        self._waitset._waitset_attach(self._waitset._ref, reader.condition._ref, reader.handle)
+
+    def _detach(self, reader: DdsReader) -> None:
+        self._waitset._waitset_detach(self._waitset._ref, reader.condition._ref)
 
     def _remove(self, reader: DdsReader) -> None:
         del self._readers[reader.handle]
-        self._waitset._waitset_detach(self._waitset._ref, reader.condition._ref)
+        self._detach(reader)
 
     def close(self, wait: float) -> None:
         """End the thread and wait for it, at most so many seconds; close what is still read."""
@@ -121,17 +139,28 @@ class ReaderThread:
     def _read(self) -> None:
         wait, waitset = self._waitset._waitset_wait, self._waitset._ref
         triggered = (ctypes.c_void_p * 64)()
+        pausing: deque[tuple[float, DdsReader]] = deque()
+        """And until when."""
         while not self._closing:
-            count = wait(waitset, triggered, len(triggered), dds_infinity)
+            now = monotonic()
+            while pausing and pausing[0][0] <= now:
+                _, reader = pausing.popleft()
+                if reader.is_open:
+                    self._attach(reader)
+            patience = int((pausing[0][0] - now) * 1e9) if pausing else dds_infinity
+            count = wait(waitset, triggered, len(triggered), patience)
             if count < 0:
                 raise RuntimeError(f"waiting failed with code {count}")
             deliveries: list[partial[None]] = []
             for index in range(min(count, len(triggered))):
-                reader = self._readers.get(triggered[index] or 0)
-                if reader is None:
+                found = self._readers.get(triggered[index] or 0)
+                if found is None:
                     continue
-                taken = reader.take(reader.handle, _MOST_PER_TAKE)
+                if found.pause:
+                    self._detach(found)
+                    pausing.append((monotonic() + found.pause, found))
+                taken = found.take(found.handle, _MOST_PER_TAKE)
                 if not isinstance(taken, int):
-                    deliveries += [partial(reader.deliver, sample) for sample in taken]
+                    deliveries += [partial(found.deliver, sample) for sample in taken]
             if deliveries:
                 self._inbox.put(*deliveries)

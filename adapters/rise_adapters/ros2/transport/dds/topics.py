@@ -32,12 +32,14 @@ class DdsPublisher:
 class DdsSubscription:
     """Implements `port.Subscription`."""
 
-    def __init__(self, node: DdsNode, topic: str, type: str, on_message: Callable[[Message], None], qos: QoS) -> None:
+    def __init__(
+        self, node: DdsNode, topic: str, type: str, on_message: Callable[[Message], None], qos: QoS, pause: float
+    ) -> None:
         """As `DdsPublisher`."""
         self._node = node
         self._codec = node.types.codec(type)
         self._on_message = on_message
-        self._reader = node.open_reader(dds_topic(topic), type, qos, self._on_sample)
+        self._reader = node.open_reader(dds_topic(topic), type, qos, self._on_sample, pause=pause)
 
     def count_publishers(self) -> int:
         return len(self._reader.matched_writers())

@@ -59,9 +59,14 @@ class DdsTransport:
         return DdsPublisher(self._dds, self.resolve(topic), type, qos)
 
     def subscribe(
-        self, topic: str, type: str, on_message: Callable[[Message], None], qos: QoS = RELIABLE
+        self,
+        topic: str,
+        type: str,
+        on_message: Callable[[Message], None],
+        qos: QoS = RELIABLE,
+        pause: float = 0.0,
     ) -> DdsSubscription:
-        return DdsSubscription(self._dds, self.resolve(topic), type, on_message, qos)
+        return DdsSubscription(self._dds, self.resolve(topic), type, on_message, qos, pause)
 
     def serve(self, name: str, type: str, on_request: Callable[[Message, SendReply], None]) -> DdsServer:
         return DdsServer(self._dds, self.resolve(name), type, on_request)

@@ -53,6 +53,7 @@ class SpinningNode:
         self.name: str = self.rclpy_node.get_fully_qualified_name()
         self.rmw = self.rclpy.rmw
         self.domain: int = self._context.get_domain_id()
+        self.loop = loop
         self._inbox = Inbox(loop)
         self._lost = ""
         self._closed = False

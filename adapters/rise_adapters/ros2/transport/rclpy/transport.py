@@ -50,9 +50,14 @@ class RclpyTransport:
         return RclpyPublisher(self._node, topic, *self._types.find_message(type), qos)
 
     def subscribe(
-        self, topic: str, type: str, on_message: Callable[[Message], None], qos: QoS = RELIABLE
+        self,
+        topic: str,
+        type: str,
+        on_message: Callable[[Message], None],
+        qos: QoS = RELIABLE,
+        pause: float = 0.0,
     ) -> RclpySubscription:
-        return RclpySubscription(self._node, topic, *self._types.find_message(type), on_message, qos)
+        return RclpySubscription(self._node, topic, *self._types.find_message(type), on_message, qos, pause)
 
     def serve(self, name: str, type: str, on_request: Callable[[Message, SendReply], None]) -> RclpyServer:
         return RclpyServer(self._node, name, type, *self._types.find_service(type), on_request)
