@@ -193,6 +193,7 @@ async def test_now_follows_again_and_nonsense_is_said() -> None:
         events(it, 60)
         _, log = log_of(it)
         it.screen.pane_layout.focus_pane("log")
+        await it.until(lambda: log.count == 60)
         await it.press("home")
         await it.until(lambda: not log.following)
         it.screen.action_do("log.time")
@@ -261,6 +262,7 @@ async def test_a_letter_copies_the_row_and_the_notice_says_so(monkeypatch: pytes
         terminal = Terminal(it, monkeypatch)
         events(it, 3)
         it.screen.pane_layout.focus_pane("log")
+        await it.until(lambda: log_of(it)[1].count == 3)
         await it.press("enter", "c")
         await it.until(lambda: "copied the row" in it.notice)
         assert terminal.copied.split("\t")[:2] == ["3", "102.0"] and "/topic2" in terminal.copied
