@@ -15,10 +15,6 @@ from collections.abc import Callable
 from concurrent.futures import Executor
 from typing import Any
 
-import textual.app
-import textual.pilot
-from textual._wait import SLEEP_GRANULARITY, wait_for_idle
-
 real_monotonic = time.monotonic
 _now: float | None = None
 """What time it is for the loop that runs; None: no VirtualLoop runs."""
@@ -40,30 +36,6 @@ def install() -> None:
         if name.partition(".")[0] == "textual":
             for held in [held for held, value in vars(module).items() if value is real_monotonic]:
                 setattr(module, held, monotonic)
-    _install_in_pilot()
-
-
-def _install_in_pilot() -> None:
-    """Textual's pilot sleeps until the process computes little, which on a busy machine is later, and asks every widget
-    of the screen after each key. In a `VirtualLoop` no time passes before all that is ready has been done.
-    """
-    for_screen = textual.pilot.Pilot._wait_for_screen
-
-    async def idle(*seconds: float) -> None:
-        if _now is None:
-            await wait_for_idle(*seconds)
-        else:
-            await asyncio.sleep(SLEEP_GRANULARITY)
-
-    async def screen(self: textual.pilot.Pilot[Any]) -> bool:
-        if _now is None:
-            return await for_screen(self)
-        await asyncio.sleep(0.000_001)
-        return True
-
-    for module in (textual.app, textual.pilot):
-        module.wait_for_idle = idle  # type: ignore[attr-defined]
-    textual.pilot.Pilot._wait_for_screen = screen  # type: ignore[method-assign, assignment]
 
 
 class VirtualLoop(asyncio.SelectorEventLoop):
