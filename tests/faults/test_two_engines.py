@@ -267,9 +267,7 @@ def test_the_lock_is_there_before_a_byte_is_read_and_while_it_is_repaired(
     at = next(n for n, line in enumerate(lines) if b'"kind":"robot"' in line)
     path.write_bytes(b"".join([*lines[:at], lines[at].replace(b"robot", b"rabot"), *lines[at + 1 :], b'{"torn']))
     seen: list[tuple[str, bool]] = []
-    wrap(
-        monkeypatch, "rise_engine.session.recovery.read_journal", lambda: seen.append(("read", is_journal_locked(path)))
-    )
+    wrap(monkeypatch, "rise_engine.session.recovery.Replay", lambda: seen.append(("read", is_journal_locked(path))))
     wrap(monkeypatch, "os.replace", lambda: seen.append(("replaced", is_journal_locked(path))))
     lock = JournalLock(path)
     assert recover(record, lock=lock).report
