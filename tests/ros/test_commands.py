@@ -80,14 +80,14 @@ def test_doctor_looks_for_the_robot_of_a_scenario() -> None:
     assert rise_engine("doctor", "--robot", "flokka").returncode == 2
 
 
-def test_check_in_real_mode_reads_the_carriers_too(tmp_path: Path) -> None:
+@pytest.mark.parametrize("mode", ["debug", "real"])
+def test_check_reads_the_carriers_in_every_mode(mode: str, tmp_path: Path) -> None:
     (tmp_path / "robots").mkdir()
     (tmp_path / "scenario.toml").write_text('robot = "mine"\n')
     (tmp_path / "robots" / "mine.toml").write_text(
         'driver = "ros2"\n[actions.Speech]\n'
         'carrier = { action = "say", type = "rise_interfaces/action/Speech", goal = { mesage = "{message}" } }\n'
     )
-    assert rise_engine("check", str(tmp_path), "--mode", "debug").returncode == 0
-    said = rise_engine("check", str(tmp_path), "--mode", "real")
+    said = rise_engine("check", str(tmp_path), "--mode", mode)
     assert said.returncode == 1
     assert "robots/mine.toml" in said.stdout and "mesage" in said.stdout and "message" in said.stdout

@@ -266,9 +266,9 @@ def test_the_carrier_says_how_an_actions_topics_are_listened_to() -> None:
         Direct(
             action="lab/wave",
             type="lab_msgs/action/Wave",
-            qos={"feedback": {"reliability": "best_effort", "depth": 3}, "status": {"durability": "volatile"}},
+            qos={"feedback": {"reliability": "best_effort", "depth": 20}, "status": {"durability": "volatile"}},
         ),
-        {FEEDBACK: QoS(3, reliable=False), STATUS_TOPIC: QoS(1)},
+        {FEEDBACK: QoS(20, reliable=False), STATUS_TOPIC: QoS(1)},
     )
     assert {
         part: each.qos for part in heard for each in robot.transport.subscriptions if each.topic.endswith(part)
