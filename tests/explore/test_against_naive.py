@@ -22,6 +22,13 @@ NAIVE_STUDIES = 16
 MOST_SITUATIONS = 1_500
 """What the naive explorer is asked to look at, at most: it is slow."""
 RELEASES = ("leave", "enter")
+SHIPPED = [
+    ("greeting", World(by_hand=False, line=0, beside=1)),
+    ("lab_opening", World(by_hand=False, line=0, beside=1, faults=1)),
+    ("lablinking", World(by_hand=False, line=1, beside=1, faults=1)),
+]
+LARGE = [("lab_opening", World(by_hand=False, line=0, beside=0, faults=1, stop=True, robot=True, releases=RELEASES))]
+"""Which takes as long as all others together."""
 
 
 @pytest.fixture(autouse=True)
@@ -35,16 +42,9 @@ def random_world(seed: int, *, has_cue: bool) -> World:
     return World(beside=1, faults=1, stop=seed % 3 == 0, robot=seed % 4 == 0, releases=RELEASES, cues=has_cue)
 
 
+@pytest.mark.search
 @pytest.mark.slow
-@pytest.mark.parametrize(
-    ("name", "world"),
-    [
-        ("greeting", World(by_hand=False, line=0, beside=1)),
-        ("lab_opening", World(by_hand=False, line=0, beside=1, faults=1)),
-        ("lablinking", World(by_hand=False, line=1, beside=1, faults=1)),
-        ("lab_opening", World(by_hand=False, line=0, beside=0, faults=1, stop=True, robot=True, releases=RELEASES)),
-    ],
-)
+@pytest.mark.parametrize(("name", "world"), [*SHIPPED, *(LARGE if SEARCH else [])])
 def test_shipped_studies_have_the_same_situations(name: str, world: World) -> None:
     scenario = shipped(name)
     begun = sessions_of(scenario)[0]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import cache
 from pathlib import Path as FilePath
 
 import msgspec
@@ -36,6 +37,7 @@ PLAYS = {
 all ways into a situation together."""
 
 
+@cache
 def played(name: str, faults: int) -> dict[Fact, tuple[Path, PlayedPath]]:
     scenario, bounds = shipped(name), bounds_for(name, faults)
     return {fact: (path, find_times(scenario, path, bounds)) for fact, path in paths_of(name, faults).items()}
