@@ -78,7 +78,7 @@ def parse_deadlines(table: Any, before: GoalDeadlines, where: str, mistakes: Pro
         elif not value and not may_be_zero:
             mistakes.add(f"{where}.{key}", "is a number of seconds above 0")
         elif key == "feedback" and 0 < value < LEAST_FEEDBACK_SECONDS:
-            what = f"is 0, or at least {LEAST_FEEDBACK_SECONDS:g}: feedback is looked at ten times a second"
+            what = f"must be 0, or at least {LEAST_FEEDBACK_SECONDS:g}: it is read ten times a second"
             mistakes.add(f"{where}.{key}", what)
         else:
             found[key] = float(value)
