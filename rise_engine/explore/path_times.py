@@ -357,7 +357,7 @@ class PathTimes:
                 for span in running[-1:]:
                     if (goal := self.known.goals.get((task, span.id))) is not None:
                         spoilt.add((task, span.id))
-                        faults.append(f"{goal[0]}=hang@{goal[1]}")
+                        faults.append(f"{goal[0]}=slow-cancel:{CANCEL_LIMIT:g}@{goal[1]}")
             elif not pauses and isinstance(manner := self._manner(life, levels), str) and manner:
                 factors |= self._slowed(life, times, courses[task])
         faults += [f"{goal[0]}=slow:{factor:g}@{goal[1]}" for goal, factor in self._of_goals(factors)]

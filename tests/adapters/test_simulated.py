@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from typing import Any
 
 import pytest
+from msgspec.structs import replace
 from rise_adapters.simulated import SimulatedRobot
 from rise_adapters.simulated.faults import ActionFault, LinkFault, parse_fault
 
@@ -126,10 +127,95 @@ def test_hang_never_ends_and_its_part_does_not_confirm_a_stop() -> None:
     bench = Bench("Speech=hang")
     bench.start("1/a")
     bench.start("1/b", "LookAt", 100)
-    bench.run(5)
+    bench.clock.call_at(5, lambda: bench.robot.cancel("1/a"))
+    bench.clock.call_at(5, bench.robot.stop_all)
+    assert bench.run()[3:] == [
+        (5.05, "1/b", "canceled"),
+        (5.051, "stop", "generic/speech"),
+        (9.0, "robot", "degraded"),
+        (9.0, "1/a", "lost"),
+    ]
+
+
+@pytest.mark.parametrize(
+    ("fault", "ended", "reason"),
+    [("refuse-cancel", "failed", "refused to stop"), ("ignore-cancel", "lost", "has not ended yet")],
+)
+def test_what_does_not_stop_holds_its_part_until_it_has_ended(fault: str, ended: str, reason: str) -> None:
+    bench = Bench(f"Speech={fault}@1")
+    bench.start("1/a", seconds=20)
+    bench.clock.call_at(1, bench.robot.stop_all)
+    bench.run(6)
+    assert bench.lines()[2:] == [
+        (1.051, "stop", "generic/speech"),
+        (5.0, "robot", "degraded"),
+        (5.0, "1/a", ended),
+    ]
+    report = bench.told[3][1]
+    assert isinstance(report, RobotChanged)
+    (goal,) = report.open
+    assert (goal.part, goal.type, goal.holds, goal.accepted) == ("generic/speech", "Speech", True, True)
+    assert reason in goal.reason and reason in report.detail
+    bench.clock.call_at(7, lambda: bench.start("2/a"))
+    bench.clock.call_at(18, lambda: bench.start("3/a", seconds=1))
+    assert bench.run()[5:] == [
+        (12.0, "2/a", "failed"),
+        (20.0, "robot", "connected"),
+        (20.0, "stop", "all"),
+        (23.02, "3/a", "accepted"),
+        (24.0, "3/a", "succeeded"),
+    ]
+    held = bench.told[5][1]
+    assert isinstance(held, ActionReport) and held.reason.startswith("held: generic/speech")
+
+
+def test_a_person_can_release_what_hangs() -> None:
+    bench = Bench("Speech=hang@1")
+    bench.start("1/a")
+    bench.run(1)
     bench.robot.cancel("1/a")
-    bench.robot.stop_all()
-    assert [line[1:] for line in bench.run()[-2:]] == [("1/b", "canceled"), ("stop", "generic/speech")]
+    bench.run()
+    bench.robot.cancel_open_goals("")
+    bench.robot.release_open_goals("generic/gaze")
+    assert bench.run()[-1][1:] == ("1/a", "lost")
+    bench.robot.release_open_goals("generic/speech")
+    bench.start("2/a", seconds=1)
+    assert [line[1:] for line in bench.run()[-3:]] == [
+        ("robot", "connected"),
+        ("2/a", "accepted"),
+        ("2/a", "succeeded"),
+    ]
+
+
+def test_a_carrier_that_takes_no_stop_is_never_confirmed() -> None:
+    actions = dict(core_actions())
+    carriers = {
+        "LookAt": {"topic": "look", "type": "x"},
+        "Speech": {"service": "say", "type": "x"},
+        "Emotion": {"topic": "face", "type": "x", "unstoppable": True},
+        "Animation": {"topic": "wave", "type": "x", "reset": {"data": 0}},
+    }
+    for name, carrier in carriers.items():
+        actions[name] = replace(actions[name], carrier=carrier)
+    bench = Bench(robot=RobotProfile("generic", "Generic", "ros2", actions, {}))
+    bench.start("1/a", "LookAt", 5)
+    bench.start("1/b", "Speech", 5)
+    bench.clock.call_at(1, bench.robot.stop_all)
+    bench.run()
+    report, ended = bench.told[-2][1], bench.told[-1][1]
+    assert isinstance(report, StopReport)
+    assert report.unstoppable == ("generic/LookAt", "generic/Speech") and not report.unconfirmed
+    assert {"generic/gaze", "generic/speech"}.isdisjoint(report.confirmed)
+    assert isinstance(ended, RobotChanged) and ended.status == "connected"  # the call has been answered
+    (goal,) = ended.open
+    assert (goal.part, goal.reason, goal.holds) == ("generic/LookAt", "its topic takes no stop", False)
+    bench.start("2/a", "LookAt", 1)  # what is published next replaces it, and goes on in its place
+    assert [line[1:] for line in bench.run()[-4:]] == [
+        ("robot", "connected"),
+        ("2/a", "accepted"),
+        ("robot", "connected"),
+        ("2/a", "succeeded"),
+    ]
 
 
 def test_vanish_and_return() -> None:
@@ -140,7 +226,7 @@ def test_vanish_and_return() -> None:
     bench.robot.stop_all()
     assert bench.run(3.5)[-2:][0][1:] == ("1/b", "failed")
     assert bench.lines()[-1][1:] == ("stop", ",".join(ALL))
-    assert bench.run(5)[-1] == (4.0, "robot", "connected")
+    assert bench.run(5)[-2:] == [(4.0, "robot", "connected"), (4.0, "stop", "all")]
     bench.start("1/c", seconds=1)
     assert bench.run()[-1][1:] == ("1/c", "succeeded")
 
@@ -152,7 +238,7 @@ def test_vanish_and_return() -> None:
         ("slow-reject:2", [(2.02, "failed")]),
         ("lost-accept", [(2.0, "succeeded")]),
         ("late-begin:2", [(0.02, "accepted"), (4.0, "succeeded")]),
-        ("refuse-cancel", [(0.02, "accepted"), (2.0, "succeeded")]),
+        ("refuse-cancel", [(0.02, "accepted"), (2.0, "succeeded")]),  # it has ended before anybody gave it up
         ("ignore-cancel", [(0.02, "accepted"), (2.0, "succeeded")]),
         ("slow-cancel:2", [(0.02, "accepted"), (3.05, "canceled")]),
         ("die-on-goal:5", [(0.02, "lost"), (5.02, "connected")]),

@@ -21,7 +21,7 @@ from rise_engine.ports.robot import RobotReport
 from rise_engine.scenario.model import RobotProfile
 from tests.chance import examples
 from tests.ros.badrobot import BadServer, Plan
-from tests.ros.bench import SPEECH, TYPES, profile
+from tests.ros.bench import GAZE, SPEECH, TYPES, profile
 from tests.ros.memory import ClockLoop, MemoryTransport, MemoryWire
 
 LONG = Plan(seconds=60)
@@ -127,6 +127,27 @@ def test_what_others_run_and_does_not_stop_is_not_confirmed(cancel: Any, reason:
     robot.servers[SPEECH].foreign(OTHERS, Plan(seconds=60, cancel=cancel))
     robot.run(1)
     assert robot.stop() == StopReport(confirmed=("pepper/look_at",), unconfirmed=(f"pepper/speech ({reason})",))
+
+
+@pytest.mark.parametrize(
+    ("cancel", "confirmed", "unconfirmed"),
+    [
+        ("yes", ("pepper/look_at", "pepper/speech"), ()),
+        ("refuse", ("pepper/speech",), ("pepper/look_at (it refused to stop)",)),
+    ],
+)
+def test_what_others_begin_before_the_answer_at_a_part_that_had_confirmed(
+    cancel: Any, confirmed: tuple[str, ...], unconfirmed: tuple[str, ...]
+) -> None:
+    robot = Alone(Plan(seconds=60, cancel_seconds=2.0))
+    robot.start()
+    robot.run(1)
+    robot.robot.stop_all()
+    robot.run(1.5)
+    robot.servers[GAZE].foreign(OTHERS, Plan(seconds=60, cancel=cancel))
+    robot.run(5)
+    assert robot.of(StopReport)[0] == StopReport(confirmed=confirmed, unconfirmed=unconfirmed)
+    assert len(robot.servers[GAZE].cancels) > 1  # it was asked again
 
 
 def test_a_lost_stop_request_is_sent_again() -> None:

@@ -5,12 +5,12 @@
 `Speech=fail`               every Speech fails half-way
 `Speech=abort`              the robot gives up every Speech half-way by itself, as after a protective stop
 `Speech=slow:3`             every Speech takes 3 times as long
-`Speech=hang`               Speech never ends and never confirms a cancel; stop-all lists that part as unconfirmed
+`Speech=hang`               Speech never ends and never confirms a cancel; its part is unconfirmed, then held
 `Speech=slow-accept:2`      the robot says only after 2 s that it takes a Speech, and begins then
 `Speech=slow-reject:2`      ... or that it refuses it
 `Speech=lost-accept`        it takes it and does it, and that answer is lost
 `Speech=late-begin:2`       it takes it at once, and begins 2 s later
-`Speech=refuse-cancel`      it does not let itself be stopped, and says so
+`Speech=refuse-cancel`      it does not let itself be stopped, and says so; its part is held until it has ended
 `Speech=ignore-cancel`      ... and says nothing
 `Speech=slow-cancel:2`      it says that it stops, and has stopped 2 s later
 `Speech=die-on-goal`        its program is gone as a Speech comes (`die-on-goal:5`: for 5 s)

@@ -8,23 +8,28 @@ The same seed and the same goals in the same order give the same durations.
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from functools import partial
 from random import Random
-from typing import Any
+from typing import Any, Literal
 
 from msgspec import Struct
 
 from rise_adapters.simulated.faults import ActionFault, FaultKind, LinkFault, parse_fault
 from rise_engine.kernel.commands import StartAction
 from rise_engine.kernel.inputs import ActionReport, RobotChanged, StopReport
+from rise_engine.kernel.records import OpenGoal, describe_open_goals
 from rise_engine.ports.robot import Clock, ReportCallback, Timer
-from rise_engine.scenario.model import RobotProfile
+from rise_engine.scenario.model import ActionSpec, RobotProfile
 
 _OPTIONS = {"latency": (0.02, 60.0), "stopping": (0.05, 60.0), "variation": (0.0, 0.5)}
 """Name -> default, largest value."""
 _TICK = 0.001
 """Seconds that keep two reports about one goal apart, so that their order never depends on a tie."""
+_CANCEL_SECONDS = 4.0
+"""How long a goal may take to stop; then its action ends, and the goal is open. As a robot on ROS 2 has it."""
+_HELD_SECONDS = 5.0
+"""How long a new action waits for a part that is held. As a robot on ROS 2 has it."""
 
 
 class _SimulatedGoal(Struct):
@@ -34,6 +39,8 @@ class _SimulatedGoal(Struct):
     fault: ActionFault | None
     timers: list[Timer] = []
     canceling: bool = False
+    begun: bool = False
+    accepted: bool = False
 
     def has_fault(self, *kinds: FaultKind) -> bool:
         return self.fault is not None and self.fault.kind in kinds
@@ -45,7 +52,7 @@ class _SimulatedGoal(Struct):
 
 
 class SimulatedRobot:
-    """Implements `rise_engine.ports.robot.Robot`; the class itself is the `Driver`."""
+    """Implements `rise_engine.ports.robot.RobotWithOpenGoals`; the class itself is the `Driver`."""
 
     def __init__(self, profile: RobotProfile, clock: Clock, seed: int, faults: tuple[str, ...] = ()) -> None:
         """Raises ValueError with a sentence when an option or a fault cannot be understood."""
@@ -60,17 +67,23 @@ class SimulatedRobot:
         self._vanishes = [fault for fault in parsed if isinstance(fault, LinkFault)]
         self._goals: dict[str, _SimulatedGoal] = {}
         self._counts: Counter[str] = Counter()
-        self._links_down = 0
-        self._inactive = False
+        self._links_down: list[str] = []
+        """Why nothing reaches the robot, once for each fault that has cut it off."""
+        self._inactive = ""
+        """Why it takes nothing."""
         self._report: ReportCallback = _ignore
         self._timers: list[Timer] = []
         self._last_seen: float | None = None
         self._parts = {
             action: {f"{profile.name}/{channel}" for channel in spec.channels}
             for action, spec in profile.actions.items()
-            if spec.supported and not spec.engine
+            if spec.supported and not spec.engine and not _carrier_without_stop(spec)
         }
         """By action, what confirms a stop, one part for each channel that it uses: `pepper/speech`."""
+        self._open: dict[str, OpenGoal] = {}
+        """What goes on, or may, although its action has ended for the session. By the action's name."""
+        self._stop_report: StopReport | None = None
+        """The last answer to a stop, while not everything has confirmed; another one follows when that changes."""
 
     # --- the port -----------------------------------------------------------------------------------------------
 
@@ -83,7 +96,7 @@ class SimulatedRobot:
             self._timers.append(self._clock.call_at(vanish.at, partial(down, f"{why} (simulated fault)")))
             if vanish.back is not None:
                 self._timers.append(self._clock.call_at(vanish.back, up))
-        report(RobotChanged(status="connected", detail=self._describe_link()))
+        self._report_standing()
 
     def start(self, goal: StartAction) -> None:
         self._counts[goal.type] += 1
@@ -96,6 +109,25 @@ class SimulatedRobot:
             self._call_after(self._latency, self._end, failure)
             return
         running = self._goals[goal.action] = _SimulatedGoal(goal.type, fault)
+        if self._holding_part(goal.type):
+            running.timers.append(self._call_after(_HELD_SECONDS, self._begin_if_free, goal.action, seconds))
+        else:
+            self._begin(goal.action, running, seconds)
+
+    def _begin_if_free(self, action: str, seconds: float) -> None:
+        """The part was held when the action was started."""
+        goal = self._goals[action]
+        if holding := self._holding_part(goal.type):
+            reason = f"held: {describe_open_goals([holding])}"
+            self._end(ActionReport(action=action, status="failed", reason=reason))
+        else:
+            self._begin(action, goal, seconds)
+
+    def _begin(self, action: str, running: _SimulatedGoal, seconds: float) -> None:
+        for each in [name for name, goal in self._open.items() if goal.type == running.type and not goal.holds]:
+            self._close(each)  # what was published there last is replaced
+        running.begun = True
+        fault = running.fault
         amount = (fault.amount if fault is not None else None) or 0.0
         accepting = self._latency + (amount if running.has_fault("slow-accept", "slow-reject") else 0.0)
         if running.has_fault("die-on-goal"):
@@ -103,14 +135,14 @@ class SimulatedRobot:
             return
         if running.has_fault("reject", "slow-reject") or self._inactive:
             refusal = f"the robot {'is inactive' if self._inactive else 'refused it'} (simulated fault)"
-            ending = ActionReport(action=goal.action, status="failed", reason=refusal)
+            ending = ActionReport(action=action, status="failed", reason=refusal)
             running.timers.append(self._call_after(accepting, self._end, ending))
             return
         if not running.has_fault("lost-accept"):
-            running.timers.append(self._call_after(accepting, self._accept, goal.action))
+            running.timers.append(self._call_after(accepting, self._accept, action))
         if running.has_fault("hang"):
             return
-        ending = ActionReport(action=goal.action, status="succeeded")
+        ending = ActionReport(action=action, status="succeeded")
         if running.has_fault("slow"):
             seconds *= amount
         elif running.has_fault("slow-accept", "late-begin"):
@@ -119,12 +151,20 @@ class SimulatedRobot:
             seconds /= 2
             aborted = running.has_fault("abort")
             mishap = f"{'the robot gave it up' if aborted else 'it went wrong on the robot'} (simulated fault)"
-            ending = ActionReport(action=goal.action, status="failed", reason=mishap, aborted=aborted)
+            ending = ActionReport(action=action, status="failed", reason=mishap, aborted=aborted)
         running.timers.append(self._call_after(max(seconds, accepting + _TICK), self._end, ending))
 
     def cancel(self, action: str) -> None:
         goal = self._goals.get(action)
-        if goal is None or goal.canceling or goal.has_fault("hang", "refuse-cancel", "ignore-cancel"):
+        if goal is None or goal.canceling:
+            return
+        if goal.has_fault("hang", "refuse-cancel", "ignore-cancel"):
+            goal.canceling = True
+            self._timers.append(self._call_after(_CANCEL_SECONDS, self._give_up, action))
+            return
+        if goal.begun and self._carrier_without_stop(goal.type) == "service":
+            goal.canceling = True
+            self._leave_open(action, goal, "nothing stops a call", ActionReport(action=action, status="canceled"))
             return
         amount = (goal.fault.amount if goal.fault is not None else None) or 0.0
         if goal.has_fault("die-on-cancel"):
@@ -139,8 +179,21 @@ class SimulatedRobot:
     def stop_all(self) -> None:
         for action in tuple(self._goals):
             self.cancel(action)
+        self._stop_report = None
         # After the cancels that it causes or finds under way, so that the answer is true when it is given.
         self._timers.append(self._call_after(self._stopping + _TICK, self._report_stop))
+
+    def adopt(self, goals: Sequence[StartAction]) -> None:
+        """Nothing is left of them: this robot ends with its engine."""
+
+    def cancel_open_goals(self, part: str) -> None:
+        """What did not stop when it was asked does not stop now."""
+
+    def release_open_goals(self, part: str) -> None:
+        for action in [action for action, goal in self._open.items() if part in ("", goal.part)]:
+            if action in self._goals:
+                self._goals.pop(action).drop_timers()
+            self._close(action)
 
     def last_seen(self) -> float | None:
         if not self._links_down:
@@ -162,17 +215,94 @@ class SimulatedRobot:
         return self._clock.call_at(self._clock.now() + seconds, partial(callback, *args))
 
     def _accept(self, action: str) -> None:
+        if action in self._goals:
+            self._goals[action].accepted = True
         self._report(ActionReport(action=action, status="accepted"))
 
     def _end(self, ending: ActionReport) -> None:
-        self._goals.pop(ending.action, None)
+        """The robot is done with it."""
+        goal = self._goals.pop(ending.action, None)
+        if ending.action in self._open:
+            self._close(ending.action)
+        elif goal is not None and goal.accepted and self._carrier_without_stop(goal.type) == "topic":
+            self._leave_open(ending.action, goal, "its topic takes no stop", ending, holds=False)
+        else:
+            self._report(ending)
+        self._repeat_stop_report()
+
+    def _repeat_stop_report(self) -> None:
+        """When not everything had confirmed the last stop: has that changed?"""
+        if self._stop_report is not None:
+            self._report_stop(before=self._stop_report)
+
+    def _report_stop(self, before: StopReport | None = None) -> None:
+        parts = set().union(*self._parts.values())
+        busy = {part for goal in self._goals.values() if goal.begun for part in self._parts.get(goal.type, ())}
+        silent = parts if self._links_down else busy
+        answer = StopReport(
+            confirmed=tuple(sorted(parts - silent)),
+            unconfirmed=tuple(sorted(silent)),
+            unstoppable=self._parts_without_stop(),
+        )
+        self._stop_report = answer if silent else None
+        if answer != before:
+            self._report(answer)
+
+    def _parts_without_stop(self) -> tuple[str, ...]:
+        """Topics, and services that are doing something."""
+        busy = {goal.type for goal in self._goals.values() if goal.begun}
+        kinds = {type: self._carrier_without_stop(type) for type in self._profile.actions}
+        found = [type for type, kind in kinds.items() if kind == "topic" or (kind == "service" and type in busy)]
+        return tuple(sorted(f"{self._profile.name}/{type}" for type in found))
+
+    def _carrier_without_stop(self, type: str) -> str:
+        return _carrier_without_stop(self._profile.actions[type])
+
+    # --- what the robot may still be doing ----------------------------------------------------------------------
+
+    def _give_up(self, action: str) -> None:
+        """It was to stop, and has not: its action ends, and its part is held."""
+        goal = self._goals.get(action)
+        if goal is None:
+            return
+        if goal.has_fault("refuse-cancel"):
+            ending = ActionReport(action=action, status="failed", reason="cancel-refused: the robot goes on with it")
+            self._leave_open(action, goal, "it refused to stop", ending)
+        else:
+            ending = ActionReport(action=action, status="lost", reason="cancel-unanswered: the robot did not answer")
+            self._leave_open(action, goal, "it has not ended yet", ending)
+
+    def _leave_open(
+        self, action: str, goal: _SimulatedGoal, reason: str, ending: ActionReport, *, holds: bool = True
+    ) -> None:
+        """People hear of what goes on before they hear that its action has ended."""
+        parts = sorted(self._parts.get(goal.type, ())) or [f"{self._profile.name}/{goal.type}"]
+        part = "+".join([parts[0], *(each.rpartition("/")[2] for each in parts[1:])])
+        self._open[action] = OpenGoal(part, action, goal.type, reason, holds, goal.accepted)
+        self._report_standing()
         self._report(ending)
 
-    def _report_stop(self) -> None:
-        parts = set().union(*self._parts.values())
-        busy = set().union(*(self._parts.get(goal.type, ()) for goal in self._goals.values()))
-        silent = parts if self._links_down else busy
-        self._report(StopReport(confirmed=tuple(sorted(parts - silent)), unconfirmed=tuple(sorted(silent))))
+    def _close(self, action: str) -> None:
+        del self._open[action]
+        self._report_standing()
+
+    def _holding_part(self, type: str) -> OpenGoal | None:
+        """What holds one of the parts that such an action needs."""
+        needed = self._parts.get(type, set())
+        held = (goal for goal in self._open.values() if goal.holds and needed & self._parts.get(goal.type, set()))
+        return next(held, None)
+
+    def _report_standing(self) -> None:
+        status: Literal["connected", "degraded", "lost"]
+        if self._links_down:
+            status, detail = "lost", self._links_down[-1]
+        elif any(goal.holds for goal in self._open.values()):
+            status, detail = "degraded", describe_open_goals(self._open.values())
+        elif self._inactive:
+            status, detail = "degraded", self._inactive
+        else:
+            status, detail = "connected", self._describe_link()
+        self._report(RobotChanged(status=status, detail=detail, open=tuple(self._open.values())))
 
     def _die(self, seconds: float) -> None:
         """The robot's program ends, for so many seconds; 0: for good."""
@@ -181,24 +311,26 @@ class SimulatedRobot:
             self._timers.append(self._call_after(seconds, self._restore_link))
 
     def _deactivate(self, why: str) -> None:
-        self._inactive = True
-        self._report(RobotChanged(status="degraded", detail=why))
+        self._inactive = why
+        self._report_standing()
 
     def _activate(self) -> None:
-        self._inactive = False
-        self._report(RobotChanged(status="connected", detail=self._describe_link()))
+        self._inactive = ""
+        self._report_standing()
 
     def _cut_link(self, why: str) -> None:
-        self._links_down += 1
+        self._links_down.append(why)
         for goal in self._goals.values():
             goal.drop_timers()
         self._goals.clear()
-        self._report(RobotChanged(status="lost", detail=why))
+        self._open.clear()
+        self._report_standing()
 
     def _restore_link(self) -> None:
-        self._links_down -= 1
+        self._links_down.pop()
         if not self._links_down:
-            self._report(RobotChanged(status="connected", detail=self._describe_link()))
+            self._report_standing()
+            self._repeat_stop_report()
 
     def _next_fault(self, action: str) -> ActionFault | None:
         count = self._counts[action]
@@ -206,6 +338,17 @@ class SimulatedRobot:
 
     def _describe_link(self) -> str:
         return f"simulated {self._profile.title}: nothing leaves this machine"
+
+
+def _carrier_without_stop(spec: ActionSpec) -> Literal["", "service", "topic"]:
+    """What carries an action that nothing stops (docs/reference/robots.md); empty when something does, when the
+    profile says that this is no danger, or when the robot does not have the action."""
+    carrier = spec.carrier
+    if not spec.supported or spec.engine or carrier.get("unstoppable") is True:
+        return ""
+    if "service" in carrier:
+        return "service"
+    return "topic" if "topic" in carrier and "reset" not in carrier else ""
 
 
 def _read_options(profile: RobotProfile) -> dict[str, float]:

@@ -100,6 +100,8 @@ class CancelAll:
         running = self.find_running()  # also notes what is listed, so it is asked first
         if not running and self.answer is not None and self.endpoint.presence.count == 1:
             self._has_confirmed = True
+        elif running and self._has_confirmed and not self.is_closed:
+            self._has_confirmed, self.answer = False, None  # somebody has begun there meanwhile: it is asked again
         return self._has_confirmed and not running
 
     def why_unconfirmed(self) -> str:
