@@ -60,7 +60,8 @@ STOPS, STOP_P50_MS, STOP_P99_MS = 100, 25, 60
 TASK_TRIPS = 1.75
 """A task goes through a third process, which writes two of its steps to the disk before anything goes out."""
 TALK_SECONDS = 10.0
-FEEDBACK_PERCENT = 10
+FEEDBACK_PERCENT = {"dds": 10, "rclpy": 15}
+"""Of a core, where the profile waits for feedback; where it does not, the session does not listen to any."""
 LISTENER_PERCENT = {"dds": 5, "rclpy": 10}
 """Of a core. rclpy takes 5 to 6 to hand over a thousand messages a second as bytes, to a function that does nothing."""
 LOOPBACK = (
@@ -76,7 +77,7 @@ carrier = { action = "bench/act", type = "rise_interfaces/action/Speech", goal =
 [actions.Gabble]
 limit = 600
 parameters.message = { type = "text" }
-carrier = { action = "bench/talk", type = "rise_interfaces/action/Speech", goal = { message = "{message}" } }
+carrier = { deadlines = { feedback = 5 }, action = "bench/talk", type = "rise_interfaces/action/Speech", goal = { message = "{message}" } }
 """
 
 
@@ -383,7 +384,7 @@ def main() -> bool:
                 report.target(f"ms a key takes {when}, p50", median, KEY_P50_MS, at_least=False)
                 report.target(f"ms a key takes {when}, p99", most, KEY_P99_MS, at_least=False)
             if percent is not None:
-                report.target("% of a core, 1,000 feedbacks/s", percent, FEEDBACK_PERCENT, at_least=False)
+                report.target("% of a core, 1,000 feedbacks/s", percent, FEEDBACK_PERCENT[choice], at_least=False)
         compare_listeners(report, choice, environment)
     return report.met
 

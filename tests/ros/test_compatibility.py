@@ -246,7 +246,7 @@ def test_rmw_names() -> None:
 
 
 def test_feedback_that_would_not_be_heard_is_said_and_goals_are_sent() -> None:
-    bench = Bench(robot=False)
+    bench = Bench(robot=False, feedback=30)
     node = bench.robot_appears()
     for publisher in node.publishers:
         if publisher.topic.endswith("/feedback"):
@@ -266,6 +266,7 @@ def test_the_carrier_says_how_an_actions_topics_are_listened_to() -> None:
         Direct(
             action="lab/wave",
             type="lab_msgs/action/Wave",
+            deadlines={"feedback": 30},
             qos={"feedback": {"reliability": "best_effort", "depth": 20}, "status": {"durability": "volatile"}},
         ),
         {FEEDBACK: QoS(20, reliable=False), STATUS_TOPIC: QoS(1)},
@@ -273,6 +274,11 @@ def test_the_carrier_says_how_an_actions_topics_are_listened_to() -> None:
     assert {
         part: each.qos for part in heard for each in robot.transport.subscriptions if each.topic.endswith(part)
     } == heard
+
+
+def test_feedback_that_nobody_waits_for_is_not_listened_to() -> None:
+    robot = Direct(action="lab/wave", type="lab_msgs/action/Wave")
+    assert not [each for each in robot.transport.subscriptions if each.topic.endswith(FEEDBACK)]
 
 
 def test_the_carrier_says_how_a_topic_is_published() -> None:
@@ -364,6 +370,7 @@ driver = "ros2"
 action = "tin/speech"
 type = "lab_msgs/action/Say"
 goal = { text = "{message}" }
+deadlines.feedback = 30
 """
 SAY = "string text\n---\nstring reason\n---\nfloat32 progress\n"
 

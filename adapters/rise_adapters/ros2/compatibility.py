@@ -149,13 +149,13 @@ def _compare_servers(transport: Transport, mapping: ActionMapping) -> EndpointCo
                 found.unusable.append(misfit)
     takes, answers_all = (all((service, answers) in seen for service in services) for answers in (False, True))
     found.complete = takes and (answers_all or not any(answers for _, answers in seen))
-    topics = ((FEEDBACK, mapping.feedback_qos), (STATUS_TOPIC, mapping.status_qos))
+    topics = ((FEEDBACK, mapping.feedback_wanted), (STATUS_TOPIC, mapping.status_qos))
     for part, wanted in topics if is_action else ():
         for end in transport.publisher_endpoints(action_topic(full, part)):
             misfit = _type_misfit(transport, mapping, full, end, types[part], found)
             if misfit is not None:
                 found.unusable.append(misfit)
-            elif conflict := qos_conflict(end.qos, wanted):
+            elif wanted is not None and (conflict := qos_conflict(end.qos, wanted)):
                 statement = f"publishes its {part} {conflict.offered}, and here it is wanted {conflict.wanted}"
                 found.unheard.append(_qos_misfit(full, statement, f"qos.{part}", conflict.for_reader))
     return found

@@ -69,7 +69,7 @@ class Peer:
     def look(self, name: str, type: str, **qos: dict[str, Any]) -> dict[str, Any]:
         """What `compatibility` says about an action."""
         made: dict[str, Any] = {f"{part}_qos": QoS(**each) for part, each in qos.items()}
-        carrier = ActionMapping("action", name, type, GoalDeadlines(), MessageSource({}), **made)
+        carrier = ActionMapping("action", name, type, GoalDeadlines(feedback=1.0), MessageSource({}), **made)
         found = compatibility.compare(self._transport, carrier)
         return {**msgspec.to_builtins(found), "sentences": [each.sentence for each in found.misfits]}
 

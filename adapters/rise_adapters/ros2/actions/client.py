@@ -67,11 +67,11 @@ class ActionClient:
         type: str,
         *,
         now: Callable[[], float] = time.monotonic,
-        feedback: QoS = RELIABLE,
+        feedback: QoS | None = RELIABLE,
         status: QoS = STATUS,
     ) -> None:
         """`name` as ROS takes it, `type` as `PKG/action/NAME`; `now` in seconds, for `heard_at`; `feedback`, `status`:
-        how these topics are listened to. Raises PortError."""
+        how these topics are listened to; `feedback` None: not at all. Raises PortError."""
         self.name = transport.resolve(name)
         """The full name."""
         self.heard_at: float | None = None
@@ -85,16 +85,19 @@ class ActionClient:
         """Called with `statuses` when the server has published it."""
         self._now = now
         types = action_types(type)
-        feedback = replace(feedback, depth=max(feedback.depth, RELIABLE.depth))  # of each goal that runs at a time
         self._send = transport.client(action_topic(self.name, SEND_GOAL), types[SEND_GOAL])
         self._cancel = transport.client(action_topic(self.name, CANCEL_GOAL), types[CANCEL_GOAL])
         self._result = transport.client(action_topic(self.name, GET_RESULT), types[GET_RESULT])
-        self._subscriptions = (
-            transport.subscribe(
-                action_topic(self.name, FEEDBACK), types[FEEDBACK], self._take_feedback, feedback, FEEDBACK_PAUSE
-            ),
-            transport.subscribe(action_topic(self.name, STATUS_TOPIC), types[STATUS_TOPIC], self._take_status, status),
-        )
+        self._subscriptions = [
+            transport.subscribe(action_topic(self.name, STATUS_TOPIC), types[STATUS_TOPIC], self._take_status, status)
+        ]
+        if feedback is not None:
+            each_goal = replace(feedback, depth=max(feedback.depth, RELIABLE.depth))  # that runs at a time
+            self._subscriptions.append(
+                transport.subscribe(
+                    action_topic(self.name, FEEDBACK), types[FEEDBACK], self._take_feedback, each_goal, FEEDBACK_PAUSE
+                )
+            )
 
     def count_servers(self) -> int:
         """How many offer the action; 0 as long as any of its three services is missing: a request would vanish."""

@@ -139,7 +139,7 @@ class _ExpectedEndpoint:
         self._lifecycle = LifecycleWatch(transport, asyncio.get_running_loop().time)
         if mapping.kind == "action":
             client = ActionClient(
-                transport, mapping.name, mapping.type, feedback=mapping.feedback_qos, status=mapping.status_qos
+                transport, mapping.name, mapping.type, feedback=mapping.feedback_wanted, status=mapping.status_qos
             )
             self.count_receivers, self._close = client.count_servers, client.close
         elif mapping.kind == "service":

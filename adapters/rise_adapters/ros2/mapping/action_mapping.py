@@ -148,6 +148,11 @@ class ActionMapping(Struct, frozen=True):
     """... and how its status is."""
 
     @property
+    def feedback_wanted(self) -> QoS | None:
+        """How its feedback is listened to; None: nobody waits for any, so that none is worth its processor time."""
+        return self.feedback_qos if self.deadlines.feedback else None
+
+    @property
     def stoppable(self) -> bool:
         """Whether anything can be sent that stops the robot. (Nothing can take back a call of a service, or a message
         without a `reset`.)"""

@@ -142,7 +142,7 @@ class ActionEndpoint(_ComparedEndpoint):
     def __init__(self, label: str, transport: Transport, mapping: ActionMapping, clock: Clock) -> None:
         """Raises PortError."""
         super().__init__(label, transport, mapping, clock)
-        feedback, status = mapping.feedback_qos, mapping.status_qos
+        feedback, status = mapping.feedback_wanted, mapping.status_qos
         self.client = ActionClient(
             transport, mapping.name, mapping.type, now=clock.now, feedback=feedback, status=status
         )

@@ -91,7 +91,9 @@ class Ros2Robot:
         labels = short_labels(self._profile.name, list(dict.fromkeys(names.values())))
         endpoint_of: dict[str, Endpoint] = {}
         made: dict[tuple[str, str], Endpoint] = {}
-        for action, mapping in self._mappings.items():
+        # Actions may share a server: where one of them waits for feedback, it is the one that the server is heard as.
+        by_feedback = sorted(self._mappings.items(), key=lambda item: item[1].feedback_wanted is None)
+        for action, mapping in by_feedback:
             key = names[action], mapping.type
             if key not in made:
                 made[key] = self._make_endpoint(mapping, labels[names[action]])
