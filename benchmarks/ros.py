@@ -72,12 +72,13 @@ LOOPBACK = (
 ACTS = """<Acts><Dialog name="A"><Speech><actionID>1</actionID><message>x</message></Speech></Dialog>
 <Dialog name="Talk"><Gabble><actionID>1</actionID><message>x</message></Gabble></Dialog></Acts>"""
 ROBOT = """driver = "ros2"
+options.deadlines.feedback = 5
 [actions.Speech]
 carrier = { action = "bench/act", type = "rise_interfaces/action/Speech", goal = { message = "{message}" } }
 [actions.Gabble]
 limit = 600
 parameters.message = { type = "text" }
-carrier = { deadlines = { feedback = 5 }, action = "bench/talk", type = "rise_interfaces/action/Speech", goal = { message = "{message}" } }
+carrier = { action = "bench/talk", type = "rise_interfaces/action/Speech", goal = { message = "{message}" } }
 """
 
 
