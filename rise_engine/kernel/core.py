@@ -47,9 +47,9 @@ class EventTopics(dict[str, EventTopic]):
         return self[name]
 
 
-Cause: TypeAlias = "tuple[str, Cause] | None"
+Cause: TypeAlias = "tuple[str | int, Cause] | None"
 """What led to something within one macrostep: the rule whose step it was, and what had led to that step; null: an
-input did."""
+input did. A number in the place of a rule: this task did, whatever the input was."""
 
 QueuedEvent: TypeAlias = tuple[EventTopic, str, Cause]
 """Raised and not yet routed: the topic, its source, and what it comes of."""
@@ -77,6 +77,9 @@ class Task(Struct):
     """Of an act that was repeated after a failure: the how-manieth time it is, counted anew when the robot is back."""
     first: int = 0
     """The task that it repeats, the first of them; 0: it repeats none."""
+    cause: int | None = None
+    """As the fields of `TaskRecord`, from here on."""
+    via: tuple[str, ...] = ()
 
 
 def parse_task_id(number: str) -> int:
@@ -109,6 +112,8 @@ class Core:
         """The last macrostep that took in more than one input."""
         self.cause: Cause = None
         """What the things that happen now come of."""
+        self.origin: int | None = None
+        """The task that the input at hand belongs to; null: none, as with a rule's timer."""
         self.records: list[AnyRecord] = []
         self.commands: list[Command] = []
         self.topics = EventTopics()
@@ -154,7 +159,22 @@ class Core:
         """Number what was asked for; `calling_type` is the one that counts."""
         task = Task(self.next_task, submit.function, submit.behavior, calling_type, submit.source, submit.ref)
         self.next_task += 1
+        task.cause, task.via = self._find_cause(submit.source)
         return task
+
+    def _find_cause(self, source: str) -> tuple[int | None, tuple[str, ...]]:
+        """Of what a rule asks for: the task that its step comes of, and the rules on the way before that rule."""
+        if not source.startswith("rule:"):
+            return None, ()
+        rules: list[str] = []
+        origin, cause = self.origin, self.cause
+        while cause is not None:
+            step, cause = cause
+            if isinstance(step, int):
+                origin, cause = step, None
+            else:
+                rules.append(step)
+        return origin, tuple(each for each in dict.fromkeys(reversed(rules)) if each != rules[0])
 
     def record_task(self, task: Task, reason: str = "", position: int | None = None) -> None:
         """Record what has become of a task that lasts."""
@@ -169,6 +189,8 @@ class Core:
             reason,
             position,
             task.ref,
+            task.cause,
+            task.via,
         )
 
     def record_finished_task(
@@ -184,7 +206,8 @@ class Core:
         """The one record of a task that ends at once: everything but starts."""
         id = self.next_task
         self.next_task = id + 1
-        self.emit(TaskRecord, id, function, behavior, calling_type, source, status, reason, ref=ref)
+        cause, via = self._find_cause(source) if status == "REJECTED" else (None, ())
+        self.emit(TaskRecord, id, function, behavior, calling_type, source, status, reason, None, ref, cause, via)
 
     def record_note(self, text: str, source: str = "engine") -> None:
         self.emit(NoteRecord, text, source)

@@ -165,7 +165,7 @@ class FailedActs:
         core = self._core
         again = Task(core.next_task, task.function, task.behavior, task.calling_type, task.source)
         core.next_task += 1
-        again.attempt, again.first = task.attempt + 1, first_task(task)
+        again.attempt, again.first, again.cause = task.attempt + 1, first_task(task), task.id
         self._record(task, "repeated", source, again.id)
         self.note_repeated(task, again)
         self.add(again, REPEATING.format(task.id))

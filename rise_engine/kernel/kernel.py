@@ -13,7 +13,7 @@ from typing import ClassVar, Literal
 
 from rise_engine.kernel.act_runner import ActRunner
 from rise_engine.kernel.commands import Command, StartAction
-from rise_engine.kernel.core import Core
+from rise_engine.kernel.core import Core, parse_task_id
 from rise_engine.kernel.failures import FailedActs
 from rise_engine.kernel.inputs import (
     ActionReport,
@@ -159,12 +159,13 @@ class Kernel:
         if type(input) is Submit:
             pressed = input.pressed
             core.key_at = None if pressed is None else round(min(pressed, core.t), 6)  # two clocks never agree quite
+            core.origin = core.next_task
             handlers = self._handlers
             (handlers.by_name.get(input.function) or handlers.reject_unknown)(input)
             if input.source.startswith("wizard:"):
                 self.wizard_marks.note_task(next(record for record in records if isinstance(record, TaskRecord)))
         else:
-            core.key_at = None
+            core.key_at = core.origin = None
             self._handle_other_input(input)
         if self._session_keys is not None:
             self._session_keys.update()
@@ -292,6 +293,7 @@ class Kernel:
         core, runner = self.core, self.scheduler.runner
         match input:
             case ActionReport():
+                core.origin = parse_task_id(input.action.partition("/")[0]) or None
                 runner.report(input.action, input.status, input.reason, aborted=input.aborted)
             case TimerElapsed():
                 self._timer_elapsed(input.timer)
@@ -326,6 +328,8 @@ class Kernel:
         target, runner = self.core.timers.pop(timer, None), self.scheduler.runner
         if target is None:
             return  # cancelled meanwhile
+        if target.purpose in ("wait", "limit", "cancel", "repeat", "keep"):
+            self.core.origin = int(target.owner)
         if target.purpose == "after":
             self.rules.timer_elapsed(timer, target)
         elif target.purpose == "keep":

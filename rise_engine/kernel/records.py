@@ -111,6 +111,10 @@ class TaskRecord(Record, tag="task"):
     """For a PENDING task: its position among the waiting ones, 0 first."""
     ref: str | None = None
     """What the submitter called it (a ROS goal id, a console's own number)."""
+    cause: int | None = None
+    """What a rule asks for: the task that led to it (semantics.md 4.5); null: a timer or the robot's link did."""
+    via: tuple[str, ...] = ()
+    """The rules that the way from there led through before the one in `source`."""
 
 
 class ActionRecord(Record, tag="action"):

@@ -297,6 +297,7 @@ class RuleMachine:
             self.kept.stay(kept)
         else:
             self.kept.take(kept, run.name)
+            self._core.cause = (task, self._core.cause)
             self._take_transition(run, transition)
 
     def _take_eventless(self) -> None:

@@ -51,6 +51,8 @@ def find_culprit(chain: Cause, running: Container[str], fallback: tuple[str, int
     steps: dict[str, int] = {}
     while chain is not None:
         name, chain = chain
+        if isinstance(name, int):
+            continue
         steps[name] = steps.pop(name, 0) + 1  # in the end, the first of the chain is the last here
     repeated = [name for name, number in steps.items() if number > 1]
     most = max((steps[name] for name in repeated if name in running), default=0)
@@ -64,4 +66,5 @@ def find_culprit(chain: Cause, running: Container[str], fallback: tuple[str, int
 def find_multiplier(events: Iterable[QueuedEvent], running: Container[str]) -> str | None:
     """The running rule that has raised most of the events that wait, if any of them comes of a running rule."""
     raised = Counter(cause[0] for _, _, cause in events if cause is not None and cause[0] in running)
-    return raised.most_common(1)[0][0] if raised else None
+    most = raised.most_common(1)
+    return str(most[0][0]) if most else None

@@ -180,6 +180,8 @@ class Scheduler:
         core, name = self._core, act_name(task)
         outcome = _OUTCOMES[task.status]
         self.on_ended(task, outcome)
+        if core.origin is None:  # the robot is lost: what rules do about that, they do about this act
+            core.cause = (task.id, core.cause)
         core.raise_event_if_named(f"{name}_{outcome}")
         core.raise_event_if_named(name + "_end")
 

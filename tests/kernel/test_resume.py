@@ -261,7 +261,7 @@ def finish(s: Session) -> None:
 
 def plain(records: list[AnyRecord]) -> list[dict[str, object]]:
     """Without times, numbers and ids."""
-    left_out = {"seq", "t", "wall", "id", "task", "ref"} | {
+    left_out = {"seq", "t", "wall", "id", "task", "ref", "cause"} | {
         "key_at",
         "accepted_at",
         "started_at",

@@ -152,7 +152,7 @@ class Acts:
             if seconds == 0:
                 self._end(run, doing, "succeeded")
             else:
-                doing.clock = session.after(seconds, lambda: self._time_is_over(run, doing, "succeeded"))
+                doing.clock = session.after(seconds, lambda: self._time_is_over(run, doing, "succeeded"), run.task.id)
             return
         self._send(run, doing, spec)
 
@@ -164,7 +164,7 @@ class Acts:
         expected = expected_seconds(spec, parameters)
         self.session.order("start", f"{run.task.id}/{doing.action.id}", spec.name, parameters, expected)
         limit = limit_seconds(spec, parameters)
-        doing.clock = self.session.after(limit, lambda: self._time_is_over(run, doing, "timed-out"))
+        doing.clock = self.session.after(limit, lambda: self._time_is_over(run, doing, "timed-out"), run.task.id)
 
     def _pick(self, act: str, action: Action) -> int:
         """Which variant: never the same one twice running."""
@@ -217,7 +217,9 @@ class Acts:
                 run.cancelled.append(doing.action.id)
                 self.session.forget(doing.clock)
                 self.session.order("cancel", f"{run.task.id}/{doing.action.id}")
-                doing.clock = self.session.after(CONFIRM, lambda doing=doing: self._time_is_over(run, doing, "lost"))
+                doing.clock = self.session.after(
+                    CONFIRM, lambda doing=doing: self._time_is_over(run, doing, "lost"), run.task.id
+                )
         run.to_begin = []
 
     def _never_begun(self, action: Action) -> Doing:

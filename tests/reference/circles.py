@@ -15,7 +15,9 @@ class Step:
     """A start of a rule, or a transition that it takes."""
 
     rule: str
+    """Empty: no step of a rule, but a task in the chain."""
     cause: Step | None
+    task: int | None = None
 
 
 class Circles:

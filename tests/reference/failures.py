@@ -69,7 +69,7 @@ class Failures:
             self._record(question.task, "waiting", "engine", reason=why)
             return
         seconds = min(LONGEST_PAUSE, FIRST_PAUSE * 2 ** self.times.get(question.task.id, 0))
-        question.pause = self.session.after(seconds, lambda: self._pause_is_over(question))
+        question.pause = self.session.after(seconds, lambda: self._pause_is_over(question), question.task.id)
         self._record(question.task, "waiting", "engine", reason=why, seconds=seconds)
 
     def _pause_is_over(self, question: Question) -> None:
@@ -112,6 +112,7 @@ class Failures:
 
     def _repeat(self, task: Task, source: str) -> None:
         again = self.session.tasks.numbered(task.function, task.behavior, task.calling_type, task.source)
+        again.cause, again.via = task.id, []
         self._record(task, "repeated", source, by=again.id)
         self.times[again.id] = self.times.get(task.id, 0) + 1
         for run in self.session.rules.stack:

@@ -70,8 +70,11 @@ class Interpreter:
         session = self.session
         match input:
             case Submit():
+                session.origin = len(session.tasks.all) + 1
                 session.tasks.submit(input)
             case ActionReport():
+                number = input.action.partition("/")[0]
+                session.origin = int(number) if number.isascii() and number.isdigit() else None
                 session.acts.report(input)
             case RobotChanged():
                 session.acts.robot_changed(input)
@@ -100,6 +103,7 @@ class Interpreter:
         clock = min(self.session.clocks, key=lambda each: each.due)
         self._begin(now, timer=True)
         self.session.forget(clock)
+        self.session.origin = clock.task
         clock.what()
         return self._finish()
 
@@ -108,7 +112,7 @@ class Interpreter:
         session.rules.circles.begin(same_go=timer and now == session.now)
         session.now = now
         session.records, session.orders = [], []
-        session.pressed = None
+        session.pressed = session.origin = None
 
     def _finish(self) -> tuple[list[Row], list[tuple[Any, ...]]]:
         self.session.standing.update()

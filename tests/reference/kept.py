@@ -64,12 +64,13 @@ class KeptEvents:
     def raise_event(self, task: Task, topic: str, seconds: float) -> None:
         """Raise an event that is to be kept; an older one of its name ends."""
         session = self.session
+        session.tasks.find_cause(task)
         session.tasks.record(task, "PENDING")
         for other in list(self.all):
             if other.topic == topic:
                 self.take_back(other, "raised again")
         kept = Kept(task, topic, round(session.now + seconds, 6))
-        kept.clock = session.after(seconds, lambda: self._expire(kept))
+        kept.clock = session.after(seconds, lambda: self._expire(kept), task.id)
         self.all.append(kept)
         session.rules.raise_event(topic, task.source, kept)
 

@@ -203,6 +203,9 @@ class Rules:
 
     def act_ended(self, task: Task, act: str, outcome: str) -> None:
         """The events of an act's end."""
+        before = self.step
+        if self.session.origin is None:
+            self.step = Step("", before, task.id)
         for run in self.stack:
             if run.own_acts.get(act) is task:
                 del run.own_acts[act]
@@ -211,6 +214,7 @@ class Rules:
                     self.events.append(event)
         self.raise_engine_event(f"{act}_{outcome}")
         self.raise_engine_event(f"{act}_end")
+        self.step = before
 
     def key_changed(self, key: str) -> None:
         """Conditions that read it are to be looked at."""
@@ -262,7 +266,8 @@ class Rules:
                     if event.kept is not None:
                         self.session.kept.taken(event.kept, run.name)
                     self.session.put("event", topic=topic, source=event.source, taken_by=run.name)
-                    self._take(run, index, way_text(way) if event.act else topic, event.cause)
+                    cause = event.cause if event.kept is None else Step("", event.cause, event.kept.task.id)
+                    self._take(run, index, way_text(way) if event.act else topic, cause)
                     return True
         if event.kept is not None:
             self.session.kept.not_taken(event.kept)

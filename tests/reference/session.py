@@ -33,6 +33,8 @@ class Clock:
 
     due: float
     what: Callable[[], None]
+    task: int | None = None
+    """The task that it belongs to, if it does to one."""
 
 
 @dataclass
@@ -47,6 +49,8 @@ class Session:
     clocks: list[Clock] = field(default_factory=list)
     pressed: float | None = None
     """When a key was pressed for what is going on now."""
+    origin: int | None = None
+    """The task that the input at hand belongs to, if it does to one."""
 
     def __post_init__(self) -> None:
         self.chance = Chance(self.seed)
@@ -73,9 +77,9 @@ class Session:
         """A command to the robot."""
         self.orders.append(what)
 
-    def after(self, seconds: float, what: Callable[[], None]) -> Clock:
+    def after(self, seconds: float, what: Callable[[], None], task: int | None = None) -> Clock:
         """`what` is to happen that long from now: times are counted in whole microseconds."""
-        clock = Clock(round(self.now + seconds, 6), what)
+        clock = Clock(round(self.now + seconds, 6), what, task)
         self.clocks.append(clock)
         return clock
 

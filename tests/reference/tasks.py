@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 from contextlib import suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
 from rise_engine.expression import Assignment, EvaluationError, ExpressionError
@@ -41,6 +41,9 @@ class Task:
     """Whether it is part of what another task of somebody does."""
     again: bool = False
     """Whether it repeats another one."""
+    cause: int | None = None
+    """What led to it, of something that a rule asks for (semantics.md 4.5)."""
+    via: list[str] = field(default_factory=list)
 
 
 class Refused(Exception):
@@ -71,6 +74,8 @@ class Tasks:
             reason=reason,
             position=position,
             ref=task.ref,
+            cause=task.cause,
+            via=task.via,
         )
 
     def submit(self, asked: Submit) -> None:
@@ -92,6 +97,7 @@ class Tasks:
             self._do(task, calling_type)
         except Refused as why:
             task.refused = True
+            self.find_cause(task)
             self.record(task, "REJECTED", str(why))
         return task
 
@@ -101,7 +107,23 @@ class Tasks:
         task = Task(len(self.all) + 1, function, behavior, calling_type, source, ref, session.pressed, session.now)
         self.all[task.id] = task
         task.cue_at = session.marks.cue_at
+        if function in (STARTS_ACT, STARTS_RULE, "say"):
+            self.find_cause(task)
         return task
+
+    def find_cause(self, task: Task) -> None:
+        """Of what a rule asks for: back along the steps to what began it, which is the input's task, or a kept event's,
+        or that of an act that was lost with the robot."""
+        kind, _, asking = task.source.partition(":")
+        if kind != "rule":
+            return
+        way: list[str] = []
+        at = self.session.rules.step
+        while at is not None and at.task is None:
+            way.insert(0, at.rule)
+            at = at.cause
+        way = [each for number, each in enumerate(way) if each != asking and each not in way[:number]]
+        task.cause, task.via = (self.session.origin if at is None else at.task), way
 
     def _do(self, task: Task, calling_type: str) -> None:
         session = self.session
