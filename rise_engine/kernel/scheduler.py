@@ -179,11 +179,13 @@ class Scheduler:
         """Tell the rules how an act has ended."""
         core, name = self._core, act_name(task)
         outcome = _OUTCOMES[task.status]
-        self.on_ended(task, outcome)
+        before = core.cause
         if core.origin is None:  # the robot is lost: what rules do about that, they do about this act
-            core.cause = (task.id, core.cause)
+            core.cause = (task.id, before)
+        self.on_ended(task, outcome)
         core.raise_event_if_named(f"{name}_{outcome}")
         core.raise_event_if_named(name + "_end")
+        core.cause = before
 
     def _channels(self, task: Task) -> frozenset[str]:
         return find_act(self._core.scenario, task).channels

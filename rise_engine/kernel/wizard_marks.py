@@ -64,6 +64,8 @@ class WizardMarks:
         if core.open_cue_at is None:
             return
         task.filler = filler = self._is_filler(task)
+        if not filler and not self._answers(task):
+            return
         since = round(core.t - core.open_cue_at, 6)
         core.emit(CueRecord, "filled" if filler else "answered", task.source, task=task.id, since=since)
         if not filler:
@@ -96,6 +98,9 @@ class WizardMarks:
 
     def _is_filler(self, task: Task) -> bool:
         return task.function == "startCommunicationRobotAct" and self._core.scenario.settings_of(task.behavior).filler
+
+    def _answers(self, task: Task) -> bool:
+        return task.function != "startCommunicationRobotAct" or self._core.scenario.settings_of(task.behavior).answers
 
     # --- the cue ---
 

@@ -20,7 +20,7 @@ from rise_engine.scenario.toml_tables import TomlTable, quote_toml_key, read_sec
 MAX_DEBOUNCE = 60.0
 MAX_PATTERNS = 100
 """Tables for several acts at once: each is compared with each act."""
-SETTINGS = ("hold", "debounce", "filler", "calling_type", "on_failure")
+SETTINGS = ("hold", "debounce", "filler", "answers", "calling_type", "on_failure")
 _CALLING_TYPES: dict[str, CallingType] = {"none": "None", "blocking": "Blocking"}
 _WILDCARD = re.compile(r"\[[^\]]*\]|[*?]")
 
@@ -109,6 +109,7 @@ def read_act_tables(table: TomlTable, draft: ScenarioDraft) -> ActTables:
                 "hold": partial(inner.read, "hold", bool, usual.hold),
                 "debounce": partial(read_seconds, inner, "debounce", usual.debounce, 0.0, MAX_DEBOUNCE),
                 "filler": partial(inner.read, "filler", bool, usual.filler),
+                "answers": partial(inner.read, "answers", bool, usual.answers),
                 "calling_type": partial(_read_calling_type, inner),
                 "on_failure": partial(read_on_failure, inner),
             }

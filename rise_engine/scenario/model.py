@@ -314,6 +314,8 @@ class ActSettings(Struct, frozen=True):
     debounce: float = 0.5
     """Seconds within which a second press of its key counts as the same press."""
     filler: bool = False
+    answers: bool = True
+    """Whether it is an answer to the participant's cue; a filler never is."""
     calling_type: CallingType = "Blocking"
     """Used when whoever starts the act does not say."""
     on_failure: str = ""

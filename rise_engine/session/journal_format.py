@@ -23,11 +23,11 @@ from rise_engine.json_codec import encode
 from rise_engine.kernel.inputs import AnyInput
 from rise_engine.kernel.records import AnyRecord
 
-FORMAT = 5
+FORMAT = 6
 """Goes up when older programs could not read what is written. 2: sessions of studies, with what is reported about them
 (`check`, `outcome`, `recording`, `sync`); as early as 1 there were kinds that its first programs do not know. 3: when a
 mark began. 4: the language of the session. 5: what the robot may still be doing, what takes no stop, who holds it, and
-the pause before a failed act is repeated."""
+the pause before a failed act is repeated. 6: what led a rule to ask for something."""
 _NEW_FIELDS: dict[int, dict[str, frozenset[str]]] = {
     2: {
         "session": frozenset({"study", "study_hash", "slot", "run", "attempt", "purpose", "factors", "downtime"}),
@@ -41,6 +41,7 @@ _NEW_FIELDS: dict[int, dict[str, frozenset[str]]] = {
         "stop": frozenset({"unstoppable", "held_by"}),
         "failure": frozenset({"seconds"}),
     },
+    6: {"task": frozenset({"cause", "via"})},
 }
 """What a format has added to kinds of records that were there before, by format and kind."""
 

@@ -51,6 +51,9 @@ class Marks:
         self.nothing_by_itself()
         if self.cue_at is None:
             return
+        answers = task.function != STARTS_ACT or self.session.scenario.settings_of(task.act).answers
+        if not filler and not answers:
+            return
         since = round(self.session.now - self.cue_at, 6)
         status = "filled" if filler else "answered"
         self.session.put("cue", status=status, source=task.source, text="", task=task.id, since=since)

@@ -230,6 +230,7 @@ class Author:
         settings = {
             name: ActSettings(
                 filler=self.chance(0.4),
+                answers=self.chance(0.8),
                 calling_type="None" if self.chance(0.4) else "Blocking",
                 on_failure=self.random.choice(["", *POLICIES]) if self.going_on else "",
             )
