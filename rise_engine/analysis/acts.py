@@ -12,7 +12,8 @@ from typing import Any
 from msgspec import Struct, field
 from msgspec.structs import replace
 
-from rise_engine.analysis.model import ActorKind, ActPart, Cue, PlayedAct
+from rise_engine.analysis.causes import CauseCollector, actor_of
+from rise_engine.analysis.model import ActPart, Cue, PlayedAct, WizardKey
 from rise_engine.kernel.records import (
     ENDINGS,
     FINAL,
@@ -20,7 +21,6 @@ from rise_engine.kernel.records import (
     AnyRecord,
     CueRecord,
     Mark,
-    MistakeRecord,
     TaskRecord,
     TimingRecord,
 )
@@ -32,21 +32,8 @@ from rise_engine.scenario.ssml import plain_words
 from rise_engine.scenario.template import spoken_text
 
 ACT_FUNCTIONS = frozenset({"startCommunicationRobotAct", "say"})
-_COMMAND_LINE = "wizard:command-line"
 _TELLING = ("value", "duration")
 """Parameters, the most telling first."""
-
-
-def actor_of(source: str) -> ActorKind:
-    """What kind of source a record names.
-
-    >>> actor_of("wizard:anna"), actor_of("rule:Greeting"), actor_of("engine"), actor_of("ros:/node")
-    ('wizard', 'rule', 'engine', 'program')
-    """
-    kind = source.partition(":")[0]
-    if kind == "wizard" and source != _COMMAND_LINE:
-        return "wizard"
-    return "rule" if kind == "rule" else "engine" if kind == "engine" else "program"
 
 
 class _Act(Struct):
@@ -75,10 +62,11 @@ class ActCollector:
         self._answers: dict[int, int] = {}
         """By task, the cue in the list that it answered."""
         self._bridges: dict[int, int] = {}
-        self._marks: dict[int, Mark] = {}
+        self._causes = CauseCollector()
 
     def add(self, record: AnyRecord) -> None:
         """Take in the next record."""
+        self._causes.add(record)
         match record:
             case TaskRecord():
                 if record.function in ACT_FUNCTIONS:
@@ -91,15 +79,18 @@ class ActCollector:
                     act.timing = record
             case CueRecord():
                 self._add_cue(record)
-            case MistakeRecord():
-                self._marks[record.task] = record.mark
             case _:
                 pass
 
     def acts(self) -> tuple[PlayedAct, ...]:
         """Every act, by when the engine took it."""
-        played = [self._played(number, act) for number, act in self._acts.items()]
+        marks = self._causes.marks(tuple(self._acts))
+        played = [self._played(number, act, marks.get(number)) for number, act in self._acts.items()]
         return tuple(sorted(played, key=lambda each: (each.accepted_at, each.task)))
+
+    def keys(self) -> tuple[WizardKey, ...]:
+        """What wizards asked for."""
+        return self._causes.keys(tuple(self._acts))
 
     def cues(self, acts: Iterable[PlayedAct]) -> tuple[Cue, ...]:
         """Every cue, with what `acts` answered and bridged it."""
@@ -161,27 +152,29 @@ class ActCollector:
 
     # --- what came of it ---
 
-    def _played(self, number: int, act: _Act) -> PlayedAct:
+    def _played(self, number: int, act: _Act, mark: Mark | None) -> PlayedAct:
         first, last, timing = act.first, act.last, act.timing
         cue = self._answers.get(number, self._bridges.get(number))
-        mark = self._marks.get(number, "none")
+        origin = self._causes.origin_of(number)
         name = SAY if first.function == "say" else first.behavior
         return PlayedAct(
             task=number,
             act=name,
             source=first.source,
-            actor=actor_of(first.source),
+            by=origin.by,
+            via=origin.via,
+            actor=actor_of(origin.by),
             status=last.status,
             reason=last.reason,
             filler=number in self._bridges or (timing is not None and timing.filler),
             cue_at=None if cue is None else self._cues[cue].at,
-            key_at=timing.key_at if timing is not None else None,
+            key_at=origin.key_at,
             accepted_at=timing.accepted_at if timing is not None else first.t,
             started_at=act.started_at,
             robot_at=_first(timing.robot_at if timing is not None else None, act.robot_at),
             voice_at=_first(timing.voice_at if timing is not None else None, act.voice_at),
             ended_at=last.t if last.status in FINAL and last.status != "REJECTED" else None,
-            mark=None if mark == "none" else mark,
+            mark=mark,
             parts=tuple(act.parts.values()),
             speaks=self._speaks(name, act),
         )

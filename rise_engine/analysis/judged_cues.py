@@ -1,8 +1,8 @@
 """What several wizards decided about the same cues: the one who ran the session, and those to whom it was played.
 
 A decision is the first thing that a wizard asked for after a cue and that is no filler, no mark and no note: an act, an
-event, a rule, a value, speech, a stop. Nothing until the next cue is a decision, too (`NOTHING`). What was said freely
-is `say`, whatever its words.
+event, a rule, a value, speech, a stop. What was asked for before the cue is one when the act that came of it answered
+the cue. Nothing until the next cue is a decision, too (`NOTHING`). What was said freely is `say`, whatever its words.
 """
 
 from __future__ import annotations
@@ -12,7 +12,7 @@ from pathlib import Path
 
 from msgspec import Struct, field
 
-from rise_engine.analysis.acts import actor_of
+from rise_engine.analysis.causes import actor_of
 from rise_engine.analysis.model import SessionData, SessionFacts
 from rise_engine.expression import Assignment, LanguageError
 from rise_engine.kernel.behaviors import (
@@ -63,7 +63,7 @@ class Decision(Struct, frozen=True):
     latency: float | None = None
     """Seconds from the cue to the key; None: nothing was done, or the time means nothing (see `why`)."""
     why: str = ""
-    """Why there is no latency although something was done: `paused`, `another speed`."""
+    """Why there is no latency although something was done: `paused`, `another speed`, `before the cue`."""
 
 
 class JudgedCue(Struct, frozen=True, kw_only=True):
@@ -225,19 +225,24 @@ def _live_names(data: SessionData) -> list[str]:
 
 
 def _windows(data: SessionData, scenario: Scenario | None) -> list[_Window]:
-    keys = {act.task: act.key_at for act in data.acts}
+    keys = {key.task: key.at for key in data.keys}
+    began = {key.act: key.task for key in data.keys}
+    early = {act.cue_at: began[act.task] for act in data.acts if act.before_cue and act.task in began}
+    asked: dict[int, TaskRecord] = {}
     windows: list[_Window] = []
-    seen: set[int] = set()
     for record in data.records:
         if isinstance(record, CueRecord) and record.status == "marked":
-            windows.append(_Window(record.seq, record.t, len(windows) + 1))
+            window = _Window(record.seq, record.t, len(windows) + 1)
+            if (before := asked.get(early.get(record.t, 0))) is not None and _decides(before, scenario):
+                label = decision_label(scenario, before.function, before.behavior)
+                window.decision = Decision(label, why="before the cue")
+            windows.append(window)
         elif isinstance(record, CueRecord) and record.status == "undone" and windows:
             windows[-1].undone = True
-        elif isinstance(record, TaskRecord) and record.id not in seen:
-            seen.add(record.id)
+        elif isinstance(record, TaskRecord) and record.id not in asked:
+            asked[record.id] = record
             if windows and windows[-1].decision is None and _decides(record, scenario):
-                pressed = keys.get(record.id)
-                pressed = record.t if pressed is None else pressed
+                pressed = keys.get(record.id, record.t)
                 if pressed >= windows[-1].at:
                     latency = round(pressed - windows[-1].at, 6)
                     windows[-1].decision = Decision(decision_label(scenario, record.function, record.behavior), latency)
@@ -247,7 +252,10 @@ def _windows(data: SessionData, scenario: Scenario | None) -> list[_Window]:
 def _decides(record: TaskRecord, scenario: Scenario | None) -> bool:
     if actor_of(record.source) != "wizard" or record.function in NO_ANSWERS:
         return False
-    return not (record.function == ACT and scenario is not None and scenario.settings_of(record.behavior).filler)
+    if record.function != ACT or scenario is None:
+        return True
+    settings = scenario.settings_of(record.behavior)
+    return settings.answers and not settings.filler
 
 
 # --- who judged it ----------------------------------------------------------------------------------------------------
@@ -323,7 +331,7 @@ def _marked_acts(
     if not coders:
         return []
     marked = {task for marks in coders.values() for task in marks}
-    acts = {act.task for act in data.acts if act.actor == "wizard" and act.status != "REJECTED"}
+    acts = {act.task for act in data.acts if actor_of(act.source) == "wizard" and act.status != "REJECTED"}
     deeds: dict[int, TaskRecord] = {}
     for each in data.records:
         if isinstance(each, TaskRecord) and (each.id in acts or each.id in marked):

@@ -101,8 +101,14 @@ class PlayedAct(Struct, frozen=True, kw_only=True):
     act: str
     """`say` for free speech."""
     source: str
-    """As the record has it: `wizard:anna`, `rule:Greeting`."""
+    """Who asked for it, as the record has it: `wizard:anna`, `rule:Greeting`."""
+    by: str
+    """Whose doing it is: the source of what caused it, through any number of rules (`rise_engine.analysis.causes`). A rule
+    that acted by itself, as after a time, is its own."""
+    via: tuple[str, ...] = ()
+    """The rules between `by` and this act, the first one first."""
     actor: ActorKind
+    """What kind of source `by` is."""
     status: TaskStatus
     reason: str = ""
     filler: bool
@@ -110,7 +116,7 @@ class PlayedAct(Struct, frozen=True, kw_only=True):
     cue_at: float | None
     """When the participant's turn ended that it answers or bridges."""
     key_at: float | None
-    """When the key was pressed."""
+    """When the key was pressed that caused it."""
     accepted_at: float
     """When the engine took it."""
     started_at: float | None
@@ -121,7 +127,7 @@ class PlayedAct(Struct, frozen=True, kw_only=True):
     """When the robot confirmed its first action that takes the voice; the first sound comes later."""
     ended_at: float | None
     mark: Mark | None = None
-    """What a wizard said was wrong about it; None: nothing, or it was taken back."""
+    """What a wizard said was wrong about it, or about the key of which it came first; None: nothing."""
     parts: tuple[ActPart, ...] = ()
     speaks: bool = False
     """Whether one of its actions takes the voice."""
@@ -132,6 +138,12 @@ class PlayedAct(Struct, frozen=True, kw_only=True):
         the time of the wizard and of the way is not told, and the queue is counted from the cue."""
         asked = self.key_at if self.key_at is not None else self.accepted_at
         return self.cue_at is not None and asked < self.cue_at
+
+    @property
+    def answer_s(self) -> float | None:
+        """Cue to answer, where somebody answered the cue: no filler, and nothing that was asked for before it. What
+        medians and shares are of."""
+        return None if self.filler or self.before_cue else self.response_s
 
     @property
     def wizard_s(self) -> float | None:
@@ -166,6 +178,20 @@ class PlayedAct(Struct, frozen=True, kw_only=True):
     def response_s(self) -> float | None:
         """Cue to answer: to the voice, of an act that speaks, else to the first action. The parts add up to it."""
         return _between(self.cue_at, self.voice_at if self.speaks else self.robot_at)
+
+
+class WizardKey(Struct, frozen=True, kw_only=True):
+    """Something that a wizard asked for by a key: an act, a rule, an event, a value, a cue, speech, a stop."""
+
+    task: int
+    at: float
+    """When the key was pressed, as far as the record holds that; else when the engine took it."""
+    source: str
+    function: str
+    act: int | None = None
+    """The first act that it caused."""
+    mark: Mark | None = None
+    """What was said to be wrong about it, or about an act that came of it; None: nothing."""
 
 
 class Cue(Struct, frozen=True, kw_only=True):
@@ -250,6 +276,8 @@ class SessionData(Struct, frozen=True, kw_only=True):
     acts: tuple[PlayedAct, ...] = ()
     """By when the engine took them."""
     cues: tuple[Cue, ...] = ()
+    keys: tuple[WizardKey, ...] = ()
+    """What wizards asked for, in its order."""
     phases: tuple[Phase, ...] = ()
     """Also those of no length."""
     points: tuple[Point, ...] = ()

@@ -10,7 +10,7 @@ from sys import intern
 from msgspec import Struct
 from msgspec.structs import replace
 
-from rise_engine.analysis.acts import actor_of
+from rise_engine.analysis.causes import actor_of
 from rise_engine.analysis.model import Phase, PlayedAct, Point, PointKind, Repairs
 from rise_engine.kernel.behaviors import started_rule
 from rise_engine.kernel.records import (

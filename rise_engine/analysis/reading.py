@@ -138,6 +138,7 @@ def _read(
         records=source,
         acts=played,
         cues=acts.cues(played),
+        keys=acts.keys(),
         phases=phases.phases(end),
         points=points.points(),
         checks=tuple({each.id: each for each in few if isinstance(each, CheckRecord)}.values()),

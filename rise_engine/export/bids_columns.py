@@ -44,13 +44,14 @@ EVENT_COLUMNS: dict[str, Description] = {
     "trial_type": {"LongName": "What it is", "Description": "The kind of the row.", "Levels": TRIAL_TYPES},
     "response_time": {
         "LongName": "Response time",
-        "Description": "Only of a robot_act that answered a cue: seconds from the cue to the confirmation of the first "
-        "action that takes the robot's voice, or of its first action where it does not speak.",
+        "Description": "Only of a robot_act that answered a cue, and was not asked for before it: seconds from the cue "
+        "to the confirmation of the first action that takes the robot's voice, or of its first action where it does not speak.",
         "Units": "s",
     },
     "actor": {
         "LongName": "Who",
-        "Description": "Who asked for it: wizard:NAME, rule:NAME, a program; of a robot_action: robot.",
+        "Description": "Who did it: wizard:NAME, rule:NAME, a program; of a robot_act, whose key, event or rule caused "
+        "it, through any number of rules; of a robot_action: robot.",
     },
     "name": {
         "LongName": "Name",
@@ -79,7 +80,7 @@ EVENT_COLUMNS: dict[str, Description] = {
 
 _SECONDS: dict[str, str] = {
     "cue_at": "When the participant's turn ended that the act answers or bridges.",
-    "key_at": "When the key was pressed.",
+    "key_at": "When the key was pressed that caused it.",
     "accepted_at": "When the program took the task.",
     "started_at": "When its turn came.",
     "robot_at": f"When the robot confirmed its first action. {CONFIRMED}",
@@ -96,17 +97,21 @@ _SECONDS: dict[str, str] = {
 ACT_COLUMNS: dict[str, Description] = {
     "task_id": EVENT_COLUMNS["task_id"],
     "act": {"LongName": "Act", "Description": "The act; `say` for free speech."},
-    "actor": {"LongName": "Who", "Description": "Who asked for it: wizard:NAME, rule:NAME, a program."},
+    "actor": {
+        "LongName": "Who",
+        "Description": "Whose doing it is: the wizard, the program or the rule by itself that caused it.",
+    },
     "actor_kind": {
         "LongName": "Kind of actor",
-        "Description": "Who asked for it, in one word.",
+        "Description": "Whose doing it is, in one word.",
         "Levels": {
             "wizard": "A person at a console.",
-            "rule": "A rule of the scenario.",
+            "rule": "A rule of the scenario by itself.",
             "program": "A node, a client or a command line.",
             "engine": "The program itself.",
         },
     },
+    "via": {"LongName": "Rules between", "Description": "The rules between actor and act, joined by ` > `."},
     "status": {
         "LongName": "Ending",
         "Description": "How it ended.",

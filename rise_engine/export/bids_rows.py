@@ -88,13 +88,14 @@ def act_rows(data: SessionData) -> list[Row]:
         {
             "task_id": act.task,
             "act": act.act,
-            "actor": act.source,
+            "actor": act.by,
             "actor_kind": act.actor,
+            "via": " > ".join(act.via),
             "status": act.status,
             "filler": act.filler,
             "before_cue": act.before_cue,
             **{name: getattr(act, name) for name in ACT_COLUMNS if name.endswith(("_at", "_s"))},
-            "response_time": _response_time(act),
+            "response_time": None if act.filler else act.response_s,
             "mark": act.mark,
             "condition": data.facts.condition,
         }
@@ -126,8 +127,8 @@ def _rows_of_act(act: PlayedAct) -> list[Row]:
             "onset": onset,
             "duration": None if end is None else max(0.0, end - onset),
             "trial_type": "robot_act",
-            "response_time": _response_time(act),
-            "actor": act.source,
+            "response_time": act.answer_s,
+            "actor": act.by,
             "name": act.act,
             "value": act.reason,
             "status": f"{act.status} filler" if act.filler else act.status,
@@ -153,11 +154,6 @@ def _rows_of_act(act: PlayedAct) -> list[Row]:
             }
         )
     return rows
-
-
-def _response_time(act: PlayedAct) -> float | None:
-    """A filler is no answer."""
-    return None if act.filler else act.response_s
 
 
 def _local_time(started: str) -> str:

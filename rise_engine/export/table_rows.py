@@ -8,7 +8,7 @@ from datetime import datetime
 from heapq import merge
 from typing import Any, TypeAlias
 
-from rise_engine.analysis.acts import actor_of
+from rise_engine.analysis.causes import actor_of
 from rise_engine.analysis.model import Cue, PlayedAct, SessionData, SessionFacts
 from rise_engine.analysis.statistics import share_over, summarise
 from rise_engine.export.table_definitions import (
@@ -50,7 +50,7 @@ def response_of(act: PlayedAct) -> float | None:
 
 def _session_rows(data: SessionData) -> Iterator[Row]:
     facts, repairs = data.facts, data.repairs
-    responses = [each for act in data.acts if (each := response_of(act)) is not None]
+    responses = [each for act in data.acts if (each := act.answer_s) is not None]
     told = summarise(responses)
     kinds = Counter(point.kind for point in data.points)
     asked = [point for point in data.points if point.kind == "stop" and point.name == "requested"]
@@ -87,7 +87,8 @@ def _session_rows(data: SessionData) -> Iterator[Row]:
         "response_iqr_s": told.iqr if told is not None else None,
         "responses_over_2s": share_over(responses, LONG).count,
         "before_cue": sum(act.before_cue and not act.filler for act in data.acts),
-        "mistakes": sum(act.mark is not None for act in data.acts),
+        "wizard_keys": len(data.keys),
+        "mistakes": sum(point.kind == "mistake" for point in data.points),
         "stops": stops,
         "faults": kinds["fault"],
         "repairs": repairs.total,
@@ -117,6 +118,8 @@ def _act_rows(data: SessionData) -> Iterator[Row]:
             "task": act.task,
             "act": act.act,
             "source": act.source,
+            "by": act.by,
+            "via": " > ".join(act.via),
             "actor": act.actor,
             "status": act.status,
             "reason": act.reason,
@@ -167,6 +170,7 @@ def _action_rows(data: SessionData) -> Iterator[Row]:
 
 
 def _cue_rows(data: SessionData) -> Iterator[Row]:
+    early = {act.task for act in data.acts if act.before_cue}
     for number, cue in enumerate(data.cues, 1):
         yield {
             "cue": number,
@@ -178,6 +182,7 @@ def _cue_rows(data: SessionData) -> Iterator[Row]:
             "answered_at": cue.answered_at,
             "undone_at": cue.undone_at,
             "task": cue.task,
+            "before_cue": cue.task in early if cue.task is not None else None,
             "filled_s": _between(cue.at, cue.filled_at),
             "response_s": _between(cue.at, cue.answered_at),
         }

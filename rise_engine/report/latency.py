@@ -86,8 +86,8 @@ def latencies(acts: Iterable[PlayedAct], cues: Iterable[Cue] = ()) -> LatencyFac
 
 
 def answers(acts: Iterable[PlayedAct]) -> list[PlayedAct]:
-    """The acts that answered a cue: no fillers, and only those of which the answer's moment is known."""
-    return [act for act in acts if not act.filler and act.response_s is not None]
+    """The acts that answered a cue (`PlayedAct.answer_s`), of which the answer's moment is known."""
+    return [act for act in acts if act.answer_s is not None]
 
 
 def histogram(values: Iterable[float]) -> list[int]:

@@ -34,7 +34,7 @@ class ActFacts(Struct, frozen=True):
     begun: int
     """How often its turn came."""
     by: dict[ActorKind, int]
-    """How often each kind of actor asked for it."""
+    """How often each kind of actor caused it."""
     statuses: dict[str, int]
     """How the begun ones ended."""
     length: Summary | None
@@ -62,11 +62,9 @@ class MistakeFacts(Struct, frozen=True):
     """What went wrong, as wizards marked it and as the record itself shows it."""
 
     marks: dict[str, int]
-    """Acts by what a wizard said was wrong about them."""
-    wizard_acts: int
-    """Acts that wizards asked for and whose turn came."""
+    """All marks, by what was said to be wrong."""
     marked: Share
-    """Wizard acts that were marked."""
+    """Keys of wizards that were marked, or whose acts were."""
     rejected: int
     """Acts that were asked for and could not be."""
     canceled: int
@@ -94,10 +92,12 @@ class SessionFigures(Struct, frozen=True):
     states: tuple[StateFacts, ...]
     mistakes: MistakeFacts
     actors: dict[ActorKind, int]
-    """Acts whose turn came, by who asked for them."""
+    """Acts whose turn came, by who caused them."""
     cues: int
     """That were not taken back."""
     answered: int
+    before_cue: int
+    """Answers that were asked for before their cue: no latency counts them."""
     said_freely: Share
     """Of what the robot said, how much a wizard typed."""
 
@@ -120,6 +120,7 @@ def session_figures(data: SessionData) -> SessionFigures:
         actors=dict(actors.most_common()),
         cues=len(cues),
         answered=sum(cue.answered_at is not None for cue in cues),
+        before_cue=sum(act.before_cue and not act.filler and act.response_s is not None for act in data.acts),
         said_freely=Share(sum(act.act == FREE_SPEECH for act in spoken), len(spoken)),
     )
 
@@ -128,7 +129,7 @@ def _by_source(acts: Iterable[PlayedAct]) -> tuple[LatencyPart, ...]:
     found: dict[str, list[float]] = {}
     for act in answers(acts):
         if act.response_s is not None:
-            found.setdefault(act.source, []).append(act.response_s)
+            found.setdefault(act.by, []).append(act.response_s)
     named = sorted(found, key=lambda source: (-len(found[source]), source))
     return tuple(LatencyPart(source, "cue to answer", tuple(found[source])) for source in named)
 
@@ -169,15 +170,14 @@ def _state_facts(phases: Iterable[Phase]) -> Iterable[StateFacts]:
 
 
 def _mistakes(data: SessionData, begun: list[PlayedAct]) -> MistakeFacts:
-    by_wizards = [act for act in begun if act.actor == "wizard"]
+    marks = Counter(point.name for point in data.points if point.kind == "mistake")
     actions = Counter(
         record.status for record in data.records if isinstance(record, ActionRecord) and record.status in _NOT_DONE
     )
     control = [record for record in data.records if isinstance(record, ControlRecord) and record.status != "asked"]
     return MistakeFacts(
-        marks={mark: number for mark in MARKS if (number := sum(act.mark == mark for act in data.acts))},
-        wizard_acts=len(by_wizards),
-        marked=Share(sum(act.mark is not None for act in by_wizards), len(by_wizards)),
+        marks={mark: marks[mark] for mark in MARKS if marks[mark]},
+        marked=Share(sum(key.mark is not None for key in data.keys), len(data.keys)),
         rejected=sum(act.status == "REJECTED" for act in data.acts),
         canceled=sum(act.status == "CANCELED" for act in begun),
         actions_failed={name: actions[name] for name in _NOT_DONE if actions[name]},

@@ -23,7 +23,15 @@ from rise_engine.report.document import (
 )
 from rise_engine.report.latency_section import latency_section
 from rise_engine.report.session_facts import MARKS, SessionFigures, session_figures
-from rise_engine.report.wording import interval_text, marks_text, moment_text, per_hundred, source_name
+from rise_engine.report.wording import (
+    ACTOR_NAMES,
+    actor_shares,
+    interval_text,
+    marks_text,
+    moment_text,
+    per_hundred,
+    source_name,
+)
 from rise_engine.session.levels import ExportLevel
 from rise_engine.session.media import MediaFile
 from rise_engine.text import pluralize
@@ -107,18 +115,27 @@ def _summary(facts: SessionFacts, figures: SessionFigures) -> str:
     if summary is not None:
         sentences.append(
             f"{figures.answered} of {pluralize(figures.cues, 'cue')} {'was' if figures.answered == 1 else 'were'} "
-            f"answered, half of them within {seconds_text(summary.median)} "
+            f"answered, half of {_timed_answers(figures)} within {seconds_text(summary.median)} "
             f"(middle half {number_text(summary.lower)}\u2013{seconds_text(summary.upper)})."
         )
     elif figures.cues:
         sentences.append(f"None of {pluralize(figures.cues, 'cue')} was answered.")
     mistakes = figures.mistakes
-    if mistakes.marked.count:
-        sentences.append(f"A wizard marked {pluralize(mistakes.marked.count, 'act')} as a mistake.")
+    if marks := sum(mistakes.marks.values()):
+        sentences.append(f"{pluralize(marks, 'mistake')} {'was' if marks == 1 else 'were'} marked.")
     if mistakes.stops:
         times = "once" if mistakes.stops == 1 else f"{mistakes.stops} times"
         sentences.append(f"Everything was stopped {times}.")
     return " ".join(sentences)
+
+
+def _timed_answers(figures: SessionFigures) -> str:
+    """The answers that the median is of."""
+    return (
+        f"the {len(figures.latency.response.values)} that were asked for after their cue"
+        if figures.before_cue
+        else "them"
+    )
 
 
 def _begun(figures: SessionFigures) -> int:
@@ -159,7 +176,7 @@ def _head(data: SessionData, replay: str) -> Iterable[tuple[str, str]]:
 
 
 def _wizards(acts: Iterable[PlayedAct]) -> list[str]:
-    return list(dict.fromkeys(source_name(act.source) for act in acts if act.actor == "wizard"))
+    return list(dict.fromkeys(source_name(act.by) for act in acts if act.actor == "wizard"))
 
 
 # --- checks ---------------------------------------------------------------------------------------------------------
@@ -198,21 +215,21 @@ def _acts(figures: SessionFigures) -> Iterable[Block]:
     if not figures.acts:
         yield Paragraph("No act was asked for.")
         return
-    shares = [f"{source} {share_text(number, _begun(figures))}" for source, number in figures.actors.items() if number]
+    shares = actor_shares(figures.actors)
     if shares:
         spoken = figures.said_freely
         freely = f" Of what the robot said, {share_text(spoken.count, spoken.n)} was typed freely." if spoken.n else ""
-        yield Paragraph(f"Who asked for the acts that began: {', '.join(shares)}.{freely}")
+        yield Paragraph(f"Whose doing the acts were that began: {', '.join(shares)}.{freely}")
     rows = []
     for act in figures.acts:
         ended = ", ".join(f"{number} {status}" for status, number in act.statuses.items() if status != "SUCCEEDED")
-        asked = ", ".join(f"{source} {number}" for source, number in act.by.items())
+        caused = ", ".join(f"{ACTOR_NAMES[actor]} {number}" for actor, number in act.by.items())
         fillers = f", {act.fillers} as filler" if act.fillers else ""
         rows.append(
             (
                 act.name,
                 str(act.begun),
-                asked + fillers,
+                caused + fillers,
                 number_text(act.length.median) if act.length else "",
                 number_text(act.response.median) if act.response else "",
                 str(act.response.n) if act.response else "",
@@ -223,7 +240,7 @@ def _acts(figures: SessionFigures) -> Iterable[Block]:
     yield ReportTable(
         caption="Acts, most frequent first. Times in seconds, medians; the response is that of acts that answered a "
         "cue",
-        head=("act", "begun", "asked for by", "length", "response", "n", "marked", "not succeeded"),
+        head=("act", "begun", "caused by", "length", "response", "n", "marked", "not succeeded"),
         rows=tuple(rows),
         numbers=frozenset({1, 3, 4, 5}),
     )
@@ -267,9 +284,9 @@ def _mistakes(data: SessionData, figures: SessionFigures) -> Iterable[Block]:
     actions = ", ".join(f"{number} {status}" for status, number in found.actions_failed.items()) or "none"
     yield Facts(
         (
-            ("Acts of wizards marked as mistakes", share_text(found.marked.count, found.marked.n)),
+            ("Keys of wizards marked as mistakes", share_text(found.marked.count, found.marked.n)),
             (
-                "Per 100 acts of wizards, 95\u00a0% interval",
+                "Per 100 keys of wizards, 95\u00a0% interval",
                 f"{per_hundred(found.marked)} {interval_text(found.marked)}".strip(),
             ),
             (f"Marks ({', '.join(MARKS)})", marks),

@@ -15,7 +15,7 @@ from msgspec import Struct
 from rise_engine.analysis.statistics import summarise
 from rise_engine.report.document import length_text, number_text, share_text
 from rise_engine.report.study_facts import SessionRow, StudyFigures, WizardCourse
-from rise_engine.report.wording import interval_text, marks_text, per_hundred, source_name
+from rise_engine.report.wording import actor_shares, interval_text, marks_text, per_hundred, source_name
 from rise_engine.study.model import Study, StudyStanding
 from rise_engine.study.report_table import REPORT_ITEMS
 from rise_engine.text import clean, pluralize
@@ -143,11 +143,8 @@ def _robots(figures: StudyFigures) -> str:
 
 
 def _autonomy(figures: StudyFigures) -> list[str]:
-    actors = figures.actors
-    n = sum(actors.values())
-    return [f"Acts that began: {', '.join(f'{who} {share_text(number, n)}' for who, number in actors.items())}."] * (
-        n > 0
-    )
+    shares = actor_shares(figures.actors)
+    return [f"Acts that began: {', '.join(shares)}."] if shares else []
 
 
 def _abilities(figures: StudyFigures) -> list[str]:
@@ -223,7 +220,7 @@ def _errors(figures: StudyFigures) -> list[str]:
     stops = sum(row.figures.mistakes.stops for row in rows)
     kinds = f" ({marks_text(figures.marks)})" if figures.marks else ""
     return [
-        f"Marked by wizards as mistakes: {share_text(marked.count, marked.n)} of their acts{kinds}; per 100 acts "
+        f"Marked by wizards as mistakes: {share_text(marked.count, marked.n)} of their keys{kinds}; per 100 keys "
         f"{per_hundred(marked)} {interval_text(marked)}.",
         f"Found in the record: {pluralize(refused, 'act')} refused, {pluralize(stops, 'stop')}.",
     ]
@@ -249,7 +246,7 @@ def _how_they_did(course: WizardCourse, row: SessionRow) -> str:
     part = course.part_in(row)
     summary = summarise(part.reactions)
     waited = f"cue to key {number_text(summary.median)} s (median of {summary.n})" if summary else "no cue answered"
-    return f"{waited}, {pluralize(part.marked, 'mistake')} in {pluralize(part.acts, 'act')}"
+    return f"{waited}, {pluralize(part.marked, 'mistake')} in {pluralize(part.keys, 'key')}"
 
 
 def _checks(study: Study, figures: StudyFigures) -> list[str]:

@@ -22,12 +22,12 @@ class WizardPart(Struct, frozen=True):
 
     wizard: str
     """As the record has it: `wizard:anna`."""
-    acts: int
-    """Whose turn came."""
+    keys: int
+    """What they asked for."""
     marked: int
-    """That were marked as mistakes."""
+    """That were marked as mistakes, or whose acts were."""
     reactions: tuple[float, ...]
-    """Seconds from cue to key, of answers."""
+    """Seconds from cue to key, of answers, through rules, too."""
 
 
 class SessionRow(Struct, frozen=True):
@@ -79,9 +79,9 @@ class WizardCourse(Struct, frozen=True):
 
     @property
     def marked(self) -> Share:
-        """Of their acts in complete sessions, those that were marked as mistakes."""
+        """Of their keys in complete sessions, those that were marked as mistakes."""
         parts = [self.part_in(row) for row in self.sessions]
-        return Share(sum(part.marked for part in parts), sum(part.acts for part in parts))
+        return Share(sum(part.marked for part in parts), sum(part.keys for part in parts))
 
     @property
     def reactions(self) -> Summary | None:
@@ -110,7 +110,7 @@ class StudyFigures(Struct, frozen=True):
 
     @property
     def actors(self) -> dict[ActorKind, int]:
-        """Acts that began in complete sessions, by who asked for them."""
+        """Acts that began in complete sessions, by who caused them."""
         counts: Counter[ActorKind] = Counter()
         for row in self.complete:
             counts.update(row.figures.actors)
@@ -118,7 +118,7 @@ class StudyFigures(Struct, frozen=True):
 
     @property
     def marked(self) -> Share:
-        """Acts of wizards in complete sessions that were marked as mistakes."""
+        """Keys of wizards in complete sessions that were marked as mistakes."""
         found = [row.figures.mistakes.marked for row in self.complete]
         return Share(sum(each.count for each in found), sum(each.n for each in found))
 
@@ -189,13 +189,12 @@ def session_row(data: SessionData) -> SessionRow:
 
     :param data: the session, at the report's level.
     """
-    wizards = dict.fromkeys(act.source for act in data.acts if act.actor == "wizard" and act.started_at is not None)
     parts = []
-    for name in wizards:
-        acts = [act for act in data.acts if act.source == name and act.started_at is not None]
-        reactions = [act.wizard_s for act in acts if not act.filler and act.response_s is not None]
-        marked = sum(act.mark is not None for act in acts)
-        parts.append(WizardPart(name, len(acts), marked, tuple(each for each in reactions if each is not None)))
+    for name in dict.fromkeys(key.source for key in data.keys):
+        keys = [key for key in data.keys if key.source == name]
+        reactions = [act.wizard_s for act in data.acts if act.by == name and act.answer_s is not None]
+        marked = sum(key.mark is not None for key in keys)
+        parts.append(WizardPart(name, len(keys), marked, tuple(each for each in reactions if each is not None)))
     channels = dict.fromkeys(channel for act in data.acts for part in act.parts for channel in part.channels)
     return SessionRow(
         facts=data.facts,

@@ -229,7 +229,7 @@ def _conditions(given: StudyReportInput) -> Iterable[Block]:
     for name, sessions in found.items():
         over = summarise([s.median for row in sessions if (s := summarise(row.responses)) is not None])
         marked = sum(row.figures.mistakes.marked.count for row in sessions)
-        acts = sum(row.figures.mistakes.marked.n for row in sessions)
+        keys = sum(row.figures.mistakes.marked.n for row in sessions)
         table.append(
             (
                 name or NO_CONDITION,
@@ -238,12 +238,12 @@ def _conditions(given: StudyReportInput) -> Iterable[Block]:
                 str(sum(len(row.responses) for row in sessions)),
                 *_summary_cells(over),
                 _median_length(sessions),
-                share_text(marked, acts),
+                share_text(marked, keys),
             )
         )
     yield ReportTable(
         caption="Complete sessions by condition: medians of the sessions' median responses in seconds",
-        head=("condition", "sessions", "people", "answers", "median", "middle half", "length", "acts marked"),
+        head=("condition", "sessions", "people", "answers", "median", "middle half", "length", "keys marked"),
         rows=tuple(table),
         numbers=frozenset({1, 2, 3, 4, 5, 6}),
         note="Sessions of one participant are not independent of one another: this describes, and tests nothing.",
@@ -288,9 +288,9 @@ def _wizards(given: StudyReportInput) -> Iterable[Block]:
             "middle half. A line that climbs or falls may be a wizard who changes, or conditions that do.",
         )
     yield ReportTable(
-        caption="Wizards in complete sessions. From cue to key in seconds; marks as mistakes per 100 acts with their "
+        caption="Wizards in complete sessions. From cue to key in seconds; marks as mistakes per 100 keys with their "
         "95\u00a0% interval; rehearsals are sessions of theirs before the first that counted",
-        head=("wizard", "sessions", "acts", "cue to key", "middle half", "first, last", "per 100", "rehearsals"),
+        head=("wizard", "sessions", "keys", "cue to key", "middle half", "first, last", "per 100", "rehearsals"),
         rows=tuple(_wizard_row(course) for course in courses),
         numbers=frozenset({1, 2, 3, 4}),
     )

@@ -5,8 +5,22 @@ from __future__ import annotations
 from collections.abc import Mapping
 from datetime import datetime
 
+from rise_engine.analysis.model import ActorKind
 from rise_engine.analysis.statistics import Share
-from rise_engine.report.document import number_text
+from rise_engine.report.document import number_text, share_text
+
+ACTOR_NAMES: Mapping[ActorKind, str] = {
+    "wizard": "wizard",
+    "rule": "rule by itself",
+    "program": "program",
+    "engine": "engine by itself",
+}
+
+
+def actor_shares(actors: Mapping[ActorKind, int]) -> list[str]:
+    """`wizard 12 of 20 (60 %)`, one for each kind of actor that caused anything."""
+    whole = sum(actors.values())
+    return [f"{ACTOR_NAMES[actor]} {share_text(number, whole)}" for actor, number in actors.items() if number]
 
 
 def source_name(source: str) -> str:

@@ -1,0 +1,144 @@
+"""Whose doing something is: the way back from it to the key, the cue, the event or the value that caused it.
+
+The engine records of each thing that a rule asks for which task led to it (semantics.md 4.5). Who follows that back, act
+by act, comes to something that no rule asked for, or to a rule that acted by itself. Everything that says who did
+something asks here.
+"""
+
+from __future__ import annotations
+
+from msgspec import Struct
+
+from rise_engine.analysis.model import ActorKind, WizardKey
+from rise_engine.kernel.records import AnyRecord, Mark, MistakeRecord, TaskRecord, TimingRecord
+from rise_engine.kernel.wizard_marks import UNMARKABLE
+
+CUE = "markCue"
+_COMMAND_LINE = "wizard:command-line"
+
+
+def actor_of(source: str) -> ActorKind:
+    """What kind of source a record names.
+
+    >>> actor_of("wizard:anna"), actor_of("rule:Greeting"), actor_of("engine"), actor_of("ros:/node")
+    ('wizard', 'rule', 'engine', 'program')
+    """
+    kind = source.partition(":")[0]
+    if kind == "wizard" and source != _COMMAND_LINE:
+        return "wizard"
+    return "rule" if kind == "rule" else "engine" if kind == "engine" else "program"
+
+
+class Origin(Struct, frozen=True):
+    """Where the way back ends."""
+
+    task: int
+    """What was asked for there: by a person, a program, or a rule by itself."""
+    by: str
+    """Its source, as the record has it."""
+    via: tuple[str, ...] = ()
+    """The rules between, the first one first, each once."""
+    key_at: float | None = None
+    """When the key was pressed. Where a wizard's key began it through rules and the record does not hold when, the engine
+    took it then. None: no key began it, or the cue's own did."""
+
+
+class CauseCollector:
+    """Takes in the records of a session in their order."""
+
+    def __init__(self) -> None:
+        self._tasks: dict[int, TaskRecord] = {}
+        """The first record of each task."""
+        self._pressed: dict[int, float] = {}
+        """By task, when the key was pressed that it came of."""
+        self._origins: dict[int, Origin] = {}
+        self._marks: dict[int, Mark] = {}
+
+    def add(self, record: AnyRecord) -> None:
+        """Take in the next record."""
+        if isinstance(record, TaskRecord):
+            self._tasks.setdefault(record.id, record)
+        elif isinstance(record, TimingRecord):
+            if record.key_at is not None:
+                self._pressed[record.task] = record.key_at
+        elif isinstance(record, MistakeRecord):
+            self._marks[record.task] = record.mark
+
+    def origin_of(self, task: int) -> Origin:
+        """Where a task comes from. Once all records are taken in."""
+        way: list[int] = []
+        at = task
+        while at not in self._origins:
+            way.append(at)
+            record = self._tasks[at]
+            if record.cause is None or record.cause not in self._tasks or record.cause >= at:
+                self._origins[at] = self._begin(record)
+                way.pop()
+                break
+            at = record.cause
+        for each in reversed(way):
+            self._origins[each] = self._extend(self._origins[self._cause_of(each)], self._tasks[each])
+        return self._origins[task]
+
+    def marks(self, acts: tuple[int, ...]) -> dict[int, Mark]:
+        """What wizards said was wrong about acts: about the act itself, or the key of which it came first.
+
+        :param acts: the tasks of all acts, in their order.
+        """
+        known, first = set(acts), self._first_acts(acts)
+        found: dict[int, Mark] = {}
+        for task, mark in self._marks.items():
+            act = task if task in known else first.get(task)
+            if act is not None and mark != "none":
+                found[act] = mark
+        return found
+
+    def _first_acts(self, acts: tuple[int, ...]) -> dict[int, int]:
+        """By what began it, the first act that came of it."""
+        first: dict[int, int] = {}
+        for act in acts:
+            first.setdefault(self.origin_of(act).task, act)
+        return first
+
+    def keys(self, acts: tuple[int, ...]) -> tuple[WizardKey, ...]:
+        """Everything that wizards asked for, but for what they said about tasks, in its order.
+
+        :param acts: the tasks of all acts, in their order.
+        """
+        caused = self._first_acts(acts)
+        marks = {self.origin_of(act).task: mark for act in acts if (mark := self._marks.get(act, "none")) != "none"}
+        marks |= {task: mark for task, mark in self._marks.items() if mark != "none"}
+        return tuple(
+            WizardKey(
+                task=task,
+                at=self._pressed.get(task, self._pressed.get(caused.get(task, task), record.t)),
+                source=record.source,
+                function=record.function,
+                act=caused.get(task),
+                mark=marks.get(task),
+            )
+            for task, record in sorted(self._tasks.items())
+            if actor_of(record.source) == "wizard" and record.function not in UNMARKABLE and record.status != "REJECTED"
+        )
+
+    def _cause_of(self, task: int) -> int:
+        cause = self._tasks[task].cause
+        assert cause is not None
+        return cause
+
+    def _begin(self, record: TaskRecord) -> Origin:
+        pressed = None if record.function == CUE else self._pressed.get(record.id)
+        return Origin(record.id, record.source, record.via, pressed)
+
+    def _extend(self, before: Origin, record: TaskRecord) -> Origin:
+        """One step further: what came of it, or a repetition, which has a cause and is asked for by nobody's rule."""
+        rules = [*before.via, *record.via]
+        if actor_of(record.source) == "rule":
+            rules.append(record.source.removeprefix("rule:"))
+        root = self._tasks[before.task]
+        pressed = None
+        if root.function != CUE:
+            pressed = self._pressed.get(record.id, before.key_at)
+            if pressed is None and actor_of(root.source) == "wizard":
+                pressed = root.t
+        return Origin(before.task, before.by, tuple(dict.fromkeys(rules)), pressed)
