@@ -1,7 +1,7 @@
 """Whose doing something is: the way back from it to the key, the cue, the event or the value that caused it.
 
-The engine records of each thing that a rule asks for which task led to it (semantics.md 4.5). Who follows that back, act
-by act, comes to something that no rule asked for, or to a rule that acted by itself. Everything that says who did
+The engine records of each thing that a rule asks for which task led to it (semantics.md 4.5). Followed back, act by
+act, that leads to something that no rule asked for, or to a rule that acted by itself. Everything that says who did
 something asks here.
 """
 
@@ -39,8 +39,8 @@ class Origin(Struct, frozen=True):
     via: tuple[str, ...] = ()
     """The rules between, the first one first, each once."""
     key_at: float | None = None
-    """When the key was pressed. Where a wizard's key began it through rules and the record does not hold when, the engine
-    took it then. None: no key began it, or the cue's own did."""
+    """When the key was pressed; where a wizard's key began it through rules and the record does not hold that, when the
+    engine took what it asks for. None: no key began it, or the cue's own did."""
 
 
 class CauseCollector:

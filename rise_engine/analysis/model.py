@@ -103,8 +103,8 @@ class PlayedAct(Struct, frozen=True, kw_only=True):
     source: str
     """Who asked for it, as the record has it: `wizard:anna`, `rule:Greeting`."""
     by: str
-    """Whose doing it is: the source of what caused it, through any number of rules (`rise_engine.analysis.causes`). A rule
-    that acted by itself, as after a time, is its own."""
+    """Whose doing it is: the source of what caused it, through any number of rules (`rise_engine.analysis.causes`).
+    `rule:NAME`: the rule acted by itself, as after a time."""
     via: tuple[str, ...] = ()
     """The rules between `by` and this act, the first one first."""
     actor: ActorKind

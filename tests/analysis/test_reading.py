@@ -104,7 +104,7 @@ def test_samples_are_real_sessions(tmp_path: Path) -> None:
 def test_who_asked_for_an_act_and_what_became_of_it(data: SessionData) -> None:
     told = [(each.task, each.act, each.actor, each.status, each.filler, each.mark) for each in data.acts]
     assert told == [
-        (5, "Greet", "rule", "SUCCEEDED", False, None),
+        (5, "Greet", "wizard", "SUCCEEDED", False, None),  # a rule asked for it, which a wizard's key had started
         (7, "Hm", "wizard", "SUCCEEDED", True, "late"),
         (8, "Answer", "wizard", "SUCCEEDED", False, None),  # its mark was taken back
         (10, "Nod", "wizard", "SUCCEEDED", False, None),
@@ -116,7 +116,7 @@ def test_who_asked_for_an_act_and_what_became_of_it(data: SessionData) -> None:
         (18, "Point", "wizard", "SUCCEEDED", False, None),
         (20, "Think", "wizard", "SUCCEEDED", True, None),
         (21, "Ask", "program", "SUCCEEDED", False, None),
-        (26, "Ask", "rule", "SUCCEEDED", False, None),
+        (26, "Ask", "wizard", "SUCCEEDED", False, None),
         (28, "say", "wizard", "SUCCEEDED", False, None),
         (30, "Answer", "wizard", "CANCELED", False, None),
         (32, "Greet", "wizard", "CANCELED", False, None),

@@ -43,7 +43,8 @@ def session(folder: Path = Path("/nowhere"), **parts: Any) -> SessionData:
 def act(start: float, end: float, name: str = "R_Hello", **more: Any) -> PlayedAct:
     asked = {"task": 1, "act": name, "source": "wizard:anna", "actor": "wizard", "filler": False, "cue_at": None}
     done = {"status": "SUCCEEDED", "accepted_at": start, "started_at": start, "robot_at": start, "ended_at": end}
-    return PlayedAct(**(asked | done | {"key_at": None, "voice_at": None} | more))
+    made = asked | done | {"key_at": None, "voice_at": None} | more
+    return PlayedAct(**({"by": made["source"]} | made))
 
 
 def point(at: float, kind: Any = "note", name: str = "note", value: str = "hm", **more: Any) -> Point:

@@ -81,6 +81,7 @@ def session(folder: Path, participant: str, run: int, level: ExportLevel = "shar
         task=1,
         act="Greet",
         source="wizard:W1",
+        by="wizard:W1",
         actor="wizard",
         status="SUCCEEDED",
         filler=False,

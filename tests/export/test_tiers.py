@@ -63,7 +63,7 @@ def test_a_real_session_as_a_coder_sees_it(tmp_path: Path) -> None:
     told = rows(found)
     assert list(told) == [
         *("robot speech", "robot gaze", "robot face", "robot body", "robot arms", "robot wait"),
-        *("wizard acts", "wizard acts 2", "rule acts", "program acts", "fillers", "queue", "rejected", "cue"),
+        *("wizard acts", "wizard acts 2", "program acts", "fillers", "queue", "rejected", "cue"),
         *("rule Visit", "rule Lamp", "stopped", "event", "note", "mistake", "sync"),
     ]
     answer = next(each for each in data.acts if each.task == 8)

@@ -26,6 +26,7 @@ def act(response: float, *, filler: bool = False) -> PlayedAct:
         task=1,
         act="A",
         source="wizard:anna",
+        by="wizard:anna",
         actor="wizard",
         status="SUCCEEDED",
         filler=filler,

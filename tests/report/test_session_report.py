@@ -158,8 +158,8 @@ def test_acts_are_those_of_the_tasks(data, page):
     counts = Counter(begun.values())
     assert {name: int(row["begun"]) for name, row in table.items() if row["begun"] != "0"} == dict(counts)
     assert table["Nodd"]["not succeeded"] == "1 REJECTED"
-    assert table["Hm"]["asked for by"] == "wizard 1, 1 as filler"
-    assert table["Ask"]["asked for by"] == "wizard 1, program 1, rule 1"
+    assert table["Hm"]["caused by"] == "wizard 1, 1 as filler"
+    assert table["Ask"]["caused by"] == "wizard 2, program 1"
 
 
 def test_phases_are_those_of_the_rules(data, page):
@@ -174,18 +174,17 @@ def test_phases_are_those_of_the_rules(data, page):
 def test_mistakes_with_their_interval(data, page):
     marks = {record.task: record.mark for record in data.records if isinstance(record, MistakeRecord)}
     standing = [mark for mark in marks.values() if mark != "none"]
-    wizards = {
+    refused = {record.id for record in data.records if isinstance(record, TaskRecord) and record.status == "REJECTED"}
+    keys = {
         record.id
         for record in data.records
-        if isinstance(record, TaskRecord)
-        and record.source == WIZARD
-        and record.function in ("say", "startCommunicationRobotAct")
-        and record.status == "ACTIVE"
-    }
-    told = page.text.replace("\u00a0", " ")
+        if isinstance(record, TaskRecord) and record.source == WIZARD and record.function != "markMistake"
+    } - refused
     assert len(standing) == 1
-    assert f"1 of {len(wizards)} (8.3 %)" in told
-    assert "8.3 (1.5\u201335)" in told  # Wilson: 1 of 12
+    told = page.text.replace("\u00a0", " ")
+    assert len(keys) == 27
+    assert "1 of 27 (3.7 %)" in told
+    assert "3.7 (0.7\u201318)" in told  # Wilson: 1 of 27
     assert "1 late" in told
 
 
