@@ -88,9 +88,12 @@ class CauseCollector:
         known, first = set(acts), self._first_acts(acts)
         found: dict[int, Mark] = {}
         for task, mark in self._marks.items():
-            act = task if task in known else first.get(task)
-            if act is not None and mark != "none":
-                found[act] = mark
+            if mark == "none":
+                continue
+            if task in known:
+                found[task] = mark
+            elif task in first:
+                found.setdefault(first[task], mark)
         return found
 
     def _first_acts(self, acts: tuple[int, ...]) -> dict[int, int]:
@@ -106,8 +109,10 @@ class CauseCollector:
         :param acts: the tasks of all acts, in their order.
         """
         caused = self._first_acts(acts)
-        marks = {self.origin_of(act).task: mark for act in acts if (mark := self._marks.get(act, "none")) != "none"}
-        marks |= {task: mark for task, mark in self._marks.items() if mark != "none"}
+        marks = {task: mark for task, mark in self._marks.items() if mark != "none"}
+        for act in acts:
+            if act in marks:
+                marks.setdefault(self.origin_of(act).task, marks[act])
         return tuple(
             WizardKey(
                 task=task,

@@ -44,8 +44,8 @@ EVENT_COLUMNS: dict[str, Description] = {
     "trial_type": {"LongName": "What it is", "Description": "The kind of the row.", "Levels": TRIAL_TYPES},
     "response_time": {
         "LongName": "Response time",
-        "Description": "Only of a robot_act that answered a cue and was not asked for before it: seconds from the cue "
-        "to the confirmation of the first action that takes the robot's voice, or of its first action where it does not "
+        "Description": "Only of a robot_act that answered a cue and was asked for after it: seconds from the cue to "
+        "the confirmation of the first action that takes the robot's voice, or of its first action where it does not "
         "speak.",
         "Units": "s",
     },
