@@ -53,6 +53,7 @@ COLUMNS = (
     *("hash", "was", "changes"),  # scenario; source too
     *("unstoppable", "held_by"),  # stop
     "open",  # robot, session
+    *("cause", "via"),  # task
 )
 """Of the table: always all of them, in this order. New ones may only come at the end."""
 

@@ -30,6 +30,7 @@ _UNSPACED = "\u2e80"
 NAMES_FIELDS = frozenset(
     {
         *("kind", "seq", "t", "wall", "status", "id", "function", "calling_type", "source", "position", "ref", "task"),
+        *("cause", "via"),
         *("act", "action", "type", "sent_as", "name", "state", "previous", "priority", "rule", "taken_by", "key"),
         *(
             "deleted",
