@@ -15,6 +15,7 @@ from typing import Literal, TypeAlias
 import msgspec
 
 from rise_engine.analysis.model import SessionData, SessionFacts
+from rise_engine.analysis.outages import records_by_wall_clock
 from rise_engine.kernel.records import (
     ActionRecord,
     AnyRecord,
@@ -157,7 +158,7 @@ def live_words(scenario: Scenario, hide: Callable[[str], str]) -> MarkerWords:
 
 
 def recorded_markers(data: SessionData) -> list[tuple[float, str]]:
-    """The markers of a recorded session: session seconds and words, in order."""
+    """The markers of a recorded session, in order: seconds by the wall clock since it began, and words."""
     acts = {act.task: act for act in data.acts}
 
     def confirms(record: ActionRecord) -> Confirmation:
@@ -167,7 +168,7 @@ def recorded_markers(data: SessionData) -> list[tuple[float, str]]:
         return "voice" if record.t == act.voice_at else "robot" if record.t == act.robot_at else ""
 
     words = MarkerWords(confirms)
-    return [(record.t, each) for record in data.records for each in words.words(record)]
+    return [(at, each) for at, record in records_by_wall_clock(data) for each in words.words(record)]
 
 
 def describe_session(facts: SessionFacts) -> dict[str, str]:

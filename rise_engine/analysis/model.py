@@ -65,7 +65,7 @@ class SessionFacts(Struct, frozen=True, kw_only=True):
     ended: bool = False
     """Whether the record has an end."""
     downtime: float = 0.0
-    """Seconds by the wall clock that lie between parts of a recovered session, and that session time does not count."""
+    """Seconds by the wall clock without an engine (`Outage`): session time does not count them."""
     recoveries: int = 0
     versions: dict[str, str] = {}
 
@@ -209,6 +209,15 @@ class Cue(Struct, frozen=True, kw_only=True):
     undone_at: float | None = None
 
 
+class Outage(Struct, frozen=True, kw_only=True):
+    """From one engine to the next the session had none, and its time stood still."""
+
+    at: float
+    """Session time at which it stood still."""
+    seconds: float
+    """For how long, by the wall clock: from the first engine's last sign of life to the recovery."""
+
+
 class Phase(Struct, frozen=True, kw_only=True):
     """A rule was in a state."""
 
@@ -228,7 +237,7 @@ class Phase(Struct, frozen=True, kw_only=True):
 
 
 PointKind: TypeAlias = Literal[
-    "note", "mistake", "stop", "sync", "event", "memory", "control", "robot", "fault", "check"
+    "note", "mistake", "stop", "sync", "event", "memory", "control", "robot", "fault", "check", "recovery"
 ]
 
 
@@ -280,6 +289,7 @@ class SessionData(Struct, frozen=True, kw_only=True):
     """What wizards asked for, in its order."""
     phases: tuple[Phase, ...] = ()
     """Also those of no length."""
+    outages: tuple[Outage, ...] = ()
     points: tuple[Point, ...] = ()
     """In the order of the record."""
     checks: tuple[CheckRecord, ...] = ()

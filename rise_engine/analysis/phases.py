@@ -28,6 +28,7 @@ from rise_engine.kernel.records import (
     NoteRecord,
     RobotRecord,
     RuleRecord,
+    SessionRecord,
     StopRecord,
     SyncRecord,
     TaskRecord,
@@ -168,6 +169,8 @@ def _point_of(record: AnyRecord) -> Point | None:
             return point("control", record.status, record.holder or "", record.by)
         case RobotRecord():
             return point("robot", record.status, record.detail)
+        case SessionRecord(status="recovered"):
+            return point("recovery", "recovered", record.reason)
         case CheckRecord():
             return point("check", record.id, record.result, record.source)
         case RuleRecord() if record.status == "faulted":

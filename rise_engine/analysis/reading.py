@@ -13,7 +13,8 @@ from msgspec.structs import replace
 
 from rise_engine.analysis.acts import ActCollector
 from rise_engine.analysis.judgements import Judgement, read_judgements
-from rise_engine.analysis.model import SessionData, SessionFacts
+from rise_engine.analysis.model import Outage, SessionData, SessionFacts
+from rise_engine.analysis.outages import OutageCollector
 from rise_engine.analysis.phases import PhaseCollector, PointCollector, count_repairs
 from rise_engine.analysis.session_records import SessionRecords
 from rise_engine.kernel.records import (
@@ -120,19 +121,21 @@ def _read(
     except SessionError as error:
         problems.append(f"what the robot's actions take of it is not known for certain: {error}")
     acts, phases, points = ActCollector(scenario), PhaseCollector(), PointCollector()
+    away = OutageCollector(source.info.speed if source.info is not None else 1.0)
     few: list[AnyRecord] = []
     end = 0.0
     for record in source.read():
         acts.add(record)
         phases.add(record)
         points.add(record)
+        away.add(record)
         if isinstance(record, _FEW):
             few.append(record)
         end = record.t
     played = acts.acts()
     media = _media(folder, problems) if level == "full" else ()
     data = SessionData(
-        facts=_facts(source, few, end, _judgement(source, study, few)),
+        facts=_facts(source, few, end, away.outages, _judgement(source, study, few)),
         level=level,
         folder=folder,
         records=source,
@@ -140,6 +143,7 @@ def _read(
         cues=acts.cues(played),
         keys=acts.keys(),
         phases=phases.phases(end),
+        outages=tuple(away.outages),
         points=points.points(),
         checks=tuple({each.id: each for each in few if isinstance(each, CheckRecord)}.values()),
         recordings=tuple({each.name: each for each in few if isinstance(each, RecordingRecord)}.values()),
@@ -151,13 +155,19 @@ def _read(
     return data, source.filter.people
 
 
-def _facts(source: SessionRecords, few: Iterable[AnyRecord], end: float, judgement: Judgement | None) -> SessionFacts:
+def _facts(
+    source: SessionRecords,
+    few: Iterable[AnyRecord],
+    end: float,
+    outages: Iterable[Outage],
+    judgement: Judgement | None,
+) -> SessionFacts:
     """What session.toml says, or else the journal, which says nearly all of it, too."""
     begun, info = source.begun or SessionRecord(0, 0.0, "", status="started"), source.info
     recovered = [each for each in few if isinstance(each, SessionRecord) and each.status == "recovered"]
     started = ""
     if source.level == "full":
-        started = info.started if info is not None else begun.wall
+        started = begun.wall or (info.started if info is not None else "")
     return SessionFacts(
         session=source.name,
         participant=info.participant if info is not None else begun.participant,
@@ -181,7 +191,7 @@ def _facts(source: SessionRecords, few: Iterable[AnyRecord], end: float, judgeme
         started=started,
         duration=end,
         ended=source.contents.ended,
-        downtime=round(sum((each.downtime or 0.0 for each in recovered), 0.0), 6),
+        downtime=round(sum((each.seconds for each in outages), 0.0), 6),
         recoveries=len(recovered),
         versions=dict(begun.versions) or (dict(info.versions) if info is not None else {}),
     )

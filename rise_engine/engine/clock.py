@@ -38,6 +38,9 @@ def seconds_between_labels(before: str, now: str) -> float | None:
 class SessionClock(Clock, Protocol):
     """What the engine needs: the robot's clock, and the label for records."""
 
+    speed: float
+    """Session seconds in a second of the wall clock; of a virtual clock, 1."""
+
     def wall_label(self, t: float) -> str:
         """The wall-clock label of session time `t`: ISO 8601 with offset, to the millisecond. Never raises."""
         ...
@@ -59,6 +62,8 @@ class VirtualClock:
     Its wall labels begin at 1970-01-01T00:00:00.000+00:00, so that the same scenario, seed and inputs give the same
     output, byte for byte.
     """
+
+    speed = 1.0
 
     def __init__(self) -> None:
         self._now = 0.0

@@ -149,6 +149,7 @@ class Engine:
         """Called when that has changed."""
         self._timers_left = recovered.timers if recovered is not None else {}
         self._wall_before = recovered.last_wall if recovered is not None else ""
+        self._t_before = recovered.last_t if recovered is not None else 0.0
         self._commands = CommandRunner(robot, scenario, clock, self.post, session_id)
         self._kernel = recovered.kernel if recovered is not None else Kernel(scenario, seed)
         self._journal = journal
@@ -186,7 +187,11 @@ class Engine:
             self._commands.connect(self._kernel.unfinished_goals())
         finally:
             self._stepping = False
-        downtime = seconds_between_labels(self._wall_before, self.clock.wall_label(self._t))
+        away = seconds_between_labels(self._wall_before, self.clock.wall_label(self._t))
+        # The last record is not the last sign of life: the engine before has noted how late it was after that.
+        downtime = (
+            None if away is None else max(0.0, round(away - (self.clock.now() - self._t_before) / self.clock.speed, 6))
+        )
         self.accept(SessionRecovered(versions=versions(), reason="its engine had gone", downtime=downtime))
 
     def stop_before_end(self) -> None:

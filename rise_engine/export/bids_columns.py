@@ -26,6 +26,7 @@ TRIAL_TYPES: dict[str, str] = {
     "robot": "The link to the robot changed.",
     "fault": "Something went wrong.",
     "check": "Something was looked at before or after the session.",
+    "recovery": "Another engine went on with the session; outage_s says for how long it had none.",
 }
 """What the rows of `_events.tsv` are."""
 
@@ -74,6 +75,12 @@ EVENT_COLUMNS: dict[str, Description] = {
             "early": "It came too early.",
             "double": "It was started twice.",
         },
+    },
+    "outage_s": {
+        "LongName": "Without engine",
+        "Description": "Seconds by the wall clock within the duration, or before a recovery, for which the session "
+        "had no engine. Its time stood still: the duration does not count them.",
+        "Units": "s",
     },
     "condition": {"LongName": "Condition", "Description": "Of the session: the levels of its factors, joined by +."},
 }

@@ -8,6 +8,7 @@ from datetime import datetime
 from typing import Any
 
 from rise_engine.analysis.model import PlayedAct, SessionData
+from rise_engine.analysis.outages import seconds_without_engine
 from rise_engine.export.bids_columns import ACT_COLUMNS, EVENT_COLUMNS, SESSION_COLUMNS
 
 NOTHING = "n/a"
@@ -79,7 +80,14 @@ def event_rows(data: SessionData) -> list[Row]:
         )
     kinds = list(EVENT_COLUMNS["trial_type"]["Levels"])
     rows.sort(key=lambda row: (row["onset"], kinds.index(row["trial_type"])))
-    return [{**row, "condition": data.facts.condition} for row in rows]
+    return [{**row, "outage_s": _outage(data, row), "condition": data.facts.condition} for row in rows]
+
+
+def _outage(data: SessionData, row: Row) -> float | None:
+    onset = row["onset"]
+    if row["trial_type"] == "recovery":
+        return next((each.seconds for each in data.outages if each.at == onset), None)
+    return seconds_without_engine(data.outages, onset, onset + (row["duration"] or 0.0))
 
 
 def act_rows(data: SessionData) -> list[Row]:
@@ -159,6 +167,6 @@ def _rows_of_act(act: PlayedAct) -> list[Row]:
 def _local_time(started: str) -> str:
     """As BIDS has it: without a zone. Empty where the level tells none."""
     try:
-        return datetime.fromisoformat(started).replace(tzinfo=None).isoformat(timespec="seconds")
+        return datetime.fromisoformat(started).replace(tzinfo=None).isoformat(timespec="milliseconds")
     except ValueError:
         return ""

@@ -12,13 +12,12 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from datetime import datetime
 from pathlib import Path
 
 from msgspec import Struct
 
-from rise_engine.analysis.model import SessionData
-from rise_engine.kernel.records import AnyRecord, SessionRecord
+from rise_engine.analysis.model import Outage, SessionData
+from rise_engine.analysis.outages import seconds_away
 from rise_engine.ports.recorder import MediaKind
 from rise_engine.session.media import MediaFile
 from rise_engine.text import pluralize
@@ -42,26 +41,18 @@ class LinkedFile(Struct, frozen=True, kw_only=True):
     """Its own time, in seconds, where the annotations are at 0. Negative: it begins later."""
 
 
-class Gap(Struct, frozen=True, kw_only=True):
-    """The session had no engine: its time stood still."""
-
-    at: float
-    """From here on, in session time, everything is later by `seconds` than session time says."""
-    seconds: float
-
-
 class MediaClock(Struct, frozen=True, kw_only=True):
     """annotation time = shift + rate * (session time + the gaps before it), in seconds."""
 
     rate: float = 1.0
     shift: float = 0.0
-    gaps: tuple[Gap, ...] = ()
+    gaps: tuple[Outage, ...] = ()
     linked: tuple[LinkedFile, ...] = ()
     """The recordings; the first is the one whose clock this is."""
 
     def to_ms(self, at: float) -> int:
         """A session time in whole milliseconds of annotation time; a later one is never given an earlier."""
-        return math.floor((self.shift + self.rate * (at + _stood_still(self.gaps, at))) * 1000 + 0.5)
+        return math.floor((self.shift + self.rate * (at + seconds_away(self.gaps, at))) * 1000 + 0.5)
 
 
 def recording_clock(
@@ -82,7 +73,7 @@ def recording_clock(
         return MediaClock()
     leader = files[0]
     files = files[:1] if alone else files
-    gaps = find_gaps(data)
+    gaps = data.outages
     offset = _offset(leader, gaps)
     linked = [LinkedFile(file=each, path=_path(data, each), origin=_offset(each, gaps) - offset) for each in files]
     _tell_doubts(data, files, gaps, warnings)
@@ -99,7 +90,7 @@ def session_clock(data: SessionData, warnings: list[str]) -> MediaClock:
     files = _aligned_files(data, warnings, "video")
     if not files:
         return MediaClock()
-    gaps = find_gaps(data)
+    gaps = data.outages
     begins = {id(each): -_offset(each, gaps) for each in files}
     earliest = max(0.0, min(begins.values()))
     together = [each for each in files if begins[id(each)] <= earliest + SAME_START_SECONDS]
@@ -113,32 +104,6 @@ def session_clock(data: SessionData, warnings: list[str]) -> MediaClock:
     linked = [LinkedFile(file=each, path=_path(data, each), origin=late - begins[id(each)]) for each in together]
     _tell_doubts(data, together, gaps, warnings)
     return MediaClock(rate=together[0].rate, shift=0.0 - late, gaps=gaps, linked=tuple(linked))
-
-
-def find_gaps(data: SessionData) -> tuple[Gap, ...]:
-    """When the session had no engine, and for how long its time stood still: by the computer's clock, less what its
-    own time went on meanwhile."""
-    gaps: list[Gap] = []
-    before: AnyRecord | None = None
-    for record in data.records:
-        if isinstance(record, SessionRecord) and record.status == "recovered" and before is not None:
-            passed = _seconds_between(before.wall, record.wall)
-            away = passed if passed is not None else record.downtime
-            if away is not None and (stood := away - (record.t - before.t)) > 0:
-                gaps.append(Gap(at=record.t, seconds=stood))
-        before = record
-    return tuple(gaps)
-
-
-def _seconds_between(earlier: str, later: str) -> float | None:
-    try:
-        return (datetime.fromisoformat(later) - datetime.fromisoformat(earlier)).total_seconds()
-    except (ValueError, TypeError):  # none is told, or one of them has no zone
-        return None
-
-
-def _stood_still(gaps: tuple[Gap, ...], at: float) -> float:
-    return sum((gap.seconds for gap in gaps if gap.at <= at), 0.0)
 
 
 def warn_of_lost(data: SessionData, lost: int, warnings: list[str]) -> None:
@@ -166,7 +131,7 @@ def _aligned_files(data: SessionData, warnings: list[str], first: MediaKind) -> 
     return sorted(found, key=lambda file: (file.kind != first, not _rate_is_measured(file)))
 
 
-def _tell_doubts(data: SessionData, files: list[MediaFile], gaps: tuple[Gap, ...], warnings: list[str]) -> None:
+def _tell_doubts(data: SessionData, files: list[MediaFile], gaps: tuple[Outage, ...], warnings: list[str]) -> None:
     """What is not certain about files that are linked; the first is the one with whose clock annotations run."""
     leader, session = files[0], data.facts.session
     if gaps:
@@ -176,7 +141,7 @@ def _tell_doubts(data: SessionData, files: list[MediaFile], gaps: tuple[Gap, ...
             "computer's clock, as the recordings went on"
         )
     for file in files:
-        if gaps and len({_stood_still(gaps, mark.session_at) for mark in file.marks}) > 1:
+        if gaps and len({seconds_away(gaps, mark.session_at) for mark in file.marks}) > 1:
             warnings.append(
                 f"{session}: marks before and after that have laid {file.path}, which cannot be right for both; lay "
                 "it by those of one side (`rise-engine media add --at`)"
@@ -205,11 +170,11 @@ def _rate_is_measured(file: MediaFile) -> bool:
     return len(file.marks) >= 2 or file.rate != 1.0
 
 
-def _offset(file: MediaFile, gaps: tuple[Gap, ...]) -> float:
+def _offset(file: MediaFile, gaps: tuple[Outage, ...]) -> float:
     """Media time when the session began, also of a file that began after a gap: it is laid by what is after it, too."""
     assert file.offset is not None
     laid_at = file.marks[0].session_at if file.marks else max(0.0, -file.offset)
-    return file.offset - file.rate * _stood_still(gaps, laid_at)
+    return file.offset - file.rate * seconds_away(gaps, laid_at)
 
 
 def _path(data: SessionData, file: MediaFile) -> Path:

@@ -35,6 +35,7 @@ MOMENTS: dict[str, tuple[str, Doer]] = {
     "mistake": ("mistake", "wizard"),
     "fault": ("fault", "session"),
     "sync": ("sync", "session"),
+    "recovery": ("recovery", "session"),
 }
 """The tier of each kind of point, and who does it."""
 _ENDINGS = {

@@ -98,6 +98,7 @@ EVENT_KINDS = {
     "robot": "the link to the robot; name: its state",
     "fault": "an act, a rule or an expression failed; name: which; value: why",
     "check": "something was looked at; name: which check; value: the result",
+    "recovery": "another engine went on with the session; outage_s: for how long it had none",
 }
 
 FACTS = (
@@ -110,6 +111,10 @@ FACTS = (
     Column("outcome", "How the session counts; empty: nobody has said it.", levels=OUTCOMES),
 )
 """Of the session; they stand in every row of every table, and the factors after them."""
+_WALL = (
+    ("outage_s", "Seconds without an engine in {}; empty: none. Session time stood still then."),
+    ("wall_s", "{} by the wall clock, with outage_s; empty: as in session time."),
+)
 _T = "Session seconds; the session's clock begins at 0. "
 _SOURCE = Column("source", "Who asked for it, as the record has it: wizard:NAME, rule:NAME, engine.")
 _ACTOR = Column("actor", "What kind of source that is.", levels=ACTORS)
@@ -122,6 +127,11 @@ def _time(name: str, about: str, *, required: bool = False) -> Column:
 
 def _seconds(name: str, about: str, minimum: float | None = 0) -> Column:
     return Column(name, about, "number", "s", minimum=minimum)
+
+
+def _wall(what: str) -> tuple[Column, Column]:
+    away, whole = ((name, about.format(what)) for name, about in _WALL)
+    return _seconds(*away), _seconds(*whole)
 
 
 def _number(name: str) -> Column:
@@ -223,6 +233,8 @@ ACTS = TableSchema(
             "speaks, voice_s add up to it. Empty: it is a filler, or no answer.",
         ),
         _seconds("duration_s", "From started_at to ended_at."),
+        *_wall("duration_s"),
+        _seconds("response_outage_s", "Seconds without an engine in response_s; empty: none."),
     ),
     ("session", "task"),
     _SESSION,
@@ -262,6 +274,7 @@ CUES = TableSchema(
         Column("before_cue", "Whether the answer was asked for before the cue; empty: no answer.", "boolean"),
         _seconds("filled_s", "Cue to filler."),
         _seconds("response_s", "Cue to answer."),
+        *_wall("response_s"),
     ),
     ("session", "cue"),
     _SESSION,
@@ -276,6 +289,7 @@ PHASES = TableSchema(
         _time("start", "It was entered.", required=True),
         _time("end", "It was left, or the record ended.", required=True),
         _seconds("duration_s", "How long the rule was in it."),
+        *_wall("duration_s"),
         Column("trigger", "What led to it: an event, after 2s, a condition, start, resumed, stepped back."),
         Column("source", "Who started the rule; only of its first state."),
         Column("ended_by", "How the rule ended in it; empty: it went on.", levels=PHASE_ENDS),
@@ -291,6 +305,7 @@ EVENTS = TableSchema(
         _number("event"),
         _time("onset", "It began.", required=True),
         _seconds("duration", "How long it lasted; 0: a moment. What the record's end cut off lasts until then."),
+        *_wall("duration"),
         Column("kind", "What it is.", levels=EVENT_KINDS, required=True),
         Column("name", "What it is about."),
         Column("value", "What is told of it."),

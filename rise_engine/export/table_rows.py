@@ -10,6 +10,7 @@ from typing import Any, TypeAlias
 
 from rise_engine.analysis.causes import actor_of
 from rise_engine.analysis.model import Cue, PlayedAct, SessionData, SessionFacts
+from rise_engine.analysis.outages import seconds_without_engine
 from rise_engine.analysis.statistics import share_over, summarise
 from rise_engine.export.table_definitions import (
     ACTIONS,
@@ -104,9 +105,8 @@ def _session_rows(data: SessionData) -> Iterator[Row]:
 
 
 def _started(text: str) -> str:
-    """To the second, as every reader of Table Schema takes it."""
     try:
-        return datetime.fromisoformat(text).isoformat(timespec="seconds")
+        return datetime.fromisoformat(text).isoformat(timespec="milliseconds")
     except ValueError:
         return ""
 
@@ -143,7 +143,19 @@ def _act_rows(data: SessionData) -> Iterator[Row]:
             "voice_s": act.voice_s,
             "response_s": response_of(act),
             "duration_s": _between(act.started_at, act.ended_at),
+            **_wall_values(data, act.started_at, act.ended_at),
+            "response_outage_s": seconds_without_engine(data.outages, act.cue_at, _answered_at(act)),
         }
+
+
+def _answered_at(act: PlayedAct) -> float | None:
+    return act.voice_at if act.speaks else act.robot_at
+
+
+def _wall_values(data: SessionData, start: float | None, end: float | None) -> dict[str, float | None]:
+    """Of what had no engine for a while: for how long, and how long it lasted by the wall clock."""
+    away, lasted = seconds_without_engine(data.outages, start, end), _between(start, end)
+    return {"outage_s": away, "wall_s": None if away is None or lasted is None else round(lasted + away, 6)}
 
 
 def spoken_words(act: PlayedAct) -> str:
@@ -185,6 +197,7 @@ def _cue_rows(data: SessionData) -> Iterator[Row]:
             "before_cue": cue.task in early if cue.task is not None else None,
             "filled_s": _between(cue.at, cue.filled_at),
             "response_s": _between(cue.at, cue.answered_at),
+            **_wall_values(data, cue.at, cue.answered_at),
         }
 
 
@@ -201,6 +214,7 @@ def _phase_rows(data: SessionData) -> Iterator[Row]:
             "start": phase.start,
             "end": phase.end,
             "duration_s": _between(phase.start, phase.end),
+            **_wall_values(data, phase.start, phase.end),
             "trigger": phase.trigger,
             "source": phase.source,
             "ended_by": phase.ended_by,
@@ -215,6 +229,7 @@ def _event_rows(data: SessionData) -> Iterator[Row]:
         return {
             "onset": onset,
             "duration": _between(onset, end) if end is not None else 0.0,
+            **_wall_values(data, onset, end),
             "kind": kind,
             "name": name,
             "value": value,
@@ -238,8 +253,10 @@ def _event_rows(data: SessionData) -> Iterator[Row]:
         ),
         key=lambda row: row["onset"],
     )
+    gaps = {each.at: each.seconds for each in data.outages}
     for number, each in enumerate(rows, 1):
-        yield {"event": number, **each}
+        away = {"outage_s": gaps.get(each["onset"])} if each["kind"] == "recovery" else {}
+        yield {"event": number, **each, **away}
 
 
 def _began(act: PlayedAct) -> float:

@@ -21,6 +21,7 @@ from lxml import etree
 
 from rise_engine.analysis.markers import describe_session, recorded_markers, source_id
 from rise_engine.analysis.model import SessionData, SessionFacts
+from rise_engine.analysis.outages import records_by_wall_clock
 from rise_engine.export.format import ExportContext, ExportFormat
 from rise_engine.session.journal_format import encode_record
 from rise_engine.text import escape_surrogates
@@ -51,13 +52,13 @@ def write_session(file: BinaryIO, data: SessionData) -> None:
     _write_chunk(file, FILE_HEADER, _xml(_info({"version": "1.0", **_file_time(data.facts)})))
     streams: tuple[tuple[str, str, Sequence[Sample]], ...] = (
         (MARKERS, "Markers", recorded_markers(data)),
-        (RECORDS, "Records", [(record.t, encode_record(record).decode()) for record in data.records]),
+        (RECORDS, "Records", [(at, encode_record(record).decode()) for at, record in records_by_wall_clock(data)]),
     )
     for number, (name, type, _) in enumerate(streams, 1):
         _write_chunk(file, STREAM_HEADER, _stream_header(name, type, data.facts), number)
     for number, (_, _, samples) in enumerate(streams, 1):
         _write_samples(file, number, samples)
-    looks = (0.0, max(1.0, data.facts.duration))
+    looks = (0.0, max(1.0, data.facts.duration + data.facts.downtime))
     for number, (_, _, samples) in enumerate(streams, 1):
         for at in looks:
             _write_chunk(file, CLOCK_OFFSET, struct.pack("<dd", at, 0.0), number)
@@ -75,7 +76,7 @@ def _stream_header(name: str, type: str, facts: SessionFacts) -> bytes:
         "version": "1.0",
         "created_at": "0",
     }
-    return _xml(_info(values, {**describe_session(facts), "clock": "session seconds"}))
+    return _xml(_info(values, {**describe_session(facts), "clock": "session seconds, and those without an engine"}))
 
 
 def _stream_footer(samples: Sequence[Sample], looks: Sequence[float]) -> bytes:
@@ -99,7 +100,8 @@ def _stream_footer(samples: Sequence[Sample], looks: Sequence[float]) -> bytes:
 def _file_time(facts: SessionFacts) -> dict[str, str]:
     """When it was recorded, where the level tells that, as LabRecorder writes it."""
     try:
-        return {"datetime": datetime.fromisoformat(facts.started).strftime("%Y-%m-%dT%H:%M:%S%z")}
+        moment = datetime.fromisoformat(facts.started)
+        return {"datetime": f"{moment:%Y-%m-%dT%H:%M:%S}.{moment.microsecond // 1000:03d}{moment:%z}"}
     except ValueError:
         return {}
 

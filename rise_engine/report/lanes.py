@@ -24,6 +24,7 @@ _MARKS: dict[str, MarkKind] = {
     "sync": "sync",
     "fault": "fault",
     "robot": "fault",
+    "recovery": "fault",
 }
 
 

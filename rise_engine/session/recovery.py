@@ -51,6 +51,8 @@ class RecoveredSession(Struct):
     """What was found and done, in sentences for a person."""
     last_wall: str = ""
     """The wall-clock label of the last record that is known; empty: none is."""
+    last_t: float = 0.0
+    """That record's session time."""
 
 
 def recover(
@@ -125,6 +127,7 @@ def _recover(folder: Path, disk: Disk, lock: JournalLock, on_progress: ProgressC
         size=size,
         unwritten_lines=b"".join(with_checksum(encode_record(record)) for record in replay.unwritten),
         last_wall=contents.last_record.wall if contents.last_record is not None else "",
+        last_t=contents.last_record.t if contents.last_record is not None else 0.0,
         report=[text if text.endswith(".") else f"{text[:1].upper()}{text[1:]}." for text in report],
     )
 

@@ -312,7 +312,7 @@ def test_at_level_full_the_session_itself_is_the_source_and_its_begin_is_told(tm
     copied = {str(path.relative_to(source)) for path in source.rglob("*") if path.is_file()}
     assert copied == {"session.toml", "journal.jsonl", "media.json", "scenario/acts/a.xml"}
     (row,) = table(tmp_path / "out" / "sub-P01" / "sub-P01_scans.tsv")
-    assert row["acq_time"] == "2026-11-22T10:00:00"
+    assert row["acq_time"] == "2026-11-22T10:00:00.000"
     assert "authors and license" in context.warnings[0]
 
 

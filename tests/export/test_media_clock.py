@@ -11,7 +11,7 @@ from msgspec import structs
 
 from rise_engine.analysis.model import SessionData
 from rise_engine.analysis.reading import read_session
-from rise_engine.export.media_clock import MediaClock, find_gaps, recording_clock, session_clock
+from rise_engine.export.media_clock import MediaClock, recording_clock, session_clock
 from rise_engine.kernel.records import SessionRecord
 from rise_engine.session.media import FoundMark, MediaFile
 
@@ -113,9 +113,9 @@ def test_a_camera_goes_on_while_the_session_has_no_engine(tmp_path: Path) -> Non
     folder = recovered_session(tmp_path, at=26.0, away=95.0)
     (folder / "room.mp4").write_bytes(b"")
     data = read_session(folder)
-    (gap,) = find_gaps(data)
+    (gap,) = data.outages
     recovered = next(each for each in data.records if isinstance(each, SessionRecord) and each.status == "recovered")
-    assert gap.at == recovered.t and data.facts.downtime - 1.5 <= gap.seconds <= 95.0
+    assert gap.at == recovered.t and data.facts.downtime == gap.seconds == pytest.approx(95.0, abs=1.5)
     before = structs.replace(data, media=(video(offset=2.0, marks=MARKS[:1]),))
     clock = recording_clock(before, warnings := [], first="video")
     assert (clock.to_ms(10.0), clock.to_ms(60.0)) == (12_000, round((62.0 + gap.seconds) * 1000))

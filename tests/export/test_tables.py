@@ -207,7 +207,7 @@ def test_events_are_the_course_of_the_session(tables: Path) -> None:
     events = [each for each in rows(tables, "events") if each["session"].startswith("2024-11-23_103000")]
     onsets = [float(each["onset"]) for each in events]
     assert onsets == sorted(onsets) and [each["event"] for each in events] == [str(n + 1) for n in range(len(events))]
-    assert {each["kind"] for each in events} == {*get_args(PointKind), "act", "phase", "cue"}
+    assert {each["kind"] for each in events} == {*get_args(PointKind), "act", "phase", "cue"} - {"recovery"}
     assert all(float(each["onset"]) + float(each["duration"]) <= 120 for each in events)
 
 
@@ -325,6 +325,7 @@ def test_every_column_is_described_and_filled(tables: Path) -> None:
             "study_hash",
         ),  # of recordings; see above
         "outcome_reason",
+        *("outage_s", "wall_s", "response_outage_s"),  # of sessions that were recovered
     }
     for schema in TABLES:
         found = rows(tables, schema.name)

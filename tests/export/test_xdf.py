@@ -97,7 +97,7 @@ def test_what_the_streams_say_of_themselves(data: SessionData) -> None:
     assert info["source_id"] == [f"rise/{data.facts.session}"]
     assert info["desc"][0]["participant"] == ["P01"] and info["desc"][0]["scenario"] == ["Tea"]
     assert found["rise-records"]["info"]["type"] == ["Records"]  # who imports all `Markers` gets each moment once
-    assert found["file"]["version"] == ["1.0"] and found["file"]["datetime"] == [f"{BEGAN:%Y-%m-%dT%H:%M:%S%z}"]
+    assert found["file"]["version"] == ["1.0"] and found["file"]["datetime"] == [f"{BEGAN:%Y-%m-%dT%H:%M:%S.000%z}"]
     footer = found["rise-records"]["footer"]["info"]
     assert float(footer["last_timestamp"][0]) == data.facts.duration
 

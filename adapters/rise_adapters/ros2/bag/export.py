@@ -40,8 +40,9 @@ from rise_adapters.ros2.transport.interfaces import InterfaceCatalog, MessageCod
 from rise_adapters.ros2.transport.port import Message
 from rise_engine.analysis.markers import describe_session
 from rise_engine.analysis.model import SessionData
+from rise_engine.analysis.outages import records_by_wall_clock
 from rise_engine.export.format import ExportContext, ExportError, ExportFormat
-from rise_engine.kernel.records import AnyRecord, RuleRecord, SessionRecord, TaskRecord
+from rise_engine.kernel.records import AnyRecord, RuleRecord, TaskRecord
 
 if TYPE_CHECKING:
     from mcap.writer import Writer
@@ -130,10 +131,8 @@ def _messages(record: AnyRecord, session: str, header: Message) -> Iterator[tupl
 def _timed(data: SessionData) -> Iterator[tuple[int, AnyRecord]]:
     """The records with their times in the file, in nanoseconds since 1970."""
     begin = _start(data)
-    for record in data.records:
-        if isinstance(record, SessionRecord) and record.downtime is not None:
-            begin += round(record.downtime * SECOND)
-        yield begin + round(record.t * SECOND), record
+    for seconds, record in records_by_wall_clock(data):
+        yield begin + round(seconds * SECOND), record
 
 
 def _start(data: SessionData) -> int:
