@@ -187,11 +187,11 @@ class Engine:
             self._commands.connect(self._kernel.unfinished_goals())
         finally:
             self._stepping = False
-        away = seconds_between_labels(self._wall_before, self.clock.wall_label(self._t))
+        now = self.clock.now()
+        away = seconds_between_labels(self._wall_before, self.clock.wall_label(now))
         # The last record is not the last sign of life: the engine before has noted how late it was after that.
-        downtime = (
-            None if away is None else max(0.0, round(away - (self.clock.now() - self._t_before) / self.clock.speed, 6))
-        )
+        lived_on = (now - self._t_before) / self.clock.speed
+        downtime = None if away is None else round(max(0.0, away - lived_on), 3)
         self.accept(SessionRecovered(versions=versions(), reason="its engine had gone", downtime=downtime))
 
     def stop_before_end(self) -> None:

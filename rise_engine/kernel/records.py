@@ -94,7 +94,8 @@ class SessionRecord(Record, tag="session", kw_only=True):
     language: str = ""
     """The language in which everything is said, by BCP 47; empty: the scenario does not say."""
     downtime: float | None = None
-    """recovered: seconds by the wall clock since the last line that was known before; null: not known."""
+    """recovered: seconds without an engine, by the wall clock, from the last sign of life of the one before; null: not
+    known."""
     open: tuple[OpenGoal, ...] = ()
     """ended: what the robot may still be doing."""
 

@@ -374,16 +374,43 @@ def _sessions(given: StudyReportInput) -> Iterable[Block]:
                 number_text(summary.median) if summary is not None else "",
                 marks_text(found.mistakes.marks),
                 str(found.mistakes.stops or ""),
+                _went_wrong(row),
                 ", ".join(skipped),
             )
         )
     yield ReportTable(
         caption="Every session, in the order in which they began; the response is the session's median, in seconds",
-        head=("who", "run", "condition", "outcome", "length", "cues", "response", "marked", "stops", "skipped"),
+        head=(
+            "who",
+            "run",
+            "condition",
+            "outcome",
+            "length",
+            "cues",
+            "response",
+            "marked",
+            "stops",
+            "went wrong",
+            "skipped",
+        ),
         rows=tuple(table),
         numbers=frozenset({4, 5, 6, 8}),
         marked=frozenset(at for at, row in enumerate(rows) if row.facts.outcome in ("aborted", "excluded")),
     )
+
+
+def _went_wrong(row: SessionRow) -> str:
+    """What no wizard marked: the record shows it."""
+    facts, found = row.facts, row.figures.mistakes
+    told = [
+        f"{pluralize(found.aborted, 'act')} failed" if found.aborted else "",
+        f"{pluralize(found.rules_faulted, 'rule')} faulted" if found.rules_faulted else "",
+        f"robot lost {pluralize(found.robot_lost, 'time')}" if found.robot_lost else "",
+        f"recovered {pluralize(facts.recoveries, 'time')}, {seconds_text(facts.downtime)} without engine"
+        if facts.recoveries
+        else "",
+    ]
+    return ", ".join(filter(None, told))
 
 
 # --- the reporting sheet --------------------------------------------------------------------------------------------

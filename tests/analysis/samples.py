@@ -260,10 +260,15 @@ def play_session(
     return folder
 
 
-def recovered_session(root: Path, *, at: float = 26.0, away: float = 95.0, **more: object) -> Path:
-    """A session whose engine vanished at `at` (while an act ran) and was gone for `away` seconds; its folder."""
+def recovered_session(
+    root: Path, *, at: float = 26.0, away: float = 95.0, noted: float | None = None, **more: object
+) -> Path:
+    """A session whose engine vanished at `at` (while an act ran) and was gone for `away` seconds; its folder. `noted`:
+    the session time that the engine noted last, after its last record."""
     script = everything()
     folder = play_session(root, [each for each in script if each[0] < at], until=at, ends=False, **more)  # type: ignore[arg-type]
+    if noted is not None:
+        (folder / "clock").write_text(f"{noted}")
     found = recover(folder)
     journal = _FileJournal(folder / JOURNAL)
     if found.unwritten_lines:

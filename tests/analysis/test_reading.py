@@ -8,11 +8,12 @@ from typing import Any
 import pytest
 
 from rise_engine.analysis.model import PlayedAct, SessionData
+from rise_engine.analysis.outages import seconds_without_engine
 from rise_engine.analysis.phases import PointCollector
 from rise_engine.analysis.reading import read_session, read_sessions
 from rise_engine.analysis.session_records import SessionRecords
 from rise_engine.kernel.inputs import SessionStarted
-from rise_engine.kernel.records import ENGINE, ActionRecord, StopRecord, TimingRecord
+from rise_engine.kernel.records import ENGINE, ActionRecord, SessionRecord, StopRecord, TimingRecord
 from rise_engine.session.errors import SessionError
 from rise_engine.session.folder import INFO, JOURNAL, SCENARIO_COPY, mark_abandoned
 from rise_engine.session.journal_reader import JournalContents
@@ -99,6 +100,20 @@ def test_samples_are_real_sessions(tmp_path: Path) -> None:
 
 
 # --- acts ---
+
+
+def test_time_without_an_engine_begins_with_its_last_sign_of_life(tmp_path: Path) -> None:
+    data = read_session(recovered_session(tmp_path, at=26.0, away=95.0, noted=31.5))
+    (outage,) = data.outages
+    (recovered,) = [each for each in data.points if each.kind == "recovery"]
+    told = next(each for each in data.records if isinstance(each, SessionRecord) and each.status == "recovered")
+    assert (outage.at, outage.seconds, told.downtime, recovered.at) == (31.5, 95.0, 95.0, 31.5)
+    shared = read_session(data.folder, level="shared")  # which tells no wall clock
+    assert shared.outages == data.outages and shared.facts.downtime == 95.0
+    broken = [each for each in data.phases if each.start < 31.5 <= each.end]
+    assert broken and all(seconds_without_engine(data.outages, each.start, each.end) == 95.0 for each in broken)
+    whole = [each for each in data.phases if each.end < 31.5]
+    assert whole and not any(seconds_without_engine(data.outages, each.start, each.end) for each in whole)
 
 
 def test_who_asked_for_an_act_and_what_became_of_it(data: SessionData) -> None:

@@ -91,6 +91,12 @@ def test_frictionless_accepts_sessions_of_no_study(tmp_path: Path) -> None:
     assert findings(out) == []
     assert [row["unreadable"] for row in rows(out, "sessions")] == ["0", "0", "1"]
     assert [row["downtime_s"] for row in rows(out, "sessions")] == ["0", "95", "0"]
+    broken = [row for row in rows(out, "phases") if row["outage_s"]]
+    assert broken and {row["outage_s"] for row in broken} == {"95"}
+    assert all(float(row["wall_s"]) == pytest.approx(float(row["duration_s"]) + 95) for row in broken)
+    (recovery,) = [row for row in rows(out, "events") if row["kind"] == "recovery"]
+    assert (recovery["name"], recovery["outage_s"], recovery["duration"]) == ("recovered", "95", "0")
+    assert any(row["outage_s"] for row in rows(out, "acts"))  # what was under way is lost, after the outage
 
 
 FIRST_TASK = "1"
