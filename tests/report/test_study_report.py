@@ -102,12 +102,6 @@ def test_each_session_is_told_as_the_table_of_sessions_has_it(page, tables):
         assert (mine["who"], mine["condition"]) == (theirs["participant"], theirs["condition"])
         assert int(mine["cues"]) == int(theirs["cues"]) - int(theirs["cues_undone"])
         assert ("failed" in mine["went wrong"]) == (theirs["failed_acts"] != "0")
-        lost = [
-            row
-            for row in tables["events"]
-            if row["session"] == theirs["session"] and row["kind"] == "robot" and row["name"] != "connected"
-        ]
-        assert (f"robot lost {len(lost)} time" in mine["went wrong"]) == bool(lost)
         if theirs["response_median_s"]:
             assert mine["response"] == two(float(theirs["response_median_s"]))
     assert [row["outcome"] for row in told] == ["pilot", "complete", "complete", "aborted", *["complete"] * 4]
