@@ -29,6 +29,7 @@ from rise_engine.expression.nodes import (
     Part,
     Power,
     SituationTest,
+    may_join,
     with_all_brackets,
 )
 from rise_engine.expression.operators import (
@@ -94,7 +95,7 @@ class ExpressionCompiler:
                 return self.compile_part(part, asked=True).is_there
             case Defined(name):
                 return lambda env: lookup(env.memory, name)[0]
-            case Chain() | Power() | Negative():
+            case Chain() | Power() | Negative() if not may_join(node):
                 number = self.compile_number(node)
                 return lambda env: number(env) > 0
             case SituationTest():
@@ -157,6 +158,8 @@ class ExpressionCompiler:
                 return self.compile_part(node)
             case FunctionCall(function, arguments) if function in LIST_FUNCTIONS:
                 return self.compile_list_call(function, arguments)
+            case Chain(first, rest) if may_join(node):
+                return self.compile_sum([first, *(operand for _, operand in rest)])
             case _:
                 return self.compile_number(node)
 
@@ -178,6 +181,37 @@ class ExpressionCompiler:
 
             return computed
         return operand
+
+    def compile_sum(self, nodes: list[Node]) -> Operand:
+        """Texts joined, or numbers added; which of it, their values say."""
+        operands = [self.compile_operand(node) for node in nodes]
+
+        def run(env: Environment) -> Json:
+            values = [operand(env) for operand in operands]
+            known = [value for value in values if value is not MISSING]
+            if not any(isinstance(value, str) for value in known):
+                return sum((self._number(node, value) for node, value in zip(nodes, values, strict=True)), 0.0)
+            if all(isinstance(value, str) for value in known):
+                return "".join(known)
+            text = next(value for value in known if isinstance(value, str))
+            other = next(value for value in known if not isinstance(value, str))
+            raise EvaluationError(
+                f"`+` joins texts or adds numbers, and here {describe(text)} stands beside {describe(other)}; put the "
+                "value into a text with braces where it is said, as in `Number {n}`, or keep it as a text",
+                self.text,
+            )
+
+        return run
+
+    def _number(self, node: Node, value: Json) -> float:
+        if value is MISSING:
+            return 0.0
+        if not isinstance(value, int | float):
+            raise self._misfit(node, value, "is not a number")
+        return to_double(value)
+
+    def _misfit(self, node: Node, value: Json, problem: str) -> EvaluationError:
+        return EvaluationError(f"`{with_all_brackets(node)}` is {describe(value)}, which {problem}", self.text)
 
     def compile_part(self, part: Part, *, asked: bool = False) -> PartReader:
         """Reads a part, and can set it. `asked`: it is only asked whether it is there, so its key is not reported."""
@@ -211,8 +245,7 @@ class ExpressionCompiler:
                 return compute(value)
             if value is MISSING:
                 return absent
-            shown = f"`{with_all_brackets(node)}` is {describe(value)}"
-            raise EvaluationError(f"{shown}, which {problem}", self.text)
+            raise self._misfit(node, value, problem)
 
         return run
 

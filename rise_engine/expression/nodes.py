@@ -152,6 +152,27 @@ def read_keys(node: Node) -> frozenset[str]:
     return frozenset(each.name for each, _ in walk(node) if isinstance(each, Key))
 
 
+def may_join(node: Node) -> bool:
+    """Whether a node can be texts that `+` joins: a sum of nothing that is a number for certain."""
+    return (
+        isinstance(node, Chain)
+        and all(sign == "+" for sign, _ in node.rest)
+        and all(_may_be_text(operand) for operand in (node.first, *(operand for _, operand in node.rest)))
+    )
+
+
+def _may_be_text(node: Node) -> bool:
+    match node:
+        case Literal(value):
+            return isinstance(value, str)
+        case FunctionCall(function, _):
+            return function == "lower"
+        case Chain():
+            return may_join(node)
+        case _:
+            return isinstance(node, Key | Part)
+
+
 def map_children(node: Node, change: Callable[[Node], Node]) -> Node:
     """The same node with `change` applied to each of its children."""
     match node:

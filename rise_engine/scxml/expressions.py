@@ -27,6 +27,7 @@ from rise_engine.expression.nodes import (
     Not,
     Part,
     Power,
+    may_join,
     walk,
 )
 from rise_engine.scenario.model import Scenario
@@ -131,7 +132,7 @@ def _truth(node: Node) -> str:
             return f"isThere(() => {_part(part)})"
         case Defined(name):
             return f"key({text_code(name)}) !== undefined"
-        case Chain() | Power() | Negative():
+        case Chain() | Power() | Negative() if not may_join(node):
             return f"{_bracketed(_number)(node)} > 0"
         case _:
             return f"truth({_value(node)})"
@@ -197,6 +198,8 @@ def _value(node: Node) -> str:
         case FunctionCall(function, arguments) if function in LIST_FUNCTIONS:
             entries = [] if function == "range" else [_value(arguments[0])]
             return f"{function}({', '.join([*entries, *map(_number, arguments[len(entries) :])])})"
+        case Chain(first, rest) if may_join(node):
+            return f"sum({', '.join(map(_value, (first, *(operand for _, operand in rest))))})"
         case _:
             return _number(node)
 

@@ -437,3 +437,42 @@ def test_lists_nested_beyond_reason_do_not_crash() -> None:
         for deep in (a, b):  # taken apart step by step: freeing it at once would recurse as well
             while deep:
                 deep = deep.pop()
+
+
+# --- texts that are joined ---
+
+
+@pytest.mark.parametrize(
+    ("expression", "memory", "value"),
+    [
+        ("'Hello ' + name", {"name": "Anna"}, "Hello Anna"),
+        ("a + b + a", {"a": "x", "b": "y"}, "xyx"),
+        ("a + (b + 'c')", {"a": "x", "b": "y"}, "xyc"),
+        ("texts[language] + '!'", {"texts": {"de": "Hallo"}, "language": "de"}, "Hallo!"),
+        ("'Hello ' + nobody", {}, "Hello "),
+        ("nobody + nothing", {}, 0),
+        ("a + b", {"a": 2, "b": 3}, 5),
+        ("a + b", {"a": 2, "b": True}, 3),
+        ("lower(name) + '_' + name", {"name": "Bo"}, "bo_Bo"),
+        ("length(a + b)", {"a": "ab", "b": "c"}, 3),
+        ("a + b = 'xy'", {"a": "x", "b": "y"}, True),
+        ("not (a + b)", {"a": "", "b": ""}, True),
+    ],
+)
+def test_plus_joins_texts(expression: str, memory: dict[str, Any], value: Any) -> None:
+    assert Expression.parse(expression).value(memory) == value
+
+
+@pytest.mark.parametrize(
+    ("expression", "memory"),
+    [("'Number ' + n", {"n": 3}), ("a + b", {"a": "x", "b": 1}), ("a + b + c", {"a": 1, "b": 2, "c": "x"})],
+)
+def test_plus_of_a_text_and_a_number_is_refused_with_the_remedy(expression: str, memory: dict[str, Any]) -> None:
+    with pytest.raises(EvaluationError, match=r"joins texts or adds numbers.*with braces"):
+        Expression.parse(expression).value(memory)
+
+
+def test_a_sum_draws_once_by_chance() -> None:
+    draws = iter([0.0, 0.99])
+    sum_of_words = Expression.parse("words[floor(rand(2))] + words[floor(rand(2))]")
+    assert sum_of_words.value({"words": ["a", "b"]}, lambda: next(draws)) == "ab"

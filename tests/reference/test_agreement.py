@@ -50,7 +50,7 @@ def test_a_kernel_that_does_something_else_is_found(
 @pytest.mark.slow
 def test_the_studies_use_everything() -> None:
     kinds: set[str] = set()
-    for study in range(120):
+    for study in range(160):
         play = Play(study)
         play.run()
         kinds |= play.seen
