@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import json
 import re
+import shutil
 from collections.abc import Callable
 from pathlib import Path
 
@@ -18,6 +20,7 @@ from rise_engine.cli.export import export
 from rise_engine.cli.program import main
 from rise_engine.kernel.inputs import SessionStarted
 from rise_engine.session.folder import INFO, read_info
+from rise_engine.session.journal_format import with_checksum
 from rise_engine.session.labels import RelabelledError, label_differences
 from rise_engine.study.sessions import SESSIONS
 from rise_engine.study.state import read_state
@@ -171,3 +174,71 @@ def test_an_older_journal_is_compared_by_what_it_says(study: Path) -> None:
     assert label_differences({"participant": "P01"}, told, INFO) == []
     assert label_differences(None, told, INFO) == []
     assert label_differences({"run": 1}, told, INFO) == [f"{INFO} says run = 2, but journal.jsonl says run = 1"]
+
+
+# --- study check --sessions -------------------------------------------------------------------------------------------
+
+
+def check_sessions(study: Path) -> tuple[int, list[str]]:
+    status, said = run("study", "check", "--sessions", study)
+    return status, said.splitlines()
+
+
+def test_a_whole_study_is_proved(study: Path) -> None:
+    status, lines = check_sessions(study)
+    assert status == 0
+    assert sum(": identical (" in line for line in lines) == 8
+    assert any(line.startswith("8 of 8 sessions proved: ") for line in lines)
+    document = json.loads(run("study", "check", "--sessions", "--json", study)[1])
+    assert [each["proved"] for each in document["sessions"]] == [True] * 8
+
+
+def _erase(study: Path, folder: Path) -> None:
+    shutil.rmtree(folder)
+
+
+def _relabel(study: Path, folder: Path) -> None:
+    edit(folder / INFO, r"^run = \d", "run = 7")
+
+
+def _other_record(study: Path, folder: Path) -> None:
+    text = (folder / "journal.jsonl").read_bytes()
+    lines = text.splitlines(keepends=True)
+    at = next(n for n, line in enumerate(lines) if b'"status":"SUCCEEDED"' in line)
+    body = lines[at][: lines[at].rindex(b',"crc"')].replace(b"SUCCEEDED", b"ABORTED") + b"}"
+    lines[at] = with_checksum(body)
+    (folder / "journal.jsonl").write_bytes(b"".join(lines))
+
+
+def _other_plan(study: Path, folder: Path) -> None:
+    slot = read_info(folder).slot
+    text = (study / "plan.csv").read_text("utf-8")
+    row = next(line for line in text.splitlines() if line.startswith(f"{slot},"))
+    swapped = re.sub(r"(\w+) (\w+),", r"\2 \1,", row)
+    assert swapped != row
+    (study / "plan.csv").write_text(text.replace(row, swapped), "utf-8")
+
+
+def _unnamed(study: Path, folder: Path) -> None:
+    lines = (study / LOG_FILE).read_text("utf-8").splitlines(keepends=True)
+    (study / LOG_FILE).write_text("".join(each for each in lines if folder.name not in each), "utf-8")
+
+
+@pytest.mark.parametrize(
+    ("damage", "told"),
+    [
+        (_erase, "study.jsonl names this session, and its folder is not there"),
+        (_relabel, "session.toml says run = 7, but journal.jsonl says run = 1"),
+        (_other_record, '`status` is "ABORTED", but the replay gives "SUCCEEDED"'),
+        (_other_plan, "plan.csv gives row "),
+        (_unnamed, "study.jsonl does not name this session"),
+    ],
+)
+def test_what_is_not_proved_is_named(study: Path, damage: Callable[[Path, Path], None], told: str) -> None:
+    folder = sessions_of(study)[1]
+    damage(study, folder)
+    status, lines = check_sessions(study)
+    assert status == 1
+    about = [line for line in lines if line.startswith(f"{folder.name}: ")]
+    assert any(told in line for line in about), lines
+    assert any(re.match(r"\d of 8 sessions proved", line) for line in lines)
