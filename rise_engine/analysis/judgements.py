@@ -10,7 +10,7 @@ from msgspec import Struct
 from rise_engine.kernel.records import OutcomeStatus
 from rise_engine.study.participants import load_participants
 from rise_engine.study.standing import places_of
-from rise_engine.study.study_log import LOG_FILE, LogEntry, StudyLogError, read_log
+from rise_engine.study.study_log import LOG_FILE, LogEntry, StudyLogError, file_stamp, read_log
 from rise_engine.study.study_toml import load_study
 from rise_engine.study.traces import PARTICIPANTS_FILE, STUDY_FILE
 
@@ -53,7 +53,7 @@ def read_judgements(study: Path | None) -> Judgements:
     if study is None:
         return NO_JUDGEMENTS
     files = (LOG_FILE, PARTICIPANTS_FILE, STUDY_FILE)
-    return _read(study, tuple(_changed(study / name) for name in files))
+    return _read(study, tuple(file_stamp(study / name) for name in files))
 
 
 @lru_cache(maxsize=4)
@@ -75,11 +75,3 @@ def _excluded(study: Path, log: list[LogEntry]) -> dict[str, str]:
     loaded = load_study(study, check_scenarios=False).study
     participants = load_participants(loaded).participants if loaded is not None else ()
     return dict(places_of(participants, log).excluded)
-
-
-def _changed(path: Path) -> tuple[int, int]:
-    try:
-        found = path.stat()
-    except OSError:
-        return (0, 0)
-    return (found.st_mtime_ns, found.st_size)

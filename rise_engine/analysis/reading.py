@@ -31,10 +31,11 @@ from rise_engine.kernel.records import (
 from rise_engine.scenario.model import Scenario
 from rise_engine.session.errors import SessionError
 from rise_engine.session.folder import is_abandoned
+from rise_engine.session.labels import RelabelledError
 from rise_engine.session.levels import ExportLevel
 from rise_engine.session.media import MediaError, MediaFile, read_media
 from rise_engine.study.sessions import GIVEN_UP
-from rise_engine.study.traces import study_of_session, wizard_names
+from rise_engine.study.traces import owner_of, study_of_session, wizard_names
 
 _FEW = (
     *(CheckRecord, RecordingRecord, SyncRecord, OutcomeRecord, SessionRecord),
@@ -80,6 +81,7 @@ def read_sessions(
     :param folders: the sessions', in the order in which they are to come.
     :param level: as of `read_session`, like `private` and `wizards`.
     :param on_unreadable: told of a session that cannot be read, which is then left out; None: SessionError is raised.
+    :raises RelabelledError: two files say different things of what a session is.
     :raises SessionError: as `read_session` does.
     """
     private = tuple(private)
@@ -90,6 +92,8 @@ def read_sessions(
         known = people.setdefault(study, dict(wizard_names(study) if wizards is None else wizards))
         try:
             data, named = _read(folder, level, private, known)
+        except RelabelledError:  # it is not left out: what is told without it would be false, too
+            raise
         except SessionError as error:
             if on_unreadable is None:
                 raise
@@ -162,7 +166,7 @@ def _facts(
     outages: Iterable[Outage],
     judgement: Judgement | None,
 ) -> SessionFacts:
-    """What session.toml says, or else the journal, which says nearly all of it, too."""
+    """What the journal says, or else, where an older one does not, session.toml."""
     begun, info = source.begun or SessionRecord(0, 0.0, "", status="started"), source.info
     recovered = [each for each in few if isinstance(each, SessionRecord) and each.status == "recovered"]
     started = ""
@@ -170,9 +174,9 @@ def _facts(
         started = begun.wall or (info.started if info is not None else "")
     return SessionFacts(
         session=source.name,
-        participant=info.participant if info is not None else begun.participant,
-        condition=info.condition if info is not None else begun.condition,
-        factors=dict(info.factors) if info is not None else begun.factors,
+        participant=begun.participant or (info.participant if info is not None else ""),
+        condition=begun.condition or (info.condition if info is not None else ""),
+        factors=dict(begun.factors or (info.factors if info is not None else {})),
         study=begun.study or (info.study if info is not None else ""),
         study_hash=begun.study_hash or (info.study_hash if info is not None else ""),
         slot=begun.slot if begun.slot is not None else (info.slot or None if info is not None else None),
@@ -182,11 +186,11 @@ def _facts(
         mode=source.mode,
         outcome=judgement.status if judgement is not None else None,
         outcome_reason=judgement.reason if judgement is not None else "",
-        title=info.title if info is not None else begun.scenario,
-        scenario_hash=info.scenario_hash if info is not None else begun.scenario_hash,
+        title=begun.scenario or (info.title if info is not None else ""),
+        scenario_hash=begun.scenario_hash or (info.scenario_hash if info is not None else ""),
         language=begun.language or (info.language if info is not None else ""),
-        robot=info.robot if info is not None else begun.robot,
-        seed=info.seed if info is not None else begun.seed,
+        robot=begun.robot or (info.robot if info is not None else ""),
+        seed=begun.seed or (info.seed if info is not None else 0),
         speed=info.speed if info is not None else 1.0,
         started=started,
         duration=end,
@@ -199,8 +203,7 @@ def _facts(
 
 def _judgement(source: SessionRecords, study: Path | None, few: Iterable[AnyRecord]) -> Judgement | None:
     """The study's word counts before the session's own."""
-    participant = source.info.participant if source.info is not None else ""
-    found = read_judgements(study).of(source.folder.resolve().name, participant)
+    found = read_judgements(study).of(source.folder.resolve().name, owner_of(source.folder))
     if found is not None:
         reason = found.reason if found.reason == GIVEN_UP else source.filter.count_typed_words(found.reason)
         return Judgement(found.status, reason)

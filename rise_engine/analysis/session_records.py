@@ -19,6 +19,7 @@ from rise_engine.session.journal_reader import JournalContents, read_journal
 from rise_engine.session.levels import ExportLevel, LevelFilter
 from rise_engine.session.private_values import PrivateValues
 from rise_engine.session.replay import load_session_scenario
+from rise_engine.study.labels import refuse_relabelled
 
 _KEPT_SCENARIOS = 4
 _scenarios: dict[tuple[str, str, str, str], Scenario] = {}
@@ -55,12 +56,14 @@ class SessionRecords:
         :param level: how much is told (`rise_engine.session.levels`).
         :param private: further private memory keys, beside those that the session's scenario names.
         :param wizards: what to call each at the other levels, by name.
+        :raises RelabelledError: session.toml, or its study's log, says otherwise what it is.
         :raises SessionError: nothing can be read, or, for less than everything, the session's scenario cannot: it says
             which keys are private.
         """
         self.folder = folder
         self.level = level
         self.contents = read_journal(folder / JOURNAL)
+        refuse_relabelled(folder)
         self.problems = _describe_unreadable(self.contents)
         """What could not be read, in sentences."""
         self.scenario: Scenario | None = None
@@ -80,7 +83,7 @@ class SessionRecords:
                 self.problems.append(f"{error}; the mode was taken from the journal")
         else:
             self.problems.append(f"{folder} has no {INFO}; the mode was taken from the journal")
-        self.mode = self.info.mode if self.info is not None else self.begun.mode if self.begun is not None else ""
+        self.mode = self.begun.mode if self.begun is not None else self.info.mode if self.info is not None else ""
         self.name = self._name()
 
     def __iter__(self) -> Iterator[AnyRecord]:
@@ -106,7 +109,7 @@ class SessionRecords:
     def _name(self) -> str:
         """The folder's name; where the level cuts its date off, with what else keeps a participant's sessions apart."""
         folder = self.folder.resolve().name
-        name, told = self.filter.session_name(folder), self.info or self.begun
+        name, told = self.filter.session_name(folder), self.begun or self.info
         if name == folder or told is None or not told.run:
             return name
         return f"{name}_run{told.run}" + (f"-attempt{told.attempt}" if told.attempt > 1 else "")

@@ -1,35 +1,16 @@
-"""What is done with a bundle: its check sums are compared, and every session of it is replayed."""
+"""What is done with a bundle: its check sums are compared."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from pathlib import Path
-
-from msgspec import Struct
 
 from rise_engine.bundle.crate import METADATA
 from rise_engine.bundle.errors import BundleError
 from rise_engine.bundle.manifest import ManifestCheck, check_manifest
-from rise_engine.session.errors import SessionError
 from rise_engine.session.folder import JOURNAL
-from rise_engine.session.replay import ReplayComparison, compare_replay
 from rise_engine.study.traces import MANIFEST_FILE
 
 SESSIONS = "sessions"
-
-
-class ReproducedSession(Struct, frozen=True):
-    """A session of a bundle, and what came of its replay."""
-
-    name: str
-    comparison: ReplayComparison | None
-    """None: it cannot be replayed."""
-    problem: str = ""
-    """Why not."""
-
-    @property
-    def identical(self) -> bool:
-        return self.comparison is not None and self.comparison.identical
 
 
 def check_bundle(root: Path) -> ManifestCheck:
@@ -50,12 +31,3 @@ def check_bundle(root: Path) -> ManifestCheck:
 def session_folders(root: Path) -> list[Path]:
     """The sessions of a bundle, by their names."""
     return sorted(path.parent for path in (root / SESSIONS).glob(f"*/{JOURNAL}"))
-
-
-def reproduce_sessions(root: Path) -> Iterator[ReproducedSession]:
-    """Replay every session of a bundle, one after the other."""
-    for folder in session_folders(root):
-        try:
-            yield ReproducedSession(folder.name, compare_replay(folder))
-        except SessionError as error:
-            yield ReproducedSession(folder.name, None, str(error))

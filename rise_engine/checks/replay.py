@@ -10,6 +10,7 @@ from rise_engine.checks.outcome import Finding
 from rise_engine.session.folder import JOURNAL, SessionError, has_begun, read_info
 from rise_engine.session.lock import is_journal_locked
 from rise_engine.session.replay import compare_replay
+from rise_engine.study.labels import refuse_relabelled
 from rise_engine.text import pluralize
 
 
@@ -22,6 +23,7 @@ def look_at_last_session(sessions: Path) -> Finding:
     if folder is None:
         return Finding(True, "there is no earlier session")
     try:
+        refuse_relabelled(folder)
         compared = compare_replay(folder)
     except SessionError as error:
         return Finding(False, folder.name, f"the last session cannot be replayed: {error}")
@@ -38,5 +40,5 @@ def last_session(sessions: Path) -> Path | None:
         for folder in sessions.iterdir():
             if has_begun(folder) and not is_journal_locked(folder / JOURNAL):
                 with suppress(SessionError, ValueError):
-                    found.append((datetime.fromisoformat(read_info(folder).started), folder))
+                    found.append((datetime.fromisoformat(read_info(folder, compare=False).started), folder))
     return max(found)[1] if found else None

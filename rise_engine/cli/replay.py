@@ -14,7 +14,9 @@ from rise_engine.exit_status import BROKEN_PIPE, DIFFERENT, OK, USAGE
 from rise_engine.session.errors import SessionError
 from rise_engine.session.folder import JOURNAL, find_session
 from rise_engine.session.journal_reader import read_journal
+from rise_engine.session.labels import RelabelledError
 from rise_engine.session.replay import ReplayComparison, compare_replay
+from rise_engine.study.labels import refuse_relabelled
 from rise_engine.text import clean, pluralize
 
 
@@ -47,7 +49,11 @@ def replay_report(session: str, *, scenario: str | None, as_json: bool) -> int:
     """Print whether a session repeats, or where it first does not; the exit status."""
     try:
         folder = find_session(session)
+        refuse_relabelled(folder)
         found = compare_replay(folder, None if scenario is None else Path(scenario))
+    except RelabelledError as error:
+        _print_error(f"error: {error}")
+        return DIFFERENT
     except SessionError as error:
         _print_error(f"error: {error}")
         return USAGE

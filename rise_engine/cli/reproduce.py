@@ -17,12 +17,16 @@ from rise_engine.bundle.courses import CourseComparison
 from rise_engine.bundle.environment import made_with
 from rise_engine.bundle.errors import BundleError
 from rise_engine.bundle.manifest import ManifestCheck
-from rise_engine.bundle.reproducing import ReproducedSession, check_bundle, reproduce_sessions, session_folders
+from rise_engine.bundle.reproducing import check_bundle, session_folders
 from rise_engine.cli.options import JSON
 from rise_engine.cli.other_robot import CannotRun, compare_on_robot, load_for_robot
+from rise_engine.cli.proof_text import proof_lines, proof_row
 from rise_engine.cli.terminal import write_json
 from rise_engine.exit_status import DIFFERENT, OK, USAGE
 from rise_engine.session.errors import SessionError
+from rise_engine.study.proof import ProvedSession, prove_sessions
+from rise_engine.study.state import StudyStatus, StudyUnusable, read_state
+from rise_engine.study.study_log import StudyLogError
 from rise_engine.text import clean, pluralize
 
 _SHOWN = 5
@@ -43,14 +47,14 @@ class Reproduction(Struct):
     check: ManifestCheck
     version: str = ""
     """Of this program, with which it was made."""
-    sessions: list[ReproducedSession] = field(default_factory=list)
+    sessions: list[ProvedSession] = field(default_factory=list)
     others: list[OtherCourse] = field(default_factory=list)
 
     @property
     def as_it_was(self) -> bool:
         """Whether nothing differs."""
         same = all(each.comparison is not None and each.comparison.identical for each in self.others)
-        return self.check.whole and all(each.identical for each in self.sessions) and same
+        return self.check.whole and all(each.proved for each in self.sessions) and same
 
 
 @click.command()
@@ -79,10 +83,10 @@ def reproduce_report(path: Path, robot: str | None, *, as_json: bool) -> int:
                 load_for_robot(folders[0], robot)  # a robot that there is not is no difference
             if not as_json:
                 _print(_check_lines(found.check))
-            for session in reproduce_sessions(root):
+            for session in prove_sessions(root, _state_of(root)):
                 found.sessions.append(session)
                 if not as_json:
-                    _print(_session_lines(session))
+                    _print(proof_lines(session))
             for folder in folders if robot is not None else ():
                 other = _on_robot(folder, str(robot))
                 found.others.append(other)
@@ -101,6 +105,13 @@ def reproduce_report(path: Path, robot: str | None, *, as_json: bool) -> int:
     return OK if found.as_it_was else DIFFERENT
 
 
+def _state_of(root: Path) -> StudyStatus | None:
+    try:
+        return read_state(root)
+    except (StudyUnusable, StudyLogError):
+        return None
+
+
 def _on_robot(folder: Path, robot: str) -> OtherCourse:
     try:
         return OtherCourse(folder.name, compare_on_robot(folder, robot))
@@ -116,20 +127,6 @@ def _check_lines(check: ManifestCheck) -> list[str]:
     if check.whole:
         return [f"whole: {pluralize(check.files, 'file')} as they were"]
     return [*lines, f"({pluralize(check.files, 'file')} as they were)"]
-
-
-def _session_lines(session: ReproducedSession) -> list[str]:
-    found = session.comparison
-    if found is None:
-        return [f"{session.name}: cannot be replayed: {session.problem}"]
-    if found.identical:
-        inputs, records = pluralize(found.inputs, "input"), pluralize(found.records, "record")
-        return [f"{session.name}: identical ({inputs}, {records}, {found.seconds:.1f} s)"]
-    if found.difference is not None:
-        return [f"{session.name}: different: {found.difference}"]
-    why = [f"line {line} cannot be read ({reason})" for line, reason in found.damaged.items()]
-    why += [f"{pluralize(found.missing, 'record')} cannot be read"] if found.missing else []
-    return [f"{session.name}: different: {'; '.join(why)}"]
 
 
 def _other_lines(other: OtherCourse, robot: str) -> list[str]:
@@ -153,7 +150,7 @@ def _other_lines(other: OtherCourse, robot: str) -> list[str]:
 
 
 def _last_lines(found: Reproduction, robot: str | None) -> list[str]:
-    identical = sum(each.identical for each in found.sessions)
+    identical = sum(each.comparison is not None and each.comparison.identical for each in found.sessions)
     lines = ["", f"{identical} of {pluralize(len(found.sessions), 'session')} identical"]
     if robot is not None:
         same = sum(each.comparison is not None and each.comparison.identical for each in found.others)
@@ -172,15 +169,7 @@ def _document(path: Path, found: Reproduction, robot: str | None) -> dict[str, A
         "made_with": found.version,
         "whole": found.check.whole,
         "files": msgspec.to_builtins(found.check),
-        "sessions": [
-            {
-                "session": each.name,
-                "identical": each.identical,
-                "problem": each.problem,
-                **({} if each.comparison is None else _comparison(each)),
-            }
-            for each in found.sessions
-        ],
+        "sessions": [proof_row(each) for each in found.sessions],
         "robot": robot,
         "on_robot": [
             {
@@ -190,19 +179,6 @@ def _document(path: Path, found: Reproduction, robot: str | None) -> dict[str, A
             }
             for each in found.others
         ],
-    }
-
-
-def _comparison(session: ReproducedSession) -> dict[str, Any]:
-    found = session.comparison
-    assert found is not None
-    return {
-        "inputs": found.inputs,
-        "records": found.records,
-        "seconds": found.seconds,
-        "difference": found.difference,
-        "damaged": [{"line": line, "reason": why} for line, why in found.damaged.items()],
-        "missing": found.missing,
     }
 
 

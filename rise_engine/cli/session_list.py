@@ -74,7 +74,7 @@ def list_sessions(where: Path | None) -> list[ListedSession]:
     found: list[ListedSession] = []
     for folder in _folders(root):
         with suppress(SessionError):  # it is no session
-            info = read_info(folder)
+            info = read_info(folder, compare=False)
             if has_begun(folder) and scenario in ("", os.path.realpath(info.scenario_folder)):
                 found.append(_listed(folder, info, judged.get(folder.name)))
     return sorted(found, key=lambda each: (each.started, each.folder))

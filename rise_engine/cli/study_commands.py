@@ -22,15 +22,18 @@ STUDY_FOLDER = click.argument("folder", metavar="STUDY", default=".", type=click
 
 @click.command()
 @STUDY_FOLDER
+@click.option("--sessions", is_flag=True, help="Prove every session: replay it, and compare what is said of it.")
 @JSON
-def check(folder: str, as_json: bool) -> None:
+def check(folder: str, sessions: bool, as_json: bool) -> None:
     """Say everything that is wrong with the study in the folder STUDY (this one, if none is given).
 
-    study.toml, participants.csv, plan.csv, every scenario, and whether the plan is still the one that was made.
+    study.toml, participants.csv, plan.csv, every scenario, and whether the plan is still the one that was made; also
+    whether session.toml and study.jsonl say of each session what its journal says.
 
-    Exit status: 0 without errors (warnings may be there), 1 with errors, 2 when there is no study.
+    Exit status: 0 without errors (warnings may be there), 1 with errors or with a session that is not proved, 2 when
+    there is no study.
     """
-    sys.exit(check_report(folder, as_json=as_json))
+    sys.exit(check_report(folder, sessions=sessions, as_json=as_json))
 
 
 @click.command()

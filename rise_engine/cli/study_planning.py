@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import sys
+from collections.abc import Iterator
 from pathlib import Path
 from shlex import quote
 
 from rise_engine.cli.arguments import exit_with_usage
 from rise_engine.cli.check import diagnostic_row
+from rise_engine.cli.proof_text import proof_lines, proof_row
 from rise_engine.cli.terminal import write_json
 from rise_engine.exit_status import OK, REFUSED
 from rise_engine.study.design import cells, runs
@@ -15,10 +17,12 @@ from rise_engine.study.model import Study
 from rise_engine.study.participants import load_participants
 from rise_engine.study.plan_file import PlanError
 from rise_engine.study.planning import plan_study
+from rise_engine.study.proof import ProvedSession, prove_sessions
 from rise_engine.study.review import StudyReview, review_study
+from rise_engine.study.state import StudyUnusable, read_state
 from rise_engine.study.study_log import StudyLogError
 from rise_engine.study.study_toml import STUDY_FILE, is_study, load_study
-from rise_engine.text import pluralize
+from rise_engine.text import clean, pluralize
 
 
 def resolve_study_folder(folder: str) -> Path:
@@ -34,31 +38,58 @@ def resolve_study_folder(folder: str) -> Path:
     return exit_with_usage(f"{problem}; `rise-engine study new DIR` makes a study")
 
 
-def check_report(folder: str, *, as_json: bool) -> int:
+def check_report(folder: str, *, sessions: bool = False, as_json: bool) -> int:
     """Print everything that is wrong with a study, and what is to be done next.
 
     :param folder: the study's.
+    :param sessions: prove its sessions, too.
     :param as_json: as one document.
-    :return: the exit status, 1 when something is an error.
+    :return: the exit status, 1 when something is an error or a session is not proved.
     """
     path = resolve_study_folder(folder)
     review = review_study(path)
     errors = len(review.errors)
+    proved = _proved(path) if sessions else iter(())
     warnings = len(review.diagnostics) - errors
     if as_json:
         rows = [diagnostic_row(diagnostic) for diagnostic in review.diagnostics]
         left_out = list(review.left_out)
-        write_json({"errors": errors, "warnings": warnings, "findings": rows, "not_looked_at": left_out})
-        return REFUSED if errors else OK
+        shown = list(proved)
+        of_sessions = {"sessions": [proof_row(each) for each in shown]} if sessions else {}
+        write_json({"errors": errors, "warnings": warnings, "findings": rows, "not_looked_at": left_out, **of_sessions})
+        return OK if not errors and all(each.proved for each in shown) else REFUSED
     for diagnostic in review.diagnostics:
         print(str(diagnostic))
     for name in review.left_out:
         print(f"{name} was not looked at: {STUDY_FILE} says what stands in it, and has errors there")
     found = f"{pluralize(errors, 'error')}, {pluralize(warnings, 'warning')}" if review.diagnostics else "no findings"
     print(f"{found}{f' ({_contents_text(review.study, review)})' if review.study is not None else ''}")
-    if review.study is not None and not errors:
+    is_proved = _print_proof(proved) if sessions else True
+    if review.study is not None and not errors and is_proved:
         print(_next_step(review, path))
-    return REFUSED if errors else OK
+    return OK if not errors and is_proved else REFUSED
+
+
+def _proved(path: Path) -> Iterator[ProvedSession]:
+    try:
+        state = read_state(path)
+    except (StudyUnusable, StudyLogError):
+        state = None
+    return prove_sessions(path, state)
+
+
+def _print_proof(sessions: Iterator[ProvedSession]) -> bool:
+    """Print what is proved of each session, as soon as it is; whether all are."""
+    found = []
+    for session in sessions:
+        found.append(session)
+        print("\n".join(clean(line) for line in proof_lines(session)), flush=True)
+    proved = sum(each.proved for each in found)
+    print(
+        f"{proved} of {pluralize(len(found), 'session')} proved: the record comes out of its inputs again, and "
+        "session.toml, study.jsonl and plan.csv say the same of it"
+    )
+    return proved == len(found)
 
 
 def _contents_text(study: Study, review: StudyReview) -> str:

@@ -37,11 +37,13 @@ from rise_engine.scenario.model import Scenario
 from rise_engine.session.disk import make_private_folder, write_private_file
 from rise_engine.session.errors import SessionError as SessionError
 from rise_engine.session.journal_format import FORMAT
+from rise_engine.session.journal_format import JOURNAL as JOURNAL
+from rise_engine.session.labels import label_differences, labels_for, read_labels, refuse_differences
 from rise_engine.session.lock import LockHolder, forget_holder, is_journal_locked, read_holder, user_name
 from rise_engine.text import escape_all_surrogates, restore_all_surrogates
 
 _ANY_CONNECTION = RosConnection()
-INFO, JOURNAL, SCENARIO_COPY = "session.toml", "journal.jsonl", "scenario"
+INFO, SCENARIO_COPY = "session.toml", "scenario"
 _ABANDONED = "abandoned"
 
 
@@ -188,9 +190,35 @@ def create_session(
     return folder
 
 
-def read_info(folder: Path) -> SessionInfo:
-    """What `session.toml` in a session's folder says. Raises SessionError when there is none, it cannot be read, or a
-    newer version wrote it."""
+def read_info(folder: Path, *, compare: bool = True) -> SessionInfo:
+    """What `session.toml` in a session's folder says, as far as the journal says the same.
+
+    :param folder: the session's.
+    :param compare: False: where they disagree, what the journal says is taken, and nobody is told.
+    :raises RelabelledError: the journal says something else of the session.
+    :raises SessionError: there is none, it cannot be read, or a newer version wrote it.
+    """
+    info, labels = _read_info(folder), read_labels(folder / JOURNAL)
+    values = asdict(info)
+    differences = label_differences(labels, values, INFO)
+    if compare:
+        refuse_differences(folder, differences)
+    if not differences:
+        return info
+    values |= labels_for(labels, values)
+    return msgspec.convert({**values, "slot": values["slot"] or 0}, SessionInfo)
+
+
+def info_differences(folder: Path) -> list[str]:
+    """What `session.toml` says of a session otherwise than its journal, in sentences; none when it cannot be read."""
+    try:
+        told = asdict(_read_info(folder))
+    except SessionError:
+        return []
+    return label_differences(read_labels(folder / JOURNAL), told, INFO)
+
+
+def _read_info(folder: Path) -> SessionInfo:
     path = folder / INFO
     try:
         values = tomllib.loads(path.read_text(encoding="utf-8"))
@@ -285,7 +313,7 @@ def _not_ended(scenario_folder: str | None, roots: Iterable[Path]) -> list[tuple
         if has_ended(folder):
             continue
         try:
-            info = read_info(folder)
+            info = read_info(folder, compare=False)
         except SessionError:
             continue
         if where is None or os.path.realpath(info.scenario_folder) == where:

@@ -23,6 +23,8 @@ from rise_engine.json_codec import encode
 from rise_engine.kernel.inputs import AnyInput
 from rise_engine.kernel.records import AnyRecord
 
+JOURNAL = "journal.jsonl"
+"""The file, in a session's folder."""
 FORMAT = 6
 """Goes up when older programs could not read what is written. 2: sessions of studies, with what is reported about them
 (`check`, `outcome`, `recording`, `sync`); as early as 1 there were kinds that its first programs do not know. 3: when a

@@ -103,7 +103,7 @@ def redact(
     damaged, the words decide what happened (RedactionRefused, with the place), or the disk does not take it.
     """
     disk = disk or Disk()
-    read_info(folder)  # whether it is a session at all
+    read_info(folder, compare=False)  # whether it is a session at all
     lock = JournalLock(folder / JOURNAL, here=here)
     try:
         return _Redaction(folder, words, disk, lock).run(by, try_only=try_only)
@@ -140,7 +140,7 @@ class _Redaction:
             erase_file(path, self._disk)
         contents = read_journal(self._path)
         self._refuse_damaged(contents)
-        info = read_info(self._folder)
+        info = read_info(self._folder, compare=False)  # one that was interrupted has changed one of them
         if info.study:
             self._refuse_pseudonym(info)
             self._fixed = _FIXED_FIELDS | _OF_STUDY

@@ -10,11 +10,13 @@ from msgspec import Struct
 
 from rise_engine.scenario.diagnostics import Diagnostic, Diagnostics
 from rise_engine.scenario.model import Scenario, SourceLocation
+from rise_engine.study.labels import session_differences
 from rise_engine.study.language_checks import check_languages
 from rise_engine.study.model import Participant, Slot, Study
 from rise_engine.study.participants import PARTICIPANTS_FILE, ParticipantsLoad, load_participants
 from rise_engine.study.plan_file import NEW_PLAN_FILE, PLAN_FILE, PlanLoad, plan_hash, read_plan
 from rise_engine.study.planning import held_slots, last_planned, plan_problem, scenario_hashes
+from rise_engine.study.sessions import SESSIONS, session_folders
 from rise_engine.study.study_log import LOG_FILE, LogEntry, StudyLogError, read_log
 from rise_engine.study.study_toml import StudyLoad, load_study
 
@@ -99,6 +101,9 @@ def _review_log(
         _check_scenarios(study, loaded.scenarios, planned, diagnostics)
     if PARTICIPANTS_FILE not in left_out and not people.errors:
         _check_holders(entries, people.participants, plan.slots, diagnostics)
+    for path in session_folders(folder):
+        for sentence in session_differences(path, entries):
+            diagnostics.error("relabelled", SourceLocation(f"{SESSIONS}/{path.name}"), sentence)
     return entries, diagnostics.sorted()
 
 

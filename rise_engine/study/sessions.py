@@ -30,6 +30,7 @@ from rise_engine.session.folder import (
 )
 from rise_engine.session.journal_format import InputLine, JournalHeader, LineError, read_line
 from rise_engine.session.lock import JournalLock, is_journal_locked
+from rise_engine.study.labels import session_differences
 from rise_engine.study.model import SessionEntry
 from rise_engine.study.study_log import EntryKind, LogEntry
 
@@ -63,6 +64,8 @@ class StudySession(Struct, frozen=True):
     """Whether somebody has chosen not to go on with it."""
     left_open: bool = False
     """Whether its engine has gone without ending it, however it was judged since."""
+    differences: tuple[str, ...] = ()
+    """What session.toml or the log says of it otherwise than its journal, which counts, in sentences."""
 
     @property
     def name(self) -> str:
@@ -88,16 +91,20 @@ def read_sessions(folder: Path, study_id: str, log: Sequence[LogEntry]) -> list[
     :param log: what the study's log says; an outcome there is what counts.
     """
     outcomes = {_text(each, "session"): each for each in log if each.kind == "outcome"}
+    about: dict[str, list[LogEntry]] = {}
+    for each in log:
+        about.setdefault(_text(each, "folder") or _text(each, "session"), []).append(each)
     found: dict[str, StudySession] = {}
     passed_over: set[str] = set()
     for path in session_folders(folder):
         with suppress(SessionError):  # what the log says of it is all there is
-            info = read_info(path)
+            info = read_info(path, compare=False)
             session = _from_folder(path, info, outcomes.get(path.name)) if info.study == study_id else None
             if session is None:
                 passed_over.add(path.name)
             else:
-                found[path.name] = session
+                differences = session_differences(path, about.get(path.name, ()))
+                found[path.name] = replace(session, differences=tuple(differences))
     for each in log:
         name = _text(each, "folder")
         if each.kind == "session" and name not in found and name not in passed_over:

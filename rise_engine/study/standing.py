@@ -265,7 +265,11 @@ def _due(
     gone: frozenset[str],
 ) -> list[str]:
     """What somebody must do, in sentences. `gone`: who has withdrawn."""
-    due: list[str] = []
+    due = [
+        f"{each.name} was given another label: rise-engine study check says which"
+        for each in sessions
+        if each.differences
+    ]
     for standing in standings:
         name = standing.participant
         for entry in standing.sessions:

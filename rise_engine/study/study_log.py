@@ -14,6 +14,7 @@ import time
 from collections.abc import Callable, Sequence
 from contextlib import suppress
 from datetime import datetime
+from functools import lru_cache
 from pathlib import Path
 from types import TracebackType
 from typing import Any, Literal, TypeAlias
@@ -83,6 +84,28 @@ def read_log(folder: Path, diagnostics: Diagnostics | None = None) -> list[LogEn
             message = "the last line is torn: a program was ended while it wrote it; the next session sets it aside"
             diagnostics.warning("log-torn", SourceLocation(LOG_FILE, line), message)
     return entries
+
+
+def read_kept_log(folder: Path) -> Sequence[LogEntry]:
+    """As `read_log`, for whoever asks again and again, as for each of a study's sessions: kept until it was changed.
+
+    :raises StudyLogError: it cannot be read.
+    """
+    return _read_kept(folder, file_stamp(folder / LOG_FILE))
+
+
+@lru_cache(maxsize=4)
+def _read_kept(folder: Path, stamp: tuple[int, int]) -> Sequence[LogEntry]:
+    return tuple(read_log(folder))
+
+
+def file_stamp(path: Path) -> tuple[int, int]:
+    """When a file was changed, and its size: others when it was changed since; zeros when it is not there."""
+    try:
+        found = path.stat()
+    except OSError:
+        return (0, 0)
+    return (found.st_mtime_ns, found.st_size)
 
 
 def _parse(data: bytes) -> tuple[list[LogEntry], list[tuple[int, str]], bytes]:

@@ -55,9 +55,9 @@ def folders_in(sessions: Path) -> list[Path]:
 
 
 def owner_of(folder: Path) -> str:
-    """Whose session it is: by its session.toml, or its record, or else its name; empty when nobody can know."""
+    """Whose session it is: by its record, or its session.toml, or else its name; empty when nobody can know."""
     try:
-        return read_info(folder).participant
+        return read_info(folder, compare=False).participant
     except SessionError:
         pass
     for line in _readable_lines(folder):

@@ -17,12 +17,13 @@ from rise_engine.bundle import archive
 from rise_engine.bundle.archive import opened_bundle
 from rise_engine.bundle.errors import BundleError
 from rise_engine.bundle.making import BundleOptions, BundleReport, make_bundle
-from rise_engine.bundle.reproducing import check_bundle, reproduce_sessions
+from rise_engine.bundle.reproducing import check_bundle
 from rise_engine.bundle.study_files import log_text, participants_text, study_text
 from rise_engine.cli.bundle import bundle as bundle_command
 from rise_engine.cli.export import export
 from rise_engine.cli.reproduce import reproduce
 from rise_engine.session.levels import ExportLevel
+from rise_engine.study.proof import prove_sessions
 from rise_engine.study.state import read_state
 from rise_engine.study.study_log import LogEntry, read_log
 from rise_engine.study.study_toml import load_study
@@ -112,7 +113,7 @@ def test_at_level_public_there_is_no_free_speech_either(study: Path, bundle: Pat
     report = bundle_of(study, tmp_path / "public", "public")
     assert "shall we go on" in texts_in(bundle)
     assert "shall we go on" not in texts_in(tmp_path / "public")
-    assert all(each.identical for each in reproduce_sessions(tmp_path / "public"))
+    assert all(each.proved for each in prove_sessions(tmp_path / "public", None))
     assert not any("said freely" in each for each in report.look_at)
 
 
@@ -321,7 +322,7 @@ def test_a_zip_file_is_the_same_bundle(study: Path, tmp_path: Path) -> None:
     bundle_of(study, tmp_path / "bundle.zip", folders=folders)
     with opened_bundle(tmp_path / "bundle.zip") as root:
         assert check_bundle(root).whole
-        assert all(each.identical for each in reproduce_sessions(root))
+        assert all(each.proved for each in prove_sessions(root, None))
         names = {path.relative_to(root) for path in root.rglob("*")}
     assert not root.exists()
     assert names == {path.relative_to(tmp_path / "bundle") for path in (tmp_path / "bundle").rglob("*")}

@@ -46,10 +46,16 @@ seconds = 0.1
 
 @pytest.fixture(scope="module")
 def whole(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A bundle of two sessions."""
+    """The bundle of a study that had two sessions."""
     root = tmp_path_factory.mktemp("reproduce")
     study = make_study(root / "study")
-    make_bundle(read_state(study), sessions_of(study)[1:3], root / "bundle", BundleOptions())
+    kept = sessions_of(study)[1:3]
+    log = (study / "study.jsonl").read_text("utf-8").splitlines(keepends=True)
+    for other in set(sessions_of(study)) - set(kept):
+        shutil.rmtree(other)
+        log = [line for line in log if other.name not in line]
+    (study / "study.jsonl").write_text("".join(log), "utf-8")
+    make_bundle(read_state(study), kept, root / "bundle", BundleOptions())
     return root / "bundle"
 
 

@@ -94,7 +94,9 @@ def dialog(name: str, *actions: str) -> str:
 class Session:
     """Drives a kernel by hand. `lines()` gives what has been recorded since it was last asked, one short line each."""
 
-    def __init__(self, scenario: Scenario, seed: int = 1, kernel: Kernel | None = None) -> None:
+    def __init__(
+        self, scenario: Scenario, seed: int = 1, kernel: Kernel | None = None, started: SessionStarted | None = None
+    ) -> None:
         self.scenario = scenario
         self.kernel = kernel or Kernel(scenario, seed)
         self.t = 0.0
@@ -106,7 +108,7 @@ class Session:
         self.timers: dict[int, float] = {}
         self._seen = 0
         if kernel is None:
-            self.do(SessionStarted())
+            self.do(started or SessionStarted())
             self._seen = len(self.records)
 
     # --- the world ---

@@ -8,7 +8,7 @@ from typing import Any
 
 from msgspec.structs import replace
 
-from rise_engine.kernel.inputs import ActionReport, AnyInput, Note, SessionEnded, TimerElapsed
+from rise_engine.kernel.inputs import ActionReport, AnyInput, Note, SessionEnded, SessionStarted, TimerElapsed
 from rise_engine.kernel.records import AnyRecord
 from rise_engine.kernel.view import SessionView
 from rise_engine.scenario import load
@@ -37,9 +37,9 @@ TOML = 'title = "Sample study"\n'
 class Recording(Session):
     """Drives a kernel and keeps the steps."""
 
-    def __init__(self, scenario: Any, seed: int = 7) -> None:
+    def __init__(self, scenario: Any, seed: int = 7, started: SessionStarted | None = None) -> None:
         self.steps: list[tuple[AnyInput, list[AnyRecord]]] = []
-        super().__init__(scenario, seed)
+        super().__init__(scenario, seed, started=started)
 
     def do(self, input: AnyInput) -> list[AnyRecord]:
         records = super().do(input)
@@ -69,13 +69,15 @@ def play(session: Recording) -> None:
 class Made:
     """A session's folder."""
 
-    def __init__(self, root: Path, *, ended: bool = False, toml: str = TOML) -> None:
+    def __init__(
+        self, root: Path, *, ended: bool = False, toml: str = TOML, started: SessionStarted | None = None
+    ) -> None:
         study = write(root / "study", acts=ACTS, rules=RULES, memory=MEMORY, toml=toml)
         self.study = study
         loaded = load(study)
         assert loaded.scenario is not None, loaded.diagnostics
         self.scenario = loaded.scenario
-        self.session = Recording(self.scenario)
+        self.session = Recording(self.scenario, started=started)
         play(self.session)
         if ended:
             self.session.submit("stopAll")
@@ -88,6 +90,7 @@ class Made:
             seed=7,
             speed=1.0,
             faults=(),
+            begun=started,
             versions={"rise-tui": "0.2.0", "python": "3.11"},
         )
         self.journal = self.folder / JOURNAL

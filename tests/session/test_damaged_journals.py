@@ -241,12 +241,12 @@ def test_a_journal_that_may_not_be_read(made: Made) -> None:
     ("old", "new", "says"),
     [
         (f"format = {FORMAT}", f"format = {FORMAT + 1}", "newer version"),
-        ("seed = 7", "seed = 8", r"journal.jsonl:3: record 1 .*`seed` is 7, but the replay gives 8"),
-        ('mode = "debug"', 'mode = "real"', "`mode` is"),
+        ("seed = 7", "seed = 8", "session.toml says seed = 8, but journal.jsonl says seed = 7"),
+        ('mode = "debug"', 'mode = "real"', 'session.toml says mode = "real", but journal.jsonl says mode = "debug"'),
         ('mode = "debug"', 'mode = "dream"', "cannot be read"),
         ("seed = 7", "seed = ", "cannot be read"),
         ("seed = 7", "", "cannot be read"),
-        ('robot = "generic"', 'robot = "nobody"', "does not load"),
+        ('robot = "generic"', 'robot = "nobody"', 'session.toml says robot = "nobody"'),
     ],
 )
 def test_a_changed_session_file(made: Made, old: str, new: str, says: str) -> None:

@@ -15,7 +15,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from rise_engine.cli import main
-from rise_engine.kernel.inputs import ActionReport, Note, SessionEnded, Submit
+from rise_engine.kernel.inputs import ActionReport, Note, SessionEnded, SessionStarted, Submit
 from rise_engine.session import redaction
 from rise_engine.session.disk import Disk
 from rise_engine.session.folder import INFO, JOURNAL, SessionError, read_info
@@ -63,7 +63,11 @@ def typed(session: Recording) -> None:
 
 @pytest.fixture
 def made(tmp_path: Path) -> Made:
-    made = Made(tmp_path, toml=PRIVATE)
+    return made_by(tmp_path)
+
+
+def made_by(tmp_path: Path, started: SessionStarted | None = None) -> Made:
+    made = Made(tmp_path, toml=PRIVATE, started=started)
     typed(made.session)
     made.session.do(SessionEnded(reason="over, says Zoë"))
     made.write_session()
@@ -121,21 +125,27 @@ def test_once_more_with_another_word(made: Made) -> None:
     assert (made.folder / INFO).read_text("utf-8").count("lines = ") == 2
 
 
-def test_session_toml_says_nothing_either(made: Made) -> None:
+def test_session_toml_says_nothing_either(tmp_path: Path) -> None:
+    made = made_by(tmp_path, SessionStarted(participant="zoë"))
     path = made.folder / INFO
     path.write_text(path.read_text("utf-8").replace('wizard = ""', 'wizard = "Zoë"'), "utf-8")
-    path.write_text(path.read_text("utf-8").replace('participant = ""', 'participant = "zo\\u00eb"'), "utf-8")
+    path.write_text(path.read_text("utf-8").replace('participant = "zoë"', 'participant = "zo\\u00eb"'), "utf-8")
     redact(made.folder, words("Zoë=NAME1"))
     info = read_info(made.folder)
     assert (info.wizard, info.participant, info.title) == ("NAME1", "NAME1", "Sample study")
 
 
-def test_what_the_study_knows_a_session_by_stays(made: Made) -> None:
-    path = made.folder / INFO
-    text = (
-        path.read_text("utf-8").replace('participant = ""', 'participant = "P07"').replace('study = ""', 'study = "s"')
-    )
-    path.write_text(text.replace('condition = ""', 'condition = "zoë+loud"'), "utf-8")
+def test_one_that_was_interrupted_between_its_two_files_is_made_again(tmp_path: Path) -> None:
+    made = made_by(tmp_path, SessionStarted(participant="zoë"))
+    before = (made.folder / INFO).read_bytes()
+    redact(made.folder, words("Zoë=NAME1"))
+    (made.folder / INFO).write_bytes(before)
+    redact(made.folder, words("Zoë=NAME1"))
+    assert read_info(made.folder).participant == "NAME1"
+
+
+def test_what_the_study_knows_a_session_by_stays(tmp_path: Path) -> None:
+    made = made_by(tmp_path, SessionStarted(participant="P07", study="s", condition="zoë+loud"))
     before = bytes_of(made.folder)
     with pytest.raises(RedactionRefused, match="the study knows this session by 'P07'"):
         redact(made.folder, words("P07=P99"))

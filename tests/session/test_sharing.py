@@ -236,7 +236,7 @@ def test_sessions_that_cannot_be_shared(tmp_path: Path) -> None:
         (torn, "damaged"),
         (unended, "not ended"),
         (other, "is not the scenario"),
-        (changed, "does not replay with this version"),
+        (changed, "session.toml says seed = 8, but journal.jsonl says seed = 7"),
         (tmp_path / "nothing", "no session"),
     ):
         with pytest.raises(CannotShare, match=why):

@@ -1,0 +1,106 @@
+"""What a session is labelled with: who took part, in which condition, with what. Its journal's first record says it.
+
+`session.toml` and a study's `study.jsonl` say the same in other places. Whoever reads a session compares them with that
+record by `label_differences`; a difference is an error, so that nobody can give a session another label.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from pathlib import Path
+from typing import Any
+
+import msgspec
+
+from rise_engine.json_codec import JsonError, decode
+from rise_engine.kernel.records import SessionRecord
+from rise_engine.session.errors import SessionError
+from rise_engine.session.journal_format import JOURNAL, LineError, read_line
+
+_LABELS = (
+    *("participant", "condition", "factors", "study", "study_hash", "slot", "run", "attempt", "purpose"),
+    *("mode", "robot", "seed", "scenario", "scenario_hash"),
+)
+"""Fields of a session's record that say what the session is."""
+_CALLED = {"scenario": "title"}
+"""How other files call them, where they have another name."""
+
+
+class RelabelledError(SessionError):
+    """Something says of a session what its journal does not say; the text names both, and what to do."""
+
+
+def read_labels(journal: Path) -> dict[str, Any] | None:
+    """The first record of a session's journal, as it stands there: an older journal has fewer fields.
+
+    :param journal: the file.
+    :return: its fields; None when there is no such record, or none that can be read.
+    """
+    try:
+        with journal.open("rb") as file:
+            for line in file:
+                if not line.startswith(b'{"kind":"session"'):
+                    continue
+                try:
+                    record = read_line(line.rstrip(b"\n"))
+                    fields = decode(line.decode())
+                except (LineError, JsonError, UnicodeDecodeError):
+                    continue
+                if isinstance(record, SessionRecord) and isinstance(fields, dict):
+                    return fields
+    except OSError:
+        pass
+    return None
+
+
+def label_differences(labels: Mapping[str, Any] | None, told: Mapping[str, Any], file: str) -> list[str]:
+    """What another file says of a session otherwise than its journal, in sentences that name both.
+
+    :param labels: as `read_labels` gives them; what an older journal does not say is not compared.
+    :param told: what the other file says; what it does not say is not compared.
+    :param file: that one, as people know it.
+
+    >>> label_differences({"condition": "calm", "slot": None}, {"condition": "lively", "slot": 0}, "session.toml")
+    ['session.toml says condition = "lively", but journal.jsonl says condition = "calm"']
+    """
+    return [
+        f"{file} says {name} = {_as_text(told[name])}, but {JOURNAL} says {name} = {_as_text(recorded)}"
+        for name, recorded in labels_for(labels, told).items()
+        if (recorded or None) != (_plain(told[name]) or None)
+    ]
+
+
+def labels_for(labels: Mapping[str, Any] | None, told: Mapping[str, Any]) -> dict[str, Any]:
+    """What the journal says of a session, under the names that another file has for it.
+
+    :param labels: as `read_labels` gives them.
+    :param told: what the other file says.
+    """
+    by_name = {_CALLED.get(label, label): label for label in _LABELS if labels is not None and label in labels}
+    return {name: labels[label] for name, label in by_name.items() if labels is not None and name in told}
+
+
+def refuse_differences(folder: Path, differences: Iterable[str]) -> None:
+    """Nothing is read from a session about which two files disagree.
+
+    :param folder: the session's.
+    :param differences: as `label_differences` gives them.
+    :raises RelabelledError: there is one.
+    """
+    if found := list(differences):
+        raise RelabelledError(
+            f"{folder.name} was given another label: {'; '.join(found)}. The journal is what happened. Put the other "
+            "file back as it was, or take both from your backup"
+        )
+
+
+def _plain(value: Any) -> Any:
+    """As JSON has it."""
+    return list(value) if isinstance(value, tuple) else value
+
+
+def _as_text(value: Any) -> str:
+    try:
+        return msgspec.json.encode(value).decode()
+    except UnicodeEncodeError:
+        return ascii(value)

@@ -1,0 +1,92 @@
+"""The proof of a study's sessions: each comes out of its inputs again, and everything says the same of it."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from pathlib import Path
+
+from msgspec import Struct
+
+from rise_engine.session.errors import SessionError
+from rise_engine.session.folder import JOURNAL, has_begun
+from rise_engine.session.replay import ReplayComparison, compare_replay
+from rise_engine.study.plan import runs_of
+from rise_engine.study.plan_file import PLAN_FILE
+from rise_engine.study.sessions import StudySession, session_folders
+from rise_engine.study.state import StudyStatus
+from rise_engine.study.study_log import LOG_FILE, StudyLogError, read_log
+
+
+class ProvedSession(Struct, frozen=True):
+    """A session, and what is proved of it."""
+
+    name: str
+    comparison: ReplayComparison | None
+    """Its replay; None: it cannot be replayed."""
+    problems: tuple[str, ...] = ()
+    """Why it cannot be, and what says something else of it than its journal, in sentences."""
+
+    @property
+    def proved(self) -> bool:
+        """Whether it comes out again, record for record, and nothing says something else of it."""
+        return self.comparison is not None and self.comparison.identical and not self.problems
+
+
+def prove_sessions(folder: Path, state: StudyStatus | None) -> Iterator[ProvedSession]:
+    """Replay every session of a study that does not run, one after the other, and compare it with what study.jsonl,
+    session.toml and plan.csv say of it.
+
+    A session that study.jsonl has judged and that is not there counts as one that is not proved.
+
+    :param folder: the study's, or a bundle's.
+    :param state: the study as it stands; None: its files are not right, so the sessions are replayed and no more.
+    """
+    known = {each.name: each for each in state.sessions} if state is not None else {}
+    there = {path.name: path for path in session_folders(folder) if has_begun(path)}
+    named = _named_in_log(folder)
+    for name in sorted(known | there):
+        session = known.get(name)
+        if session is not None and session.entry.status == "running":
+            continue
+        if name not in there:
+            if session is not None and session.entry.purpose == "counted" and session.entry.outcome is not None:
+                yield ProvedSession(name, None, (f"{LOG_FILE} names this session, and its folder is not there",))
+            continue
+        problems = list(session.differences) if session is not None else []
+        if state is not None and session is None:
+            problems.append("it is no session of this study")
+        elif state is not None and session is not None:
+            problems += [] if name in named else [f"{LOG_FILE} does not name this session"]
+            problems += _plan_differences(state, session)
+        try:
+            comparison = compare_replay(there[name])
+        except SessionError as error:
+            yield ProvedSession(name, None, tuple(problems) or (str(error),))
+        else:
+            yield ProvedSession(name, comparison, tuple(problems))
+
+
+def _named_in_log(folder: Path) -> set[str]:
+    try:
+        return {str(each.get("folder")) for each in read_log(folder) if each.kind == "session"}
+    except StudyLogError:
+        return set()
+
+
+def _plan_differences(state: StudyStatus, session: StudySession) -> list[str]:
+    """What the plan gives the row of a session that counts, where the session is something else."""
+    entry = session.entry
+    row = next((each for each in state.plan if each.slot == entry.slot), None)
+    if row is None or entry.purpose != "counted":
+        return []
+    try:
+        planned = runs_of(state.study, row, state.levels_of(row, None))
+    except (KeyError, ValueError):
+        return []
+    condition = next((each.condition for each in planned if each.run == entry.run), None)
+    if condition in (None, entry.condition):
+        return []
+    return [
+        f'{PLAN_FILE} gives row {row.slot} the condition "{condition}" in run {entry.run}, but {JOURNAL} says '
+        f'condition = "{entry.condition}"'
+    ]

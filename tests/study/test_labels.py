@@ -1,0 +1,244 @@
+"""Nobody can give a session another label: its journal says what it is, and what says otherwise is refused by name."""
+
+from __future__ import annotations
+
+import json
+import re
+import shutil
+from collections.abc import Callable
+from pathlib import Path
+
+import click
+import pytest
+from click.testing import CliRunner
+
+from rise_engine.analysis.reading import read_session
+from rise_engine.bundle.errors import BundleError
+from rise_engine.bundle.making import BundleOptions, make_bundle
+from rise_engine.checks.replay import look_at_last_session
+from rise_engine.cli.export import export
+from rise_engine.cli.program import main
+from rise_engine.kernel.inputs import SessionStarted
+from rise_engine.session.folder import INFO, read_info
+from rise_engine.session.journal_format import with_checksum
+from rise_engine.session.labels import RelabelledError, label_differences
+from rise_engine.study.sessions import SESSIONS
+from rise_engine.study.state import read_state
+from rise_engine.study.study_log import LOG_FILE
+
+from ..analysis.samples import make_study, play_session, sessions_of, short
+
+
+@pytest.fixture
+def study(tmp_path: Path) -> Path:
+    return make_study(tmp_path / "study")
+
+
+def run(*arguments: object, command: click.Command = main) -> tuple[int, str]:
+    result = CliRunner().invoke(command, [str(each) for each in arguments])
+    return result.exit_code, result.output
+
+
+def edit(file: Path, pattern: str, new: str) -> None:
+    text, changed = re.subn(pattern, new, file.read_text("utf-8"), count=1, flags=re.MULTILINE)
+    assert changed, f"{file.name} has no {pattern}"
+    file.write_text(text, "utf-8")
+
+
+IN_INFO = [
+    (r'^condition = ".*"', 'condition = "never"', "condition"),
+    (r'^participant = ".*"', 'participant = "P03"', "participant"),
+    (r"^run = \d", "run = 7", "run"),
+    (r"^attempt = \d", "attempt = 4", "attempt"),
+    (r"^slot = \d", "slot = 3", "slot"),
+    (r'^purpose = ".*"', 'purpose = "training"', "purpose"),
+    (r'^study_hash = ".*"', 'study_hash = "00"', "study_hash"),
+    (r'^mode = ".*"', 'mode = "debug"', "mode"),
+    (r'^robot = ".*"', 'robot = "pepper"', "robot"),
+    (r"^seed = \d+", "seed = 1", "seed"),
+    (r'^title = ".*"', 'title = "Coffee"', "title"),
+    (r'^scenario_hash = ".*"', 'scenario_hash = "00"', "scenario_hash"),
+    (r'^\[factors\]\n"hesitation" = ".*"', '[factors]\n"hesitation" = "never"', "factors"),
+]
+"""What of a session.toml somebody edits, and what is named then."""
+IN_LOG = [
+    (r'"condition":"[^"]*"', '"condition":"never"', "condition"),
+    (r'"participant":"P0\d"', '"participant":"P04"', "participant"),
+    (r'"run":\d', '"run":7', "run"),
+    (r'"mode":"real"', '"mode":"debug"', "mode"),
+    (r'"scenario_hash":"[^"]*"', '"scenario_hash":"00"', "scenario_hash"),
+]
+"""The same of the entry of the session in study.jsonl."""
+
+
+@pytest.mark.parametrize(("pattern", "new", "label"), IN_INFO, ids=[label for _, _, label in IN_INFO])
+def test_a_session_toml_that_says_something_else(study: Path, pattern: str, new: str, label: str) -> None:
+    folder = sessions_of(study)[1]
+    true = getattr(read_info(folder), label)
+    edit(folder / INFO, pattern, new)
+    with pytest.raises(RelabelledError) as refused:
+        read_info(folder)
+    assert f"{INFO} says {label} = " in str(refused.value)
+    assert f"journal.jsonl says {label} = " in str(refused.value)
+    assert getattr(read_info(folder, compare=False), label) == true
+    with pytest.raises(RelabelledError, match=f"says {label} = "):
+        read_session(folder)
+    status, said = run("study", "check", study)
+    assert status == 1
+    assert f"{SESSIONS}/{folder.name}:1:1: error relabelled: {INFO} says {label} = " in said
+
+
+@pytest.mark.parametrize(("pattern", "new", "label"), IN_LOG, ids=[label for _, _, label in IN_LOG])
+def test_a_log_that_says_something_else(study: Path, pattern: str, new: str, label: str) -> None:
+    folder = sessions_of(study)[1]
+    lines = (study / LOG_FILE).read_text("utf-8").splitlines(keepends=True)
+    at = next(n for n, line in enumerate(lines) if '"kind":"session"' in line and folder.name in line)
+    lines[at] = re.sub(pattern, new, lines[at], count=1)
+    (study / LOG_FILE).write_text("".join(lines), "utf-8")
+    with pytest.raises(RelabelledError, match=rf"study.jsonl, line {at + 1}, says {label} = .*journal.jsonl says"):
+        read_session(folder)
+    assert f"error relabelled: {LOG_FILE}, line {at + 1}, says {label} = " in run("study", "check", study)[1]
+
+
+def _replay(study: Path, folder: Path, out: Path) -> tuple[int, str]:
+    return run("replay", folder)
+
+
+def _export(study: Path, folder: Path, out: Path) -> tuple[int, str]:
+    return run(study, "--format", "tables", "-o", out, command=export)
+
+
+def _records(study: Path, folder: Path, out: Path) -> tuple[int, str]:
+    return run(folder, "--format", "csv", command=export)
+
+
+def _bundle(study: Path, folder: Path, out: Path) -> tuple[int, str]:
+    try:
+        make_bundle(read_state(study), sessions_of(study)[1:], out, BundleOptions())
+    except BundleError as error:
+        return 1, str(error)
+    return 0, ""
+
+
+def _report(study: Path, folder: Path, out: Path) -> tuple[int, str]:
+    return run("report", study, "-o", out)
+
+
+def _check_before(study: Path, folder: Path, out: Path) -> tuple[int, str]:
+    found = look_at_last_session(study / SESSIONS)
+    return int(not found.passed), found.reason
+
+
+@pytest.mark.parametrize("reader", [_replay, _export, _records, _bundle, _report, _check_before])
+@pytest.mark.parametrize("file", [INFO, LOG_FILE])
+def test_whatever_reads_a_session_refuses_it(
+    study: Path, tmp_path: Path, reader: Callable[[Path, Path, Path], tuple[int, str]], file: str
+) -> None:
+    folder = sessions_of(study)[-1]
+    if file == INFO:
+        edit(folder / INFO, r'^condition = ".*"', 'condition = "never"')
+    else:
+        edit(study / LOG_FILE, rf'"condition":"[^"]*"(?=.*{folder.name})', '"condition":"never"')
+    status, said = reader(study, folder, tmp_path / "out")
+    assert status != 0
+    assert 'says condition = "never", but journal.jsonl says condition = "' in said.replace("\\", "")
+    assert not (tmp_path / "out").exists()
+
+
+def test_the_study_counts_what_the_journal_says(study: Path) -> None:
+    folder = sessions_of(study)[1]
+    edit(folder / INFO, r'^participant = ".*"', 'participant = "P03"')
+    state = read_state(study)
+    assert next(each for each in state.sessions if each.name == folder.name).entry.participant == "P01"
+    assert state.standing.due[0] == f"{folder.name} was given another label: rise-engine study check says which"
+
+
+def test_a_session_of_no_study(tmp_path: Path) -> None:
+    folder = play_session(tmp_path / "sessions", short(), until=20.0)
+    assert run("replay", folder)[0] == 0
+    edit(folder / INFO, r'^participant = ".*"', 'participant = "P09"')
+    status, said = run("replay", folder)
+    assert status == 1
+    assert said.startswith(f'error: {folder.name} was given another label: session.toml says participant = "P09", ')
+
+
+def test_a_session_whose_name_for_a_person_is_no_ascii(tmp_path: Path) -> None:
+    started = SessionStarted(participant="Jürgen", condition='schön "1"', factors={"n": 1.0, "on": True})
+    folder = play_session(tmp_path / "sessions", short(), started=started, until=20.0)
+    assert read_info(folder).participant == "Jürgen"
+
+
+def test_an_older_journal_is_compared_by_what_it_says(study: Path) -> None:
+    """Its first record knows nothing of studies, and nothing is made up."""
+    told = {"participant": "P01", "run": 2}
+    assert label_differences({"participant": "P01"}, told, INFO) == []
+    assert label_differences(None, told, INFO) == []
+    assert label_differences({"run": 1}, told, INFO) == [f"{INFO} says run = 2, but journal.jsonl says run = 1"]
+
+
+# --- study check --sessions -------------------------------------------------------------------------------------------
+
+
+def check_sessions(study: Path) -> tuple[int, list[str]]:
+    status, said = run("study", "check", "--sessions", study)
+    return status, said.splitlines()
+
+
+def test_a_whole_study_is_proved(study: Path) -> None:
+    status, lines = check_sessions(study)
+    assert status == 0
+    assert sum(": identical (" in line for line in lines) == 8
+    assert any(line.startswith("8 of 8 sessions proved: ") for line in lines)
+    document = json.loads(run("study", "check", "--sessions", "--json", study)[1])
+    assert [each["proved"] for each in document["sessions"]] == [True] * 8
+
+
+def _erase(study: Path, folder: Path) -> None:
+    shutil.rmtree(folder)
+
+
+def _relabel(study: Path, folder: Path) -> None:
+    edit(folder / INFO, r"^run = \d", "run = 7")
+
+
+def _other_record(study: Path, folder: Path) -> None:
+    text = (folder / "journal.jsonl").read_bytes()
+    lines = text.splitlines(keepends=True)
+    at = next(n for n, line in enumerate(lines) if b'"status":"SUCCEEDED"' in line)
+    body = lines[at][: lines[at].rindex(b',"crc"')].replace(b"SUCCEEDED", b"ABORTED") + b"}"
+    lines[at] = with_checksum(body)
+    (folder / "journal.jsonl").write_bytes(b"".join(lines))
+
+
+def _other_plan(study: Path, folder: Path) -> None:
+    slot = read_info(folder).slot
+    text = (study / "plan.csv").read_text("utf-8")
+    row = next(line for line in text.splitlines() if line.startswith(f"{slot},"))
+    swapped = re.sub(r"(\w+) (\w+),", r"\2 \1,", row)
+    assert swapped != row
+    (study / "plan.csv").write_text(text.replace(row, swapped), "utf-8")
+
+
+def _unnamed(study: Path, folder: Path) -> None:
+    lines = (study / LOG_FILE).read_text("utf-8").splitlines(keepends=True)
+    (study / LOG_FILE).write_text("".join(each for each in lines if folder.name not in each), "utf-8")
+
+
+@pytest.mark.parametrize(
+    ("damage", "told"),
+    [
+        (_erase, "study.jsonl names this session, and its folder is not there"),
+        (_relabel, "session.toml says run = 7, but journal.jsonl says run = 1"),
+        (_other_record, '`status` is "ABORTED", but the replay gives "SUCCEEDED"'),
+        (_other_plan, "plan.csv gives row "),
+        (_unnamed, "study.jsonl does not name this session"),
+    ],
+)
+def test_what_is_not_proved_is_named(study: Path, damage: Callable[[Path, Path], None], told: str) -> None:
+    folder = sessions_of(study)[1]
+    damage(study, folder)
+    status, lines = check_sessions(study)
+    assert status == 1
+    about = [line for line in lines if line.startswith(f"{folder.name}: ")]
+    assert any(told in line for line in about), lines
+    assert any(re.match(r"\d of 8 sessions proved", line) for line in lines)
