@@ -82,7 +82,7 @@ def make_bundle(
     bundle = _Bundle(state, folders, options)
     bundle.report.left_out += remarks
     try:
-        with new_path(out) as here:
+        with new_path(out, folders) as here:
             bundle.report.left_out += note_export(folders, out, "bundle", options.level, folder=out.suffix != ".zip")
             root = here if out.suffix != ".zip" else here.with_name("bundle")
             root.mkdir(0o700)

@@ -76,7 +76,7 @@ def agree_report(named: Sequence[str], form: Form, output: str | None, level: Ex
             sys.stdout.buffer.write(text)
             sys.stdout.buffer.flush()
         else:
-            with new_path(Path(output)) as here:
+            with new_path(Path(output), folders) as here:
                 problems += note_export(folders, Path(output), f"agree {form}", level)
                 here.write_bytes(text)
     except BrokenPipeError:

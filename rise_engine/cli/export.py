@@ -230,7 +230,7 @@ def _export_records(folder: Path, request: ExportRequest) -> int:
         except OSError as error:
             raise ExportError(f"standard output could not be written: {error_message(error)}") from None
     else:
-        with ended_by_signals(), new_path(Path(out)) as here:
+        with ended_by_signals(), new_path(Path(out), [folder]) as here:
             for problem in note_export([folder], Path(out), format, request.level):
                 _print_error(f"warning: {problem}")
             with here.open("xb") as file:

@@ -16,7 +16,7 @@ from rise_engine.session.errors import SessionError
 from rise_engine.session.folder import find_session
 from rise_engine.session.redaction import RedactionRefused, RedactionReport, redact
 from rise_engine.session.suggestions import suggest_words
-from rise_engine.study.study_log import LockedLog, StudyLogError, read_log
+from rise_engine.study.study_log import LOG_FILE, LockedLog, StudyLogError
 from rise_engine.study.traces import study_of_session
 from rise_engine.text import clean, pluralize
 from rise_engine.words import WordError, Words, parse_replacement
@@ -74,13 +74,13 @@ def redact_session(
         sys.exit(_print_error(error, REFUSED))
     except SessionError as error:
         sys.exit(_print_error(error, REFUSED))
+    exports = redact_in_study(folder, report, words, try_only=try_only)
     if as_json:
         write_json(report)
     else:
         _print_lines(_report_lines(report, try_only=try_only, whole_words=whole_words))
     if try_only:
         sys.exit(OK)
-    exports = _note_in_study(folder, report)
     if exports and not as_json:
         _print_lines(["exports of this session that were made before, delete them or make them again:", *exports])
     sys.exit(PARTIAL if report.remains or exports else OK)
@@ -99,6 +99,9 @@ def _report_lines(report: RedactionReport, *, try_only: bool, whole_words: bool)
         lines.append(f"changed {pluralize(report.info_lines, 'line')} of session.toml")
     if report.shadow_lines and not try_only:
         lines.append(f"changed {pluralize(report.shadow_lines, 'line')} of what second wizards did (shadow)")
+    if report.log_lines:
+        would = "would change" if try_only else "changed"
+        lines.append(f"{would} {pluralize(report.log_lines, 'line')} of the study's log ({LOG_FILE})")
     if report.longer_words:
         longer = ", ".join(f"{word} ({count})" for word, count in list(report.longer_words.items())[:12])
         said = "left within longer words" if whole_words else "within longer words, too"
@@ -110,19 +113,42 @@ def _report_lines(report: RedactionReport, *, try_only: bool, whole_words: bool)
     return lines
 
 
-def _note_in_study(folder: Path, report: RedactionReport) -> list[str]:
-    """Note it in the study's log, when the session is of one; exports of the session that were made before."""
+def redact_in_study(folder: Path, report: RedactionReport, words: Words, *, try_only: bool = False) -> list[str]:
+    """Take the words out of what people wrote about a session in the log of its study, and note it there.
+
+    :param folder: the session's.
+    :param report: of the session; what is done and what remains is added to it.
+    :param words: what is to go.
+    :param try_only: change nothing.
+    :return: exports of the session that were made before, for people; none where it is of no study.
+    """
     study = study_of_session(folder)
-    if study is None or not report.changed:
+    if study is None:
         return []
+    name = folder.resolve().name
     try:
         with LockedLog(study) as log:
-            log.append("redacted", session=folder.name, lines=report.lines)
-        exported = [each for each in read_log(study) if each.kind == "exported"]
-    except StudyLogError as error:
-        _print_lines([f"warning: it could not be noted in the study: {error}"])
+            before = log.entries()
+            after = [
+                each.with_written(words.replace) if name in (each.get("session"), each.get("folder")) else each
+                for each in before
+            ]
+            report.log_lines = sum(one != other for one, other in zip(before, after, strict=True))
+            others = [each for each in after if each.with_written(words.replace) != each]
+            report.remains += [
+                f"{LOG_FILE}, line {each.line}: what somebody wrote about another session" for each in others
+            ]
+            if try_only:
+                return []
+            if report.log_lines:
+                log.rewrite_for_good(after)
+            if report.changed:
+                log.append("redacted", session=name, lines=report.lines)
+    except (StudyLogError, OSError) as error:
+        report.remains.append(f"{LOG_FILE}, which could not be changed: {error}")
         return []
-    return [f"  {each.get('path')}" for each in exported if folder.name in (each.get("sessions") or [])]
+    made = [each for each in before if each.kind == "exported"] if report.changed else []
+    return [f"  {each.get('path')}" for each in made if name in (each.get("sessions") or [])]
 
 
 def _print_suggestions(folder: Path, *, as_json: bool) -> int:

@@ -86,7 +86,7 @@ def _write(made: MadeReport, output: str | None, sheet: str | None, level: Expor
     with ExitStack() as files:  # both, or none
         for name, kind in ((output, "report"), (sheet, "sheet")):
             if name is not None:
-                here = files.enter_context(new_path(Path(name)))
+                here = files.enter_context(new_path(Path(name), made.folders))
                 said += [f"warning: {each}" for each in note_export(made.folders, Path(name), kind, level)]
                 here.write_text(page_text(made.document) if kind == "report" else made.sheet, "utf-8")
                 said.append(f"the {kind} is in {name}")

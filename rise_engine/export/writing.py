@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Sequence
-from contextlib import contextmanager, suppress
+from contextlib import ExitStack, contextmanager, suppress
 from pathlib import Path
 
 from msgspec import Struct, field
@@ -53,7 +53,7 @@ def export_sessions(
     :raises ExportError: it could not be made; nothing of it is there.
     """
     report = ExportReport()
-    with new_path(out) as here:
+    with new_path(out, folders) as here:
         folder = format.shape == "folder" or (format.shape == "file-per-session" and (several or not format.suffix))
         report.warnings += note_export(folders, out, format.name, context.level, folder=folder)
         context.folder = (out if folder else out.parent).absolute()
@@ -105,20 +105,46 @@ def _factors_of(folder: Path) -> Iterable[str]:
 
 
 @contextmanager
-def new_path(path: Path) -> Iterator[Path]:
+def new_path(path: Path, folders: Iterable[Path] = ()) -> Iterator[Path]:
     """As `rise_engine.session.unfinished_files.unfinished`, with errors in sentences.
 
-    :raises ExportError: something is there, or it cannot be written.
+    :param path: where it is to be.
+    :param folders: of the sessions that it tells of. When one of their participants withdraws meanwhile, it is refused.
+    :raises ExportError: something is there, it cannot be written, or somebody has withdrawn.
     """
+    by_study = _by_study(folders)
     try:
-        with unfinished(path) as here:
+        with ExitStack() as until_it_is_in_place, unfinished(path) as here:
             yield here
+            for study, theirs in by_study.items():
+                with suppress(StudyLogError):  # `note_export` has said so
+                    until_it_is_in_place.enter_context(LockedLog(study))
+                _refuse_gone(theirs)
     except FileExistsError:
         raise ExportError(f"{path} is there already, and nothing is ever written over: name another one") from None
     except OSError as error:
         if isinstance(error, FileNotFoundError | NotADirectoryError) and not path.parent.is_dir():
             raise ExportError(f"{path} cannot be made: there is no folder {path.parent}") from None
         raise ExportError(f"{path} could not be written: {error_message(error)}") from None
+
+
+def _by_study(sessions: Iterable[Path]) -> dict[Path, list[Path]]:
+    """Sessions by the study whose log knows of exports."""
+    found: dict[Path, list[Path]] = {}
+    for session in sessions:
+        study = study_of_session(session)
+        if study is not None and not (study / MANIFEST_FILE).is_file():  # a bundle stays as its check sums have it
+            found.setdefault(study, []).append(session)
+    return found
+
+
+def _refuse_gone(sessions: Iterable[Path]) -> None:
+    """A withdrawal takes the sessions out of the study while it has the log locked."""
+    if gone := [each.name for each in sessions if not each.is_dir()]:
+        raise ExportError(
+            f"{', '.join(gone)}: gone while this was made, because the participant has withdrawn or somebody has moved "
+            "it. Nothing of it was kept: make it again"
+        )
 
 
 def note_export(
@@ -133,15 +159,11 @@ def note_export(
     :param level: how much it tells.
     :param folder: whether it is a folder, which a withdrawal erases with everything in it.
     :return: sentences about studies that could not be told.
+    :raises ExportError: a session is gone meanwhile.
     """
-    by_study: dict[Path, list[Path]] = {}
-    for session in folders:
-        study = study_of_session(session)
-        if study is not None and not (study / MANIFEST_FILE).is_file():  # a bundle stays as its check sums have it
-            by_study.setdefault(study, []).append(session)
     path = out.resolve()
     problems = []
-    for study, theirs in by_study.items():
+    for study, theirs in _by_study(folders).items():
         named = str(path.relative_to(study)) if path.is_relative_to(study) else str(path)
         try:
             fields = {
@@ -152,6 +174,7 @@ def note_export(
                 "participants": [*dict.fromkeys(filter(None, map(owner_of, theirs)))],
             }
             with LockedLog(study) as log:
+                _refuse_gone(theirs)
                 log.append("exported", **fields, **({"folder": True} if folder else {}))
         except StudyLogError as error:
             problems.append(f"the study does not know of {out}, so a withdrawal will not erase it: {error}")

@@ -150,6 +150,8 @@ class PrivateValues:
 
     def _hide_field(self, name: str, value: Any) -> Any:
         """Of a record: a number that is no memory value is a time or a count, and stays one."""
+        if name == "key" and _head(value) not in self._scenario.known_keys:
+            return self.hide_value(value)  # somebody has made it while the session ran, perhaps of a value
         if name in NAMES_FIELDS or (isinstance(value, int | float) and name not in _VALUE_FIELDS):
             return value
         return self.hide_value(value)

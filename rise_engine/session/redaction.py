@@ -63,6 +63,8 @@ class RedactionReport(Struct):
     """Of session.toml."""
     shadow_lines: int = 0
     """Of what second wizards did (`rise_engine.session.shadow`)."""
+    log_lines: int = 0
+    """Of the study's log (`study.jsonl`)."""
     longer_words: dict[str, int] = field(default_factory=dict)
     """Longer words of the inputs in which one of the words stood, and how often."""
     erased: list[str] = field(default_factory=list)
@@ -73,7 +75,7 @@ class RedactionReport(Struct):
     @property
     def changed(self) -> bool:
         """Whether anything is another than before, or would be."""
-        return bool(self.lines or self.info_lines or self.shadow_lines)
+        return bool(self.lines or self.info_lines or self.shadow_lines or self.log_lines)
 
 
 _SMALL = 5_000_000

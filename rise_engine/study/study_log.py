@@ -26,10 +26,13 @@ from rise_engine.json_codec import JsonError, decode, encode
 from rise_engine.scenario.diagnostics import Diagnostics
 from rise_engine.scenario.model import Json, SourceLocation
 from rise_engine.session.disk import Disk, error_message
+from rise_engine.session.erasure import overwrite
 
 LOG_FILE = "study.jsonl"
 SET_ASIDE_FILE = "study.jsonl.torn"
 """Half lines that a killed program left in the log."""
+WRITTEN = ("reason", "text", "value")
+"""Fields that hold what somebody wrote."""
 EntryKind: TypeAlias = Literal[
     "planned", "taken", "session", "checked", "outcome", "excluded", "withdrawn", "redacted", "exported"
 ]
@@ -57,6 +60,22 @@ class LogEntry(Struct, frozen=True):
     def get(self, name: str, otherwise: Any = None) -> Any:
         """A field's value, or `otherwise`."""
         return self.fields.get(name, otherwise)
+
+    def with_written(self, change: Callable[[str], str]) -> LogEntry:
+        """The same entry with another text wherever somebody wrote one (`WRITTEN`).
+
+        :param change: gives the other text.
+        """
+        fields = {name: _change_written(value, change, name) for name, value in self.fields.items()}
+        return LogEntry(self.kind, self.at, fields, self.line)
+
+
+def _change_written(value: Any, change: Callable[[str], str], name: str) -> Any:
+    if isinstance(value, dict):
+        return {field: _change_written(each, change, field) for field, each in value.items()}
+    if isinstance(value, list):
+        return [_change_written(each, change, name) for each in value]
+    return change(value) if isinstance(value, str) and name in WRITTEN else value
 
 
 def read_log(folder: Path, diagnostics: Diagnostics | None = None) -> list[LogEntry]:
@@ -244,6 +263,20 @@ class LockedLog:
         self._end = len(data)
         self._entries = _parse(data)[0]
         self._lines = len(self._entries)
+
+    def rewrite_for_good(self, entries: Sequence[LogEntry]) -> None:
+        """As `rewrite`, and nothing of what stood there can be read from the disk any more.
+
+        :raises StudyLogError: as `rewrite`.
+        :raises OSError: the old bytes could not be written over.
+        """
+        before = os.open(self.path, os.O_RDWR | os.O_CLOEXEC)
+        try:
+            self.rewrite(entries)
+            if os.fstat(before).st_nlink == 0:
+                overwrite(before, self._disk)
+        finally:
+            os.close(before)
 
     def _lock(self) -> None:
         end = time.monotonic() + WAIT_SECONDS

@@ -9,9 +9,9 @@ last the list. Whatever is left of an earlier run is finished by the next one.
 from __future__ import annotations
 
 import os
-import re
 from collections.abc import Sequence
 from contextlib import suppress
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -21,7 +21,7 @@ from msgspec.structs import replace
 
 from rise_engine.errors import RiseError
 from rise_engine.session.disk import Disk, error_message
-from rise_engine.session.erasure import erase_file, erase_folder, overwrite
+from rise_engine.session.erasure import erase_file, erase_folder
 from rise_engine.session.folder import JOURNAL, sessions_folder
 from rise_engine.session.lock import is_journal_locked, read_holder, running_message
 from rise_engine.session.unfinished_files import erase_unfinished
@@ -44,8 +44,6 @@ from rise_engine.study.withdrawn import PREFIX, hash_pseudonym, is_withdrawn, ne
 WORK_FOLDER = ".withdrawing"
 """In the study's folder, while somebody's data are being erased."""
 _LIST = "list.json"
-_WRITTEN = ("reason", "text", "value")
-"""Fields of the log that hold what somebody wrote."""
 
 
 class WithdrawalError(RiseError):
@@ -190,14 +188,8 @@ def _rewrite_log(log: LockedLog, entries: list[LogEntry], participant: str, own:
             kept.append(entry)
         elif entry.kind == "taken" or not _is_about(entry, participant, own):
             kept.append(replace(entry, fields=_without_name(entry, participant, PREFIX + digest)))
-    before = os.open(log.path, os.O_RDWR | os.O_CLOEXEC)
-    try:
-        withdrawn = {"slot": slots[-1] if slots else None, "salt": salt, "hash": digest}
-        log.rewrite([*kept, LogEntry("withdrawn", log.now_text(), withdrawn, 0)])
-        if os.fstat(before).st_nlink == 0:
-            overwrite(before, disk)
-    finally:
-        os.close(before)
+    withdrawn = {"slot": slots[-1] if slots else None, "salt": salt, "hash": digest}
+    log.rewrite_for_good([*kept, LogEntry("withdrawn", log.now_text(), withdrawn, 0)])
     _clear_set_aside(log.path.with_name(SET_ASIDE_FILE), participant, own, disk)
 
 
@@ -216,18 +208,12 @@ def _concerns(entry: LogEntry, participant: str, own: set[str]) -> bool:
 def _without_name(entry: LogEntry, participant: str, name: str) -> dict[str, Any]:
     """An entry's fields with another name in the place of theirs. A pseudonym of digits is no word that can be found
     in what somebody wrote."""
+    if not participant.isdigit():
+        entry = entry.with_written(partial(name_pattern(participant).sub, name))
     fields = {**entry.fields}
     if fields.get("participant") == participant:
         fields["participant"] = name
-    return fields if participant.isdigit() else _replace_written(fields, name_pattern(participant), name)
-
-
-def _replace_written(value: Any, pattern: re.Pattern[str], name: str, key: str = "") -> Any:
-    if isinstance(value, dict):
-        return {field: _replace_written(each, pattern, name, field) for field, each in value.items()}
-    if isinstance(value, list):
-        return [_replace_written(each, pattern, name, key) for each in value]
-    return pattern.sub(name, value) if isinstance(value, str) and key in _WRITTEN else value
+    return fields
 
 
 def _clear_set_aside(path: Path, participant: str, own: set[str], disk: Disk) -> None:
@@ -382,8 +368,8 @@ def _erase(study: Path, work: Path, participant: str, disk: Disk) -> WithdrawalR
         if sentence := _why_elsewhere(study, text):  # listed by an earlier run, perhaps in what this is a copy of
             report.beyond += [sentence] if sentence not in report.beyond else []
             continue
-        for work in erase_unfinished(path, lambda folder: erase_folder(folder, disk)):
-            report.beyond.append(f"{work} is being written just now: erase what becomes of it ({path})")
+        for unfinished in erase_unfinished(path, lambda folder: erase_folder(folder, disk)):
+            report.beyond.append(f"{unfinished} is being written just now: erase what becomes of it ({path})")
         if text in plan.export_folders:
             erase_folder(path, disk)
         elif path.is_dir() and not path.is_symlink():

@@ -268,6 +268,8 @@ def test_as_it_comes_a_value_is_hidden_from_then_on(tmp_path: Path) -> None:
     assert private.hide(memory) == MemoryRecord(3, 0.0, "", "name", "{name}", None, "wizard:w")
     assert private.hide(task).behavior == "Hi {name}"
     assert private.read("name", "Zoë") == "{name}" and private.read("count", 3) == 3
+    made_of_it = MemoryRecord(4, 0.0, "", "Zoë_laughs", True, None, "wizard:w", created=True)
+    assert private.hide(made_of_it).key == "{name}_laughs"
 
 
 def test_without_private_keys_records_stay_the_same(tmp_path: Path) -> None:

@@ -13,15 +13,21 @@ import pytest
 from click.testing import CliRunner, Result
 
 from rise_engine.cli import main
+from rise_engine.cli.redact import redact_in_study
+from rise_engine.export.format import ExportError
+from rise_engine.export.writing import new_path, note_export
 from rise_engine.kernel.inputs import OutcomeReport, RecordingReport, SessionStarted
 from rise_engine.session.lock import JournalLock
 from rise_engine.session.media import MEDIA_FILE, MediaFile, register_media
+from rise_engine.session.redaction import RedactionReport
+from rise_engine.session.unfinished_files import private_folder
 from rise_engine.study.retention import due_retention
 from rise_engine.study.state import OpenStudy, read_state
 from rise_engine.study.study_log import LOG_FILE, SET_ASIDE_FILE, LockedLog, StudyLogError, read_log
 from rise_engine.study.traces import find_names
 from rise_engine.study.withdrawal import WORK_FOLDER, WithdrawalError, WithdrawalPlan, plan_withdrawal, withdraw
 from rise_engine.study.withdrawn import is_withdrawn, without_salts
+from rise_engine.words import Words, parse_replacement
 
 from ..engine.processes import ENGINE
 from ..kills import every_kill
@@ -346,14 +352,49 @@ def test_an_export_is_listed_before_it_is_written(made: Folder) -> None:
     assert len([each for each in read_log(made.study) if each.kind == "exported"]) == 5
 
 
-def test_redacting_a_session_of_the_study_is_noted(made: Folder) -> None:
-    path = made.sessions[2]
-    from rise_engine.cli.redact import _note_in_study
-    from rise_engine.session.redaction import RedactionReport
+def test_what_is_exported_just_now_is_told_and_the_rest_is_erased(made: Folder) -> None:
+    with private_folder(made.study / "p01.csv") as being_written:
+        (being_written / "p01.csv").write_text("rows of P01")
+        report = withdraw(made.study, "P01")
+        assert being_written.exists() and (being_written / "p01.csv").exists()
+    told = [sentence for sentence in report.beyond if "is being written just now" in sentence]
+    assert len(told) == 1 and str(being_written) in told[0]
+    assert_gone(made)
 
-    assert _note_in_study(path, RedactionReport(lines=3)) == []
-    entry = read_log(made.study)[-1]
-    assert entry.kind == "redacted" and entry.fields == {"session": path.name, "lines": 3}
+
+def test_an_export_that_is_overtaken_by_a_withdrawal_is_not_kept(made: Folder) -> None:
+    out = made.study / "late.csv"
+    with pytest.raises(ExportError, match="make it again"), new_path(out, made.sessions[:1]) as here:
+        here.write_text("rows of P01")
+        withdraw(made.study, "P01")
+    assert not out.exists()
+    assert_gone(made)
+
+
+def test_an_export_of_what_was_read_before_a_withdrawal_is_refused(made: Folder) -> None:
+    withdraw(made.study, "P01")
+    with pytest.raises(ExportError, match="make it again"):
+        note_export(made.sessions[:1], made.study / "late.html", "report", "full")
+    assert_gone(made)
+
+
+def test_redacting_a_session_takes_the_words_out_of_the_studys_log(made: Folder) -> None:
+    path = made.sessions[2]
+    with LockedLog(made.study) as log:
+        log.append("outcome", session=path.name, status="complete", reason="Zelda was tired")
+        log.append("checked", session=path.name, checks=[{"id": "lamp", "reason": "Zelda saw it", "result": "skipped"}])
+        log.append("outcome", session=made.sessions[3].name, status="aborted", reason="as Zelda before")
+    words = Words([parse_replacement("Zelda=NAME1")])
+
+    report = RedactionReport(lines=3)
+    exports = redact_in_study(path, report, words)
+
+    assert report.log_lines == 2 and exports == []
+    entries = read_log(made.study)
+    assert entries[-1].fields == {"session": path.name, "lines": 3} and entries[-1].kind == "redacted"
+    text = (made.study / LOG_FILE).read_text()
+    assert text.count("NAME1") == 2 and text.count("Zelda") == 1
+    assert report.remains == [f"{LOG_FILE}, line {len(entries) - 1}: what somebody wrote about another session"]
 
 
 # --- what media.json names ---
