@@ -71,6 +71,7 @@
         JournalLockedError        An engine runs the session
         MediaError                media.json cannot be read or written
         RedactionRefused          Nothing was changed
+        RelabelledError           Something says of a session what its journal does not say
         ShadowError               A shadow cannot be begun
       SessionGoneError            No session answers
       SnapshotError               A snapshot does not fit the scenario that it is to go on with

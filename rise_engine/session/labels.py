@@ -16,6 +16,7 @@ from rise_engine.json_codec import JsonError, decode
 from rise_engine.kernel.records import SessionRecord
 from rise_engine.session.errors import SessionError
 from rise_engine.session.journal_format import JOURNAL, LineError, read_line
+from rise_engine.text import escape_surrogates
 
 _LABELS = (
     *("participant", "condition", "factors", "study", "study_hash", "slot", "run", "attempt", "purpose"),
@@ -95,7 +96,9 @@ def refuse_differences(folder: Path, differences: Iterable[str]) -> None:
 
 
 def _plain(value: Any) -> Any:
-    """As JSON has it."""
+    """As a journal has it."""
+    if isinstance(value, str):
+        return escape_surrogates(value)
     return list(value) if isinstance(value, tuple) else value
 
 

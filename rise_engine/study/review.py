@@ -103,7 +103,7 @@ def _review_log(
         _check_holders(entries, people.participants, plan.slots, diagnostics)
     for path in session_folders(folder):
         for sentence in session_differences(path, entries):
-            diagnostics.error("relabelled", SourceLocation(f"{SESSIONS}/{path.name}"), sentence)
+            diagnostics.error("other-label", SourceLocation(f"{SESSIONS}/{path.name}"), sentence)
     return entries, diagnostics.sorted()
 
 

@@ -363,14 +363,12 @@ def test_the_latest_session_of_a_scenario_is_named_and_none_while_it_runs(root: 
     first = Serving(study)
     wait_for_record(first.record, b'"kind":"robot"')
     first.end(signal.SIGKILL)
-    second = Serving(study, "--new")
+    second = Serving(study, "--new", "--robot", "pepper")
     wait_for_record(second.record, b'"kind":"robot"')
     second.end(signal.SIGKILL)
     (first.record / "abandoned").unlink()
-    info = second.record / "session.toml"
-    info.write_text(re.sub('^title = ".*"', 'title = "The latest"', info.read_text("utf-8"), flags=re.M), "utf-8")
     result = engine("sessions").stderr
-    assert result.count("begun 20") == 1 and "      The latest (debug" in result
+    assert result.count("begun 20") == 1 and "      study (debug, pepper)" in result, "the latest"
     running = Serving(study, "--session", first.record)
     assert running.record == first.record
     assert "did not end" not in engine("sessions").stderr, "it cannot be recovered now"

@@ -85,7 +85,7 @@ def test_a_session_toml_that_says_something_else(study: Path, pattern: str, new:
         read_session(folder)
     status, said = run("study", "check", study)
     assert status == 1
-    assert f"{SESSIONS}/{folder.name}:1:1: error relabelled: {INFO} says {label} = " in said
+    assert f"{SESSIONS}/{folder.name}:1:1: error other-label: {INFO} says {label} = " in said
 
 
 @pytest.mark.parametrize(("pattern", "new", "label"), IN_LOG, ids=[label for _, _, label in IN_LOG])
@@ -97,7 +97,7 @@ def test_a_log_that_says_something_else(study: Path, pattern: str, new: str, lab
     (study / LOG_FILE).write_text("".join(lines), "utf-8")
     with pytest.raises(RelabelledError, match=rf"study.jsonl, line {at + 1}, says {label} = .*journal.jsonl says"):
         read_session(folder)
-    assert f"error relabelled: {LOG_FILE}, line {at + 1}, says {label} = " in run("study", "check", study)[1]
+    assert f"error other-label: {LOG_FILE}, line {at + 1}, says {label} = " in run("study", "check", study)[1]
 
 
 def _replay(study: Path, folder: Path, out: Path) -> tuple[int, str]:
