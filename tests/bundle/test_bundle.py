@@ -400,6 +400,9 @@ def test_what_is_no_bundle(tmp_path: Path) -> None:
         pass
     with pytest.raises(BundleError, match="no ro-crate-metadata"):
         check_bundle(tmp_path)
+    (tmp_path / "report.html").symlink_to("/etc/passwd")
+    with pytest.raises(BundleError, match=r"these in it are links: `report\.html`"), opened_bundle(tmp_path):
+        pass
 
 
 # --- a command line, and a scenario that words decide ---------------------------------------------------------------

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import io
+import zipfile
 from collections.abc import Callable
 from pathlib import Path
 
@@ -15,6 +16,7 @@ from msgspec.structs import replace
 from rise_engine.edit.edits import AddAct, AnyEdit, SetParameter, SetTranslation, SetUseParameter
 from rise_engine.edit.read_outline import read_outline
 from rise_engine.scenario import LoadResult, load
+from rise_engine.texts import xlsx_file
 from rise_engine.texts.csv_file import read_csv, usual_separator, write_csv
 from rise_engine.texts.importing import TextImport, import_table, summary
 from rise_engine.texts.po_file import read_po, write_po
@@ -289,6 +291,14 @@ def test_what_is_no_table_is_told(data: bytes, sentence: str) -> None:
     with pytest.raises(TextsError) as refused:
         back(read_csv(data))
     assert sentence in str(refused.value)
+
+
+def test_an_excel_file_that_becomes_too_large_is_not_opened() -> None:
+    stream = io.BytesIO()
+    with zipfile.ZipFile(stream, "w", zipfile.ZIP_DEFLATED) as archive:
+        archive.writestr("xl/worksheets/sheet1.xml", bytes(xlsx_file.MAX_BYTES + 1))
+    with pytest.raises(TextsError, match="becomes 100,000,001 bytes"):
+        read_xlsx(stream.getvalue())
 
 
 @pytest.mark.parametrize("read", [read_xlsx, read_po])
