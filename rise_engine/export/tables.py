@@ -14,10 +14,12 @@ from collections.abc import Iterable
 from pathlib import Path
 
 from rise_engine.analysis.model import SessionData
+from rise_engine.export.course_tables import ACTIONS, ACTS, CUES, EVENTS, PHASES
 from rise_engine.export.format import ExportContext, ExportError, ExportFormat
-from rise_engine.export.table_definitions import FACTS, TABLES, factor_column
-from rise_engine.export.table_rows import ROWS, fact_values
-from rise_engine.export.table_schema import Column, TableSchema, cell, data_package, resource
+from rise_engine.export.session_tables import CHECKS, FACTS, RECORDINGS, SESSIONS, factor_column
+from rise_engine.export.table_schema import Column, Row, TableSchema, cell, data_package, resource
+
+TABLES = (SESSIONS, ACTS, ACTIONS, CUES, PHASES, EVENTS, CHECKS, RECORDINGS)
 
 PACKAGE = "datapackage.json"
 _ABOUT = (
@@ -33,17 +35,15 @@ class _OpenTable:
     def __init__(self, folder: Path, schema: TableSchema, facts: list[Column]) -> None:
         self.schema = schema
         self.columns = [*facts, *schema.columns]
-        self.names = [column.name for column in self.columns]
         self.path = folder / schema.file
         descriptor = os.open(self.path, os.O_WRONLY | os.O_CREAT | os.O_EXCL | os.O_CLOEXEC, 0o600)
         self.file = os.fdopen(descriptor, "w", encoding="utf-8", errors="backslashreplace", newline="")
         self._rows = csv.writer(self.file, lineterminator="\n")
-        self._rows.writerow(self.names)
+        self._rows.writerow([column.name for column in self.columns])
 
-    def add(self, data: SessionData, facts: dict[str, object]) -> None:
-        for row in ROWS[self.schema.name](data):
-            values = facts | dict(row)
-            self._rows.writerow([cell(values.get(name)) for name in self.names])
+    def add(self, data: SessionData, facts: list[str]) -> None:
+        for row in self.schema.rows(data):
+            self._rows.writerow([*facts, *(cell(column.of(row)) for column in self.schema.columns)])
 
     def described(self) -> dict[str, object]:
         """What datapackage.json says of it; it is closed."""
@@ -64,7 +64,7 @@ def _write(path: Path, sessions: Iterable[SessionData], context: ExportContext) 
             if unknown := data.facts.factors.keys() - set(context.factors):
                 named = ", ".join(sorted(unknown))
                 raise ExportError(f"{data.facts.session} has the factors {named}, which are not those of this export")
-            values = fact_values(data.facts)
+            values = [cell(column.of(Row(data, 1, data.facts))) for column in facts]
             for table in tables:
                 table.add(data, values)
     finally:

@@ -14,10 +14,9 @@ import pytest
 
 from rise_engine.analysis.model import ActorKind, PointKind
 from rise_engine.analysis.reading import read_sessions
-from rise_engine.export import table_definitions
+from rise_engine.export import table_levels
 from rise_engine.export.format import ExportError
-from rise_engine.export.table_definitions import TABLES
-from rise_engine.export.tables import FORMAT
+from rise_engine.export.tables import FORMAT, TABLES
 from rise_engine.export.writing import export_context, export_sessions
 from rise_engine.kernel.inputs import Submit
 from rise_engine.kernel.records import (
@@ -287,20 +286,20 @@ def test_texts_of_any_kind_stay_one_cell(tmp_path: Path) -> None:
 
 def test_every_value_that_there_can_be_is_described() -> None:
     pairs: list[tuple[Any, Any]] = [
-        (table_definitions.STATUS, TaskStatus),
-        (table_definitions.ACTION_STATUS, ActionStatus),
-        (table_definitions.ACTORS, ActorKind),
-        (table_definitions.OUTCOMES, OutcomeStatus),
-        (table_definitions.PURPOSES, Purpose),
-        (table_definitions.CHECK_RESULTS, CheckResult),
-        (table_definitions.RECORDING_STATES, RecordingStatus),
-        (table_definitions.MEDIA_KINDS, MediaKind),
+        (table_levels.STATUS, TaskStatus),
+        (table_levels.ACTION_STATUS, ActionStatus),
+        (table_levels.ACTORS, ActorKind),
+        (table_levels.OUTCOMES, OutcomeStatus),
+        (table_levels.PURPOSES, Purpose),
+        (table_levels.CHECK_RESULTS, CheckResult),
+        (table_levels.RECORDING_STATES, RecordingStatus),
+        (table_levels.MEDIA_KINDS, MediaKind),
     ]
     for levels, values in pairs:
         assert {*levels} == {*get_args(values)}
-    assert {*table_definitions.MARKS} == {*get_args(Mark)} - {"none"}
-    assert {*table_definitions.ALIGNMENTS} == {*get_args(AlignedBy)} - {""}
-    assert {*table_definitions.EVENT_KINDS} == {*get_args(PointKind)} | {"act", "phase", "cue"}
+    assert {*table_levels.MARKS} == {*get_args(Mark)} - {"none"}
+    assert {*table_levels.ALIGNMENTS} == {*get_args(AlignedBy)} - {""}
+    assert {*table_levels.EVENT_KINDS} == {*get_args(PointKind)} | {"act", "phase", "cue"}
 
 
 def test_every_column_is_described_and_filled(tables: Path) -> None:
