@@ -6,7 +6,6 @@ import hashlib
 import platform
 import re
 from importlib.metadata import Distribution, PackageNotFoundError, distribution
-from pathlib import Path
 
 from rise_engine import __version__
 
@@ -29,16 +28,6 @@ def environment_text(recorded: dict[str, set[str]]) -> str:
     lines += ["", "# The sessions were recorded with"]
     lines += [f"# {name} {', '.join(sorted(versions))}" for name, versions in sorted(recorded.items())]
     return "\n".join([*lines, ""])
-
-
-def made_with(root: Path) -> str:
-    """The version of this program with which the bundle in `root` was made; empty: it does not say."""
-    try:
-        lines = (root / ENVIRONMENT_FILE).read_text("utf-8", "replace").splitlines()
-    except OSError:
-        return ""
-    found = (line.removeprefix("rise-tui==") for line in lines if line.startswith("rise-tui=="))
-    return next(found, "").strip()
 
 
 def _package_line(package: Distribution) -> str:

@@ -13,22 +13,22 @@ from msgspec.structs import replace
 
 from rise_engine.analysis.model import SessionData
 from rise_engine.analysis.reading import read_sessions
+from rise_engine.bundle.about import ABOUT_FILE, AboutBundle, BundleOptions, write_about
 from rise_engine.bundle.archive import write_zip
 from rise_engine.bundle.crate import METADATA, CrateContents, CrateSession, metadata_text
+from rise_engine.bundle.derived import FORMATS, REPORT, with_license, write_derived
 from rise_engine.bundle.environment import ENVIRONMENT_FILE, environment_text
 from rise_engine.bundle.errors import BundleError
 from rise_engine.bundle.look_at import LookAt
 from rise_engine.bundle.manifest import manifest_text
-from rise_engine.bundle.report import REPORT, write_report
-from rise_engine.bundle.study_files import copy_scenarios, log_text, participants_text, study_text
+from rise_engine.bundle.study_files import copy_scenarios, log_text, participants_text, study_text, told_name
 from rise_engine.bundle.texts import license_text, readme_text
-from rise_engine.export.format import ExportContext, ExportError
+from rise_engine.export.format import ExportError
 from rise_engine.export.formats import load_format
 from rise_engine.export.writing import export_context, new_path, note_export
 from rise_engine.session.disk import make_private_folder
 from rise_engine.session.errors import SessionError
 from rise_engine.session.folder import INFO, JOURNAL
-from rise_engine.session.levels import ExportLevel
 from rise_engine.session.media import MEDIA_FILE
 from rise_engine.session.scenario_copies import copy_folders
 from rise_engine.session.sharing import CannotShare, share_session
@@ -40,18 +40,8 @@ from rise_engine.study.traces import MANIFEST_FILE, PARTICIPANTS_FILE, wizard_na
 from rise_engine.text import pluralize
 
 SESSIONS = "sessions"
-_FORMATS = ("tables", "bids")
-"""Exports that are in every bundle."""
-
-
-class BundleOptions(Struct, frozen=True):
-    """What somebody decides about a bundle."""
-
-    level: ExportLevel = "shared"
-    private: tuple[str, ...] = ()
-    """Further private memory keys."""
-    license: str = ""
-    """Instead of what `[report]` in study.toml says."""
+UNPROVED = "unproved"
+"""Exports of the sessions that are not in the bundle themselves: nobody can make these again from it."""
 
 
 class BundleReport(Struct):
@@ -99,8 +89,7 @@ class _Bundle:
 
     def __init__(self, state: StudyStatus, folders: Sequence[Path], options: BundleOptions) -> None:
         self._state = state
-        said = {**state.study.report, **({"license": options.license} if options.license else {})}
-        self._study = replace(state.study, report=said)
+        self._study = with_license(state.study, options)
         self._folders = list(folders)
         self._options = options
         self._level = options.level
@@ -109,6 +98,8 @@ class _Bundle:
         self._sessions: list[CrateSession] = []
         self._names: dict[str, str] = {}
         """What each session is called in the bundle, by its folder's name."""
+        self._absent: dict[str, str] = {}
+        """Why a session that the log names is not in it, by its name there."""
         self._versions: dict[str, set[str]] = {}
         self._look_at = LookAt(state.study, options.level)
         self.report = BundleReport()
@@ -117,7 +108,11 @@ class _Bundle:
         """Everything, its metadata and check sums at last. Raises SessionError, ExportError, BundleError, OSError."""
         self._write_sessions(root / SESSIONS)
         inputs = self._write_study(root)
-        self._write_exports(root)
+        about = AboutBundle(self._options, rehearsals=self._rehearsals(), absent=self._absent)
+        write_about(root, about)
+        for name, warning in write_derived(root, root, about):
+            self._look_at.add_warnings(name, [warning])
+        self._write_unproved(root)
         license = self._study.report.get("license", "")
         (root / "LICENSE").write_text(license_text(license, self._study), "utf-8")
         (root / ENVIRONMENT_FILE).write_text(environment_text(self._versions), "utf-8")
@@ -154,9 +149,10 @@ class _Bundle:
                 self.report.sessions += 1
             except CannotShare as error:
                 self.report.left_out.append(
-                    f"session {name} itself, because {error}. What the level tells of it is in the exports"
+                    f"session {name} itself, because {error}. What the level tells of it is in {UNPROVED}/"
                 )
                 where = ""
+                self._absent[name] = f"it could not be shared; what the level tells of it is in {UNPROVED}/"
             self._sessions.append(CrateSession(data.facts, where))
             if self._level == "full" and data.media:
                 recordings = pluralize(len(data.media), "recording")
@@ -203,24 +199,31 @@ class _Bundle:
             )
         names, people_names = self._names, self._people
         (root / LOG_FILE).write_text(log_text(self._state.log, names, people_names, self._level), "utf-8")
+        for each in self._state.sessions:
+            if each.name not in names and (self._level == "full" or each.entry.purpose == "counted"):
+                self._absent[told_name(each.name, names, self._level)] = "it was left out when the bundle was made"
         copied, left_out = copy_scenarios(study, root)
         self.report.left_out += left_out
         return [*inputs, *copied]
 
+    def _rehearsals(self) -> dict[str, int]:
+        """Sessions that do not count and are left out, by their purpose."""
+        left_out = (each.entry.purpose for each in self._state.sessions if each.name not in self._names)
+        return dict(Counter(purpose for purpose in left_out if purpose != "counted"))
+
     # --- exports ---
 
-    def _write_exports(self, root: Path) -> None:
-        for name in _FORMATS:
-            context = self._context()
-            load_format(name).write(root / name, self._read(), context)
-            self._look_at.add_warnings(name, context.warnings)
-        write_report(root, Path(self._study.folder), self._level, self._options.private)
-
-    def _context(self) -> ExportContext:
-        context = export_context(self._folders, self._level)
-        context.standing = self._state.standing
-        context.study = self._study
-        return context
+    def _write_unproved(self, root: Path) -> None:
+        """Of sessions that cannot be shared, what the level tells of them."""
+        if not any(not each.folder for each in self._sessions):
+            return
+        absent = {each.facts.session for each in self._sessions if not each.folder}
+        (root / UNPROVED).mkdir(0o700)
+        for name in FORMATS:
+            context = export_context(self._folders, self._level)
+            context.standing, context.study = self._state.standing, self._study
+            sessions = (data for data in self._read() if data.facts.session in absent)
+            load_format(name).write(root / UNPROVED / name, sessions, context)
 
     # --- about all of it ---
 
@@ -241,6 +244,8 @@ class _Bundle:
             "tables": "acts, events and sessions as tables",
             "bids": "the same as a data set of BIDS",
             REPORT: "the report, and the sheet of what a paper should say",
+            UNPROVED: "tables and BIDS of sessions that are not in it",
+            ABOUT_FILE: "with which options it was made",
             "LICENSE": "what others may do with it",
             ENVIRONMENT_FILE: "versions of programs",
         }

@@ -8,8 +8,9 @@ from pathlib import Path
 
 import click
 
+from rise_engine.bundle.about import BundleOptions
 from rise_engine.bundle.errors import BundleError
-from rise_engine.bundle.making import BundleOptions, make_bundle
+from rise_engine.bundle.making import make_bundle
 from rise_engine.cli.export import ended_by_signals, select_sessions
 from rise_engine.exit_status import OK, REFUSED, USAGE
 from rise_engine.export.format import ExportError

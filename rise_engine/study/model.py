@@ -156,7 +156,7 @@ class Study(Struct, frozen=True):
     report: dict[str, str] = {}
     """What people must say for the reporting sheet, by the name of its item (`[report]`)."""
     hash: str = ""
-    """SHA-256 of study.toml."""
+    """SHA-256 of what study.toml says about sessions (`rise_engine.study.design.content_hash`)."""
     design_hash: str = ""
     """SHA-256 of what the plan is made of: it must not change once there is a plan."""
 

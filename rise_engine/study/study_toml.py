@@ -114,7 +114,7 @@ def _load(folder: Path, *, check_scenarios: bool) -> StudyLoad:
     if source is None or file is None:
         return StudyLoad(None, diagnostics.sorted())
     reader = _StudyReader(file, diagnostics)
-    study = with_hashes(reader.read(folder), source.data)
+    study = with_hashes(reader.read(folder), file.values)
     unsure = _tables_with_errors(reader.table, diagnostics.sorted())
     scenarios: dict[str, Scenario] = {}
     others: list[Diagnostic] = []

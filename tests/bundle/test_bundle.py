@@ -14,9 +14,10 @@ import pytest
 from click.testing import CliRunner
 
 from rise_engine.bundle import archive
+from rise_engine.bundle.about import BundleOptions
 from rise_engine.bundle.archive import opened_bundle
 from rise_engine.bundle.errors import BundleError
-from rise_engine.bundle.making import BundleOptions, BundleReport, make_bundle
+from rise_engine.bundle.making import BundleReport, make_bundle
 from rise_engine.bundle.reproducing import check_bundle
 from rise_engine.bundle.study_files import log_text, participants_text, study_text
 from rise_engine.cli.bundle import bundle as bundle_command
