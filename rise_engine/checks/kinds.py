@@ -9,6 +9,7 @@ import re
 import time
 from collections.abc import Callable, Iterable, Sequence
 from contextlib import suppress
+from functools import cache, partial
 from hashlib import sha256
 from pathlib import Path
 from typing import Any
@@ -77,12 +78,15 @@ class MergedFinding(Struct, frozen=True):
 
     @property
     def where(self) -> str:
-        """`in polite+AB in de and 1 more of 8 kinds of session`; empty: everywhere."""
+        """`(in 2 of 8 kinds of session: polite (de), direct (de))`; empty: in all."""
         if len(self.kinds) == self.of:
             return ""
-        shown = "; ".join(self.kinds[:_NAMED])
-        more = f" and {len(self.kinds) - _NAMED} more" if len(self.kinds) > _NAMED else ""
-        return f"in {shown}{more} ({len(self.kinds)} of {self.of} kinds of session)"
+        more = ", ..." if len(self.kinds) > _NAMED else ""
+        return f"(in {len(self.kinds)} of {self.of} kinds of session: {', '.join(self.kinds[:_NAMED])}{more})"
+
+    def row(self) -> dict[str, Any]:
+        """As programs read it (`--json`)."""
+        return {**msgspec.structs.asdict(self.finding), "kinds": self.kinds}
 
 
 class StudyLook(Struct, frozen=True):
@@ -134,7 +138,7 @@ class StudyLook(Struct, frozen=True):
                 }
                 for kind, look in zip(self.kinds, self.looks, strict=True)
             ],
-            "findings": [{**msgspec.structs.asdict(each.finding), "kinds": each.kinds} for each in self.findings],
+            "findings": [each.row() for each in self.findings],
         }
 
 
@@ -152,8 +156,9 @@ def look_at_kinds(
     kept: dict[str, KindLook] = {}
     looked: list[tuple[SessionKind, KindLook]] = []
     acts: set[tuple[str, str]] = set()
+    loaded = cache(partial(load_for, study))
     for number, kind in enumerate(kinds, start=1):
-        scenario = load_for(study, kind)
+        scenario = loaded(kind.run.scenario, kind.language)
         if scenario is None:
             continue  # `study check` says what is wrong with it
         acts.update((kind.run.scenario, act) for act in scenario.acts)
@@ -172,10 +177,9 @@ def look_at_kinds(
     return StudyLook(tuple(kind for kind, _ in looked), tuple(look for _, look in looked), tuple(found), len(acts))
 
 
-def load_for(study: Study, kind: SessionKind) -> Scenario | None:
-    """The scenario as this kind of session runs it; None: it has errors."""
-    language = kind.language or None
-    return load(kind.run.scenario, robot=study.robot or None, mode=study.mode, language=language).scenario
+def load_for(study: Study, folder: str, language: str) -> Scenario | None:
+    """A scenario as a kind of session runs it; None: it has errors."""
+    return load(folder, robot=study.robot or None, mode=study.mode, language=language or None).scenario
 
 
 def explore_kind(
@@ -208,8 +212,9 @@ def findings_of(
     for failure in played.failures:
         place = f"{prefix / str(failure.location)}"
         if place not in told:
-            text = f"{failure.act} failed at {failure.action} when it was played: {failure.reason}"
-            found.append(KindFinding("problem", "play-failed", text, place))
+            text = f"{failure.act} failed at action {failure.action} when it was played: {failure.reason}"
+            level: FindingLevel = "warning" if failure.by_hand else "problem"
+            found.append(KindFinding(level, "play-failed", text, place))
     return tuple(found)
 
 

@@ -90,9 +90,12 @@ def new_report(folder: str, options: NewStudyOptions) -> int:
     where = quote(folder)
     for diagnostic in errors:
         print(str(diagnostic))
-    look = look_at_study(review_study(path)) if not errors else None
+    try:
+        look = look_at_study(review_study(path)) if not errors else None
+    except KeyboardInterrupt:
+        look = None  # the study is there; `study check` explores it
     for line in look_lines(look) if look is not None else ():
-        print(line)
+        print(fill(line, _width(), break_on_hyphens=False))
     print(f"\n{folder} is there{', with errors that are to be mended in it' * bool(errors)}. What is next:")
     print("  1. Write a line for each participant into participants.csv; study.toml says")
     print("     how, at its end. Change in study.toml what you like.")

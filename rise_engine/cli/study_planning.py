@@ -20,12 +20,11 @@ from rise_engine.study.plan_file import PlanError
 from rise_engine.study.planning import last_planned, plan_study
 from rise_engine.study.proof import ProvedSession, prove_sessions
 from rise_engine.study.review import StudyReview, review_study
-from rise_engine.study.state import StudyUnusable, read_state
 from rise_engine.study.session_kinds import session_kinds
+from rise_engine.study.state import StudyUnusable, read_state
 from rise_engine.study.study_log import StudyLogError, read_log
 from rise_engine.study.study_toml import STUDY_FILE, is_study, load_study
 from rise_engine.text import clean, pluralize
-
 
 _PROBLEMS = (
     "nothing is planned as long as sessions have problems. Correct them, or say why the plan is made all the same: "
@@ -64,9 +63,7 @@ def look_lines(look: StudyLook) -> Iterator[str]:
         finding = each.finding
         if finding.level != "remark":
             place = f"{finding.place}: " if finding.place else ""
-            yield clean(
-                f"{place}{finding.level} {finding.kind}: {finding.text}{f' {each.where}' if each.where else ''}"
-            )
+            yield clean(f"{place}{finding.level} {finding.kind}: {finding.text} {each.where}".rstrip())
     yield look.sentence
 
 

@@ -33,6 +33,8 @@ class PlayedFailure(Struct, frozen=True):
     action: str
     reason: str
     location: SourceLocation
+    by_hand: bool
+    """Whether the act was started by its own key, which nobody need press where it was pressed here."""
 
 
 class PlayedThrough(Struct, frozen=True):
@@ -76,6 +78,8 @@ class _Player:
         self._outside = set(topics_from_outside(scenario))
         self._done: Counter[tuple[object, ...]] = Counter()
         """How often each thing was done in each combination of states."""
+        self._pressed: set[str] = set()
+        """The keys that were pressed: one that starts an act is pressed once."""
         self.acts: set[str] = set()
         self.failures: dict[tuple[str, str, str], PlayedFailure] = {}
         self.ended = False
@@ -112,12 +116,15 @@ class _Player:
         name = min(choices, key=lambda choice: self._done[states, choice])
         self._done[states, name] += 1
         choices[name]()
+        self._pressed.add(name.removeprefix("key "))
         return not trial.problem
 
     def _choices(self, trial: Trial) -> Iterator[tuple[str, Callable[[], object]]]:
         for choice in key_choices(trial):
-            if choice.is_awaited:
-                yield f"key {choice.key.key}", lambda key=choice.key: trial.press(key)  # type: ignore[misc]
+            key = choice.key
+            is_by_hand = key.function == "startCommunicationRobotAct" and key.key not in self._pressed
+            if choice.is_awaited or (is_by_hand and not trial.is_busy):
+                yield f"key {key.key}", lambda key=key: trial.press(key)  # type: ignore[misc]
         topics = {way.event for rule in standing_rules(trial) for way in rule.ways}
         if CUE_TOPICS[0] in topics:
             yield "cue", trial.mark_cue
@@ -129,15 +136,17 @@ class _Player:
             yield "time", trial.go_on
 
     def _note(self, trial: Trial) -> None:
+        by_hand: set[int] = set()
         for record in trial.records:
             if isinstance(record, TaskRecord):
                 if record.function == "startCommunicationRobotAct" and record.status == "ACTIVE":
                     self.acts.add(record.behavior)
+                    by_hand |= {record.id} if record.source == SOURCE else set()
             elif isinstance(record, ActionRecord) and record.status == "failed" and record.act in self._scenario.acts:
                 key = (record.act, record.action, record.reason)
                 actions = self._scenario.acts[record.act].actions
                 place = next(action.location for action in actions if action.id == record.action)
-                self.failures.setdefault(key, PlayedFailure(*key, place))
+                self.failures.setdefault(key, PlayedFailure(*key, place, record.task in by_hand))
 
 
 def _go_on_without(task: int) -> Submit:

@@ -210,10 +210,9 @@ def find_missing_parts(explored: Explored) -> Iterator[ExploreFinding]:
                 yield ExploreFinding(
                     kind="missing-part",
                     level="problem",
-                    text=f"{act.name} fails at {action.id}: {problem}",
+                    text=f"{act.name} fails at action {action.id}: {problem}",
                     location=action.location,
                     act=act.name,
-                    path=explored.paths.to_fact(("act", act.name)),
                 )
 
 

@@ -24,8 +24,10 @@ class SessionKind(Struct, frozen=True):
 
     @property
     def name(self) -> str:
-        """For people: `polite+AB in de`; empty where there is only one kind."""
-        return " in ".join(filter(None, (self.run.condition, self.language)))
+        """For people: `polite+AB (de)`; empty where there is only one kind."""
+        if self.run.condition and self.language:
+            return f"{self.run.condition} ({self.language})"
+        return self.run.condition or self.language
 
     def first_input(self, study: Study) -> SessionStarted:
         """What such a session begins with."""
@@ -47,7 +49,7 @@ def session_kinds(
     :param scenarios: those without errors, by their absolute folder; a kind of another one is left out.
     """
     names = [factor.name for factor in study.factors]
-    spoken = [language for language in languages_of(study, people)]
+    spoken = list(languages_of(study, people))
     kinds: list[SessionKind] = []
     for levels in product(*([level.name for level in factor.levels] for factor in study.factors)):
         run = planned_run(study, dict(zip(names, levels, strict=True)))
