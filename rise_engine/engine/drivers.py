@@ -7,6 +7,8 @@ whatever the profile says: no robot moves.
 
 from __future__ import annotations
 
+import sys
+from functools import cache
 from importlib.metadata import EntryPoint, entry_points
 from typing import Any, cast
 
@@ -47,6 +49,12 @@ def driver_names() -> set[str]:
 
 def _find_plugin(group: str, name: str) -> EntryPoint | None:
     """The installed entry point of that name; of two, the one that Python finds first."""
+    return _find_plugin_on(tuple(sys.path), group, name)
+
+
+@cache
+def _find_plugin_on(path: tuple[str, ...], group: str, name: str) -> EntryPoint | None:
+    """Looked up once for each path: playing a scenario asks for the simulated robot again and again."""
     return next(iter(entry_points(group=group, name=name)), None)
 
 

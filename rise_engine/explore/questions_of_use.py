@@ -6,10 +6,12 @@ from collections import Counter
 from collections.abc import Iterator
 
 from rise_engine.explore.act_traits import keys_read
+from rise_engine.explore.cone import assignments_of
 from rise_engine.explore.explored import Explored
 from rise_engine.explore.finding import ExploreFinding
 from rise_engine.expression import Assignment, ExpressionError
 from rise_engine.scenario.model import Rule, SourceLocation, Transition
+from rise_engine.scenario.part_checks import find_missing_parts as find_missing_parts_of_act
 from rise_engine.text import pluralize
 
 NOT_RUNNING = "(not running)"
@@ -190,6 +192,28 @@ def find_missing_values(explored: Explored) -> Iterator[ExploreFinding]:
                 rule=rule,
                 path=explored.paths.to_fact(fact),
             )
+
+
+def find_missing_parts(explored: Explored) -> Iterator[ExploreFinding]:
+    """Acts that need a part of a value which can never be there, with what the session begins with. An index that the
+    study works out stands for any entry."""
+    scenario = explored.scenario
+    changed = {assignment.key.partition(".")[0] for assignment in assignments_of(scenario)}
+    told: set[tuple[str, str]] = set()
+    for begun in explored.space.stepper.beginnings:
+        memory = {**scenario.memory, **begun.memory}
+        for act in scenario.acts.values():
+            for action, problem in find_missing_parts_of_act(act, scenario.tables, memory, changed):
+                if (act.name, problem) in told:
+                    continue
+                told.add((act.name, problem))
+                yield ExploreFinding(
+                    kind="missing-part",
+                    level="problem",
+                    text=f"{act.name} fails at action {action.id}: {problem}",
+                    location=action.location,
+                    act=act.name,
+                )
 
 
 def _place_of(rule: Rule, text: str) -> SourceLocation:

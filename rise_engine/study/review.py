@@ -33,6 +33,8 @@ class StudyReview(Struct, frozen=True):
     diagnostics: list[Diagnostic]
     """Of study.toml, the scenarios, the participants, the plan and the log, each in reading order."""
     participants: tuple[Participant, ...] = ()
+    scenarios: Mapping[str, Scenario] = {}
+    """Those without errors, by their absolute folder."""
     slots: tuple[Slot, ...] = ()
     is_planned: bool = False
     """Whether study.jsonl knows a plan."""
@@ -76,6 +78,7 @@ def review_study(folder: str | os.PathLike[str]) -> StudyReview:
         study=loaded.study,
         diagnostics=found,
         participants=people.participants,
+        scenarios=loaded.scenarios,
         slots=plan.slots or (),
         is_planned=last_planned(entries) is not None,
         left_out=tuple(left_out),
