@@ -23,6 +23,7 @@ from rise_engine.kernel.records import (
     SyncRecord,
     TaskStatus,
 )
+from rise_engine.scenario.model import SIMULATED
 from rise_engine.session.levels import ExportLevel
 from rise_engine.session.media import MediaFile
 
@@ -56,6 +57,10 @@ class SessionFacts(Struct, frozen=True, kw_only=True):
     language: str = ""
     """In which everything was said, by BCP 47; empty: the scenario does not say."""
     robot: str = ""
+    driver: str = ""
+    """What reached the robot: `simulated` moves none, whatever the mode. Empty: not known."""
+    injected_faults: tuple[str, ...] = ()
+    """What the simulated robot was told to do wrong."""
     seed: int = 0
     speed: float = 1.0
     started: str = ""
@@ -68,6 +73,11 @@ class SessionFacts(Struct, frozen=True, kw_only=True):
     """Seconds by the wall clock without an engine (`Outage`): session time does not count them."""
     recoveries: int = 0
     versions: dict[str, str] = {}
+
+    @property
+    def is_simulated(self) -> bool:
+        """Whether no robot can have moved."""
+        return self.mode == "debug" or self.driver == SIMULATED
 
 
 class ActPart(Struct, frozen=True, kw_only=True):

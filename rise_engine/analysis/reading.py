@@ -28,7 +28,7 @@ from rise_engine.kernel.records import (
     StopRecord,
     SyncRecord,
 )
-from rise_engine.scenario.model import Scenario
+from rise_engine.scenario.model import SIMULATED, Scenario
 from rise_engine.session.errors import SessionError
 from rise_engine.session.folder import is_abandoned
 from rise_engine.session.labels import RelabelledError
@@ -190,6 +190,8 @@ def _facts(
         scenario_hash=begun.scenario_hash or (info.scenario_hash if info is not None else ""),
         language=begun.language or (info.language if info is not None else ""),
         robot=begun.robot or (info.robot if info is not None else ""),
+        driver=begun.driver or (SIMULATED if source.mode == "debug" else ""),
+        injected_faults=begun.injected_faults or (info.faults if info is not None else ()),
         seed=begun.seed or (info.seed if info is not None else 0),
         speed=info.speed if info is not None else 1.0,
         started=started,

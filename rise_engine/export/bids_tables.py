@@ -125,7 +125,8 @@ def session_columns(factors: Iterable[Column], *, dated: bool) -> Columns:
         **{column.name: column for column in factors},
         **_picked(
             SESSIONS,
-            "run attempt purpose mode outcome robot scenario_hash session_duration=duration_s downtime=downtime_s",
+            "run attempt purpose mode outcome robot driver injected_faults scenario_hash "
+            "session_duration=duration_s downtime=downtime_s",
         ),
     }
 

@@ -54,6 +54,7 @@ COLUMNS = (
     *("unstoppable", "held_by"),  # stop
     "open",  # robot, session
     *("cause", "via"),  # task
+    *("driver", "injected_faults"),  # session
 )
 """Of the table: always all of them, in this order. New ones may only come at the end."""
 

@@ -70,7 +70,7 @@ def reporting_sheet(
         )
 
     return [
-        item("Robot", "How many and which", [_robots(figures)], "robot_make"),
+        item("Robot", "How many and which", [_robots(figures), _injected(figures)], "robot_make"),
         item("Robot", "What it did by itself", _autonomy(figures), "autonomy"),
         item("Robot", "What it could do", _abilities(figures)),
         item("Robot", "What was expected of it", (), "robot_hypotheses"),
@@ -152,8 +152,18 @@ def _plain(text: str) -> str:
 
 
 def _robots(figures: StudyFigures) -> str:
-    robots = Counter(row.facts.robot for row in figures.complete)
-    return ", ".join(f"{robot or 'unnamed'} in {pluralize(number, 'session')}" for robot, number in robots.items())
+    robots = Counter(
+        f"{row.facts.robot or 'unnamed'}{' (simulated: no robot moved)' if row.facts.is_simulated else ''}"
+        for row in figures.complete
+    )
+    return ", ".join(f"{robot} in {pluralize(number, 'session')}" for robot, number in robots.items())
+
+
+def _injected(figures: StudyFigures) -> str:
+    """What simulated robots were told to do wrong."""
+    found = [row.facts.injected_faults for row in figures.complete if row.facts.injected_faults]
+    faults = dict.fromkeys(fault for faults in found for fault in faults)
+    return f"Faults were injected in {pluralize(len(found), 'session')}: {', '.join(faults)}." if found else ""
 
 
 def _autonomy(figures: StudyFigures) -> list[str]:

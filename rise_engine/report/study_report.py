@@ -87,11 +87,10 @@ def study_report(given: StudyReportInput) -> Document:
         Section("Sessions", tuple(_sessions(given))),
         Section("Reporting sheet", tuple(_sheet(given))),
     )
-    debug = study.mode == "debug"
     return Document(
         title=study.title,
         kind="Study report",
-        banner="DEBUG: study.toml says that the robot is simulated. No session counts." if debug else "",
+        banner=_banner(given),
         summary=_summary(given),
         facts=tuple(_head(given)),
         sections=tuple(section for section in sections if section.blocks),
@@ -116,6 +115,15 @@ def _summary(given: StudyReportInput) -> str:
     return told
 
 
+def _banner(given: StudyReportInput) -> str:
+    if given.study.mode == "debug":
+        return "DEBUG: study.toml says that the robot is simulated. No session counts."
+    simulated = sum(row.facts.is_simulated for row in given.figures.complete)
+    if not simulated:
+        return ""
+    return f"SIMULATED: the robot was simulated in {pluralize(simulated, 'complete session')}. No robot moved there."
+
+
 def _head(given: StudyReportInput) -> Iterable[tuple[str, str]]:
     study = given.study
     factors = "; ".join(
@@ -130,6 +138,10 @@ def _head(given: StudyReportInput) -> Iterable[tuple[str, str]]:
         ("Strata", ", ".join(study.assignment.strata)),
         ("Conditions hidden", "yes" if study.assignment.hidden else "no"),
         ("Mode", study.mode),
+        (
+            "Robot driver",
+            ", ".join(dict.fromkeys(row.facts.driver for row in given.figures.complete if row.facts.driver)),
+        ),
         ("Seed", str(study.seed)),
         ("Versions", ", ".join(sorted(versions))),
         ("study.toml, SHA-256", study.hash[:16]),
@@ -414,6 +426,7 @@ def _went_wrong(row: SessionRow) -> str:
         f"recovered {pluralize(facts.recoveries, 'time')}, {seconds_text(facts.downtime)} without engine"
         if facts.recoveries
         else "",
+        f"faults injected: {'; '.join(facts.injected_faults)}" if facts.injected_faults else "",
     ]
     return ", ".join(filter(None, told))
 

@@ -81,6 +81,10 @@ class ActionSpec(Struct, frozen=True):
     help: str = ""
 
 
+SIMULATED = "simulated"
+"""The driver that moves no robot."""
+
+
 class RobotProfile(Struct, frozen=True):
     """A robot as data: which actions it has and which driver reaches it."""
 

@@ -18,7 +18,7 @@ from rise_engine.export import table_levels
 from rise_engine.export.format import ExportError
 from rise_engine.export.tables import FORMAT, TABLES
 from rise_engine.export.writing import export_context, export_sessions
-from rise_engine.kernel.inputs import Submit
+from rise_engine.kernel.inputs import SessionStarted, Submit
 from rise_engine.kernel.records import (
     ActionStatus,
     CheckResult,
@@ -96,6 +96,13 @@ def test_frictionless_accepts_sessions_of_no_study(tmp_path: Path) -> None:
     (recovery,) = [row for row in rows(out, "events") if row["kind"] == "recovery"]
     assert (recovery["name"], recovery["outage_s"], recovery["duration"]) == ("recovered", "95", "0")
     assert any(row["outage_s"] for row in rows(out, "acts"))  # what was under way is lost, after the outage
+
+
+def test_a_simulated_robot_is_said_to_be_one_in_any_mode(tmp_path: Path) -> None:
+    begun = SessionStarted(participant="P01", injected_faults=("PointAt=fail@1", "Speech=slow"))
+    session = play_session(tmp_path / "sessions", [], started=begun, mode="real", until=1.0)
+    (row,) = rows(make_tables(tmp_path, [session]), "sessions")
+    assert (row["mode"], row["driver"], row["injected_faults"]) == ("real", "simulated", "PointAt=fail@1 ; Speech=slow")
 
 
 FIRST_TASK = "1"
@@ -329,7 +336,7 @@ def test_every_column_is_described_and_filled(tables: Path) -> None:
             "within_s",
             "study_hash",
         ),  # of recordings; see above
-        "outcome_reason",
+        *("outcome_reason", "injected_faults"),
         *("outage_s", "wall_s", "response_outage_s"),  # of sessions that were recovered
     }
     for schema in TABLES:
