@@ -16,9 +16,10 @@ from rise_engine.analysis.reading import read_sessions
 from rise_engine.bundle.about import ABOUT_FILE, AboutBundle, BundleOptions, write_about
 from rise_engine.bundle.archive import write_zip
 from rise_engine.bundle.crate import METADATA, CrateContents, CrateSession, metadata_text
-from rise_engine.bundle.derived import FORMATS, REPORT, with_license, write_derived
+from rise_engine.bundle.derived import FORMATS, REPORT, sessions_in_order, with_license, write_derived
 from rise_engine.bundle.environment import ENVIRONMENT_FILE, PROGRAM, environment_text, wheel_in, write_program
 from rise_engine.bundle.errors import BundleError
+from rise_engine.bundle.inputs import check_inputs
 from rise_engine.bundle.look_at import LookAt
 from rise_engine.bundle.manifest import fingerprint, manifest_text
 from rise_engine.bundle.study_files import copy_scenarios, log_text, participants_text, study_text, told_name
@@ -33,7 +34,7 @@ from rise_engine.session.media import MEDIA_FILE
 from rise_engine.session.scenario_copies import copy_folders
 from rise_engine.session.sharing import CannotShare, share_session
 from rise_engine.study.plan_file import PLAN_FILE
-from rise_engine.study.state import StudyStatus
+from rise_engine.study.state import StudyStatus, read_state
 from rise_engine.study.study_log import LOG_FILE
 from rise_engine.study.study_toml import STUDY_FILE
 from rise_engine.study.traces import MANIFEST_FILE, PARTICIPANTS_FILE, wizard_names
@@ -120,6 +121,9 @@ class _Bundle:
         if why := write_program(root):
             self.report.left_out.append(f"the program, because {why}; {ENVIRONMENT_FILE} says which one it was")
         (root / ENVIRONMENT_FILE).write_text(environment_text(self._versions), "utf-8")
+        state = read_state(root)
+        changed = check_inputs(root, state, sessions_in_order(root, state)).problems
+        self.report.look_at += [f"{each}. rise-engine reproduce will say so, too" for each in changed]
         self.report.look_at += self._look_at.sentences(root, self._people, license)
         self.report.contents += self._contents(root)
         readme = readme_text(self._study, self._level, self.report.contents, self.report.left_out, wheel_in(root))

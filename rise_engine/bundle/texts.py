@@ -71,7 +71,6 @@ def readme_text(study: Study, level: ExportLevel, contents: Sequence[str], left_
             "- Where something private stood, another word stands (`PERSONNAME1`) or another number (from 90001 on), "
             "the same one for the same value. Each session was replayed with these: it went the same way.",
             f"- `{GIVEN}` in participants.csv stands for a consent that was given, whenever that was.",
-            "- study.toml names no wizards, so its check sum is not the one that the records name.",
             "",
         ]
     return "\n".join(lines)
