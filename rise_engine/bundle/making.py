@@ -16,11 +16,12 @@ from rise_engine.analysis.reading import read_sessions
 from rise_engine.bundle.about import ABOUT_FILE, AboutBundle, BundleOptions, write_about
 from rise_engine.bundle.archive import write_zip
 from rise_engine.bundle.crate import METADATA, CrateContents, CrateSession, metadata_text
-from rise_engine.bundle.derived import FORMATS, REPORT, with_license, write_derived
-from rise_engine.bundle.environment import ENVIRONMENT_FILE, environment_text
+from rise_engine.bundle.derived import FORMATS, REPORT, sessions_in_order, with_license, write_derived
+from rise_engine.bundle.environment import ENVIRONMENT_FILE, PROGRAM, environment_text, wheel_in, write_program
 from rise_engine.bundle.errors import BundleError
+from rise_engine.bundle.inputs import check_inputs
 from rise_engine.bundle.look_at import LookAt
-from rise_engine.bundle.manifest import manifest_text
+from rise_engine.bundle.manifest import fingerprint, manifest_text
 from rise_engine.bundle.study_files import copy_scenarios, log_text, participants_text, study_text, told_name
 from rise_engine.bundle.texts import license_text, readme_text
 from rise_engine.export.format import ExportError
@@ -33,7 +34,7 @@ from rise_engine.session.media import MEDIA_FILE
 from rise_engine.session.scenario_copies import copy_folders
 from rise_engine.session.sharing import CannotShare, share_session
 from rise_engine.study.plan_file import PLAN_FILE
-from rise_engine.study.state import StudyStatus
+from rise_engine.study.state import StudyStatus, read_state
 from rise_engine.study.study_log import LOG_FILE
 from rise_engine.study.study_toml import STUDY_FILE
 from rise_engine.study.traces import MANIFEST_FILE, PARTICIPANTS_FILE, wizard_names
@@ -53,6 +54,8 @@ class BundleReport(Struct):
     """What somebody should look at before others get it."""
     sessions: int = 0
     """How many can be run again from it."""
+    fingerprint: str = ""
+    """The check sum of its check sums."""
 
 
 def make_bundle(
@@ -115,13 +118,19 @@ class _Bundle:
         self._write_unproved(root)
         license = self._study.report.get("license", "")
         (root / "LICENSE").write_text(license_text(license, self._study), "utf-8")
+        if why := write_program(root):
+            self.report.left_out.append(f"the program, because {why}; {ENVIRONMENT_FILE} says which one it was")
         (root / ENVIRONMENT_FILE).write_text(environment_text(self._versions), "utf-8")
+        state = read_state(root)
+        changed = check_inputs(root, state, sessions_in_order(root, state)).problems
+        self.report.look_at += [f"{each}. rise-engine reproduce will say so, too" for each in changed]
         self.report.look_at += self._look_at.sentences(root, self._people, license)
         self.report.contents += self._contents(root)
-        readme = readme_text(self._study, self._level, self.report.contents, self.report.left_out)
+        readme = readme_text(self._study, self._level, self.report.contents, self.report.left_out, wheel_in(root))
         (root / "README.md").write_text(readme, "utf-8")
         (root / METADATA).write_text(metadata_text(root, self._crate_contents(inputs, license)), "utf-8")
         (root / MANIFEST_FILE).write_text(manifest_text(root), "utf-8")
+        self.report.fingerprint = fingerprint(root)
 
     # --- sessions ---
 
@@ -244,10 +253,11 @@ class _Bundle:
             "tables": "acts, events and sessions as tables",
             "bids": "the same as a data set of BIDS",
             REPORT: "the report, and the sheet of what a paper should say",
+            PROGRAM: "the program with which it was made, to be installed with pip",
             UNPROVED: "tables and BIDS of sessions that are not in it",
             ABOUT_FILE: "with which options it was made",
             "LICENSE": "what others may do with it",
-            ENVIRONMENT_FILE: "versions of programs",
+            ENVIRONMENT_FILE: "versions of programs, and where they come from",
         }
         lines = []
         for name in sorted(counts):
