@@ -131,7 +131,7 @@ def session_columns(factors: Iterable[Column], *, dated: bool) -> Columns:
     }
 
 
-class _Event(Struct, kw_only=True, frozen=True):
+class _EventRow(Struct, kw_only=True, frozen=True):
     """A row of events."""
 
     onset: float
@@ -214,12 +214,12 @@ def event_rows(data: SessionData) -> list[Row]:
     return [Row(data, number, event) for number, event in enumerate(events, 1)]
 
 
-def _events(data: SessionData) -> Iterator[_Event]:
+def _events(data: SessionData) -> Iterator[_EventRow]:
     for act in data.acts:
         yield from _events_of_act(act)
     for cue in data.cues:
         end = cue.answered_at if cue.answered_at is not None else cue.undone_at
-        yield _Event(
+        yield _EventRow(
             onset=cue.at,
             end=end,
             trial_type="cue",
@@ -229,7 +229,7 @@ def _events(data: SessionData) -> Iterator[_Event]:
             task_id=cue.task,
         )
     for phase in data.phases:
-        yield _Event(
+        yield _EventRow(
             onset=phase.start,
             end=phase.end,
             trial_type="rule_state",
@@ -239,7 +239,7 @@ def _events(data: SessionData) -> Iterator[_Event]:
             status=phase.ended_by,
         )
     for point in data.points:
-        yield _Event(
+        yield _EventRow(
             onset=point.at,
             end=point.at,
             trial_type=point.kind,
@@ -250,10 +250,10 @@ def _events(data: SessionData) -> Iterator[_Event]:
         )
 
 
-def _events_of_act(act: PlayedAct) -> Iterator[_Event]:
+def _events_of_act(act: PlayedAct) -> Iterator[_EventRow]:
     begun = act.robot_at if act.robot_at is not None else act.started_at
     onset = begun if begun is not None else act.accepted_at
-    yield _Event(
+    yield _EventRow(
         onset=onset,
         end=act.ended_at if begun is not None else onset,
         trial_type="robot_act",
@@ -267,7 +267,7 @@ def _events_of_act(act: PlayedAct) -> Iterator[_Event]:
     )
     for part in act.parts:
         if part.accepted_at is not None:
-            yield _Event(
+            yield _EventRow(
                 onset=part.accepted_at,
                 end=part.ended_at,
                 trial_type="robot_action",
