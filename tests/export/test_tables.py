@@ -15,6 +15,7 @@ import pytest
 from rise_engine.analysis.model import ActorKind, PointKind
 from rise_engine.analysis.reading import read_sessions
 from rise_engine.export import table_levels
+from rise_engine.export.course_tables import CODED
 from rise_engine.export.format import ExportError
 from rise_engine.export.tables import FORMAT, TABLES
 from rise_engine.export.writing import export_context, export_sessions
@@ -314,7 +315,8 @@ def test_every_column_is_described_and_filled(tables: Path) -> None:
     assert [each["path"] for each in package["resources"]] == [schema.file for schema in TABLES]
     for each in package["resources"]:
         names = [field["name"] for field in each["schema"]["fields"]]
-        assert names == list(rows(tables, each["name"])[0]), "every column of the file, in its order"
+        header = (tables / each["path"]).read_text("utf-8").partition("\n")[0]
+        assert names == header.split(","), "every column of the file, in its order"
         assert len(names) == len(set(names)) and all(field["description"] for field in each["schema"]["fields"])
         for field in each["schema"]["fields"]:
             timed = field["name"].endswith(("_at", "_s")) or field["name"] in (
@@ -322,6 +324,7 @@ def test_every_column_is_described_and_filled(tables: Path) -> None:
                 "onset",
                 "duration",
                 "start",
+                "begin",
                 "end",
             )
             assert (field.get("unit") == "s") == timed, field["name"]
@@ -341,6 +344,8 @@ def test_every_column_is_described_and_filled(tables: Path) -> None:
     }
     for schema in TABLES:
         found = rows(tables, schema.name)
+        if schema is CODED:
+            continue  # nobody has annotated these; tests/export/test_coded.py has such tables
         empty = {name for name in found[0] if not any(row[name] for row in found)}
         assert empty <= never | {"value", "reason"}, (schema.name, empty)
 
