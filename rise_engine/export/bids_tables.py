@@ -242,7 +242,7 @@ def _events(data: SessionData) -> Iterator[_EventRow]:
             status=phase.ended_by,
         )
     for each in data.coded:
-        yield _Event(
+        yield _EventRow(
             onset=each.begin,
             end=each.end,
             trial_type="coded",
