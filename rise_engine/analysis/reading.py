@@ -12,6 +12,7 @@ from pathlib import Path
 from msgspec.structs import replace
 
 from rise_engine.analysis.acts import ActCollector
+from rise_engine.analysis.coded import read_annotations
 from rise_engine.analysis.judgements import Judgement, read_judgements
 from rise_engine.analysis.model import Outage, SessionData, SessionFacts
 from rise_engine.analysis.outages import OutageCollector
@@ -28,7 +29,7 @@ from rise_engine.kernel.records import (
     StopRecord,
     SyncRecord,
 )
-from rise_engine.scenario.model import Scenario
+from rise_engine.scenario.model import SIMULATED, Scenario
 from rise_engine.session.errors import SessionError
 from rise_engine.session.folder import is_abandoned
 from rise_engine.session.labels import RelabelledError
@@ -153,6 +154,7 @@ def _read(
         recordings=tuple({each.name: each for each in few if isinstance(each, RecordingRecord)}.values()),
         syncs=tuple(each for each in few if isinstance(each, SyncRecord)),
         media=media,
+        coded=read_annotations(folder, source.filter, played, away.outages, end, problems),
         repairs=count_repairs(few, played, phases.stepped_back),
         problems=tuple(problems),
     )
@@ -190,6 +192,8 @@ def _facts(
         scenario_hash=begun.scenario_hash or (info.scenario_hash if info is not None else ""),
         language=begun.language or (info.language if info is not None else ""),
         robot=begun.robot or (info.robot if info is not None else ""),
+        driver=begun.driver or (SIMULATED if source.mode == "debug" else ""),
+        injected_faults=begun.injected_faults or (info.faults if info is not None else ()),
         seed=begun.seed or (info.seed if info is not None else 0),
         speed=info.speed if info is not None else 1.0,
         started=started,

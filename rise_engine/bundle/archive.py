@@ -52,6 +52,7 @@ def opened_bundle(path: Path) -> Iterator[Path]:
     beside = Path(tempfile.gettempdir(), "rise-bundle")
     if path.is_dir():
         erase_unfinished(beside)
+        _refuse_links(path)
         yield path
         return
     if not path.exists():
@@ -67,6 +68,17 @@ def opened_bundle(path: Path) -> Iterator[Path]:
         except OSError as error:
             raise BundleError(f"{path} cannot be unpacked: {error.strerror or error}") from None
         yield folder
+
+
+def _refuse_links(folder: Path) -> None:
+    """A bundle has none, and one could lead to any file of whoever reads it. Raises BundleError."""
+    links = sorted(path.relative_to(folder).as_posix() for path in folder.rglob("*") if path.is_symlink())
+    if links:
+        raise BundleError(f"it is no bundle, because these in it are links: {_some(links)}")
+
+
+def _some(names: list[str]) -> str:
+    return ", ".join(f"`{clean(name)}`" for name in names[:_NAMED]) + ", ..." * (len(names) > _NAMED)
 
 
 def _check(archive: zipfile.ZipFile, size: int, free: int) -> None:
@@ -93,8 +105,7 @@ def _check(archive: zipfile.ZipFile, size: int, free: int) -> None:
     other = [entry.filename for entry in entries if not _is_plain(entry)]
     for names, what in ((elsewhere, "would lie outside of it, or be hidden"), (other, "are links, or no files")):
         if names:
-            shown = ", ".join(f"`{clean(name)}`" for name in names[:_NAMED]) + ", ..." * (len(names) > _NAMED)
-            problems.append(f"it is no bundle, because these in it {what}: {shown}")
+            problems.append(f"it is no bundle, because these in it {what}: {_some(names)}")
     if problems:
         raise BundleError("\n".join(problems))
 

@@ -6,52 +6,45 @@ import shutil
 from collections import Counter
 from collections.abc import Iterator, Sequence
 from datetime import datetime
-from pathlib import Path
+from pathlib import Path, PurePosixPath
 
 from msgspec import Struct, field
 from msgspec.structs import replace
 
 from rise_engine.analysis.model import SessionData
 from rise_engine.analysis.reading import read_sessions
+from rise_engine.bundle.about import ABOUT_FILE, AboutBundle, BundleOptions, write_about
 from rise_engine.bundle.archive import write_zip
 from rise_engine.bundle.crate import METADATA, CrateContents, CrateSession, metadata_text
-from rise_engine.bundle.environment import ENVIRONMENT_FILE, environment_text
+from rise_engine.bundle.derived import FORMATS, REPORT, sessions_in_order, with_license, write_derived
+from rise_engine.bundle.environment import ENVIRONMENT_FILE, PROGRAM, environment_text, wheel_in, write_program
 from rise_engine.bundle.errors import BundleError
+from rise_engine.bundle.inputs import check_inputs
 from rise_engine.bundle.look_at import LookAt
-from rise_engine.bundle.manifest import manifest_text
-from rise_engine.bundle.report import REPORT, write_report
-from rise_engine.bundle.study_files import copy_scenarios, log_text, participants_text, study_text
+from rise_engine.bundle.manifest import fingerprint, manifest_text
+from rise_engine.bundle.study_files import copy_scenarios, log_text, participants_text, study_text, told_name
 from rise_engine.bundle.texts import license_text, readme_text
-from rise_engine.export.format import ExportContext, ExportError
+from rise_engine.export.format import ExportError
 from rise_engine.export.formats import load_format
+from rise_engine.export.questionnaire_tables import answers_text, told_answers
 from rise_engine.export.writing import export_context, new_path, note_export
-from rise_engine.session.disk import make_private_folder
+from rise_engine.session.coded import coded_paths
+from rise_engine.session.disk import make_private_folder, write_private_file
 from rise_engine.session.errors import SessionError
 from rise_engine.session.folder import INFO, JOURNAL
-from rise_engine.session.levels import ExportLevel
 from rise_engine.session.media import MEDIA_FILE
 from rise_engine.session.scenario_copies import copy_folders
 from rise_engine.session.sharing import CannotShare, share_session
 from rise_engine.study.plan_file import PLAN_FILE
-from rise_engine.study.state import StudyStatus
+from rise_engine.study.state import StudyStatus, read_state
 from rise_engine.study.study_log import LOG_FILE
 from rise_engine.study.study_toml import STUDY_FILE
 from rise_engine.study.traces import MANIFEST_FILE, PARTICIPANTS_FILE, wizard_names
 from rise_engine.text import pluralize
 
 SESSIONS = "sessions"
-_FORMATS = ("tables", "bids")
-"""Exports that are in every bundle."""
-
-
-class BundleOptions(Struct, frozen=True):
-    """What somebody decides about a bundle."""
-
-    level: ExportLevel = "shared"
-    private: tuple[str, ...] = ()
-    """Further private memory keys."""
-    license: str = ""
-    """Instead of what `[report]` in study.toml says."""
+UNPROVED = "unproved"
+"""Exports of the sessions that are not in the bundle themselves: nobody can make these again from it."""
 
 
 class BundleReport(Struct):
@@ -63,6 +56,8 @@ class BundleReport(Struct):
     """What somebody should look at before others get it."""
     sessions: int = 0
     """How many can be run again from it."""
+    fingerprint: str = ""
+    """The check sum of its check sums."""
 
 
 def make_bundle(
@@ -99,8 +94,7 @@ class _Bundle:
 
     def __init__(self, state: StudyStatus, folders: Sequence[Path], options: BundleOptions) -> None:
         self._state = state
-        said = {**state.study.report, **({"license": options.license} if options.license else {})}
-        self._study = replace(state.study, report=said)
+        self._study = with_license(state.study, options)
         self._folders = list(folders)
         self._options = options
         self._level = options.level
@@ -109,6 +103,8 @@ class _Bundle:
         self._sessions: list[CrateSession] = []
         self._names: dict[str, str] = {}
         """What each session is called in the bundle, by its folder's name."""
+        self._absent: dict[str, str] = {}
+        """Why a session that the log names is not in it, by its name there."""
         self._versions: dict[str, set[str]] = {}
         self._look_at = LookAt(state.study, options.level)
         self.report = BundleReport()
@@ -117,16 +113,26 @@ class _Bundle:
         """Everything, its metadata and check sums at last. Raises SessionError, ExportError, BundleError, OSError."""
         self._write_sessions(root / SESSIONS)
         inputs = self._write_study(root)
-        self._write_exports(root)
+        about = AboutBundle(self._options, rehearsals=self._rehearsals(), absent=self._absent)
+        write_about(root, about)
+        for name, warning in write_derived(root, root, about):
+            self._look_at.add_warnings(name, [warning])
+        self._write_unproved(root)
         license = self._study.report.get("license", "")
         (root / "LICENSE").write_text(license_text(license, self._study), "utf-8")
+        if why := write_program(root):
+            self.report.left_out.append(f"the program, because {why}; {ENVIRONMENT_FILE} says which one it was")
         (root / ENVIRONMENT_FILE).write_text(environment_text(self._versions), "utf-8")
+        state = read_state(root)
+        changed = check_inputs(root, state, sessions_in_order(root, state)).problems
+        self.report.look_at += [f"{each}. rise-engine reproduce will say so, too" for each in changed]
         self.report.look_at += self._look_at.sentences(root, self._people, license)
         self.report.contents += self._contents(root)
-        readme = readme_text(self._study, self._level, self.report.contents, self.report.left_out)
+        readme = readme_text(self._study, self._level, self.report.contents, self.report.left_out, wheel_in(root))
         (root / "README.md").write_text(readme, "utf-8")
         (root / METADATA).write_text(metadata_text(root, self._crate_contents(inputs, license)), "utf-8")
         (root / MANIFEST_FILE).write_text(manifest_text(root), "utf-8")
+        self.report.fingerprint = fingerprint(root)
 
     # --- sessions ---
 
@@ -154,9 +160,10 @@ class _Bundle:
                 self.report.sessions += 1
             except CannotShare as error:
                 self.report.left_out.append(
-                    f"session {name} itself, because {error}. What the level tells of it is in the exports"
+                    f"session {name} itself, because {error}. What the level tells of it is in {UNPROVED}/"
                 )
                 where = ""
+                self._absent[name] = f"it could not be shared; what the level tells of it is in {UNPROVED}/"
             self._sessions.append(CrateSession(data.facts, where))
             if self._level == "full" and data.media:
                 recordings = pluralize(len(data.media), "recording")
@@ -201,26 +208,39 @@ class _Bundle:
             self.report.left_out.append(
                 f"{PLAN_FILE}, because the study is not complete and it says what the next participants get"
             )
+        warnings: list[str] = []
+        for answers in told_answers(study, self._level, (each.facts for each in self._sessions), warnings):
+            file = root / answers.settings.file
+            make_private_folder(file.parent)
+            write_private_file(file, answers_text(answers).encode())
+            inputs.append(answers.settings.file)
         names, people_names = self._names, self._people
         (root / LOG_FILE).write_text(log_text(self._state.log, names, people_names, self._level), "utf-8")
+        for each in self._state.sessions:
+            if each.name not in names and (self._level == "full" or each.entry.purpose == "counted"):
+                self._absent[told_name(each.name, names, self._level)] = "it was left out when the bundle was made"
         copied, left_out = copy_scenarios(study, root)
         self.report.left_out += left_out
         return [*inputs, *copied]
 
+    def _rehearsals(self) -> dict[str, int]:
+        """Sessions that do not count and are left out, by their purpose."""
+        left_out = (each.entry.purpose for each in self._state.sessions if each.name not in self._names)
+        return dict(Counter(purpose for purpose in left_out if purpose != "counted"))
+
     # --- exports ---
 
-    def _write_exports(self, root: Path) -> None:
-        for name in _FORMATS:
-            context = self._context()
-            load_format(name).write(root / name, self._read(), context)
-            self._look_at.add_warnings(name, context.warnings)
-        write_report(root, Path(self._study.folder), self._level, self._options.private)
-
-    def _context(self) -> ExportContext:
-        context = export_context(self._folders, self._level)
-        context.standing = self._state.standing
-        context.study = self._study
-        return context
+    def _write_unproved(self, root: Path) -> None:
+        """Of sessions that cannot be shared, what the level tells of them."""
+        if not any(not each.folder for each in self._sessions):
+            return
+        absent = {each.facts.session for each in self._sessions if not each.folder}
+        (root / UNPROVED).mkdir(0o700)
+        for name in FORMATS:
+            context = export_context(self._folders, self._level)
+            context.standing, context.study = self._state.standing, self._study
+            sessions = (data for data in self._read() if data.facts.session in absent)
+            load_format(name).write(root / UNPROVED / name, sessions, context)
 
     # --- about all of it ---
 
@@ -241,8 +261,12 @@ class _Bundle:
             "tables": "acts, events and sessions as tables",
             "bids": "the same as a data set of BIDS",
             REPORT: "the report, and the sheet of what a paper should say",
+            PROGRAM: "the program with which it was made, to be installed with pip",
+            **{PurePosixPath(each.file).parts[0]: "answers to questionnaires" for each in self._study.questionnaires},
+            UNPROVED: "tables and BIDS of sessions that are not in it",
+            ABOUT_FILE: "with which options it was made",
             "LICENSE": "what others may do with it",
-            ENVIRONMENT_FILE: "versions of programs",
+            ENVIRONMENT_FILE: "versions of programs, and where they come from",
         }
         lines = []
         for name in sorted(counts):
@@ -272,7 +296,7 @@ class _Bundle:
 
 def _copy_session(source: Path, target: Path) -> None:
     copies = (path for copy in copy_folders(source) for path in sorted(copy.rglob("*")))
-    for path in [source / INFO, source / JOURNAL, source / MEDIA_FILE, *copies]:
+    for path in [source / INFO, source / JOURNAL, source / MEDIA_FILE, *coded_paths(source), *copies]:
         if path.is_file() and not path.is_symlink():
             copy = target / path.relative_to(source)
             make_private_folder(copy.parent)

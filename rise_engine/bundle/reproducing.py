@@ -4,13 +4,11 @@ from __future__ import annotations
 
 from pathlib import Path
 
+from rise_engine.bundle.about import ABOUT_FILE
 from rise_engine.bundle.crate import METADATA
 from rise_engine.bundle.errors import BundleError
 from rise_engine.bundle.manifest import ManifestCheck, check_manifest
-from rise_engine.session.folder import JOURNAL
 from rise_engine.study.traces import MANIFEST_FILE
-
-SESSIONS = "sessions"
 
 
 def check_bundle(root: Path) -> ManifestCheck:
@@ -19,15 +17,10 @@ def check_bundle(root: Path) -> ManifestCheck:
     :param root: its folder.
     :raises BundleError: it is no bundle, or cannot be read.
     """
-    missing = [name for name in (METADATA, MANIFEST_FILE) if not (root / name).is_file()]
+    missing = [name for name in (METADATA, ABOUT_FILE, MANIFEST_FILE) if not (root / name).is_file()]
     if missing:
         raise BundleError(f"it is no bundle: it has no {' and no '.join(missing)}")
     try:
         return check_manifest(root)
     except OSError as error:
         raise BundleError(f"it cannot be read: {error.strerror or error}") from None
-
-
-def session_folders(root: Path) -> list[Path]:
-    """The sessions of a bundle, by their names."""
-    return sorted(path.parent for path in (root / SESSIONS).glob(f"*/{JOURNAL}"))

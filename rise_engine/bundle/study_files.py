@@ -116,11 +116,20 @@ def log_text(log: Iterable[LogEntry], names: Mapping[str, str], people: Mapping[
         fields = _told_fields(each.fields, each.kind == "checked", people, count)
         for name in ("folder", "session"):
             if isinstance(folder := fields.get(name), str):
-                fields[name] = names.get(folder, _DATE.sub("", folder))
+                fields[name] = told_name(folder, names, level)
         if "started" in fields:
             fields["started"] = ""
         told.append(("", each.kind, fields))
     return _lines(told)
+
+
+def told_name(folder: str, names: Mapping[str, str], level: ExportLevel) -> str:
+    """What a session is called in the log of a bundle.
+
+    :param folder: its folder's name in the study.
+    :param names: what sessions are called in the bundle, by their folders' names.
+    """
+    return folder if level == "full" else names.get(folder, _DATE.sub("", folder))
 
 
 def _lines(entries: Iterable[tuple[str, str, dict[str, Any]]]) -> str:

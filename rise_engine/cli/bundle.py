@@ -8,8 +8,9 @@ from pathlib import Path
 
 import click
 
+from rise_engine.bundle.about import BundleOptions
 from rise_engine.bundle.errors import BundleError
-from rise_engine.bundle.making import BundleOptions, make_bundle
+from rise_engine.bundle.making import make_bundle
 from rise_engine.cli.export import ended_by_signals, select_sessions
 from rise_engine.exit_status import OK, REFUSED, USAGE
 from rise_engine.export.format import ExportError
@@ -38,7 +39,7 @@ def bundle(
     study: str, output: str, level: ExportLevel, private: tuple[str, ...], license: str, all_sessions: bool
 ) -> None:
     """Put everything of STUDY that others need into a new folder or zip file: design, scenarios, sessions that can be
-    run again, tables, BIDS, report, versions, check sums, and what it is for programs (an RO-Crate).
+    run again, tables, BIDS, report, the program itself, check sums, and what it is for programs (an RO-Crate).
 
     Says what is in it, what was left out, and what you should look at before anybody else gets it.
 
@@ -71,6 +72,8 @@ def bundle_report(named: str, out: Path, options: BundleOptions, *, all: bool = 
             *_indent(report.left_out),
             "look at this before anybody else gets it:",
             *_indent(report.look_at),
+            "its fingerprint, for the paper (rise-engine reproduce prints it):",
+            f"  {report.fingerprint}",
         ]
     )
     return OK

@@ -1,4 +1,4 @@
-"""`rise-engine reproduce`: whether the sessions of a bundle come out again."""
+"""`rise-engine reproduce`: whether the sessions of a bundle come out again, and everything that is made of them."""
 
 from __future__ import annotations
 
@@ -12,16 +12,19 @@ import msgspec
 from msgspec import Struct, field
 
 from rise_engine import __version__
+from rise_engine.bundle.about import AboutBundle, read_about
 from rise_engine.bundle.archive import opened_bundle
 from rise_engine.bundle.courses import CourseComparison
-from rise_engine.bundle.environment import made_with
+from rise_engine.bundle.derived import DerivedCheck, compare_derived, sessions_in_order
 from rise_engine.bundle.errors import BundleError
-from rise_engine.bundle.manifest import ManifestCheck
-from rise_engine.bundle.reproducing import check_bundle, session_folders
+from rise_engine.bundle.inputs import InputsCheck, check_inputs
+from rise_engine.bundle.manifest import ManifestCheck, fingerprint
+from rise_engine.bundle.reproducing import check_bundle
 from rise_engine.cli.options import JSON
 from rise_engine.cli.other_robot import CannotRun, compare_on_robot, load_for_robot
 from rise_engine.cli.proof_text import proof_lines, proof_row
 from rise_engine.cli.terminal import write_json
+from rise_engine.errors import RiseError
 from rise_engine.exit_status import DIFFERENT, OK, USAGE
 from rise_engine.session.errors import SessionError
 from rise_engine.study.proof import ProvedSession, prove_sessions
@@ -45,8 +48,12 @@ class Reproduction(Struct):
     """What came of a bundle."""
 
     check: ManifestCheck
-    version: str = ""
-    """Of this program, with which it was made."""
+    about: AboutBundle
+    fingerprint: str
+    inputs: InputsCheck = field(default_factory=InputsCheck)
+    derived: DerivedCheck = field(default_factory=DerivedCheck)
+    problems: list[str] = field(default_factory=list)
+    """Why something cannot be made again, in sentences."""
     sessions: list[ProvedSession] = field(default_factory=list)
     others: list[OtherCourse] = field(default_factory=list)
 
@@ -54,7 +61,13 @@ class Reproduction(Struct):
     def as_it_was(self) -> bool:
         """Whether nothing differs."""
         same = all(each.comparison is not None and each.comparison.identical for each in self.others)
-        return self.check.whole and all(each.proved for each in self.sessions) and same
+        follows = not (self.inputs.problems or self.derived.differences or self.problems)
+        return self.check.whole and follows and all(each.proved for each in self.sessions) and same
+
+    @property
+    def same_version(self) -> bool:
+        """Whether this version of the program made it."""
+        return self.about.program == __version__
 
 
 @click.command()
@@ -62,8 +75,11 @@ class Reproduction(Struct):
 @click.option("--robot", metavar="NAME", help="Run the same inputs on this robot, simulated, and say what differs.")
 @JSON
 def reproduce(bundle: str, robot: str | None, as_json: bool) -> None:
-    """Say whether BUNDLE, a folder or zip file of `rise-engine study bundle`, is whole and comes out again: its check
-    sums are compared, and the recorded inputs of every session go through this program once more.
+    """Say whether BUNDLE, a folder or zip file of `rise-engine study bundle`, is whole and comes out again.
+
+    The recorded inputs of every session go through this program once more. Then tables, BIDS and the report are made
+    again from these sessions and the study's files, and compared with those in the bundle. At the end stands what this
+    has proved, and what it has not.
 
     With --robot, what people and programs did is done again with another robot, which is simulated here and gives its
     own reports and times; acts that end otherwise and rules that go another way are told.
@@ -77,21 +93,23 @@ def reproduce_report(path: Path, robot: str | None, *, as_json: bool) -> int:
     """Reproduce a bundle, and say what came of it; the exit status."""
     try:
         with opened_bundle(path) as root:
-            found = Reproduction(check_bundle(root), made_with(root))
-            folders = session_folders(root)
+            check = check_bundle(root)
+            found = Reproduction(check, read_about(root), fingerprint(root))
+            state = _state_of(root, found)
+            folders = sessions_in_order(root, state)
             if robot is not None and folders:
                 load_for_robot(folders[0], robot)  # a robot that there is not is no difference
-            if not as_json:
-                _print(_check_lines(found.check))
-            for session in prove_sessions(root, _state_of(root)):
+            show = _show_nothing if as_json else _print
+            show(_check_lines(found.check))
+            for session in prove_sessions(root, state, absent=found.about.absent):
                 found.sessions.append(session)
-                if not as_json:
-                    _print(proof_lines(session))
+                show(proof_lines(session))
+            _make_again(root, state, folders, found)
+            show(_made_lines(found))
             for folder in folders if robot is not None else ():
                 other = _on_robot(folder, str(robot))
                 found.others.append(other)
-                if not as_json:
-                    _print(_other_lines(other, str(robot)))
+                show(_other_lines(other, str(robot)))
     except (BundleError, CannotRun) as error:
         _print_error(f"error: {path}: {line}" for line in str(error).splitlines())
         return USAGE
@@ -105,11 +123,23 @@ def reproduce_report(path: Path, robot: str | None, *, as_json: bool) -> int:
     return OK if found.as_it_was else DIFFERENT
 
 
-def _state_of(root: Path) -> StudyStatus | None:
+def _state_of(root: Path, found: Reproduction) -> StudyStatus | None:
     try:
         return read_state(root)
-    except (StudyUnusable, StudyLogError):
+    except (StudyUnusable, StudyLogError) as error:
+        found.problems += str(error).splitlines()
         return None
+
+
+def _make_again(root: Path, state: StudyStatus | None, folders: Sequence[Path], found: Reproduction) -> None:
+    """Compare the inputs with the sessions, and what is made of both with what is in the bundle."""
+    if state is None or not folders:
+        return
+    found.inputs = check_inputs(root, state, folders)
+    try:
+        found.derived = compare_derived(root, found.about, same_version=found.same_version)
+    except (RiseError, OSError) as error:
+        found.problems.append(f"tables, BIDS and the report cannot be made again: {error}")
 
 
 def _on_robot(folder: Path, robot: str) -> OtherCourse:
@@ -127,6 +157,21 @@ def _check_lines(check: ManifestCheck) -> list[str]:
     if check.whole:
         return [f"whole: {pluralize(check.files, 'file')} as they were"]
     return [*lines, f"({pluralize(check.files, 'file')} as they were)"]
+
+
+def _made_lines(found: Reproduction) -> list[str]:
+    """What came of the inputs, and of what is made of everything."""
+    derived = found.derived
+    lines = [f"different: {each}" for each in (*found.problems, *found.inputs.problems)]
+    lines += [f"different: {each}" for each in derived.differences]
+    if not found.same_version:
+        lines.append(
+            f"the bundle was made with rise-tui {found.about.program}, and this is {__version__}: of tables, columns "
+            "that both know are compared"
+        )
+        lines += [f"not compared: {each}" for each in derived.not_compared]
+    same = f"made again: {pluralize(derived.files, 'file')} of tables, BIDS and report"
+    return [*lines, f"{same}, {'the same' if derived.files != 1 else 'it is the same'}"] if derived.files else lines
 
 
 def _other_lines(other: OtherCourse, robot: str) -> list[str]:
@@ -157,8 +202,36 @@ def _last_lines(found: Reproduction, robot: str | None) -> list[str]:
         lines.append(f"{same} of {len(found.others)} went the same way on {robot}")
     if not found.check.whole:
         lines.append("the bundle is not as it was made")
-    if identical < len(found.sessions) and found.version not in ("", __version__):
-        lines.append(f"it was made with rise-tui {found.version}, and this is {__version__}: try that version")
+    if not found.as_it_was and not found.same_version:
+        lines.append(
+            f"it was made with rise-tui {found.about.program}, and this is {__version__}: install the one in program/, "
+            "and try again"
+        )
+    return [*lines, "", *_proof_paragraph(found)]
+
+
+def _proof_paragraph(found: Reproduction) -> list[str]:
+    """What all of this has proved, and what not."""
+    proved = sum(each.proved for each in found.sessions)
+    lines = ["This proves:"]
+    if proved:
+        lines.append(
+            f"- {pluralize(proved, 'session')}: every record follows from the recorded inputs and the session's copy "
+            "of the scenario, and study.jsonl and plan.csv say the same of it"
+        )
+    lines += [f"- {each}" for each in found.inputs.proved]
+    if found.derived.files and not found.derived.differences:
+        lines.append("- tables, BIDS and the report follow from the sessions and the study's files in the bundle")
+    lines = lines if len(lines) > 1 else ["This proves nothing."]
+    lines += [
+        "This does not prove:",
+        *(f"- {each}" for each in found.inputs.open),
+        *(f"- anything about {name}: {why}" for name, why in found.about.absent.items()),
+        "- that participants.csv holds what people said: no session has a copy of it",
+        "- that nobody has replaced everything together, inputs, records and all that follows. Against that, compare "
+        "the fingerprint with the one that the authors have published:",
+        f"  {found.fingerprint}",
+    ]
     return lines
 
 
@@ -166,7 +239,16 @@ def _document(path: Path, found: Reproduction, robot: str | None) -> dict[str, A
     return {
         "bundle": str(path),
         "as_it_was": found.as_it_was,
-        "made_with": found.version,
+        "made_with": found.about.program,
+        "fingerprint": found.fingerprint,
+        "options": msgspec.to_builtins(found.about.options),
+        "absent": found.about.absent,
+        "problems": found.problems,
+        "inputs": msgspec.to_builtins(found.inputs),
+        "made_again": {
+            **msgspec.to_builtins(found.derived),
+            "differences": [str(each) for each in found.derived.differences],
+        },
         "whole": found.check.whole,
         "files": msgspec.to_builtins(found.check),
         "sessions": [proof_row(each) for each in found.sessions],
@@ -180,6 +262,10 @@ def _document(path: Path, found: Reproduction, robot: str | None) -> dict[str, A
             for each in found.others
         ],
     }
+
+
+def _show_nothing(lines: Sequence[str]) -> None:
+    """With --json, everything is told at the end."""
 
 
 def _print(lines: Sequence[str]) -> None:

@@ -17,6 +17,8 @@ from rise_engine.edit.workspace import Workspace
 from rise_engine.exit_status import BROKEN_PIPE, NOT_WRITTEN, OK, REFUSED
 from rise_engine.scenario import LoadResult, load
 from rise_engine.scenario.languages import language_problem
+from rise_engine.scenario.spoken_texts import SpokenText
+from rise_engine.scenario.table_texts import TableText
 from rise_engine.scenario.translations import LanguageTexts
 from rise_engine.text import clean, pluralize
 from rise_engine.texts.csv_file import read_csv, write_csv
@@ -172,13 +174,15 @@ def check(folder: str, languages: tuple[str, ...]) -> None:
         click.echo(
             f"{pluralize(len(loaded.texts), 'text')}, and no translations (`rise-engine texts export` begins one)"
         )
-    status = OK
+    status, number = OK, len(loaded.texts) + len(loaded.table_texts)
     for found in chosen:
-        missing, stale = found.missing(loaded.texts), found.stale(loaded.texts)
-        translated = sum(text.id in found.texts for text in loaded.texts)
+        cells = [text for text in loaded.table_texts if not text.translation(found.language)]
+        missing: list[SpokenText | TableText] = [*found.missing(loaded.texts), *cells]
+        stale = found.stale(loaded.texts)
+        translated = sum(text.id in found.texts for text in loaded.texts) + len(loaded.table_texts) - len(cells)
         status = REFUSED if missing or stale else status
         more = [f"{len(stale)} changed since"] * bool(stale) + [f"{len(missing)} missing"] * bool(missing)
-        click.echo(", ".join([f"{found.language}: {translated} of {len(loaded.texts)} texts translated", *more]))
+        click.echo(", ".join([f"{found.language}: {translated} of {number} texts translated", *more]))
         for text in missing:
             click.echo(clean(f"  missing  {text.id:<24} {text.text}"))
         for text in stale:

@@ -13,6 +13,7 @@ from rise_engine.edit.edits import (
     AddAct,
     AddAction,
     AddBranch,
+    AddColumn,
     AddRow,
     AddRule,
     AddState,
@@ -28,7 +29,8 @@ from rise_engine.edit.history import changed_names
 from rise_engine.edit.plan import Files, Plan
 
 _ADDING = (
-    AddAct, AddAction, AddBranch, AddRow, AddRule, AddState, AddStatement, AddTransition, AddVariant, CopyAct, CopyRule
+    AddAct, AddAction, AddBranch, AddColumn, AddRow, AddRule, AddState, AddStatement, AddTransition, AddVariant,
+    CopyAct, CopyRule,
 )  # fmt: skip
 _LINE = re.compile(r"[^\r\n]*(?:\r\n|\r|\n)|[^\r\n]+")
 

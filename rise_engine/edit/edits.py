@@ -361,6 +361,15 @@ class RemoveRow(Edit, frozen=True):
     row: int
 
 
+class AddColumn(Edit, frozen=True):
+    """A column of a table, which is empty in all rows."""
+
+    table: str
+    column: str
+    at: int | None = None
+    """From 0; None: the last."""
+
+
 class SetUseParameter(Edit, frozen=True):
     """A parameter of a `<use>`, by which acts and states of a template differ."""
 
@@ -424,7 +433,7 @@ AnyEdit: TypeAlias = (
     | AddVariant | RemoveVariant | AddRule | CopyRule | RemoveRule | SetInitial | SetPriority | AddState | RemoveState
     | AddTransition | SetTransition | RemoveTransition | MoveTransition | AddStatement | SetCall | RemoveStatement
     | MoveStatement | AddBranch | SetBranchCondition | SetStartValue | RemoveStartValue | SetSetting | RenameSetting
-    | SetCell | AddRow | RemoveRow | SetUseParameter | SetTranslation | AddLanguage
+    | SetCell | AddRow | RemoveRow | AddColumn | SetUseParameter | SetTranslation | AddLanguage
     | Rename | ReplaceFile | ResolveConflict
 )  # fmt: skip
 """Every edit that there is."""

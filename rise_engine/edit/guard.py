@@ -93,7 +93,7 @@ def model_of(study: StudyState) -> dict[str, Any]:
         "acts": {name: {"actions": {each.id: each for each in act.actions}} for name, act in draft.acts.items()},
         "rules": draft.rules,
         "memory": draft.memory,
-        "tables": {name: [table.columns, *table.rows] for name, table in draft.tables.items()},
+        "tables": {name: [table.columns, *table.rows, table.translations] for name, table in draft.tables.items()},
         "translations": _translations(checked.translations),
     }
     if checked.scenario is not None:
@@ -211,16 +211,16 @@ def _of_statement_or_data(edit: Edit, before: StudyState, after: StudyState) -> 
                 return _EVERYTHING
             translated: list[Path] = [("translations",)] if edit.path[0] == "language" else []
             return [("settings",), ("tables",), *translated]
-        case of.SetCell(table=table) | of.AddRow(table=table) | of.RemoveRow(table=table):
+        case of.SetCell(table=table) | of.AddRow(table=table) | of.RemoveRow(table=table) | of.AddColumn(table=table):
             return [("tables", table)]
         case of.SetUseParameter():
             return [*_of_use(edit, before), *_of_use(edit, after)]
         case of.SetTranslation(language=language, act=act, text=text):
             tag, file = existing_language(before, language)
-            first: list[Path] = [] if file in before.files else [("settings", "languages")]
+            first: list[Path] = [] if file in before.files else [("settings", "languages"), ("tables",)]
             return [("translations", f"{tag}/{act}/{text}"), *first]
         case of.AddLanguage():
-            return [("settings", "languages")]
+            return [("settings", "languages"), ("tables",)]  # a column `text.de` is a translation from now on
     return _EVERYTHING  # a name everywhere, a whole file
 
 

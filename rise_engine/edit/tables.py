@@ -1,4 +1,4 @@
-"""Edits of tables, `tables/NAME.csv`: a cell, a row more, a row less. Separators, quotes and line ends stay."""
+"""Edits of tables, `tables/NAME.csv`: a cell, a row or column more, a row less. Separators, quotes, line ends stay."""
 
 from __future__ import annotations
 
@@ -7,12 +7,12 @@ from typing import Any
 
 from msgspec import Struct
 
-from rise_engine.edit.edits import AddRow, Edit, RemoveRow, SetCell
+from rise_engine.edit.edits import AddColumn, AddRow, Edit, RemoveRow, SetCell
 from rise_engine.edit.plan import EditRefused, Files, Plan
 from rise_engine.edit.study_state import StudyState
 from rise_engine.edit.text_edits import EditedText, TextEdit, changed_text
 from rise_engine.nearest_name import did_you_mean
-from rise_engine.scenario.csv_reader import CsvReader, TableRecord, find_spans
+from rise_engine.scenario.csv_reader import MAX_COLUMNS, CsvReader, TableRecord, find_spans
 from rise_engine.scenario.diagnostics import Diagnostics
 from rise_engine.scenario.source_files import SourceFile
 from rise_engine.scenario.table_settings import TableSettings
@@ -138,11 +138,40 @@ def plan_remove_row(edit: RemoveRow, study: StudyState) -> Plan:
     return _plan(table, [TextEdit(start, end, "")], rows, says)
 
 
-def _plan(table: _WrittenTable, edits: list[TextEdit], rows: list[list[str]], says: str) -> Plan:
-    """:raises EditRefused: the file would not read as these rows."""
+def plan_add_column(edit: AddColumn, study: StudyState) -> Plan:
+    """A column more, empty in all rows. :raises EditRefused: there is no such table, or one of this name already."""
+    table = _read(edit.table, study.files)
+    name, count = _value(edit.column), len(table.columns)
+    if not name or "\n" in name:
+        raise EditRefused("a column has a name, on one line")
+    if name in table.columns:
+        raise EditRefused(f"{table.file.name} has a column `{name}` already")
+    if count >= MAX_COLUMNS:
+        raise EditRefused(f"a table has at most {MAX_COLUMNS} columns")
+    at = count if edit.at is None else edit.at
+    if not 0 <= at <= count:
+        raise EditRefused(f"{table.file.name} has {pluralize(count, 'column')}; a column cannot be put in there")
+    changes, rows = [], []
+    for record in (table.header, *table.rows):
+        spans = find_spans(table.file.text[record.start : record.end], table.separator)
+        written = table.write(name) if record is table.header else ""
+        place = record.start + (spans[at][0] if at < count else spans[count - 1][1])
+        pieces = (written, table.separator) if at < count else (table.separator, written)
+        changes.append(TextEdit(place, place, "".join(pieces)))
+        rows.append([*record.values[:at], name if record is table.header else "", *record.values[at:]])
+    columns, *values = rows
+    return _plan(table, changes, values, f"{edit.table} has a new column {name}", columns[: count + 1])
+
+
+def _plan(
+    table: _WrittenTable, edits: list[TextEdit], rows: list[list[str]], says: str, columns: list[str] | None = None
+) -> Plan:
+    """:raises EditRefused: the file would not read as these columns and rows."""
     after = _records(table.file.name, changed_text(table.file.text, edits), table.separator)
-    width = len(table.columns)
-    if after is None or [row.values[:width] for row in after[1][1:]] != [row[:width] for row in rows]:
+    columns = table.columns if columns is None else columns
+    width = len(columns)
+    wanted = [columns, *(row[:width] for row in rows)]
+    if after is None or [row.values[:width] for row in after[1]] != wanted:
         raise EditRefused(f"{table.file.name} is written in a way that cannot be changed here; use a spreadsheet")
     return Plan(splices=table.file.splices(edits), says=(says,))
 
@@ -203,4 +232,5 @@ PLANNERS: dict[type[Edit], Callable[[Any, StudyState], Plan]] = {
     SetCell: plan_set_cell,
     AddRow: plan_add_row,
     RemoveRow: plan_remove_row,
+    AddColumn: plan_add_column,
 }

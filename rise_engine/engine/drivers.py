@@ -22,14 +22,13 @@ from rise_engine.ports.bridge import (
     RosConnection,
 )
 from rise_engine.ports.robot import Clock, Driver, Robot
-from rise_engine.scenario.model import Mode, RobotProfile
+from rise_engine.scenario.model import SIMULATED, Mode, RobotProfile
 
 DRIVERS = "rise.drivers"
 BRIDGES = "rise.bridges"
 CHECKS = "rise.checks"
 DOCTORS = "rise.doctors"
 PARAMETERS = "rise.parameters"
-SIMULATED = "simulated"
 ROS_BRIDGE = "ros2"
 """The bridge that `--ros` is about."""
 

@@ -6,7 +6,7 @@ from pathlib import Path
 
 from rise_engine.analysis.reading import read_sessions
 from rise_engine.errors import RiseError
-from rise_engine.export.table_rows import ROWS, fact_values
+from rise_engine.export.session_tables import FACTS, SESSIONS, factor_column
 from rise_engine.export.table_schema import cell
 from rise_engine.study.kept_rows import CONSENT, ID, new_id
 from rise_engine.study.participants import CONSENT_PREFIX, PARTICIPANTS_FILE, load_participants
@@ -49,7 +49,7 @@ def rows_to_keep(study: Path, participant: str, sessions: list[str]) -> list[dic
     for data in read_sessions([study / "sessions" / name for name in sessions], level="public"):
         if data.facts.purpose != "counted":
             continue
-        for row in ROWS["sessions"](data):
-            values = {**fact_values(data.facts), **row}
-            rows.append({ID: fresh, **{name: cell(value) for name, value in values.items() if name not in _LEFT_OUT}})
+        columns = [*FACTS, *(factor_column(name, loaded) for name in data.facts.factors), *SESSIONS.columns]
+        (row,) = SESSIONS.rows(data)
+        rows.append({ID: fresh, **{each.name: cell(each.of(row)) for each in columns if each.name not in _LEFT_OUT}})
     return rows

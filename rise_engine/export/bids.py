@@ -2,6 +2,7 @@
 
     dataset_description.json  README.md  CHANGES
     participants.tsv          participants.json
+    phenotype/NAME.tsv        phenotype/NAME.json     the answers to a questionnaire
     task-ID_events.json       task-ID_beh.json        what the columns mean
     sub-P07/sub-P07_scans.tsv                         a row for each session
     sub-P07/beh/sub-P07_task-ID_run-1_events.tsv      everything that has a time
@@ -24,16 +25,24 @@ from msgspec import Struct, field
 
 from rise_engine import __version__
 from rise_engine.analysis.model import SessionData, SessionFacts
-from rise_engine.export.bids_columns import (
+from rise_engine.export.bids_people import Labels, label_of, participants_table
+from rise_engine.export.bids_tables import (
     ACT_COLUMNS,
     EVENT_COLUMNS,
-    SESSION_COLUMNS,
-    Description,
-    factor_column,
+    NOTHING,
+    Columns,
+    cells,
+    event_rows,
+    session_columns,
+    sidecar,
+    table_text,
 )
-from rise_engine.export.bids_people import Labels, label_of, participants_table
-from rise_engine.export.bids_rows import Row, act_rows, event_rows, session_row, table_text
+from rise_engine.export.course_tables import ACTS
 from rise_engine.export.format import ExportContext, ExportError, ExportFormat
+from rise_engine.export.questionnaire_tables import told_answers
+from rise_engine.export.session_tables import factor_column
+from rise_engine.export.table_schema import Column, Row
+from rise_engine.session.coded import coded_paths
 from rise_engine.session.disk import make_private_folder
 from rise_engine.session.folder import INFO, JOURNAL
 from rise_engine.session.journal_format import encode_record
@@ -51,7 +60,8 @@ _NO_TASK = "session"
 class _Person(Struct):
     """One participant's sessions so far."""
 
-    rows: list[Row] = field(default_factory=list)
+    rows: list[dict[str, str]] = field(default_factory=list)
+    """Their cells in the table of sessions."""
     group: str = ""
 
 
@@ -67,10 +77,12 @@ class _Dataset:
         self._tasks: dict[str, list[SessionFacts]] = {}
         self._factors: list[str] = []
         self._media = False
+        self._sessions: list[SessionFacts] = []
 
     def add(self, data: SessionData) -> None:
         """Write a session's own files."""
         facts = data.facts
+        self._sessions.append(facts)
         label = self._labels.label(facts.participant)
         person = self._people.setdefault(facts.participant, _Person())
         task = label_of(facts.study) or label_of(facts.title) or _NO_TASK
@@ -79,9 +91,11 @@ class _Dataset:
             facts_of_task.append(facts)
         name = self._file_name(facts, label, task, len(person.rows) + 1)
         folder = self._root / f"sub-{label}"
-        self._write(folder / "beh" / f"{name}_events.tsv", table_text(list(EVENT_COLUMNS), event_rows(data)))
-        self._write(folder / "beh" / f"{name}_beh.tsv", table_text(list(ACT_COLUMNS), act_rows(data)))
-        person.rows.append(session_row(data, f"beh/{name}_events.tsv"))
+        self._write_table(folder / "beh" / f"{name}_events.tsv", EVENT_COLUMNS, event_rows(data))
+        self._write_table(folder / "beh" / f"{name}_beh.tsv", ACT_COLUMNS, ACTS.rows(data))
+        columns = self._session_columns(facts.factors)
+        row = Row(data, len(person.rows) + 1, facts, f"beh/{name}_events.tsv")
+        person.rows.append(dict(zip(columns, cells(columns, row), strict=True)))
         person.group = person.group or self._group(facts)
         self._factors += [each for each in facts.factors if each not in self._factors]
         self._media = self._media or bool(data.media or data.recordings)
@@ -91,16 +105,18 @@ class _Dataset:
         """Write what is about all sessions. Raises ExportError when there was none."""
         if not self._people:
             raise ExportError("there is no session that could be exported")
-        columns = self._session_columns()
+        columns = self._session_columns(self._factors)
         for participant, label in self._labels.items():
             stem = self._root / f"sub-{label}" / f"sub-{label}_scans"
-            self._write(stem.with_suffix(".tsv"), table_text(list(columns), self._people[participant].rows))
-            self._write_json(stem.with_suffix(".json"), columns)
+            rows = ([row.get(name, NOTHING) for name in columns] for row in self._people[participant].rows)
+            self._write(stem.with_suffix(".tsv"), table_text(columns, rows))
+            self._write_json(stem.with_suffix(".json"), sidecar(columns))
         for task, facts in sorted(self._tasks.items()):
             about = self._task_description(task, facts)
-            self._write_json(self._root / f"task-{task}_events.json", {**about, **EVENT_COLUMNS})
-            self._write_json(self._root / f"task-{task}_beh.json", {**about, **ACT_COLUMNS})
+            self._write_json(self._root / f"task-{task}_events.json", {**about, **sidecar(EVENT_COLUMNS)})
+            self._write_json(self._root / f"task-{task}_beh.json", {**about, **sidecar(ACT_COLUMNS)})
         self._write_participants()
+        self._write_questionnaires()
         self._write_json(self._root / "dataset_description.json", self._description())
         self._write(self._root / "README.md", self._readme())
         self._write(self._root / "CHANGES", f"1.0.0\n  - Exported by rise-tui {__version__}.\n")
@@ -125,28 +141,9 @@ class _Dataset:
         between = [each.name for each in study.factors if each.kind == "between"] if study is not None else []
         return "+".join(str(facts.factors[name]) for name in between if name in facts.factors)
 
-    def _session_columns(self) -> dict[str, Description]:
-        columns: dict[str, Description] = {}
-        for name, description in SESSION_COLUMNS.items():
-            if name == "acq_time" and self._context.level != "full":
-                continue  # an empty one is no time
-            columns[name] = description
-            if name == "condition":
-                for factor in self._factors:
-                    columns[f"factor_{factor}"] = factor_column(factor, self._levels(factor))
-        return columns
-
-    def _levels(self, factor: str) -> dict[str, str]:
-        study = self._context.study
-        found = next((each for each in study.factors if each.name == factor), None) if study is not None else None
-        if found is None:
-            return {}
-        levels = {}
-        for level in found.levels:
-            sets = [f"{key} = {json.dumps(value, ensure_ascii=False)}" for key, value in level.memory.items()]
-            sets += [f"scenario {level.scenario}"] if level.scenario else []
-            levels[level.name] = "; ".join(sets) or level.name
-        return levels
+    def _session_columns(self, factors: Iterable[str]) -> Columns:
+        columns = [factor_column(name, self._context.study) for name in factors]
+        return session_columns(columns, dated=self._context.level == "full")
 
     # --- what is about all ---
 
@@ -162,8 +159,27 @@ class _Dataset:
                 "BIDS has letters and digits only in a participant's name, so some have others there: "
                 + ", ".join(changed)
             )
-        self._write(self._root / "participants.tsv", table_text(list(columns), rows))
-        self._write_json(self._root / "participants.json", columns)
+        self._write_table(self._root / "participants.tsv", columns, rows)
+        self._write_json(self._root / "participants.json", sidecar(columns))
+
+    def _write_questionnaires(self) -> None:
+        context = self._context
+        for told in told_answers(context.study, context.level, self._sessions, context.warnings):
+            columns: dict[str, Column] = {
+                "participant_id": Column(
+                    "participant_id",
+                    "The participant, as in participants.tsv.",
+                    lambda answers: f"sub-{self._labels.label(answers.participant)}",
+                )
+            }
+            if told.settings.run:
+                about = "The run after which it was asked, as in the names of the participant's files."
+                columns["run_id"] = Column("run_id", about, lambda answers: f"run-{answers.run}")
+            columns |= {column.name: column for column in told.columns}
+            stem = self._root / "phenotype" / told.name
+            self._write(stem.with_suffix(".tsv"), table_text(columns, (cells(columns, row) for _, row in told.rows)))
+            about_tool = {"MeasurementToolMetadata": {"Description": told.settings.about or told.about}}
+            self._write_json(stem.with_suffix(".json"), {**about_tool, **sidecar(columns)})
 
     def _description(self) -> dict[str, Any]:
         study = self._context.study
@@ -235,6 +251,7 @@ class _Dataset:
             "- `sub-*/beh/*_events.tsv`: everything that has a time. Onsets are seconds since the session began.",
             "- `sub-*/beh/*_beh.tsv`: a row for each act of the robot, with the parts of its latency.",
             "- `sub-*/*_scans.tsv`: a row for each session: condition, factors, outcome.",
+            *(["- `phenotype/`: the answers to questionnaires."] if study is not None and study.questionnaires else []),
             "- `*.json`: what every column means.",
             "- `sourcedata/rise`: "
             + (
@@ -262,6 +279,8 @@ class _Dataset:
         for each in (INFO, JOURNAL, MEDIA_FILE):
             if (data.folder / each).is_file():
                 self._copy(data.folder / each, target / each)
+        for path in coded_paths(data.folder):
+            self._copy(path, target / path.relative_to(data.folder))
         for path in (path for copy in copy_folders(data.folder) for path in sorted(copy.rglob("*"))):
             if path.is_file() and not path.is_symlink():
                 self._copy(path, target / path.relative_to(data.folder))
@@ -270,6 +289,9 @@ class _Dataset:
         make_private_folder(target.parent)
         with source.open("rb") as file, os.fdopen(_open_new(target), "wb") as copy:
             shutil.copyfileobj(file, copy)
+
+    def _write_table(self, path: Path, columns: Columns, rows: Iterable[Any]) -> None:
+        self._write(path, table_text(columns, (cells(columns, row) for row in rows)))
 
     def _write_json(self, path: Path, value: dict[str, Any]) -> None:
         self._write(path, json.dumps(value, indent=2, ensure_ascii=False) + "\n")

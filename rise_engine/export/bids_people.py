@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Callable
-from typing import Any
 
-from rise_engine.export.bids_columns import Description
-from rise_engine.export.bids_rows import Row
+from msgspec import Struct
+from msgspec.structs import replace
+
+from rise_engine.export.bids_tables import Columns
+from rise_engine.export.table_schema import Column
 from rise_engine.study.model import Participant, Study
 
 UNNAMED = "unnamed"
@@ -17,12 +18,24 @@ OLDEST = 89
 _NO_LABEL = re.compile(r"[^A-Za-z0-9]+")
 _SEXES = {"male", "m", "female", "f", "other", "o", "MALE", "M", "FEMALE", "F", "OTHER", "O", "n/a"}
 _HANDS = {"left", "l", "right", "r", "ambidextrous", "a", "n/a", "LEFT", "L", "RIGHT", "R", "AMBIDEXTROUS", "A"}
-_DESCRIPTIONS: dict[str, Description] = {
-    "participant_id": {"LongName": "Participant", "Description": "The pseudonym of the participant, after sub-."},
-    "age": {"LongName": "Age", "Description": f"In years; {OLDEST} stands for whoever is older, too.", "Units": "year"},
-    "sex": {"LongName": "Sex", "Description": "As participants.csv has it."},
-    "handedness": {"LongName": "Handedness", "Description": "As participants.csv has it."},
-    "group": {"LongName": "Group", "Description": "The condition between participants: levels joined by +."},
+
+
+class Person(Struct, frozen=True):
+    """A row of participants."""
+
+    label: str
+    group: str
+    said: Participant | None
+    """What participants.csv says; None: it does not know them."""
+
+
+_COLUMNS = {
+    column.name: column
+    for column in (
+        Column("participant_id", "The pseudonym of the participant, after sub-.", lambda person: f"sub-{person.label}"),
+        Column("age", f"In years; {OLDEST} stands for whoever is older, too.", unit="year"),
+        Column("group", "The condition between participants: levels joined by +.", lambda person: person.group),
+    )
 }
 
 
@@ -64,8 +77,8 @@ class Labels:
 
 def participants_table(
     labels: Labels, groups: dict[str, str], study: Study | None, people: tuple[Participant, ...]
-) -> tuple[dict[str, Description], list[Row], list[str]]:
-    """The columns of participants.tsv with what they mean, its rows, and sentences for whoever exports.
+) -> tuple[Columns, list[Person], list[str]]:
+    """The columns of participants.tsv, its rows, and sentences for whoever exports.
 
     :param labels: of whoever is in the export.
     :param groups: the between condition of each; empty where there is none.
@@ -75,23 +88,17 @@ def participants_table(
     known = {each.participant: each for each in people}
     strata = study.strata if study is not None else {}
     further = study.columns if study is not None else ()
-    columns: dict[str, Description] = {"participant_id": _DESCRIPTIONS["participant_id"]}
-    values: dict[str, Callable[[Participant], str]] = {}
+    columns = {"participant_id": _COLUMNS["participant_id"]}
     warnings: list[str] = []
     for name in [*strata, *(each for each in further if each not in strata)] if known else []:
         own = [_value(known[each], name) for each, _ in labels.items() if each in known]
         column = name if _fits(name, own) else f"{name}_as_written"
         if column != name:
             warnings.append(f"BIDS has its own rules for the column {name!r}, which yours does not follow: {column}")
-        columns[column] = _describe(column, name, tuple(strata.get(name, ())))
-        values[column] = lambda person, name=name: _cut_age(name, _value(person, name))  # type: ignore[misc]
+        columns[column] = _column_of(column, name, tuple(strata.get(name, ())))
     if any(groups.values()):
-        columns["group"] = _DESCRIPTIONS["group"]
-    rows: list[Row] = []
-    for participant, label in labels.items():
-        person = known.get(participant)
-        row: dict[str, Any] = {"participant_id": f"sub-{label}", "group": groups.get(participant, "")}
-        rows.append({**row, **({name: read(person) for name, read in values.items()} if person else {})})
+        columns["group"] = _COLUMNS["group"]
+    rows = [Person(label, groups.get(participant, ""), known.get(participant)) for participant, label in labels.items()]
     return columns, rows, warnings
 
 
@@ -99,9 +106,13 @@ def _value(person: Participant, name: str) -> str:
     return person.strata.get(name) or person.columns.get(name, "")
 
 
-def _describe(column: str, name: str, levels: tuple[str, ...]) -> Description:
-    described = _DESCRIPTIONS.get(column, {"LongName": name, "Description": f"{name}, as participants.csv has it."})
-    return {**described, "Levels": {level: level for level in levels}} if levels else described
+def _column_of(column: str, name: str, levels: tuple[str, ...]) -> Column:
+    described = _COLUMNS.get(column, Column(name, f"{name}, as participants.csv has it."))
+    return replace(
+        described,
+        value=lambda person: person.said and _cut_age(name, _value(person.said, name)),
+        levels={level: level for level in levels},
+    )
 
 
 def _fits(name: str, values: list[str]) -> bool:

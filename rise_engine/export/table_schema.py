@@ -1,15 +1,35 @@
-"""What a table says of itself: its columns with units, levels and keys, as datapackage.json has them (Data Package and
-Table Schema, version 1: https://specs.frictionlessdata.io)."""
+"""What a table is: its columns, each with its description and what its value is taken from, and its rows. What
+datapackage.json says of it (Data Package and Table Schema, version 1: https://specs.frictionlessdata.io)."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+import re
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from typing import Any, Literal, TypeAlias
 
 import msgspec
 from msgspec import Struct
 
+from rise_engine.analysis.model import SessionData
+from rise_engine.analysis.outages import seconds_without_engine
+
 ColumnType: TypeAlias = Literal["string", "number", "integer", "boolean", "datetime", "object"]
+
+
+class Row(Struct, frozen=True):
+    """What the columns of a table take the values of one row from."""
+
+    data: SessionData
+    number: int
+    """In the table of this session, from 1."""
+    of: Any
+    """What the row is about: an act, a cue, a phase."""
+    beside: Any = None
+    """What belongs to it: an action's act, the file of a recording."""
+
+
+Value: TypeAlias = Callable[[Any], Any]
+"""Takes a value from a row."""
 
 
 class Column(Struct, frozen=True):
@@ -18,6 +38,8 @@ class Column(Struct, frozen=True):
     name: str
     about: str
     """What it holds, and what an empty cell means."""
+    value: Value | None = None
+    """What stands in a row; None: what the row is about has an attribute of the column's name."""
     type: ColumnType = "string"
     unit: str = ""
     """`s`: seconds; `bytes`; empty: none."""
@@ -27,6 +49,11 @@ class Column(Struct, frozen=True):
     """A regular expression that every value fits."""
     required: bool = False
     minimum: float | None = None
+
+    def of(self, row: Any) -> Any:
+        """Its value in a row, which is a Row where `value` does not take something else. None or an empty text: there
+        is none."""
+        return getattr(row.of, self.name) if self.value is None else self.value(row)
 
     def field(self) -> dict[str, Any]:
         """As Table Schema describes it. `unit` and `levels` are additions, as the standard allows."""
@@ -64,12 +91,71 @@ class TableSchema(Struct, frozen=True):
     """Its own; the facts of the session stand before them."""
     key: tuple[str, ...]
     """Columns whose values together name one row."""
+    rows: Callable[[SessionData], Iterator[Row]]
+    """Those of one session."""
     references: tuple[Reference, ...] = ()
 
     @property
     def file(self) -> str:
         """Its file's name."""
         return f"{self.name}.csv"
+
+
+def rows_of(attribute: str) -> Callable[[SessionData], Iterator[Row]]:
+    """A row for each of what a session has several of, such as `acts`."""
+    return lambda data: (Row(data, number, of) for number, of in enumerate(getattr(data, attribute), 1))
+
+
+def moment(name: str, about: str, value: Value | None = None, *, required: bool = False) -> Column:
+    """A column with a session time."""
+    return Column(
+        name, f"Session seconds; the session's clock begins at 0. {about}", value, "number", "s", {}, "", required
+    )
+
+
+def seconds(name: str, about: str, value: Value | None = None, minimum: float | None = 0) -> Column:
+    """A column with a duration."""
+    return Column(name, about, value, "number", "s", minimum=minimum)
+
+
+def count(name: str, about: str, value: Value | None = None) -> Column:
+    """A column that counts."""
+    return Column(name, about, value, "integer", minimum=0, required=True)
+
+
+def numbering(name: str) -> Column:
+    """The part of a key that is not the session."""
+    about = "Its number in the session, from 1; the key together with session."
+    return Column(name, about, lambda row: row.number, "integer", required=True, minimum=1)
+
+
+def span(start: str, end: str) -> Value:
+    """The seconds from one attribute of what the row is about to another."""
+    return lambda row: between(getattr(row.of, start), getattr(row.of, end))
+
+
+def outage(start: str, end: str) -> Value:
+    """The seconds without an engine between two attributes of what the row is about; None: there are none."""
+    return lambda row: seconds_without_engine(row.data.outages, getattr(row.of, start), getattr(row.of, end))
+
+
+def outage_columns(what: str, start: str, end: str) -> tuple[Column, Column]:
+    """Of a duration, from one attribute to another: how long there was no engine in it, and how long it really was."""
+    lasted, away = span(start, end), outage(start, end)
+
+    def by_wall_clock(row: Row) -> float | None:
+        seconds, missing = lasted(row), away(row)
+        return None if seconds is None or missing is None else round(seconds + missing, 6)
+
+    return (
+        seconds("outage_s", f"Seconds without an engine in {what}; empty: none. Session time stood still then.", away),
+        seconds("wall_s", f"{what} by the wall clock, with outage_s; empty: as in session time.", by_wall_clock),
+    )
+
+
+def between(earlier: float | None, later: float | None) -> float | None:
+    """Seconds from one time to another; None: one of them is not known."""
+    return None if earlier is None or later is None else round(later - earlier, 6)
 
 
 def resource(table: TableSchema, columns: Sequence[Column], size: int, digest: str) -> dict[str, Any]:
@@ -120,6 +206,19 @@ def data_package(name: str, title: str, about: str, resources: Iterable[Mapping[
         "resources": [*resources],
     }
     return msgspec.json.format(msgspec.json.encode(package), indent=2) + b"\n"
+
+
+_FORMULA = re.compile(r"[=+\-@\t\r]")
+_NUMBER = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?\Z", re.ASCII)
+
+
+def safe_cell(text: str) -> str:
+    """A cell that no spreadsheet carries out: with an apostrophe before what would be a formula.
+
+    >>> [safe_cell(each) for each in ("=1+1", "-2.5", "-x", "@SUM(A1)", "plain")]
+    ["'=1+1", '-2.5', "'-x", "'@SUM(A1)", 'plain']
+    """
+    return f"'{text}" if _FORMULA.match(text) and not _NUMBER.match(text) else text
 
 
 def cell(value: Any) -> str:

@@ -6,7 +6,7 @@ at, and of a study its plan and how it stands.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Mapping
 from pathlib import Path
 
 from msgspec import Struct
@@ -58,7 +58,12 @@ def make_session_report(
 
 
 def make_study_report(
-    folder: Path, level: ExportLevel = "full", private: Iterable[str] = (), *, conditions: bool = False
+    folder: Path,
+    level: ExportLevel = "full",
+    private: Iterable[str] = (),
+    *,
+    conditions: bool = False,
+    left_out: Mapping[str, int] | None = None,
 ) -> MadeReport:
     """The report of a study, over all its sessions: complete ones are counted, the others are named.
 
@@ -66,6 +71,7 @@ def make_study_report(
     :param level: how much is told.
     :param private: further private memory keys.
     :param conditions: tell them also while the study hides them and is not complete.
+    :param left_out: of a bundle: how many sessions that do not count are not in it, by their purpose.
     :raises rise_engine.study.state.StudyUnusable: its files are not right.
     :raises rise_engine.study.study_log.StudyLogError: its log cannot be read.
     """
@@ -88,6 +94,7 @@ def make_study_report(
         shows_conditions=conditions or complete or not state.study.assignment.hidden,
         withdrawn=sum(entry.kind == "withdrawn" for entry in state.log),
         problems=tuple(problems),
+        left_out=dict(left_out or {}),
     )
     sheet = sheet_markdown(state.study, given.sheet)
     return MadeReport(study_report(given), tuple(folders), tuple(problems), sheet)

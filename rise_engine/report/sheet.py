@@ -8,7 +8,7 @@ own table before you say that you follow it. What the record knows is filled in;
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 
 from msgspec import Struct
 
@@ -48,7 +48,11 @@ class SheetItem(Struct, frozen=True):
 
 
 def reporting_sheet(
-    study: Study, standing: StudyStanding, figures: StudyFigures, withdrawn: int = 0
+    study: Study,
+    standing: StudyStanding,
+    figures: StudyFigures,
+    withdrawn: int = 0,
+    left_out: Mapping[str, int] | None = None,
 ) -> list[SheetItem]:
     """The whole sheet.
 
@@ -56,8 +60,9 @@ def reporting_sheet(
     :param standing: how it stands.
     :param figures: of its sessions.
     :param withdrawn: how many have withdrawn.
+    :param left_out: sessions that do not count and are not in these figures, by their purpose.
     """
-    wizards = figures.wizards()
+    wizards, left_out = figures.wizards(), left_out or {}
 
     def item(part: str, title: str, known: Iterable[str] = (), *asked: str) -> SheetItem:
         return SheetItem(
@@ -65,7 +70,7 @@ def reporting_sheet(
         )
 
     return [
-        item("Robot", "How many and which", [_robots(figures)], "robot_make"),
+        item("Robot", "How many and which", [_robots(figures), _injected(figures)], "robot_make"),
         item("Robot", "What it did by itself", _autonomy(figures), "autonomy"),
         item("Robot", "What it could do", _abilities(figures)),
         item("Robot", "What was expected of it", (), "robot_hypotheses"),
@@ -82,13 +87,22 @@ def reporting_sheet(
         item("Wizard", "What they could do", _production(figures), "wizard_rules"),
         item("Wizard", "What they perceived", (), "wizard_perceived"),
         item("Wizard", "Their errors", _errors(figures), "wizard_errors"),
-        item("Wizard", "Their training", _training(wizards), "wizard_training"),
+        item("Wizard", "Their training", _training(wizards, left_out), "wizard_training"),
         item("General", "Where", (), "place"),
         item("General", "The environment and its control", _checks(study, figures), "environment"),
         item("General", "The scenario", _scenario(figures), "story"),
-        item("General", "Whether it was made in several steps", _steps(figures), "iterations"),
+        item("General", "Whether it was made in several steps", _steps(figures, left_out), "iterations"),
         item("General", "What the wizard means for the conclusions", (), "limits"),
     ]
+
+
+def left_out_text(left_out: Mapping[str, int]) -> str:
+    """How many sessions that do not count are left out.
+
+    >>> left_out_text({"pilot": 2, "training": 1})
+    '2 pilot sessions, 1 training session'
+    """
+    return ", ".join(pluralize(count, f"{purpose} session") for purpose, count in left_out.items())
 
 
 def still_to_say(sheet: Iterable[SheetItem]) -> list[str]:
@@ -138,8 +152,18 @@ def _plain(text: str) -> str:
 
 
 def _robots(figures: StudyFigures) -> str:
-    robots = Counter(row.facts.robot for row in figures.complete)
-    return ", ".join(f"{robot or 'unnamed'} in {pluralize(number, 'session')}" for robot, number in robots.items())
+    robots = Counter(
+        f"{row.facts.robot or 'unnamed'}{' (simulated: no robot moved)' if row.facts.is_simulated else ''}"
+        for row in figures.complete
+    )
+    return ", ".join(f"{robot} in {pluralize(number, 'session')}" for robot, number in robots.items())
+
+
+def _injected(figures: StudyFigures) -> str:
+    """What simulated robots were told to do wrong."""
+    found = [row.facts.injected_faults for row in figures.complete if row.facts.injected_faults]
+    faults = dict.fromkeys(fault for faults in found for fault in faults)
+    return f"Faults were injected in {pluralize(len(found), 'session')}: {', '.join(faults)}." if found else ""
 
 
 def _autonomy(figures: StudyFigures) -> list[str]:
@@ -226,13 +250,16 @@ def _errors(figures: StudyFigures) -> list[str]:
     ]
 
 
-def _training(wizards: Iterable[WizardCourse]) -> list[str]:
+def _training(wizards: Iterable[WizardCourse], left_out: Mapping[str, int]) -> list[str]:
     known = []
+    if left_out:
+        known.append(f"Not in this bundle, so not counted here: {left_out_text(left_out)}.")
     for each in wizards:
         rows = each.rehearsals
         name = source_name(each.wizard)
         if not rows:
-            known.append(f"{name}: no session on record before the first that counted.")
+            if not left_out:
+                known.append(f"{name}: no session on record before the first that counted.")
             continue
         seconds = sum(row.facts.duration for row in rows)
         told = f"{name}: {pluralize(len(rows), 'session')} before the first that counted, {length_text(seconds)} in all"
@@ -269,8 +296,8 @@ def _scenario(figures: StudyFigures) -> list[str]:
     ]
 
 
-def _steps(figures: StudyFigures) -> list[str]:
-    pilots = sum(row.facts.purpose == "pilot" for row in figures.rows)
+def _steps(figures: StudyFigures, left_out: Mapping[str, int]) -> list[str]:
+    pilots = sum(row.facts.purpose == "pilot" for row in figures.rows) + left_out.get("pilot", 0)
     versions = figures.scenario_versions()
     if not versions:
         return []

@@ -29,6 +29,7 @@ from rise_engine.report.sheet import (
     ORIGIN,
     STILL_TO_SAY,
     SheetItem,
+    left_out_text,
     question_of,
     reporting_sheet,
     still_to_say,
@@ -59,14 +60,16 @@ class StudyReportInput(Struct, frozen=True):
     """How many have withdrawn; nothing else is known of them."""
     problems: tuple[str, ...] = ()
     """What could not be read, in sentences."""
+    left_out: dict[str, int] = {}
+    """Sessions that do not count and are not in the bundle of which this is the report, by their purpose."""
 
     @property
     def sheet(self) -> list[SheetItem]:
         """Its reporting sheet."""
         if self.shows_conditions:
-            return reporting_sheet(self.study, self.standing, self.figures, self.withdrawn)
+            return reporting_sheet(self.study, self.standing, self.figures, self.withdrawn, self.left_out)
         without_cells = replace(self.standing, cells=())
-        return reporting_sheet(self.study, without_cells, self.figures, self.withdrawn)
+        return reporting_sheet(self.study, without_cells, self.figures, self.withdrawn, self.left_out)
 
 
 def study_report(given: StudyReportInput) -> Document:
@@ -84,11 +87,10 @@ def study_report(given: StudyReportInput) -> Document:
         Section("Sessions", tuple(_sessions(given))),
         Section("Reporting sheet", tuple(_sheet(given))),
     )
-    debug = study.mode == "debug"
     return Document(
         title=study.title,
         kind="Study report",
-        banner="DEBUG: study.toml says that the robot is simulated. No session counts." if debug else "",
+        banner=_banner(given),
         summary=_summary(given),
         facts=tuple(_head(given)),
         sections=tuple(section for section in sections if section.blocks),
@@ -113,6 +115,15 @@ def _summary(given: StudyReportInput) -> str:
     return told
 
 
+def _banner(given: StudyReportInput) -> str:
+    if given.study.mode == "debug":
+        return "DEBUG: study.toml says that the robot is simulated. No session counts."
+    simulated = sum(row.facts.is_simulated for row in given.figures.complete)
+    if not simulated:
+        return ""
+    return f"SIMULATED: the robot was simulated in {pluralize(simulated, 'complete session')}. No robot moved there."
+
+
 def _head(given: StudyReportInput) -> Iterable[tuple[str, str]]:
     study = given.study
     factors = "; ".join(
@@ -127,6 +138,10 @@ def _head(given: StudyReportInput) -> Iterable[tuple[str, str]]:
         ("Strata", ", ".join(study.assignment.strata)),
         ("Conditions hidden", "yes" if study.assignment.hidden else "no"),
         ("Mode", study.mode),
+        (
+            "Robot driver",
+            ", ".join(dict.fromkeys(row.facts.driver for row in given.figures.complete if row.facts.driver)),
+        ),
         ("Seed", str(study.seed)),
         ("Versions", ", ".join(sorted(versions))),
         ("study.toml, SHA-256", study.hash[:16]),
@@ -142,6 +157,8 @@ def _plan(given: StudyReportInput) -> Iterable[Block]:
     yield from problem_paragraphs(given.problems, given.level)
     standing = given.standing
     yield Facts(tuple(_flow(standing, given.withdrawn)))
+    if given.left_out:
+        yield Paragraph(f"Not in this bundle: {left_out_text(given.left_out)}.", "note")
     out = [each for each in standing.participants if each.state in ("excluded", "aborted")]
     if out:
         yield ReportTable(
@@ -291,7 +308,7 @@ def _wizards(given: StudyReportInput) -> Iterable[Block]:
         caption="Wizards in complete sessions. From cue to key in seconds; marks as mistakes per 100 keys with their "
         "95\u00a0% interval; rehearsals are sessions of theirs before the first that counted",
         head=("wizard", "sessions", "keys", "cue to key", "middle half", "first, last", "per 100", "rehearsals"),
-        rows=tuple(_wizard_row(course) for course in courses),
+        rows=tuple(_wizard_row(course, "left out" if given.left_out else "none") for course in courses),
         numbers=frozenset({1, 2, 3, 4}),
     )
 
@@ -305,7 +322,7 @@ def _course(course: WizardCourse) -> CourseOfSessions:
     return CourseOfSessions(source_name(course.wizard), summaries, hovers)
 
 
-def _wizard_row(course: WizardCourse) -> tuple[str, ...]:
+def _wizard_row(course: WizardCourse, without: str) -> tuple[str, ...]:
     medians = [
         number_text(summary.median)
         for row in course.sessions
@@ -313,7 +330,7 @@ def _wizard_row(course: WizardCourse) -> tuple[str, ...]:
     ]
     marked = course.marked
     seconds = sum(row.facts.duration for row in course.rehearsals)
-    before = f"{len(course.rehearsals)}, {length_text(seconds)}" if course.rehearsals else "none"
+    before = f"{len(course.rehearsals)}, {length_text(seconds)}" if course.rehearsals else without
     return (
         source_name(course.wizard),
         str(len(course.sessions)),
@@ -409,6 +426,7 @@ def _went_wrong(row: SessionRow) -> str:
         f"recovered {pluralize(facts.recoveries, 'time')}, {seconds_text(facts.downtime)} without engine"
         if facts.recoveries
         else "",
+        f"faults injected: {'; '.join(facts.injected_faults)}" if facts.injected_faults else "",
     ]
     return ", ".join(filter(None, told))
 

@@ -26,6 +26,7 @@ WARNING_CODES = frozenset(
         "condition-unread",
         "decimal-comma",
         "empty-act",
+        "language-column",
         "memory-form",
         "memory-type",
         "no-effect",

@@ -58,6 +58,16 @@ def language_problem(tag: str) -> str:
     return ""
 
 
+def meant_language(text: str) -> str:
+    """The language that a text names, as a tag: `de` for `german`; empty: it names none, or one of three letters.
+
+    >>> meant_language("German"), meant_language("de-AT"), meant_language("old")
+    ('de', 'de-AT', '')
+    """
+    meant = _MEANT.get(text.lower(), "") or text
+    return meant if len(meant.partition("-")[0]) == 2 and not language_problem(meant) else ""
+
+
 def language_fits(tag: str, text: str) -> bool:
     """Whether what is said of the language `tag` holds for a text in the language `text`: of `en` for `en-GB` too.
 

@@ -46,10 +46,11 @@ from rise_engine.scenario.suppressions import (
     memory_suppressions,
     read_suppressions,
 )
-from rise_engine.scenario.tables import TABLES_FOLDER, read_tables
+from rise_engine.scenario.table_texts import TableText
+from rise_engine.scenario.tables import TABLES_FOLDER, ScenarioLanguages, read_tables
 from rise_engine.scenario.toml_locations import TomlFile, toml_of
 from rise_engine.scenario.toml_tables import TomlTable
-from rise_engine.scenario.translations import LanguageTexts, TranslationReader
+from rise_engine.scenario.translations import LanguageTexts, TranslationReader, translated_languages
 from rise_engine.scenario.tree import FileTree, Held
 from rise_engine.scenario.uses import Use, Uses
 from rise_engine.scenario.xml import XmlFile, xml_of
@@ -78,6 +79,8 @@ class LoadResult(Struct, frozen=True):
     """All that is said in the acts, as they have it, in their order; also when there are errors."""
     uses: Uses = field(default_factory=partial(Uses, ()))
     """Who names what in the files that could be read."""
+    table_texts: tuple[TableText, ...] = ()
+    """What the tables say; empty while the study is in one language."""
 
     def __iter__(self) -> Iterator[Any]:
         """`scenario, findings = load(...)` works too."""
@@ -176,7 +179,8 @@ class ScenarioLoader:
         self.named = {**settings.paths, **paths}
         paths = {key: self.named.get(key) or usual_path for key, usual_path in DEFAULT_PATHS.items()}
 
-        read_tables(self.files, draft, diagnostics)
+        languages = ScenarioLanguages(settings.language, translated_languages(self.files, settings.languages))
+        read_tables(self.files, draft, diagnostics, languages)
         expanded = self.expand_files({kind: list(self.read_xml_files(kind, paths[kind])) for kind in ("acts", "rules")})
         number, tables = self.memo.number("robot", profile), tuple(draft.tables)
         for file in expanded["acts"]:
@@ -211,6 +215,7 @@ class ScenarioLoader:
                 uses=uses,
                 translations=translations.found,
                 texts=translations.all_texts,
+                table_texts=translations.table_texts,
             )
         files = self.files_by_usual_path(paths)
         scenario = Scenario(
@@ -221,7 +226,7 @@ class ScenarioLoader:
             acts=translations.translated(language) if language else draft.acts,
             rules=draft.rules,
             memory=draft.memory,
-            tables=draft.tables,
+            tables={name: table.in_language(language) for name, table in draft.tables.items()},
             keys=settings.keys,
             act_settings=settings.act_tables.settings_by_act(draft.acts),
             fillers=settings.fillers,
@@ -255,6 +260,7 @@ class ScenarioLoader:
             translations.found,
             translations.all_texts,
             uses,
+            translations.table_texts,
         )
 
     def read_part(self, key: Hashable, read: Callable[[ScenarioDraft, Diagnostics], Value]) -> Value:

@@ -81,6 +81,10 @@ class ActionSpec(Struct, frozen=True):
     help: str = ""
 
 
+SIMULATED = "simulated"
+"""The driver that moves no robot."""
+
+
 class RobotProfile(Struct, frozen=True):
     """A robot as data: which actions it has and which driver reaches it."""
 
@@ -259,6 +263,15 @@ class Rule(Struct, frozen=True):
 # --- the whole ------------------------------------------------------------------------------------------------------
 
 
+class TranslatedColumn(Struct, frozen=True):
+    """A column of a table in another language, `text.de` beside `text`."""
+
+    values: list[Json]
+    """For each row; null: not translated."""
+    location: SourceLocation = field(default=SourceLocation(""), name="place")
+    """Of the first value that is missing, or else of the column's name."""
+
+
 class Table(Struct, frozen=True, dict=True):
     """A table of `tables/`: read-only memory (docs/reference/scenario.md)."""
 
@@ -268,6 +281,20 @@ class Table(Struct, frozen=True, dict=True):
     rows: list[list[Json]]
     """The values of each row, in the order of the columns."""
     location: SourceLocation = field(default=SourceLocation(""), name="place")
+    translations: dict[str, dict[str, TranslatedColumn]] = {}
+    """By language and by the column that is translated; empty in a scenario, which has one language."""
+
+    def in_language(self, language: str) -> Table:
+        """The table that a session in this language reads: translated, and as it is where nothing is translated."""
+        if not self.translations:
+            return self
+        given = self.translations.get(language, {})
+        said = [given[column].values if column in given else [None] * len(self.rows) for column in self.columns]
+        rows = [
+            [value if other is None else other for value, other in zip(row, others, strict=True)]
+            for row, others in zip(self.rows, zip(*said, strict=True), strict=True)
+        ]
+        return Table(self.name, self.columns, rows, self.location)
 
     @cached_property
     def records(self) -> list[dict[str, Json]]:

@@ -5,16 +5,19 @@ Each is read-only memory: a list of objects, one for each row.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from functools import partial
 from pathlib import Path
+
+from msgspec import Struct
 
 from rise_engine.nearest_name import did_you_mean
 from rise_engine.scenario.csv_reader import MAX_CHARACTERS, SEPARATORS, SHOWN, TOO_LONG, CsvReader, TableRecord
 from rise_engine.scenario.diagnostics import Diagnostics
 from rise_engine.scenario.draft import ScenarioDraft
+from rise_engine.scenario.languages import language_problem, meant_language
 from rise_engine.scenario.memory import is_writable_key
-from rise_engine.scenario.model import Json, SourceLocation, Table
+from rise_engine.scenario.model import Json, SourceLocation, Table, TranslatedColumn
 from rise_engine.scenario.source_files import FileReader, SourceFile
 from rise_engine.scenario.table_settings import TableSettings, read_table_settings
 from rise_engine.scenario.table_values import ColumnType, convert_value, guess_type, has_comma_numbers
@@ -25,8 +28,28 @@ MAX_ROWS = 10_000
 _KINDS: dict[ColumnType, str] = {"text": "a text", "number": "a number", "bool": "true or false"}
 
 
-def read_tables(files: FileReader, draft: ScenarioDraft, diagnostics: Diagnostics) -> None:
-    """Read every table of a scenario into `draft`, in the order of their names."""
+class ScenarioLanguages(Struct, frozen=True):
+    """The languages that columns of tables can be in."""
+
+    own: str = ""
+    """That of the acts; empty: it is not known."""
+    others: tuple[str, ...] = ()
+    """Those that the study is translated into."""
+
+
+_ONE_LANGUAGE = ScenarioLanguages()
+
+
+def read_tables(
+    files: FileReader,
+    draft: ScenarioDraft,
+    diagnostics: Diagnostics,
+    languages: ScenarioLanguages = _ONE_LANGUAGE,
+) -> None:
+    """Read every table of a scenario into `draft`, in the order of their names.
+
+    :param languages: a column `text.de` is a translation of the column `text` if `de` is one of these.
+    """
     folder = files.folder / TABLES_FOLDER
     try:
         paths = [folder / name for name in files.tree.names(folder) if not name.startswith(".")]
@@ -40,20 +63,26 @@ def read_tables(files: FileReader, draft: ScenarioDraft, diagnostics: Diagnostic
     names = {path.stem for path in paths if path.suffix.lower() == ".csv"}
     for path in paths:
         if path.suffix.lower() == ".csv":
-            _read_table(path, files, draft, diagnostics)
+            _read_table(path, files, draft, diagnostics, languages)
         elif path.suffix == ".toml" and path.stem not in names:
             location = SourceLocation(files.display_name(path))
             message = f"there is no table `{path.stem}.csv` beside this file{did_you_mean(path.stem, names)}"
             diagnostics.error("table-form", location, message)
 
 
-def _read_table(path: Path, files: FileReader, draft: ScenarioDraft, diagnostics: Diagnostics) -> None:
+def _read_table(
+    path: Path, files: FileReader, draft: ScenarioDraft, diagnostics: Diagnostics, languages: ScenarioLanguages
+) -> None:
     name = path.stem
     location = SourceLocation(files.display_name(path))
     settings = read_table_settings(path.with_suffix(".toml"), files, diagnostics)
     source = files.read(path, MAX_TABLE_BYTES, settings.encoding, _ENCODING_REMEDY.format(name=name))
     if not is_writable_key(name) or "." in name:
         message = f"a table is called as a key is: letters, digits and `_`, beginning with a letter, not `{name}`"
+        base, _, tag = name.rpartition(".")
+        if base and not language_problem(tag):
+            message = f"a table has no file of its own in another language; put its `{tag}` into tables/{base}.csv, in "
+            message += f"columns that are called as those they translate: `text.{tag}` beside `text`"
         diagnostics.error("bad-name", location, message)
         source = None
     elif name in draft.tables:  # items.csv and items.CSV
@@ -61,8 +90,8 @@ def _read_table(path: Path, files: FileReader, draft: ScenarioDraft, diagnostics
         source = None
     table = None
     if source is not None:
-        key = ("table", source, name, settings)
-        table = files.memo.read_part(key, draft, diagnostics, partial(_read_rows, source, name, settings))
+        key = ("table", source, name, settings, languages)
+        table = files.memo.read_part(key, draft, diagnostics, partial(_read_rows, source, name, settings, languages))
     if table is None:
         draft.unreadable_parts.add("tables")
     else:
@@ -71,9 +100,14 @@ def _read_table(path: Path, files: FileReader, draft: ScenarioDraft, diagnostics
 
 
 def _read_rows(
-    source: SourceFile, name: str, settings: TableSettings, draft: ScenarioDraft, diagnostics: Diagnostics
+    source: SourceFile,
+    name: str,
+    settings: TableSettings,
+    languages: ScenarioLanguages,
+    draft: ScenarioDraft,
+    diagnostics: Diagnostics,
 ) -> Table | None:
-    return _TableReader(source, name, settings, draft, diagnostics).read()
+    return _TableReader(source, name, settings, languages, draft, diagnostics).read()
 
 
 _ENCODING_REMEDY = (
@@ -83,12 +117,19 @@ _ENCODING_REMEDY = (
 
 class _TableReader(CsvReader):
     def __init__(
-        self, source: SourceFile, name: str, settings: TableSettings, draft: ScenarioDraft, diagnostics: Diagnostics
+        self,
+        source: SourceFile,
+        name: str,
+        settings: TableSettings,
+        languages: ScenarioLanguages,
+        draft: ScenarioDraft,
+        diagnostics: Diagnostics,
     ) -> None:
         super().__init__(source, diagnostics, settings.separator)
         self.name = name
         self.draft = draft
         self.settings = settings
+        self.languages = languages
 
     def read(self) -> Table | None:
         """The table, or None after findings."""
@@ -105,13 +146,67 @@ class _TableReader(CsvReader):
             self.report(rows[MAX_ROWS].start, f"a table has at most {MAX_ROWS:,} rows")
         rows = [row for row in rows if self.check_length(row, len(columns))]
         self.settings.check_columns(columns, self.diagnostics)
+        translated = self.find_translations(header, columns)
         if self.has_problems():
             return None
-        by_column = [self.read_column(name, at, rows) for at, name in enumerate(columns)]
+        kinds = {name: self.find_type(name, at, rows) for at, name in enumerate(columns) if at not in translated}
+        for at, name in enumerate(columns):
+            base, _, tag = name.rpartition(".")
+            if at not in translated and kinds.get(base) == "text" and (language := meant_language(tag)):
+                self.report_other_language(header, at, name, language)
+        by_column = {name: self.read_column(name, columns.index(name), rows, kind) for name, kind in kinds.items()}
+        translations: dict[str, dict[str, TranslatedColumn]] = {}
+        for at, (base, language) in translated.items():
+            values = self.read_column(columns[at], at, rows, kinds[base])
+            column = self.compare(TranslatedColumn(values), by_column[base], base, at, [header, *rows])
+            translations.setdefault(language, {})[base] = column
         if self.has_problems():
             return None
-        values = [list(row) for row in zip(*by_column, strict=True)]
-        return Table(self.name, tuple(columns), values, self.source.location(start))
+        found = [list(row) for row in zip(*by_column.values(), strict=True)]
+        return Table(self.name, tuple(by_column), found, self.source.location(start), translations)
+
+    def find_translations(self, header: TableRecord, columns: Sequence[str]) -> Mapping[int, tuple[str, str]]:
+        """Which columns are translations: of which column, and into which language."""
+        known = {each.lower(): each for each in self.languages.others}
+        found: dict[int, tuple[str, str]] = {}
+        for at, name in enumerate(columns):
+            base, _, tag = name.rpartition(".")
+            language, is_beside = known.get(tag.lower(), ""), base in columns
+            if language and not is_beside and base:
+                near = did_you_mean(base, [each for each in columns if each != name]) or "; call it as the one beside"
+                message = f"`{name}` is in the language `{language}`, but there is no column `{base}`{near}"
+                self.report(self.value_at(header, at), message)
+            elif language and is_beside and (base, language) in found.values():
+                self.report(self.value_at(header, at), f"another column has `{base}` in the language `{language}`")
+            elif language and is_beside:
+                found[at] = (base, language)
+        return found
+
+    def report_other_language(self, header: TableRecord, at: int, name: str, language: str) -> None:
+        """A column is called as if it were a translation, into a language that the study does not have."""
+        location = self.source.location(self.value_at(header, at))
+        base, _, tag = name.rpartition(".")
+        if language.lower() == self.languages.own.lower():
+            message = f"the column `{base}` is in `{language}` itself; `{name}` is read as a column of its own"
+        elif tag.lower() == language.lower():
+            message = f"the study has no language `{language}`, so `{name}` is read as a column of its own; if it "
+            message += f'translates `{base}`, write also = ["{language}"] under [languages] in scenario.toml'
+        else:
+            message = f"`{name}` is read as a column of its own; if it translates `{base}`, call it `{base}.{language}`"
+        self.draft.memory_key_locations[f"{self.name}.{name}"] = location
+        self.diagnostics.warning("language-column", location, message)
+
+    def compare(
+        self, found: TranslatedColumn, texts: Sequence[Json], base: str, at: int, records: Sequence[TableRecord]
+    ) -> TranslatedColumn:
+        """The column with its place; values that translate nothing are findings."""
+        header, *rows = records
+        missing = self.value_at(header, at)
+        for row, text, value in reversed([*zip(rows, texts, found.values, strict=True)]):
+            if text is None and value is not None:
+                self.report_value(self.value_at(row, at), f"this row has nothing in `{base}` that this could translate")
+            missing = self.value_at(row, at) if value is None and text is not None else missing
+        return TranslatedColumn(found.values, self.source.location(missing))
 
     def read_header(self, header: TableRecord, rows: Sequence[TableRecord]) -> list[str]:
         """The names of the columns that are used."""
@@ -128,8 +223,8 @@ class _TableReader(CsvReader):
         self.problems += 1
         self.diagnostics.error("table-value", self.source.location(offset), message)
 
-    def read_column(self, name: str, at: int, rows: Sequence[TableRecord]) -> list[Json]:
-        """The values of one column, all of one type; null where there is none."""
+    def find_type(self, name: str, at: int, rows: Sequence[TableRecord]) -> ColumnType:
+        """The type of a column: what the settings say, or else what its values are."""
         settings = self.settings
         texts = [row.values[at] for row in rows]
         kind = settings.types.get(name)
@@ -137,6 +232,12 @@ class _TableReader(CsvReader):
             kind = guess_type(texts, settings.decimal)
             if kind == "text" and settings.decimal == "." and has_comma_numbers(texts):
                 self.warn_of_commas(name, at, rows)
+        return kind
+
+    def read_column(self, name: str, at: int, rows: Sequence[TableRecord], kind: ColumnType) -> list[Json]:
+        """The values of one column, all of one type; null where there is none."""
+        settings = self.settings
+        texts = [row.values[at] for row in rows]
         values: list[Json] = []
         for row, text in zip(rows, texts, strict=True):
             if len(text) > MAX_CHARACTERS:

@@ -8,6 +8,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
+from contextlib import suppress
 from functools import partial
 from pathlib import Path
 
@@ -24,6 +25,7 @@ from rise_engine.scenario.source_files import FileReader
 from rise_engine.scenario.spoken import LANGUAGE
 from rise_engine.scenario.spoken_texts import SpokenText, own_language, spoken_texts
 from rise_engine.scenario.ssml_checks import find_ssml_problems
+from rise_engine.scenario.table_texts import TableText, missing_sentences, table_texts
 from rise_engine.scenario.template import Template, TemplateError, parse_template
 from rise_engine.scenario.toml_locations import TomlFile, toml_of
 from rise_engine.scenario.toml_tables import TomlTable
@@ -78,6 +80,27 @@ def language_file(language: str) -> str:
     return f"{TEXTS_FOLDER}/{language}.toml"
 
 
+def translated_languages(files: FileReader, wanted: Iterable[str]) -> tuple[str, ...]:
+    """The languages that a study is translated into, as far as they are language tags.
+
+    :param wanted: those that `[languages]` names; a file in the folder `texts` makes another one.
+    """
+    tags: list[str] = []
+    with suppress(OSError):  # whose finding is that of `TranslationReader`
+        tags = [Path(name).stem for name in _text_files(files)]
+    by_tag = {tag.lower(): tag for tag in (*wanted, *tags) if not language_problem(tag)}
+    return tuple(sorted(by_tag.values()))
+
+
+def _text_files(files: FileReader) -> list[str]:
+    """:raises OSError: the folder cannot be read."""
+    try:
+        names = files.tree.names(files.folder / TEXTS_FOLDER)
+        return [name for name in names if name.endswith(".toml") and name[0] != "."]
+    except (FileNotFoundError, NotADirectoryError):
+        return []
+
+
 class TranslationReader:
     """Reads all translations of a scenario, and compares them with what its acts say."""
 
@@ -96,6 +119,8 @@ class TranslationReader:
         self.diagnostics = diagnostics
         self.is_whole = "acts" not in draft.unreadable_parts
         self.all_texts = tuple(spoken_texts(draft.acts.values(), robot, language))
+        self.table_texts: tuple[TableText, ...] = ()
+        """What the tables say; empty while nothing is translated."""
         self.texts: dict[str, SpokenText] = {}
         self.found: dict[str, LanguageTexts] = {}
         """By language, in the order of their names."""
@@ -118,6 +143,7 @@ class TranslationReader:
         if not by_tag:
             return
         self._index_texts()
+        self.table_texts = tuple(table_texts(self.draft.tables, self.all_texts))
         if not self.language and "settings" not in self.draft.unreadable_parts:
             message = "the study has translations, and nobody knows of what: say at the top of scenario.toml in which "
             message += 'language the acts are, language = "en"'
@@ -136,9 +162,7 @@ class TranslationReader:
 
     def _files(self, files: FileReader, folder: Path) -> list[Path]:
         try:
-            return [folder / name for name in files.tree.names(folder) if name.endswith(".toml") and name[0] != "."]
-        except (FileNotFoundError, NotADirectoryError):
-            return []
+            return [folder / name for name in _text_files(files)]
         except OSError as error:
             message = f"this folder cannot be read: {error.strerror or error}"
             self.diagnostics.error("unreadable", SourceLocation(TEXTS_FOLDER), message)
@@ -199,21 +223,20 @@ class TranslationReader:
         if not self.is_whole:
             return
         for tag, found in self.found.items():
+            report = self.diagnostics.error if tag == self.asked and not allow else self.diagnostics.warning
+            for location, message in missing_sentences(self.table_texts, tag):
+                report("untranslated", location, message)
             if tag in self.unread:
                 continue
             by_act: dict[str, list[SpokenText]] = {}
             for text in found.missing(self.texts.values()):
                 by_act.setdefault(text.act, []).append(text)
-            if tag == self.asked and not allow:
-                report = self.diagnostics.error
-            elif len(by_act) > _MOST_ACTS:
+            if len(by_act) > _MOST_ACTS and (tag != self.asked or allow):
                 count = sum(map(len, by_act.values()))
                 message = f"{count} of {len(self.texts)} texts are not translated into `{tag}`, in {len(by_act)} acts; "
                 message += "`rise-engine texts export DIR --only missing` makes a table of them"
                 self.diagnostics.warning("untranslated", SourceLocation(found.file), message)
                 continue
-            else:
-                report = self.diagnostics.warning
             for act, texts in by_act.items():
                 report("untranslated", self.draft.acts[act].location, _missing_text(act, texts, tag))
 

@@ -15,6 +15,8 @@ from rise_engine.study.model import Factor, Study
 
 PLAN_COLUMNS = ("slot", "order", "seed")
 """Columns that every plan.csv has, beside its strata and between factors."""
+SAID_LATER = frozenset({"wizards", "report", "retention", "participants", "questionnaire"})
+"""Tables of study.toml that no session depends on."""
 
 
 def factors_of(study: Study, kind: str) -> tuple[Factor, ...]:
@@ -73,18 +75,54 @@ def _combinations(factors: tuple[Factor, ...]) -> list[dict[str, str]]:
     ]
 
 
-def with_hashes(study: Study, data: bytes) -> Study:
+def with_hashes(study: Study, values: Mapping[str, Json]) -> Study:
     """The study with the hash of its file and that of its design.
 
-    :param data: study.toml.
+    :param values: study.toml, as TOML has it.
     """
-    return replace(study, hash=sha256(data).hexdigest(), design_hash=design_hash(study))
+    return replace(study, hash=content_hash(values), design_hash=design_hash(study))
+
+
+def content_hash(values: Mapping[str, Json]) -> str:
+    """SHA-256 of what study.toml says, without comments and without what people may add after the sessions
+    (`SAID_LATER`, and descriptions of levels). So the study.toml of a bundle, which names no wizards, has the same.
+
+    :param values: study.toml, as TOML has it.
+
+    >>> content_hash({"n": 4, "report": {"story": "Tea"}}) == content_hash({"n": 4}) != content_hash({"n": 5})
+    True
+    """
+    told = {name: value for name, value in values.items() if name not in SAID_LATER}
+    if "factors" in told:
+        told["factors"] = _without_descriptions(told["factors"])
+    return _hash_of(told)
+
+
+def _without_descriptions(factors: Json) -> Json:
+    """`[factors]` without what is said about levels for readers."""
+    if not isinstance(factors, dict):
+        return factors
+    told: dict[str, Json] = {}
+    for name, factor in factors.items():
+        levels = factor.get("levels") if isinstance(factor, dict) else None
+        told[name] = factor
+        if isinstance(factor, dict) and isinstance(levels, dict):
+            told[name] = {**factor, "levels": {level: _plain_level(values) for level, values in levels.items()}}
+    return told
+
+
+def _plain_level(level: Json) -> Json:
+    return {key: value for key, value in level.items() if key != "description"} if isinstance(level, dict) else level
 
 
 def design_hash(study: Study) -> str:
     """SHA-256 of all that the plan and its conditions are made of; titles, labels and checks may change."""
-    text = json.dumps(design_of(study), ensure_ascii=False, sort_keys=True, separators=(",", ":"))
-    return sha256(text.encode()).hexdigest()
+    return _hash_of(design_of(study))
+
+
+def _hash_of(values: Json) -> str:
+    text = json.dumps(values, ensure_ascii=False, sort_keys=True, separators=(",", ":"), default=str)  # TOML has dates
+    return sha256(text.encode("utf-8", "surrogatepass")).hexdigest()
 
 
 def design_of(study: Study) -> dict[str, Json]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 
 from msgspec import Struct
@@ -32,7 +32,9 @@ class ProvedSession(Struct, frozen=True):
         return self.comparison is not None and self.comparison.identical and not self.problems
 
 
-def prove_sessions(folder: Path, state: StudyStatus | None) -> Iterator[ProvedSession]:
+def prove_sessions(
+    folder: Path, state: StudyStatus | None, *, absent: Mapping[str, str] | None = None
+) -> Iterator[ProvedSession]:
     """Replay every session of a study that does not run, one after the other, and compare it with what study.jsonl,
     session.toml and plan.csv say of it.
 
@@ -40,16 +42,19 @@ def prove_sessions(folder: Path, state: StudyStatus | None) -> Iterator[ProvedSe
 
     :param folder: the study's, or a bundle's.
     :param state: the study as it stands; None: its files are not right, so the sessions are replayed and no more.
+    :param absent: of a bundle: sessions that its log names and that it says are not in it; every other one that the log
+        names must be there.
     """
     known = {each.name: each for each in state.sessions} if state is not None else {}
     there = {path.name: path for path in session_folders(folder) if has_begun(path)}
     named = _named_in_log(folder)
-    for name in sorted(known | there):
+    for name in sorted({*known, *there, *(named if absent is not None else ())}):
         session = known.get(name)
         if session is not None and session.entry.status == "running":
             continue
         if name not in there:
-            if session is not None and session.entry.purpose == "counted" and session.entry.outcome is not None:
+            judged = session is not None and session.entry.purpose == "counted" and session.entry.outcome is not None
+            if judged if absent is None else name not in absent:
                 yield ProvedSession(name, None, (f"{LOG_FILE} names this session, and its folder is not there",))
             continue
         problems = list(session.differences) if session is not None else []
@@ -67,8 +72,10 @@ def prove_sessions(folder: Path, state: StudyStatus | None) -> Iterator[ProvedSe
 
 
 def _named_in_log(folder: Path) -> set[str]:
+    """Every session of which the log says something."""
     try:
-        return {str(each.get("folder")) for each in read_log(folder) if each.kind == "session"}
+        entries = [each for each in read_log(folder) if each.kind in ("session", "outcome")]
+        return {str(each.get("folder") or each.get("session")) for each in entries}
     except StudyLogError:
         return set()
 

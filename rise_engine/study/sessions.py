@@ -109,7 +109,12 @@ def read_sessions(folder: Path, study_id: str, log: Sequence[LogEntry]) -> list[
         name = _text(each, "folder")
         if each.kind == "session" and name not in found and name not in passed_over:
             found[name] = _from_log(folder, each, outcomes.get(name))
-    return sorted(found.values(), key=lambda session: (_timestamp(session.entry.started), session.name))
+    begun = [_text(each, "folder") for each in log if each.kind == "session"]
+    places = {name: place for place, name in enumerate(begun)}  # all that tells the order where no dates are told
+    return sorted(
+        found.values(),
+        key=lambda each: (_timestamp(each.entry.started), places.get(each.name, len(places)), each.name),
+    )
 
 
 def _timestamp(started: str) -> float:

@@ -14,6 +14,7 @@ from datetime import datetime
 from msgspec import Struct
 
 from rise_engine.study.checked import due_after_checks
+from rise_engine.study.design import runs as runs_of_design
 from rise_engine.study.model import (
     CellStanding,
     Participant,
@@ -171,7 +172,11 @@ def _standing_of(
     row = next((each for each in plan if each.slot == slot), None)
     if row is None and slot is None:
         row = places.free_row(plan, participant.strata)
-    runs = len(row.order) if row is not None else max((len(each.order) for each in plan), default=1)
+    runs = (
+        len(row.order)
+        if row is not None
+        else max((len(each.order) for each in plan), default=len(runs_of_design(study)))
+    )
     complete = {each.run for each in sessions if each.outcome == "complete"}
     next_run = next((run for run in range(1, runs + 1) if run not in complete), None)
     state, why = _state_of(study, participant, places, sessions, next_run)

@@ -10,7 +10,7 @@ from collections.abc import Iterator, Sequence
 
 from msgspec import Struct
 
-from rise_engine.edit.edits import AddAct, AnyEdit, SetTranslation
+from rise_engine.edit.edits import AddAct, AddColumn, AddLanguage, AnyEdit, SetCell, SetTranslation
 from rise_engine.edit.originals import edit_of_original
 from rise_engine.edit.outline import Outline
 from rise_engine.edit.plan import EditRefused
@@ -18,6 +18,7 @@ from rise_engine.nearest_name import did_you_mean
 from rise_engine.scenario import LoadResult
 from rise_engine.scenario.spoken_texts import SpokenText
 from rise_engine.scenario.ssml_checks import find_ssml_problems
+from rise_engine.scenario.table_texts import TableText
 from rise_engine.scenario.template import Template, TemplateError, parse_template
 from rise_engine.scenario.translations import LanguageTexts, slot_problem
 from rise_engine.text import pluralize
@@ -72,7 +73,8 @@ class _Importer:
         self.loaded = loaded
         self.outline = outline
         self.new = new
-        self.texts = {text.id: text for text in loaded.texts}
+        self.texts: dict[str, SpokenText | TableText] = {text.id: text for text in loaded.texts}
+        self.texts |= {text.id: text for text in loaded.table_texts}
         known = {each.lower(): each for each in (*languages, *loaded.translations)}
         by_column = {column.lower(): column for column in table.columns}
         self.languages = {by_column[tag]: name for tag, name in known.items() if tag in by_column}
@@ -95,8 +97,20 @@ class _Importer:
             else:
                 self.seen[id] = row.line
                 self._read_row(row, id)
-        edits = (*self.edits, *self.translated)  # a translation is one of what the act says then
+        edits = (*self.edits, *self._new_columns(), *self.translated)  # a translation is one of what the act says then
         return TextImport(edits, tuple(self.refused), tuple(self._notices()), len(self.seen))
+
+    def _new_columns(self) -> Iterator[AnyEdit]:
+        """The columns of tables that translations need, and the languages that they need."""
+        cells = [edit for edit in self.translated if isinstance(edit, SetCell)]
+        files = {edit.language for edit in self.translated if isinstance(edit, SetTranslation)}
+        languages = dict.fromkeys(edit.column.rpartition(".")[2] for edit in cells)
+        yield from (AddLanguage(each) for each in languages if each not in self.loaded.translations.keys() | files)
+        for table, column in dict.fromkeys((edit.table, edit.column) for edit in cells):
+            base, _, language = column.rpartition(".")
+            found = self.loaded.draft.tables[table]
+            if base not in found.translations.get(language, {}):
+                yield AddColumn(table, column)
 
     def _check_columns(self) -> None:
         columns = self.table.columns
@@ -148,26 +162,31 @@ class _Importer:
                 why = f"the text was changed since the table was made: it is “{now}” now, and was “{_short(of)}”"
                 self._refuse(row, id, why)
         else:
-            template = text.template
+            template = text.template if isinstance(text, SpokenText) else None
             if said != of:
                 template = self._change_text(row, text, said) or template
             for column, language in self.languages.items():
                 if column in row.values:
                     self._change_translation(row, text, template, column, language, check.get(language))
 
-    def _is_other(self, row: ReadRow, text: SpokenText, column: str) -> bool:
+    def _is_other(self, row: ReadRow, text: SpokenText | TableText, column: str) -> bool:
         """Whether a row has another translation than the study."""
         given = _normal(row.values[column])
         return bool(given) and given != self._translation(text, self.languages[column])
 
-    def _translation(self, text: SpokenText, language: str) -> str:
+    def _translation(self, text: SpokenText | TableText, language: str) -> str:
+        if isinstance(text, TableText):
+            return text.translation(language)
         found = (self.loaded.translations.get(language) or LanguageTexts(language, "")).texts.get(text.id)
         return found.template.text if found is not None else ""
 
-    def _change_text(self, row: ReadRow, text: SpokenText, said: str) -> Template | None:
-        """Another original text; gives it, or None when it is refused."""
+    def _change_text(self, row: ReadRow, text: SpokenText | TableText, said: str) -> Template | None:
+        """Another original text; gives it, or None when it is refused, or stands in a table."""
         if not said:
             self._refuse(row, text.id, "the text is empty; an act says something, or has no such action")
+            return None
+        if isinstance(text, TableText):
+            self.edits.append(SetCell(text.table.name, text.row, text.column, said))
             return None
         template, problem = _read_template(said)
         if template is None:
@@ -183,10 +202,20 @@ class _Importer:
         return template
 
     def _change_translation(
-        self, row: ReadRow, text: SpokenText, template: Template, column: str, language: str, check: str | None
+        self,
+        row: ReadRow,
+        text: SpokenText | TableText,
+        template: Template | None,
+        column: str,
+        language: str,
+        check: str | None,
     ) -> None:
         given, now = _normal(row.values[column]), self._translation(text, language)
-        edit = SetTranslation(language, text.act, text.key, given)
+        edit: AnyEdit
+        if isinstance(text, TableText):
+            edit = SetCell(text.table.name, text.row, f"{text.column}.{language}", given)
+        else:
+            edit = SetTranslation(language, text.act, text.key, given)
         if given == now:
             if given and language in row.confirmed and self._is_stale(text, language):
                 self.translated.append(edit)
@@ -202,14 +231,16 @@ class _Importer:
             why = f"`{column}` was changed in the study, too, since the table was made: “{_short(now)}” there"
             self._refuse(row, text.id, f"{why}, “{_short(given)}” here")
         else:
-            translated, problem = _read_template(given)
-            if problem := problem or (slot_problem(template, translated) if translated is not None else ""):
+            translated, problem = _read_template(given) if template is not None else (None, "")
+            if template is not None and translated is not None:
+                problem = problem or slot_problem(template, translated)
+            if problem:
                 self._refuse(row, text.id, f"`{column}`: {problem}")
             else:
                 self.translated.append(edit)
 
-    def _is_stale(self, text: SpokenText, language: str) -> bool:
-        return bool(self.loaded.translations[language].stale([text]))
+    def _is_stale(self, text: SpokenText | TableText, language: str) -> bool:
+        return isinstance(text, SpokenText) and bool(self.loaded.translations[language].stale([text]))
 
     # --- one that there is not yet ----------------------------------------------------------------------------------
 

@@ -30,7 +30,7 @@ def write_po(table: TextTable) -> bytes:
             msgctxt=row.id,
             msgid=row.text,
             msgstr=row.translations[language],
-            occurrences=[(path, line)],
+            occurrences=[(path or line, line if path else "")],
             comment=f"{row.when}{'; with ' if row.beside else ''}{row.beside}\ncheck: {row.check}",
         )
         if language in row.stale:

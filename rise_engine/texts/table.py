@@ -13,6 +13,7 @@ from rise_engine.scenario import LoadResult, expected_seconds, fill_parameters
 from rise_engine.scenario.model import Act, Action, Scenario
 from rise_engine.scenario.spoken import MESSAGE
 from rise_engine.scenario.spoken_texts import SpokenText
+from rise_engine.scenario.table_texts import TableText
 from rise_engine.scenario.template import MissingValueError
 from rise_engine.scenario.translations import LanguageTexts
 
@@ -44,8 +45,8 @@ class TextRow(Struct, frozen=True):
     """By language; empty where there is none."""
     note: str
     """For translators: which translation is of an earlier text."""
-    seconds: float
-    """About how long it takes to say it."""
+    seconds: float | None
+    """About how long it takes to say it; None: it stands in a table."""
     place: str
     """`acts/feedback.xml:8`."""
     stale: frozenset[str] = frozenset()
@@ -59,7 +60,8 @@ class TextRow(Struct, frozen=True):
     def cells(self) -> list[str]:
         """As the columns of `TextTable.columns` have it."""
         before = [_id_cell(self.id), self.act, self.number, self.when, self.beside, self.text]
-        behind = [self.note, f"{self.seconds:.1f}", self.place, self.text, self.check]
+        seconds = "" if self.seconds is None else f"{self.seconds:.1f}"
+        behind = [self.note, seconds, self.place, self.text, self.check]
         return [*before, *self.translations.values(), *behind]
 
 
@@ -94,6 +96,11 @@ def make_table(loaded: LoadResult, languages: Sequence[str] = (), only: Only | N
         for text in loaded.texts
         if only is None or any((each.missing if only == "missing" else each.stale)([text]) for each in files)
     ]
+    rows += [
+        _make_table_row(text, shown)
+        for text in loaded.table_texts
+        if only is None or (only == "missing" and not all(map(text.translation, shown)))
+    ]
     return TextTable(shown, tuple(rows), scenario.language)
 
 
@@ -126,6 +133,12 @@ def _make_row(text: SpokenText, scenario: Scenario, files: Sequence[LanguageText
         f"{location.file}:{location.line}",
         frozenset(language for language, each in given.items() if each is not None and each.of != text.text),
     )
+
+
+def _make_table_row(text: TableText, languages: Sequence[str]) -> TextRow:
+    file = text.table.location.file
+    translations = {language: text.translation(language) for language in languages}
+    return TextRow(text.id, "", "", "", "", text.text, translations, f"{text.table.name}, {text.column}", None, file)
 
 
 def _beside(act: Act, action: Action) -> str:

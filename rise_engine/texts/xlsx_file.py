@@ -4,13 +4,15 @@ from __future__ import annotations
 
 import io
 from typing import Any
-from zipfile import BadZipFile
+from zipfile import BadZipFile, ZipFile
 
 from rise_engine.texts.reading import ReadRow, ReadTable
 from rise_engine.texts.table import TextsError, TextTable
 
 _WIDTHS = {"id": 22, "act": 18, "when": 14, "with": 26, "note": 30, "place": 24, "of": 30, "check": 12}
 _TEXT_WIDTH = 60
+MAX_BYTES = 100_000_000
+"""Of what a file holds when it is unpacked: many times the texts of the largest study."""
 
 
 def write_xlsx(table: TextTable) -> bytes:
@@ -44,9 +46,13 @@ def write_xlsx(table: TextTable) -> bytes:
 
 
 def read_xlsx(data: bytes) -> ReadTable:
-    """The first sheet of a file. :raises TextsError: openpyxl is not installed, or it is no Excel file."""
+    """The first sheet of a file. :raises TextsError: openpyxl is missing, or it is no Excel file, or too large."""
     openpyxl = _openpyxl()
     try:
+        with ZipFile(io.BytesIO(data)) as archive:
+            size = sum(entry.file_size for entry in archive.infolist())
+        if size > MAX_BYTES:
+            raise TextsError(f"this file becomes {size:,} bytes when it is opened; no table of texts has that many")
         book = openpyxl.load_workbook(io.BytesIO(data), read_only=True, data_only=True)
         lines = [[_cell_text(value) for value in row] for row in book.worksheets[0].iter_rows(values_only=True)]
     except (BadZipFile, KeyError, ValueError, OSError, IndexError) as error:

@@ -14,9 +14,10 @@ import pytest
 from click.testing import CliRunner
 
 from rise_engine.bundle import archive
+from rise_engine.bundle.about import BundleOptions
 from rise_engine.bundle.archive import opened_bundle
 from rise_engine.bundle.errors import BundleError
-from rise_engine.bundle.making import BundleOptions, BundleReport, make_bundle
+from rise_engine.bundle.making import BundleReport, make_bundle
 from rise_engine.bundle.reproducing import check_bundle
 from rise_engine.bundle.study_files import log_text, participants_text, study_text
 from rise_engine.cli.bundle import bundle as bundle_command
@@ -53,7 +54,8 @@ def run(command: click.Command, *arguments: object) -> tuple[int, str, str]:
 
 
 def texts_in(root: Path) -> str:
-    return "".join(path.read_text("utf-8") for path in sorted(root.rglob("*")) if path.is_file()).casefold()
+    files = (path for path in sorted(root.rglob("*")) if path.is_file() and path.suffix != ".whl")
+    return "".join(path.read_text("utf-8") for path in files).casefold()
 
 
 @pytest.fixture(scope="module")
@@ -400,6 +402,9 @@ def test_what_is_no_bundle(tmp_path: Path) -> None:
         pass
     with pytest.raises(BundleError, match="no ro-crate-metadata"):
         check_bundle(tmp_path)
+    (tmp_path / "report.html").symlink_to("/etc/passwd")
+    with pytest.raises(BundleError, match=r"these in it are links: `report\.html`"), opened_bundle(tmp_path):
+        pass
 
 
 # --- a command line, and a scenario that words decide ---------------------------------------------------------------

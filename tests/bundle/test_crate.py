@@ -11,8 +11,9 @@ from typing import Any
 
 import pytest
 
+from rise_engine.bundle.about import BundleOptions
 from rise_engine.bundle.crate import METADATA
-from rise_engine.bundle.making import BundleOptions, make_bundle
+from rise_engine.bundle.making import make_bundle
 from rise_engine.study.state import read_state
 
 from ..analysis.samples import make_study, sessions_of

@@ -12,14 +12,18 @@ import pytest
 from click.testing import CliRunner
 
 from rise_engine import __version__
+from rise_engine.bundle.about import BundleOptions, read_about
 from rise_engine.bundle.courses import read_recorded
-from rise_engine.bundle.making import BundleOptions, make_bundle
-from rise_engine.bundle.manifest import manifest_text
+from rise_engine.bundle.derived import DerivedCheck, compare_derived, sessions_in_order
+from rise_engine.bundle.inputs import InputsCheck, check_inputs
+from rise_engine.bundle.making import make_bundle
+from rise_engine.bundle.manifest import fingerprint, manifest_text
 from rise_engine.cli.other_robot import CannotRun, compare_on_robot, load_for_robot, run_on_robot
 from rise_engine.cli.reproduce import reproduce
 from rise_engine.kernel.records import TaskRecord
 from rise_engine.session.journal_format import encode_record, read_line, with_checksum
-from rise_engine.study.state import read_state
+from rise_engine.study.proof import prove_sessions
+from rise_engine.study.state import StudyUnusable, read_state
 from rise_engine.study.traces import MANIFEST_FILE
 
 from ..analysis.samples import act, make_study, play_session, sessions_of, task, write_scenario
@@ -139,10 +143,162 @@ def test_a_record_that_somebody_changed_is_found_also_with_new_check_sums(bundle
     assert f"different: journal.jsonl:{at + 1}: record {record.seq}" in said
     assert '`status` is "ABORTED", but the replay gives "SUCCEEDED"' in said
     assert "1 of 2 sessions identical" in said
-    assert "try that version" not in said
-    environment = bundle / "environment.txt"
-    environment.write_text(environment.read_text("utf-8").replace(f"rise-tui=={__version__}", "rise-tui==9.9"), "utf-8")
-    assert "it was made with rise-tui 9.9, and this is" in run(bundle)[1]
+    assert "try again" not in said
+    _of_another_version(bundle)
+    said = run(bundle)[1]
+    assert "it was made with rise-tui 9.9, and this is" in said
+    assert "install the one in program/, and try again" in said
+
+
+def _of_another_version(bundle: Path) -> None:
+    about = bundle / "bundle.json"
+    about.write_text(about.read_text("utf-8").replace(f'"program": "{__version__}"', '"program": "9.9"'), "utf-8")
+
+
+# --- somebody who makes the check sums again --------------------------------------------------------------------------
+
+
+def _replace(name: str, old: str, new: str) -> Callable[[Path], None]:
+    def change(bundle: Path) -> None:
+        text = (bundle / name).read_text("utf-8")
+        assert old in text
+        (bundle / name).write_text(text.replace(old, new, 1), "utf-8")
+
+    return change
+
+
+FOLLOWS = {
+    "tables/acts.csv": (",Greet,", ",Great,", 'line 2, column act: "Great" is there, and "Greet" follows'),
+    "tables/datapackage.json": ("seconds", "hours", "line "),
+    "bids/README.md": ("2 sessions", "9 sessions", "line 3: "),
+    "report/report.html": ("complete", "splendid", "line "),
+    "report/sheet.md": ("How many", "How few", "line "),
+}
+
+
+def test_what_somebody_changed_is_named_also_with_new_check_sums(bundle: Path) -> None:
+    for name, (old, new, _) in FOLLOWS.items():
+        _replace(name, old, new)(bundle)
+    (bundle / MANIFEST_FILE).write_text(manifest_text(bundle), "utf-8")
+    status, said, _ = run(bundle)
+    assert status == 1
+    assert "whole: " in said
+    for name, (_, _, told) in FOLLOWS.items():
+        assert f"different: {name}: {told}" in said
+    assert "2 of 2 sessions identical" in said
+
+
+PEOPLE = {
+    "who was excluded": (_replace("participants.csv", "P01,1900-01-01,", "P01,1900-01-01,excluded"), "report/sheet.md"),
+    "a column more": (_replace("participants.csv", "status", "status,mood"), "participants.csv"),
+    "how a session ended": (
+        _replace("study.jsonl", '"status":"complete"', '"status":"aborted"'),
+        "tables/sessions.csv",
+    ),
+}
+
+
+@pytest.mark.parametrize("case", PEOPLE)
+def test_what_follows_from_participants_and_the_log(bundle: Path, case: str) -> None:
+    change, told = PEOPLE[case]
+    change(bundle)
+    try:
+        found = [str(each) for each in compare(bundle).differences]
+    except StudyUnusable as error:
+        found = [str(error)]
+    assert any(told in each and ("participants.csv" in each or case == "how a session ended") for each in found), found
+
+
+INPUTS = {
+    "the design": (_replace("study.toml", "n = 3", "n = 4"), "study.toml: no session was run with it"),
+    "a word of an act": (_replace("scenario/acts/all.xml", "Hello", "Hullo"), "scenario/acts/all.xml: no session ran"),
+    "a start value": (_replace("scenario/memory.json", '"visits": 0', '"visits": 3'), "scenario/memory.json: no"),
+    "an act more": (
+        lambda bundle: (bundle / "scenario" / "acts" / "z.xml").write_text("<Dialogs/>"),
+        "scenario/acts/z",
+    ),
+}
+
+
+@pytest.mark.parametrize("case", INPUTS)
+def test_what_sessions_were_run_from_is_what_they_say(bundle: Path, case: str) -> None:
+    change, told = INPUTS[case]
+    assert inputs(bundle).problems == []
+    change(bundle)
+    (problem,) = inputs(bundle).problems
+    assert told in problem
+
+
+def test_the_plan_is_the_one_that_the_log_names(whole: Path, tmp_path: Path) -> None:
+    study = Path(shutil.copytree(whole.parent / "study", tmp_path / "study"))
+    assert any(each.startswith("plan.csv is the plan") for each in inputs(study).proved)
+    plan = study / "plan.csv"
+    header, first, second, *others = plan.read_text("utf-8").splitlines()
+    rows = [f"1,{second.partition(',')[2]}", f"2,{first.partition(',')[2]}"]
+    plan.write_text("\n".join([header, *rows, *others, ""]), "utf-8")
+    assert [each.partition(":")[0] for each in inputs(study).problems] == ["plan.csv"]
+
+
+def test_sessions_are_those_of_the_log(bundle: Path) -> None:
+    first, last = sorted((bundle / "sessions").iterdir())
+    log = (bundle / "study.jsonl").read_text("utf-8").splitlines(keepends=True)
+    kept = [line for line in log if f'"folder":"{first.name}"' not in line]
+    (bundle / "study.jsonl").write_text("".join(kept), "utf-8")
+    shutil.rmtree(last)
+    found = {each.name: each.problems for each in prove_sessions(bundle, read_state(bundle), absent={})}
+    assert found[last.name] == ("study.jsonl names this session, and its folder is not there",)
+    assert "study.jsonl does not name this session" not in found[first.name], "its outcome does"
+    (bundle / "study.jsonl").write_text("".join(line for line in log if first.name not in line), "utf-8")
+    found = {each.name: each.problems for each in prove_sessions(bundle, read_state(bundle), absent={last.name: "x"})}
+    assert found == {first.name: ("study.jsonl does not name this session",)}
+
+
+def inputs(root: Path) -> InputsCheck:
+    state = read_state(root)
+    return check_inputs(root, state, sessions_in_order(root, state))
+
+
+def test_what_it_proves_and_what_not(bundle: Path) -> None:
+    status, said, _ = run(bundle)
+    assert status == 0
+    proves, not_proved = said.split("This proves:")[1].split("This does not prove:")
+    for each in (
+        "2 sessions: every record follows",
+        "study.toml is what it was in 2 sessions",
+        "scenario/ is the scenario of 2 sessions",
+        "tables, BIDS and the report follow",
+    ):
+        assert each in proves
+    assert fingerprint(bundle) in not_proved
+    assert "participants.csv" in not_proved
+
+
+def test_what_people_may_write_later_changes_no_session(bundle: Path) -> None:
+    """Authors and a licence are named when a study is published; its report tells of them, so it is made again."""
+    with (bundle / "study.toml").open("a", encoding="utf-8") as file:
+        file.write('\n[report]\nstory = "Tea"\n')
+    found = inputs(bundle)
+    assert (found.problems, len(found.proved)) == ([], 2)
+    assert any(each.file == "report/sheet.md" for each in compare(bundle).differences)
+
+
+def compare(bundle: Path, *, same_version: bool = True) -> DerivedCheck:
+    return compare_derived(bundle, read_about(bundle), same_version=same_version)
+
+
+def test_a_bundle_of_another_version_is_compared_as_far_as_both_know_it(bundle: Path) -> None:
+    """Another version has a column more, and says other things in the report."""
+    table = bundle / "tables" / "acts.csv"
+    rows = table.read_text("utf-8").splitlines()
+    table.write_text("\n".join([f"{row},{n or 'new'}" for n, row in enumerate(rows)]) + "\n", "utf-8")
+    _replace("report/report.html", "complete", "whole")(bundle)
+    same = compare(bundle)
+    assert [each.file for each in same.differences] == ["report/report.html", "tables/acts.csv"]
+    assert "its columns are others (new)" in str(same.differences[1])
+    other = compare(bundle, same_version=False)
+    assert (other.differences, other.not_compared) == ([], ["report/report.html"])
+    _replace("tables/acts.csv", ",Greet,", ",Great,")(bundle)
+    assert [each.file for each in compare(bundle, same_version=False).differences] == ["tables/acts.csv"]
 
 
 def test_a_session_that_cannot_be_replayed(bundle: Path) -> None:

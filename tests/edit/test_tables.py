@@ -11,7 +11,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from rise_engine.edit.edits import AddRow, Edit, RemoveRow, SetCell
+from rise_engine.edit.edits import AddColumn, AddRow, Edit, RemoveRow, SetCell
 from rise_engine.edit.outline import Outline
 from rise_engine.edit.plan import EditRefused, apply_plan
 from rise_engine.edit.planning import plan
@@ -52,6 +52,21 @@ def test_one_place_of_a_table_changes(edit: Edit, old: str, new: str) -> None:
     assert changed(TEXT.encode(), edit).decode() == (TEXT.replace(old, new) if old else TEXT)
 
 
+@pytest.mark.parametrize(
+    ("edit", "lines"),
+    [
+        (AddColumn("items", "m"), ["sep=;", 'id;"say";n;m', 'lamp; "Put; it";1;', ";;", "rug;Lay it ;2;"]),
+        (
+            AddColumn("items", "a;b", 2),
+            ["sep=;", 'id;"say";"a;b";n', 'lamp; "Put; it";;1', ";;", "rug;Lay it ;;2"],
+        ),
+        (AddColumn("items", "m", 0), ["sep=;", 'm;id;"say";n', ';lamp; "Put; it";1', ";;", ";rug;Lay it ;2"]),
+    ],
+)
+def test_a_column_more(edit: Edit, lines: list[str]) -> None:
+    assert changed(TEXT.encode(), edit).decode() == "\r\n".join(lines)
+
+
 def test_windows_1252_stays_what_it_is() -> None:
     settings = {"tables__items_toml": b'encoding = "cp1252"\n'}
     assert changed("a,b\nö,1\n".encode("cp1252"), SetCell("items", 0, "a", "ü"), **settings) == "a,b\nü,1\n".encode(
@@ -68,6 +83,9 @@ def test_windows_1252_stays_what_it_is() -> None:
         ("a,b\n1,2\n", SetCell("items", 1, "a", "x"), "has 1 row; there is no row 2"),
         ("a,bb\n1,2\n", SetCell("items", 0, "bbb", "x"), "no column `bbb`; did you mean `bb`"),
         ("a,b\n,2\n", SetCell("items", 0, "b", " "), "without any value would not be read"),
+        ("a,b\n1,2\n", AddColumn("items", "b"), "has a column `b` already"),
+        ("a,b\n1,2\n", AddColumn("items", " "), "a column has a name"),
+        ("a,b\n1,2\n", AddColumn("items", "c", 3), "cannot be put in there"),
         ("a,b\n1,2\n", AddRow("items", {}), "without any value would not be read"),
         ("a,b\n1,2\n", AddRow("items", {"a": "1"}, 5), "cannot be put in there"),
         ("a,b\n1,2,3\n", SetCell("items", 0, "a", "x"), "cannot be read as a table"),

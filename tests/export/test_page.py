@@ -6,8 +6,9 @@ import re
 from pathlib import Path
 
 from rise_engine.export.formats import format_names
-from rise_engine.export.table_definitions import FACTS, TABLES
+from rise_engine.export.session_tables import FACTS
 from rise_engine.export.table_schema import Column
+from rise_engine.export.tables import TABLES
 
 PAGE = Path(__file__).parents[2] / "docs" / "reference" / "exports.md"
 _MARK = re.compile(r"(<!-- columns: (\w+) -->\n).*?(<!-- end -->)", re.DOTALL)

@@ -40,6 +40,8 @@ from tests.ros.bench import SPEECH, TYPES, profile
 from tests.ros.memory import ClockLoop, MemoryTransport, MemoryWire
 
 PART = "pepper/speech"
+OTHER = bytes([200] * 16)
+"""The id of a goal of somebody else."""
 SETTLE = 0.6
 """Seconds after an event in which what follows from it by itself has happened: messages, and the next look at the
 servers."""
@@ -238,6 +240,13 @@ class World:
         for program in self._live():
             program.end(SUCCEEDED)
 
+    def other_begins(self) -> None:
+        """A goal of somebody else begins; one at most."""
+        for program in self._live():
+            if OTHER not in program.goals:
+                program.goals[OTHER] = RobotGoal(OTHER, [], EXECUTING)
+                program._tell()
+
     def is_stopped_by_robot(self) -> None:
         """What is being stopped ends."""
         for program in self._live():
@@ -337,7 +346,7 @@ EVENTS: dict[str, Callable[[World], None]] = {
     name: getattr(World, name)
     for name in (
         *("start", "cancel", "stop", "wait"),
-        *("take", "take_unheard", "refuse", "finish", "is_stopped_by_robot", "refuses_to_stop"),
+        *("take", "take_unheard", "refuse", "finish", "other_begins", "is_stopped_by_robot", "refuses_to_stop"),
         *("program_ends", "new_program", "cut", "heal", "engine_dies"),
     )
 }

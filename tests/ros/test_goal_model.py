@@ -44,6 +44,22 @@ def test_a_goal_that_begins_after_its_stop_is_stopped_and_the_panel_says_so() ->
     assert said is not None and said.confirmed == (goal_model.PART,) and said.unconfirmed == ()
 
 
+def test_what_somebody_else_begins_after_a_stop_takes_the_confirmation_back_until_the_next_stop() -> None:
+    world = play(("start", "take", "stop", "is_stopped_by_robot"))
+    said = world.stop_said()
+    assert said is not None and said.confirmed == (goal_model.PART,)
+    for event in ("other_begins", "finish"):
+        play_more(world, event)
+        said = world.stop_said()
+        assert said is not None and said.unconfirmed == (
+            f"{goal_model.PART} (something was begun there after the stop)",
+        )
+        assert not any(program.cancels for program in world.programs)
+    play_more(world, "stop")
+    said = world.stop_said()
+    assert said is not None and said.confirmed == (goal_model.PART,)
+
+
 def test_what_an_engine_left_behind_runs_on_until_somebody_asks() -> None:
     world = play(("start", "take", "engine_dies", "wait"))
     assert world.moving() and not any(program.cancels for program in world.programs)

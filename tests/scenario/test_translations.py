@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from hashlib import sha256
 from pathlib import Path
 
@@ -221,3 +222,101 @@ def test_lablinking_is_said_in_german() -> None:
     assert len(spoken) == len(written) == 72
     same = [text.id for text, original in zip(spoken, written, strict=True) if text.text == original.text]
     assert same == ["R_Filler_Hm/1/1", "R_Filler_Hm/1/2"]
+
+
+# --- tables -----------------------------------------------------------------------------------------------------------
+
+SAYS = act("<Speech><actionID>1</actionID><message>{items[i].text}</message></Speech>")
+ALSO = TOML + '[languages]\nalso = ["de"]\n'
+
+
+def with_table(csv: str, toml: str = ALSO, acts: str = SAYS, **more: str) -> dict[str, bytes | None]:
+    texts = {"scenario.toml": toml, "acts/a.xml": acts, "memory.json": '{"i": 0}', "tables/items.csv": csv, **more}
+    return {name: text.encode() for name, text in texts.items()}
+
+
+def records(result: LoadResult) -> list[dict[str, object]]:
+    assert result.scenario is not None, result.diagnostics
+    return result.scenario.tables["items"].records
+
+
+def test_a_table_has_a_column_for_each_language() -> None:
+    files = with_table("id,text,text.de,limit,limit.de\n1,cup,Tasse,2,3\n2,plate,Teller,2,\n")
+    own = [{"id": 1, "text": "cup", "limit": 2}, {"id": 2, "text": "plate", "limit": 2}]
+    german = [{"id": 1, "text": "Tasse", "limit": 3}, {"id": 2, "text": "Teller", "limit": 2}]
+    assert found(read(files)) == []
+    assert [records(read(files, each)) for each in (None, "en", "de")] == [own, own, german]
+    assert read(files, "de").scenario.hash != read(files).scenario.hash  # type: ignore[union-attr]
+    assert set(read(files).files) >= {"tables/items.csv"}  # so a session's folder keeps it
+
+
+@pytest.mark.parametrize(
+    ("csv", "place", "message"),
+    [
+        ("text,text.de\ncup,Tasse\nplate,\nx,\n", "3:7", "has no `text.de` in rows 2 (“plate”), 3 (“x”)"),
+        ("id,text\n1,cup\n", "1:1", "it has no column `text.de` beside `text`, which is spoken"),
+    ],
+)
+def test_what_a_table_does_not_translate_refuses_the_session_unless_it_is_allowed(
+    csv: str, place: str, message: str
+) -> None:
+    files = with_table(csv)
+    for language, allow, severity in ((None, False, "warning"), ("de", True, "warning"), ("de", False, "error")):
+        result = read(files, language, allow=allow)
+        (diagnostic,) = result.diagnostics
+        assert (diagnostic.severity, diagnostic.code) == (severity, "untranslated")
+        assert str(diagnostic.location) == f"tables/items.csv:{place}" and message in diagnostic.message
+    assert records(read(files, "de", allow=True))[-1]["text"] in ("cup", "x")
+
+
+@pytest.mark.parametrize(
+    ("csv", "toml", "finding", "message"),
+    [
+        ("text,txt.de\ncup,Tasse\n", ALSO, "1:6 table-form", "there is no column `txt`; did you mean `text`?"),
+        ("text,text.de,text.DE\ncup,a,b\n", ALSO, "1:14 table-form", "another column has `text` in the language `de`"),
+        ("id,text,text.de\n1,,Tasse\n", ALSO, "2:4 table-value", "nothing in `text` that this could translate"),
+        ("n,n.de,text,text.de\n1,eins,a,b\n", ALSO, "2:3 table-value", "`n.de` is a number"),
+        ("text,text.fr,text.de\ncup,a,b\n", ALSO, "1:6 language-column", 'write also = ["fr"] under [languages]'),
+        ("text,text.german,text.de\ncup,a,b\n", ALSO, "1:6 language-column", "call it `text.de`"),
+        ("text,text.en,text.de\ncup,a,b\n", ALSO, "1:6 language-column", "is in `en` itself"),
+    ],
+)
+def test_what_is_wrong_with_the_languages_of_a_table(csv: str, toml: str, finding: str, message: str) -> None:
+    result = read(with_table(csv, toml))
+    assert found(result) == [f"tables/items.csv:{finding}"]
+    assert message in result.diagnostics[0].message
+
+
+def test_columns_with_dots_are_as_they_were_where_nobody_can_mean_a_language() -> None:
+    files = with_table("text,rt,rt.sd,text.old\ncup,1,2,x\n", TOML)
+    assert found(read(files)) == [] and records(read(files)) == [{"text": "cup", "rt": 1, "rt.sd": 2, "text.old": "x"}]
+
+
+def test_a_table_in_another_language_has_no_file_of_its_own() -> None:
+    files = with_table("text,text.de\ncup,Tasse\n") | {"tables/items.de.csv": b"text\nTasse\n"}
+    (diagnostic,) = read(files).diagnostics
+    assert str(diagnostic.location) == "tables/items.de.csv:1:1"
+    assert (
+        "put its `de` into tables/items.csv" in diagnostic.message and "`text.de` beside `text`" in diagnostic.message
+    )
+
+
+def test_a_rule_cannot_name_the_column_of_a_language() -> None:
+    acts = act('<Speech><actionID>1</actionID><message>{items[i]["text.de"]}</message></Speech>')
+    assert "has no column `text.de`" in read(with_table("text,text.de\ncup,Tasse\n", acts=acts)).diagnostics[0].message
+
+
+def test_the_page_shows_a_text_by_condition_and_language() -> None:
+    page = (LABLINKING.parents[1] / "docs/reference/languages.md").read_text("utf-8")
+    csv = page.split("`tables/items.csv`:")[1].split("```")[1].lstrip("\n")
+    toml, acts = (re.findall(rf"```{kind}\n(.*?)```", page.split("## Tables")[1], re.S)[0] for kind in ("toml", "xml"))
+    for language, condition, expected in (
+        ("en", "polite", "Could you pass me the cup, please?"),
+        ("de", "polite", "Könntest du mir bitte die Tasse geben?"),
+        ("en", "direct", "Pass me the cup."),
+        ("de", "direct", "Gib mir die Tasse."),
+    ):
+        scenario = read(with_table(csv, toml, acts), language).scenario
+        assert scenario is not None
+        memory = {**scenario.memory, **scenario.conditions[condition].memory, **scenario.table_memory}
+        assert scenario.acts["R_Ask"].actions[0].calls[0].parameters["message"].fill(memory) == expected

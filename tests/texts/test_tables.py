@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import io
+import zipfile
 from collections.abc import Callable
 from pathlib import Path
 
@@ -12,9 +13,19 @@ from hypothesis import given
 from hypothesis import strategies as st
 from msgspec.structs import replace
 
-from rise_engine.edit.edits import AddAct, AnyEdit, SetParameter, SetTranslation, SetUseParameter
+from rise_engine.edit.edits import (
+    AddAct,
+    AddColumn,
+    AddLanguage,
+    AnyEdit,
+    SetCell,
+    SetParameter,
+    SetTranslation,
+    SetUseParameter,
+)
 from rise_engine.edit.read_outline import read_outline
 from rise_engine.scenario import LoadResult, load
+from rise_engine.texts import xlsx_file
 from rise_engine.texts.csv_file import read_csv, usual_separator, write_csv
 from rise_engine.texts.importing import TextImport, import_table, summary
 from rise_engine.texts.po_file import read_po, write_po
@@ -291,6 +302,14 @@ def test_what_is_no_table_is_told(data: bytes, sentence: str) -> None:
     assert sentence in str(refused.value)
 
 
+def test_an_excel_file_that_becomes_too_large_is_not_opened() -> None:
+    stream = io.BytesIO()
+    with zipfile.ZipFile(stream, "w", zipfile.ZIP_DEFLATED) as archive:
+        archive.writestr("xl/worksheets/sheet1.xml", bytes(xlsx_file.MAX_BYTES + 1))
+    with pytest.raises(TextsError, match="becomes 100,000,001 bytes"):
+        read_xlsx(stream.getvalue())
+
+
 @pytest.mark.parametrize("read", [read_xlsx, read_po])
 def test_what_is_no_such_file_is_told(read: Callable[[bytes], ReadTable]) -> None:
     with pytest.raises(TextsError, match=r"this is no|does not say"):
@@ -302,3 +321,45 @@ def test_the_separator_is_that_of_the_country(monkeypatch: pytest.MonkeyPatch) -
     monkeypatch.setattr("locale.localeconv", lambda: {"decimal_point": ","})
     assert usual_separator() == ";"
     assert write_csv(make_table(study())).startswith(b"\xef\xbb\xbfid;act;no.;when;with;text;de;note;")
+
+
+def with_items(items: str = "text,text.de\ncup,Tasse\nplate,\n7,\n", also: str = '["de"]') -> LoadResult:
+    acts = act("<Speech><actionID>1</actionID><message>{items[0].text}</message></Speech>")
+    toml = f'language = "en"\n[languages]\nalso = {also}\n'
+    held: dict[str, bytes | None] = {"scenario.toml": toml.encode(), "acts/a.xml": acts.encode()}
+    loaded = load("nowhere", held={**held, "tables/items.csv": items.encode()})
+    assert loaded.scenario is not None, loaded.diagnostics
+    return loaded
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_the_texts_of_tables_stand_in_it_and_come_back(kind: str) -> None:
+    write, read = KINDS[kind]
+    loaded = with_items()
+    table = read(write(make_table(loaded)))
+    assert back(table, loaded) == TextImport((), (), (), 4)
+    assert back(changed(table, "items[1].text", de="Teller"), loaded).edits == (
+        SetCell("items", 1, "text.de", "Teller"),
+    )
+    assert [row.id for row in make_table(loaded, only="missing").rows] == ["items[1].text", "items[2].text"]
+
+
+def test_a_text_of_a_table_is_changed_where_it_stands() -> None:
+    loaded = with_items()
+    table = read_csv(write_csv(make_table(loaded)))
+    found = back(changed(table, "items[0].text", text="mug", de="Becher"), loaded)
+    assert found.edits == (SetCell("items", 0, "text", "mug"), SetCell("items", 0, "text.de", "Becher"))
+    now = with_items("text,text.de\nmug,Tasse\nplate,\n7,\n")
+    assert "the text was changed since" in back(changed(table, "items[0].text", de="Becher"), now).refused[0].why
+
+
+def test_a_first_translation_makes_the_column_and_the_language() -> None:
+    loaded = with_items("text\ncup\n", '["de"]')
+    table = changed(read_csv(write_csv(make_table(loaded, ["de", "fr"]))), "items[0].text", de="Tasse", fr="tasse")
+    assert back(table, loaded, languages=("fr",)).edits == (
+        AddLanguage("fr"),
+        AddColumn("items", "text.fr"),
+        AddColumn("items", "text.de"),
+        SetCell("items", 0, "text.fr", "tasse"),
+        SetCell("items", 0, "text.de", "Tasse"),
+    )

@@ -32,7 +32,7 @@ from rise_adapters.ros2.robot.stop_all import StopAll
 from rise_adapters.ros2.robot.topic_goal import TopicGoal
 from rise_adapters.ros2.transport.port import Message, PortError, Transport
 from rise_engine.kernel.commands import StartAction
-from rise_engine.kernel.inputs import ActionReport, Note, RobotChanged, StopReport
+from rise_engine.kernel.inputs import ActionReport, Note, RobotChanged
 from rise_engine.ports.robot import Clock, ReportCallback, RobotReport, Timer
 from rise_engine.scenario.durations import limit_seconds
 from rise_engine.scenario.model import RobotProfile
@@ -216,8 +216,8 @@ class Ros2Robot:
                 reset = mapping.make_reset(node=self._transport.node, goal="", frame=self._frame)
                 if reset is not None:
                     endpoint.publish(reset)
-        self._stop = stop = StopAll(self.clock, self._endpoints, self._find_goals, self._report_stop)
-        stop.begin()
+        self._stop = StopAll(self.clock, self._endpoints, self._find_goals, lambda report: self._report(report))
+        self._stop.begin()
 
     def last_seen(self) -> float | None:
         """The middleware renews its word that a server is there within each server's lease; more ROS does not say."""
@@ -303,11 +303,6 @@ class Ros2Robot:
 
     def _find_goals(self, endpoint: ActionEndpoint) -> Mapping[bytes, ActionGoal]:
         return {id: goal for id, goal in self._by_id.items() if goal.endpoint is endpoint}
-
-    def _report_stop(self, report: StopReport) -> None:
-        if not report.unconfirmed and not (self._stop is not None and self._stop.waits_for_calls):
-            self._stop = None
-        self._report(report)
 
     # --- polling ------------------------------------------------------------------------------------------------
 

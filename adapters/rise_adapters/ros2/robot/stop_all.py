@@ -6,8 +6,10 @@ because what the status topic said last may be the word of a server that has bee
 server has not answered may still begin, so it has not ended. What cannot confirm is named with the reason. A server
 that is not there is never called confirmed, even if nothing was known to run: it could not be asked.
 
-The first report comes when all have confirmed, or after ANSWER_SECONDS. Until all have, whatever changes after that is
-reported again: a goal that begins late, one that ends late, a server that comes back and is asked then.
+The first report comes when all have confirmed, or after ANSWER_SECONDS. Whatever changes after that is reported again,
+until something is started: a goal that begins late, one that ends late, a server that comes back and is asked then. A
+goal that somebody else begins after the report takes the confirmation back, until the next stop: it is not ours to
+cancel, and whoever stands before the robot has to know.
 """
 
 from __future__ import annotations
@@ -67,8 +69,10 @@ class CancelAll:
         self._over: set[bytes] = set()
         """... and of which it said that it does not have them (any more)."""
         self._has_confirmed = False
-        self.is_closed = False
-        """What others begin there counts no more: the stop was reported."""
+        self.is_reported = False
+        """What others begin there from now on is left to them, and told."""
+        self._moved_since = False
+        """Somebody else has begun something there since the stop was reported."""
 
     def take_answer(self, answer: CancelResponse) -> None:
         if self.answer is None or answer.goals:
@@ -83,8 +87,7 @@ class CancelAll:
     def find_running(self) -> set[bytes]:
         """Goals that may be running there."""
         statuses = self.endpoint.client.statuses
-        if not self.is_closed:
-            self._known |= self.endpoint.client.unfinished_goals()
+        self._known |= self.endpoint.client.unfinished_goals()
         self._listed |= self._known & statuses.keys()
         own = self._own_goals()
         over = {
@@ -98,11 +101,15 @@ class CancelAll:
     def is_confirmed(self) -> bool:
         """Whether the one server that there is, or was when it confirmed, has answered, and nothing runs there."""
         running = self.find_running()  # also notes what is listed, so it is asked first
-        if not running and self.answer is not None and self.endpoint.presence.count == 1:
+        if running and self._has_confirmed:
+            self._has_confirmed = False
+            if self.is_reported:
+                self._moved_since = True
+            else:
+                self.answer = None  # it is asked again
+        elif not (running or self._moved_since) and self.answer is not None and self.endpoint.presence.count == 1:
             self._has_confirmed = True
-        elif running and self._has_confirmed and not self.is_closed:
-            self._has_confirmed, self.answer = False, None  # somebody has begun there meanwhile: it is asked again
-        return self._has_confirmed and not running
+        return self._has_confirmed
 
     def why_unconfirmed(self) -> str:
         """Why it has not confirmed, for a person."""
@@ -110,6 +117,8 @@ class CancelAll:
         presence = endpoint.presence
         if not presence.count:
             return endpoint.misfit_kind or ("gone" if presence.was_seen else "never seen")
+        if self._moved_since:
+            return "something was begun there after the stop"
         if presence.count > 1:
             return f"{presence.count} servers, and only one can have answered"
         if self.answer is None:
@@ -153,7 +162,7 @@ class CancelAll:
 
 
 class StopAll:
-    """One stop, from the request until all have confirmed or it is abandoned."""
+    """One stop, from the request until it is abandoned: something was started, or everything is stopped again."""
 
     def __init__(
         self,
@@ -193,11 +202,6 @@ class StopAll:
     def is_answered(self) -> bool:
         """It was reported at least once."""
         return self._reported is not None
-
-    @property
-    def waits_for_calls(self) -> bool:
-        """Whether something that cannot be stopped will end by itself, and be told."""
-        return any(endpoint.open for endpoint in self._services)
 
     def begin(self) -> None:
         self._keep_asking()
@@ -254,7 +258,7 @@ class StopAll:
                     cancel.endpoint.mark_unanswered()
         self._reported = report = self._make_report()
         for cancel in self._cancels:
-            cancel.is_closed = True
+            cancel.is_reported = True
         self._report(report)
 
     def _make_report(self) -> StopReport:

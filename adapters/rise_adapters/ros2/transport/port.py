@@ -188,8 +188,8 @@ class Transport(Protocol):
         :param on_message: called with each message. One that cannot be read is reported to the loop's exception handler
             and left out.
         :param qos: what the subscription asks for; publishers that promise less are not heard.
-        :param pause: seconds for which nothing is read after something was. Of what comes meanwhile, the newest are
-            read then, as many as the depth: what is published a thousand times a second costs no more than that.
+        :param pause: seconds for which nothing is read after something was. Then the newest messages are read, as many
+            as the depth. What is published a thousand times a second costs no more than that.
         :raises PortError: as `publisher`.
         """
         ...

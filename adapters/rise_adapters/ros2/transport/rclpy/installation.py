@@ -17,7 +17,6 @@ class Rclpy(NamedTuple):
     executors: Any
     events: Any
     qos: Any
-    deserialize: Any
     rmw: str
     """Which RMW carries it: `rmw_cyclonedds_cpp`."""
 
@@ -33,7 +32,6 @@ def load_rclpy() -> Rclpy:
         import_module("rclpy.executors"),
         import_module("rclpy.event_handler"),
         import_module("rclpy.qos"),
-        import_module("rclpy.serialization").deserialize_message,
         import_module("rclpy").get_rmw_implementation_identifier(),
     )
 

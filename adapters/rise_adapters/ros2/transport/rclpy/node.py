@@ -8,7 +8,7 @@ import atexit
 import logging
 import threading
 from collections import deque
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from functools import partial
 from importlib import import_module
 from typing import Any
@@ -42,7 +42,7 @@ class SpinningNode:
         try:
             flag = ["--ros-args"] if arguments and "--ros-args" not in arguments else []
             self._context.init([*flag, *arguments])
-            self.rclpy_node: Any = self.rclpy.Node(
+            self.rclpy_node: Any = _node_class(self.rclpy)(
                 node,
                 context=self._context,
                 start_parameter_services=False,  # ours are the same on both transports (parameters.py)
@@ -158,6 +158,15 @@ class SpinningNode:
                 if failures >= _MOST_FAILURES:
                     self._lost = f"rclpy's executor fails again and again: {first_line(error)}"
                     break
+
+
+def _node_class(rclpy: Rclpy) -> Any:
+    """rclpy's node, whose raw subscriptions are read by whoever made them and not by its executor."""
+
+    def subscriptions(node: Any) -> Iterator[Any]:
+        return (each for each in rclpy.Node.subscriptions.fget(node) if not each.raw)
+
+    return type("Node", (rclpy.Node,), {"subscriptions": property(subscriptions)})
 
 
 def _make_executor(context: Any, rclpy: Rclpy) -> tuple[Any, bool]:

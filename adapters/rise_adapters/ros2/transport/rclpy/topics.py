@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-from collections import deque
 from collections.abc import Callable
 from functools import partial
-from threading import Lock
 from typing import Any
 
 from rise_adapters.ros2.transport.port import Message, PortError, QoS
@@ -40,45 +38,6 @@ class RclpyPublisher(RclpyEntity):
         return int(self._entity.get_subscription_count()) if self.works else 0
 
 
-class NewestMessages:
-    """What a subscription that may pause has heard and not read yet, as bytes: reading it is what takes time."""
-
-    def __init__(
-        self,
-        read: Callable[[bytes], None],
-        depth: int,
-        pause: float,
-        call_later: Callable[..., object],
-        hand_over: Callable[..., None],
-    ) -> None:
-        """`read` reads one, on the loop, where `call_later` belongs; `hand_over`, from any thread, has something called
-        there."""
-        self._read, self._pause, self._call_later, self._hand_over = read, pause, call_later, hand_over
-        self._kept: deque[bytes] = deque(maxlen=max(depth, 1))
-        self._lock = Lock()
-        self._pausing = False
-        """Whether somebody will look at what is kept."""
-
-    def put(self, message: bytes) -> None:
-        """In the spinning thread."""
-        with self._lock:
-            self._kept.append(message)
-            if self._pausing:
-                return
-            self._pausing = True
-        self._hand_over(self._deliver)
-
-    def _deliver(self) -> None:
-        with self._lock:
-            messages = list(self._kept)
-            self._kept.clear()
-            self._pausing = bool(messages)
-        if messages:
-            self._call_later(self._pause, self._hand_over, self._deliver)
-        for message in messages:
-            self._hand_over(partial(self._read, message))
-
-
 class RclpySubscription(RclpyEntity):
     """Implements `port.Subscription`."""
 
@@ -98,13 +57,24 @@ class RclpySubscription(RclpyEntity):
             """In the spinning thread."""
             self.hand_over(on_message, converter.read(message))
 
-        def read(message: bytes) -> None:
-            on_message(converter.read(node.rclpy.deserialize(message, type)))
-
-        newest = NewestMessages(read, qos.depth, pause, node.loop.call_later, self.hand_over) if pause else None
         events = node.rclpy.events.SubscriptionEventCallbacks(use_default_callbacks=False)
-        more = {"callback": take if newest is None else newest.put, "raw": newest is not None}
+        more = {"callback": take, "raw": pause > 0}  # raw: the executor leaves it alone (`SpinningNode`)
         super().__init__(node, "subscription", topic, converter.type, type, qos, event_callbacks=events, **more)
+        if pause:
+            self._poll = partial(self._read_newest, pause, type, lambda message: on_message(converter.read(message)))
+            node.loop.call_later(pause, self._poll)
+
+    def _read_newest(self, pause: float, type: Any, read: Callable[[Any], None]) -> None:
+        """On the loop: read what the middleware has kept, and look again after the pause.
+
+        rclpy's executor would take each message that comes; what the middleware drops costs nothing.
+        """
+        if not self.works:
+            return
+        self._node.loop.call_later(pause, self._poll)
+        with self._entity.handle:
+            while (taken := self._entity.handle.take_message(type, False)) is not None:
+                read(taken[0])
 
     def count_publishers(self) -> int:
         return int(self._entity.get_publisher_count()) if self.works else 0
