@@ -164,6 +164,7 @@ def tell(explored: Explored) -> Exploration:
         *questions_of_use.find_missing_parts(explored),
         *questions_of_use.find_unused(explored),
         *questions_of_use.find_idle_keys(explored, by_state),
+        *questions_of_use.find_lost_keys(explored),
         *questions_of_course.find_rounds(explored),
         *questions_of_acts.find_cut_off(explored),
     ]
