@@ -332,6 +332,9 @@ ACTIONS: tuple[ConsoleAction, ...] = (
     ConsoleAction("study.report", "Read the report", ("v",), "study",
            "What happened in the selected participant's last session that ended: how long they waited, acts, mistakes, "
            "notes. It is shown after each session, too.", "report", _between_sessions),
+    ConsoleAction("study.outcome", "Correct the outcome", ("o",), "study",
+           "Says anew, with a reason, how the selected participant's last session counts. The study's log keeps both; "
+           "the last word counts.", "outcome", _between_sessions),
     ConsoleAction("study.wizard", "Say who you are", ("w",), "study",
            "The name that stands in every record of the sessions that you begin.", "name", _between_sessions),
     ConsoleAction("study.reload", "Read the study again", ("ctrl+r",), "study",

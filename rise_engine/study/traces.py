@@ -18,6 +18,7 @@ from rise_engine.session.folder import JOURNAL, read_info
 from rise_engine.session.journal_format import InputLine, JournalLine, LineError, read_line
 from rise_engine.session.media import MEDIA_FILE, MediaError, MediaFile, media_path, read_media
 from rise_engine.session.redaction import is_searched
+from rise_engine.study.labels import reassignment_of
 from rise_engine.study.sessions import SESSIONS
 from rise_engine.study.study_log import LOG_FILE
 
@@ -55,7 +56,10 @@ def folders_in(sessions: Path) -> list[Path]:
 
 
 def owner_of(folder: Path) -> str:
-    """Whose session it is: by its record, or its session.toml, or else its name; empty when nobody can know."""
+    """Whose session it is: by its study's log, where that has reassigned it, by its record, or its session.toml, or
+    else its name; empty when nobody can know."""
+    if (moved := reassignment_of(folder)) is not None:
+        return moved.participant
     try:
         return read_info(folder, compare=False).participant
     except SessionError:
