@@ -427,6 +427,16 @@ def test_a_study_is_no_scenario(tmp_path: Path) -> None:
     assert "is a study, not a scenario: its commands are those of `rise-engine study`" in result.output
 
 
+def test_it_says_that_the_scenario_is_a_copy(folder: Path, tmp_path: Path) -> None:
+    source = tmp_path / "mine" / "greeting"
+    shutil.copytree(Path(__file__).parents[2] / "scenarios" / "greeting", source)
+    result = study("new", str(folder), "--yes", "--scenario", str(source))
+    assert f"{folder / 'scenario'} is a copy: later changes of {source} have no effect here." in result.output
+    text = (folder / "study.toml").read_text("utf-8")
+    assert "# scenario is a copy: later changes of greeting have no effect here. Change the copy." in text
+    assert str(tmp_path) not in text, "a study is given to others"
+
+
 def test_every_command_is_in_the_reference() -> None:
     page = (Path(__file__).parents[2] / "docs" / "reference" / "rise-engine.md").read_text(encoding="utf-8")
     assert [name for name in STUDY if f"study {name}" not in page] == []
