@@ -10,6 +10,7 @@ from msgspec import Struct
 
 from rise_engine.scenario.diagnostics import Diagnostic, Diagnostics
 from rise_engine.scenario.model import Scenario, SourceLocation
+from rise_engine.scenario.tree import Held
 from rise_engine.study.labels import session_differences
 from rise_engine.study.language_checks import check_languages
 from rise_engine.study.model import Participant, Slot, Study
@@ -18,7 +19,7 @@ from rise_engine.study.plan_file import NEW_PLAN_FILE, PLAN_FILE, PlanLoad, plan
 from rise_engine.study.planning import held_slots, last_planned, plan_problem, scenario_hashes
 from rise_engine.study.sessions import SESSIONS, session_folders
 from rise_engine.study.study_log import LOG_FILE, LogEntry, StudyLogError, read_log
-from rise_engine.study.study_toml import StudyLoad, load_study
+from rise_engine.study.study_toml import STUDY_FILE, StudyLoad, load_study
 
 _OF_PARTICIPANTS = frozenset({"strata", "consent", "participants"})
 _OF_PLAN = frozenset({"strata", "factors", "assignment"})
@@ -80,6 +81,20 @@ def review_study(folder: str | os.PathLike[str]) -> StudyReview:
         is_planned=last_planned(entries) is not None,
         left_out=tuple(left_out),
     )
+
+
+def findings_of_files(folder: Path, files: Held) -> list[Diagnostic]:
+    """What is wrong with study.toml and participants.csv as an editor holds them; nothing where there is no study.
+
+    :param folder: the study's.
+    :param files: contents by their names.
+    """
+    if STUDY_FILE not in files:
+        return []
+    loaded = load_study(folder, check_scenarios=False, held=files)
+    if loaded.draft is None or loaded.unsure & _OF_PARTICIPANTS:
+        return list(loaded.diagnostics)
+    return [*loaded.diagnostics, *load_participants(loaded.draft, files).diagnostics]
 
 
 def _review_log(

@@ -12,6 +12,7 @@ from pathlib import Path
 
 from rise_engine.kernel.inputs import RecordingReport, SessionStarted
 from rise_engine.kernel.records import RecordingRecord, SessionRecord
+from rise_engine.scenario.file_names import PARTICIPANTS_FILE as PARTICIPANTS_FILE
 from rise_engine.scenario.file_names import STUDY_FILE as STUDY_FILE
 from rise_engine.session.errors import SessionError
 from rise_engine.session.folder import JOURNAL, read_info
@@ -22,7 +23,6 @@ from rise_engine.study.labels import reassignment_of
 from rise_engine.study.sessions import SESSIONS
 from rise_engine.study.study_log import LOG_FILE
 
-PARTICIPANTS_FILE = "participants.csv"
 MANIFEST_FILE = "manifest-sha256.txt"
 """The check sums of a bundle (`rise_engine.bundle`): a study's folder that has them is nobody's to write into."""
 

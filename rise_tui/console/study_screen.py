@@ -212,6 +212,7 @@ class StudyScreen(Screen[None]):
             "study.rehearse": self.rehearse_selected,
             "study.report": self.report_selected,
             "study.outcome": self.judge_selected,
+            "study.people": lambda: self._open_editor(self._source.folder),
             "study.wizard": lambda: self._ask_name(lambda: None),
             "study.reload": self._reload,
             "filter": self.lists.open_find,
@@ -227,7 +228,9 @@ class StudyScreen(Screen[None]):
             calls[action]()
 
     def _edit(self) -> None:
-        folder = str(Path(self._source.folder, self.loaded.study.scenario if self.loaded.study is not None else ""))
+        self._open_editor(str(Path(self._source.folder, self.loaded.study.scenario if self.loaded.study else "")))
+
+    def _open_editor(self, folder: str) -> None:
         self.run_worker(open_editor(self.app, folder, self.say, runs=self._running_entry() is not None))
 
     def _reload(self) -> None:
