@@ -227,7 +227,6 @@ class _Dataset:
                 "OperatingSystem": ", ".join(filter(None, systems)) or "n/a",
                 "SoftwareName": "rise-tui",
                 "SoftwareVersion": ", ".join(filter(None, versions)) or "n/a",
-                "Code": "n/a",
             },
         }
 
