@@ -219,6 +219,27 @@ class Cue(Struct, frozen=True, kw_only=True):
     undone_at: float | None = None
 
 
+class CodedAnnotation(Struct, frozen=True, kw_only=True):
+    """Something that people have annotated of the session, in ELAN or BORIS (`rise_engine.session.coded`)."""
+
+    tier: str
+    annotator: str = ""
+    begin: float
+    end: float
+    """As `begin`: it was a moment."""
+    value: str
+    modifiers: str = ""
+    comment: str = ""
+    file: str = ""
+    speech: bool = False
+    """Whether its tier holds what the participant said."""
+    robot_overlap_s: float | None = None
+    """Seconds of it in which the robot spoke; None: its tier is not the participant's speech."""
+    gap_s: float | None = None
+    """Seconds from the end of what the robot last began to say before it, to its begin; negative: the robot still
+    spoke. None: the robot had said nothing, the session had no engine in between, or the tier is another one."""
+
+
 class Outage(Struct, frozen=True, kw_only=True):
     """From one engine to the next the session had none, and its time stood still."""
 
@@ -309,6 +330,8 @@ class SessionData(Struct, frozen=True, kw_only=True):
     syncs: tuple[SyncRecord, ...] = ()
     media: tuple[MediaFile, ...] = ()
     """Files that belong to the session; only at the level `full`."""
+    coded: tuple[CodedAnnotation, ...] = ()
+    """What people have annotated and given back, by its begin."""
     repairs: Repairs = Repairs()
     problems: tuple[str, ...] = ()
     """What could not be read, in sentences."""

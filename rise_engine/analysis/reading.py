@@ -12,6 +12,7 @@ from pathlib import Path
 from msgspec.structs import replace
 
 from rise_engine.analysis.acts import ActCollector
+from rise_engine.analysis.coded import read_annotations
 from rise_engine.analysis.judgements import Judgement, read_judgements
 from rise_engine.analysis.model import Outage, SessionData, SessionFacts
 from rise_engine.analysis.outages import OutageCollector
@@ -153,6 +154,7 @@ def _read(
         recordings=tuple({each.name: each for each in few if isinstance(each, RecordingRecord)}.values()),
         syncs=tuple(each for each in few if isinstance(each, SyncRecord)),
         media=media,
+        coded=read_annotations(folder, source.filter, played, away.outages, end, problems),
         repairs=count_repairs(few, played, phases.stepped_back),
         problems=tuple(problems),
     )

@@ -2,7 +2,8 @@
 
 full     everything, as it was recorded
 shared   no time of day and no date, no notes and no reasons that people typed, `{person_name}` for private keys,
-         speech that used them as its act has it, W1, W2, ... for wizards, no paths of recordings
+         speech that used them as its act has it, W1, W2, ... for wizards, no paths of recordings; of what
+         participants said, and of comments in annotations, only how many words it had
 public   as shared, and of what wizards said freely only how many words it had
 """
 
@@ -56,6 +57,13 @@ class LevelFilter:
         """What each wizard and observer is called, by name; known after `note`."""
         return dict(self._people)
 
+    def name_of_coder(self, name: str) -> str:
+        """What somebody who has annotated the session is called at this level."""
+        if self.level == "full" or not name:
+            return name
+        self._note_person("coder", name)
+        return self._people.get(name, name)
+
     def count_typed_words(self, text: str) -> str:
         """What somebody typed that is in no record (a reason in the study's log), as this level tells it."""
         return text if self.level == "full" or not text else _count_words("free text", text)
@@ -104,7 +112,7 @@ class LevelFilter:
     def _note_person(self, role: str, name: str) -> None:
         if not name or name in _NOBODY or name in self._people:
             return
-        letter = "W" if role == "wizard" else "O"
+        letter = {"wizard": "W", "coder": "C"}.get(role, "O")
         numbers = (f"{letter}{number}" for number in range(1, 10_000))
         taken = {*self._people.values(), *self._given.values()}
         self._people[name] = self._given.get(name) or next(each for each in numbers if each not in taken)

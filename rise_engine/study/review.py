@@ -10,15 +10,18 @@ from msgspec import Struct
 
 from rise_engine.scenario.diagnostics import Diagnostic, Diagnostics
 from rise_engine.scenario.model import Scenario, SourceLocation
+from rise_engine.study.design import runs
 from rise_engine.study.labels import session_differences
 from rise_engine.study.language_checks import check_languages
 from rise_engine.study.model import Participant, Slot, Study
 from rise_engine.study.participants import PARTICIPANTS_FILE, ParticipantsLoad, load_participants
 from rise_engine.study.plan_file import NEW_PLAN_FILE, PLAN_FILE, PlanLoad, plan_hash, read_plan
 from rise_engine.study.planning import held_slots, last_planned, plan_problem, scenario_hashes
+from rise_engine.study.questionnaires import find_missing, load_questionnaire
 from rise_engine.study.sessions import SESSIONS, session_folders
 from rise_engine.study.study_log import LOG_FILE, LogEntry, StudyLogError, read_log
 from rise_engine.study.study_toml import StudyLoad, load_study
+from rise_engine.study.withdrawn import is_withdrawn
 
 _OF_PARTICIPANTS = frozenset({"strata", "consent", "participants"})
 _OF_PLAN = frozenset({"strata", "factors", "assignment"})
@@ -74,6 +77,8 @@ def review_study(folder: str | os.PathLike[str]) -> StudyReview:
         found += plan.diagnostics
     entries, of_log = _review_log(loaded, people, plan, left_out)
     found += of_log
+    if not loaded.unsure & (_OF_PARTICIPANTS | {"questionnaire"}):
+        found += _review_questionnaires(study, people, entries)
     return StudyReview(
         study=loaded.study,
         diagnostics=found,
@@ -83,6 +88,28 @@ def review_study(folder: str | os.PathLike[str]) -> StudyReview:
         is_planned=last_planned(entries) is not None,
         left_out=tuple(left_out),
     )
+
+
+def _review_questionnaires(study: Study, people: ParticipantsLoad, entries: list[LogEntry]) -> list[Diagnostic]:
+    """What the survey tools gave, and who took part and is not in it."""
+    found: list[Diagnostic] = []
+    took_part = [
+        (str(each.get("participant")), int(each.get("run") or 0))
+        for each in entries
+        if each.kind == "session" and each.get("purpose") == "counted"
+    ]
+    for settings in study.questionnaires:
+        read = load_questionnaire(
+            study,
+            settings,
+            people.participants,
+            runs=len(runs(study)),
+            has_withdrawn=lambda name: is_withdrawn(name, entries),
+        )
+        found += read.diagnostics
+        if read.items:
+            found += find_missing(read, took_part, people.participants)
+    return found
 
 
 def _review_log(

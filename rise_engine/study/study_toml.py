@@ -25,6 +25,7 @@ from rise_engine.study.model import AssignmentSettings, BetweenMethod, Study, Wi
 from rise_engine.study.personal_data import WHY, personal_column
 from rise_engine.study.plan import rows_wanted
 from rise_engine.study.quantities import DAY, parse_length
+from rise_engine.study.questionnaires import read_questionnaires
 from rise_engine.study.recording_table import read_recording
 from rise_engine.study.report_table import read_report
 from rise_engine.study.study_scenarios import load_scenarios
@@ -47,6 +48,7 @@ TOP_KEYS = (
     "retention",
     "recording",
     "report",
+    "questionnaire",
 )
 _ASSIGNMENT_KEYS = ("between", "block", "strata", "within", "spare", "hidden")
 BETWEEN: tuple[BetweenMethod, ...] = ("blocks", "minimise", "random", "list")
@@ -181,6 +183,7 @@ class _StudyReader:
             retention=self.read_retention(),
             recording=read_recording(table, folder),
             report=read_report(table),
+            questionnaires=read_questionnaires(table, folder),
         )
         self.check_size(study)
         return study
