@@ -8,7 +8,7 @@ from pathlib import Path
 
 from rise_engine.analysis.model import CodedAnnotation, Outage, PlayedAct
 from rise_engine.analysis.outages import seconds_without_engine
-from rise_engine.session.coded import CodedFile, read_coded, read_spans
+from rise_engine.session.coded import CodedFile, read_coded, read_spans, told_span
 from rise_engine.session.coded_formats import CodedError, CodedSpan
 from rise_engine.session.levels import LevelFilter
 
@@ -82,15 +82,15 @@ def coded_annotation(
     :param robot: when the robot spoke.
     :param outages: when the session had no engine.
     """
-    is_speech = span.tier in file.speech
+    is_speech, told = span.tier in file.speech, told_span(span, file, level)
     return CodedAnnotation(
         tier=span.tier,
-        annotator=level.name_of_coder(span.annotator),
+        annotator=told.annotator,
         begin=span.begin,
         end=span.end,
-        value=level.count_typed_words(span.value) if is_speech else span.value,
+        value=told.value,
         modifiers=span.modifiers,
-        comment=level.count_typed_words(span.comment),
+        comment=told.comment,
         file=file.name if level.level == "full" else "",
         speech=is_speech,
         robot_overlap_s=_overlap(span, robot) if is_speech else None,

@@ -6,7 +6,7 @@ import shutil
 from collections import Counter
 from collections.abc import Iterator, Sequence
 from datetime import datetime
-from pathlib import Path
+from pathlib import Path, PurePosixPath
 
 from msgspec import Struct, field
 from msgspec.structs import replace
@@ -26,8 +26,10 @@ from rise_engine.bundle.study_files import copy_scenarios, log_text, participant
 from rise_engine.bundle.texts import license_text, readme_text
 from rise_engine.export.format import ExportError
 from rise_engine.export.formats import load_format
+from rise_engine.export.questionnaire_tables import answers_text, told_answers
 from rise_engine.export.writing import export_context, new_path, note_export
-from rise_engine.session.disk import make_private_folder
+from rise_engine.session.coded import coded_paths
+from rise_engine.session.disk import make_private_folder, write_private_file
 from rise_engine.session.errors import SessionError
 from rise_engine.session.folder import INFO, JOURNAL
 from rise_engine.session.media import MEDIA_FILE
@@ -206,6 +208,12 @@ class _Bundle:
             self.report.left_out.append(
                 f"{PLAN_FILE}, because the study is not complete and it says what the next participants get"
             )
+        warnings: list[str] = []
+        for answers in told_answers(study, self._level, (each.facts for each in self._sessions), warnings):
+            file = root / answers.settings.file
+            make_private_folder(file.parent)
+            write_private_file(file, answers_text(answers).encode())
+            inputs.append(answers.settings.file)
         names, people_names = self._names, self._people
         (root / LOG_FILE).write_text(log_text(self._state.log, names, people_names, self._level), "utf-8")
         for each in self._state.sessions:
@@ -254,6 +262,7 @@ class _Bundle:
             "bids": "the same as a data set of BIDS",
             REPORT: "the report, and the sheet of what a paper should say",
             PROGRAM: "the program with which it was made, to be installed with pip",
+            **{PurePosixPath(each.file).parts[0]: "answers to questionnaires" for each in self._study.questionnaires},
             UNPROVED: "tables and BIDS of sessions that are not in it",
             ABOUT_FILE: "with which options it was made",
             "LICENSE": "what others may do with it",
@@ -287,7 +296,7 @@ class _Bundle:
 
 def _copy_session(source: Path, target: Path) -> None:
     copies = (path for copy in copy_folders(source) for path in sorted(copy.rglob("*")))
-    for path in [source / INFO, source / JOURNAL, source / MEDIA_FILE, *copies]:
+    for path in [source / INFO, source / JOURNAL, source / MEDIA_FILE, *coded_paths(source), *copies]:
         if path.is_file() and not path.is_symlink():
             copy = target / path.relative_to(source)
             make_private_folder(copy.parent)

@@ -42,6 +42,7 @@ _TRIAL_TYPES = {
     "robot": "The link to the robot changed.",
     "fault": "Something went wrong.",
     "check": "Something was looked at before or after the session.",
+    "coded": "Something that people have annotated; name: its tier; value: what they annotated.",
     "recovery": "Another engine went on with the session; outage_s says for how long it had none.",
 }
 """What the rows of `_events.tsv` are."""
@@ -183,8 +184,8 @@ EVENT_COLUMNS: Columns = {
         ),
         Column(
             "actor",
-            "Who did it: wizard:NAME, rule:NAME, a program; of a robot_act, whose key, event or rule caused it, "
-            "through any number of rules; of a robot_action: robot.",
+            "Who did it: wizard:NAME, rule:NAME, a program; coder:NAME of what people annotated; of a robot_act, whose "
+            "key, event or rule caused it, through any number of rules; of a robot_action: robot.",
         ),
         Column("name", "The act, the type of the action, RULE.STATE, the event's topic, the memory key, the check."),
         Column("value", "What was said or written, as the export's level tells it."),
@@ -192,7 +193,9 @@ EVENT_COLUMNS: Columns = {
             "channel",
             "Of a robot_action: what of the robot it takes (speech, gaze, face, body, arms), joined by +.",
         ),
-        Column("status", "How an act or an action ended; `filler` follows after a blank."),
+        Column(
+            "status", "How an act or an action ended; `filler` follows after a blank. Of coded: modifiers of BORIS."
+        ),
         Column("task_id", "Number of the task in the session's record that it belongs to."),
         Column("mark", "What a wizard said was wrong about the act.", levels=MARKS),
         seconds(
@@ -237,6 +240,16 @@ def _events(data: SessionData) -> Iterator[_Event]:
             name=f"{phase.rule}.{phase.state}",
             value=phase.trigger,
             status=phase.ended_by,
+        )
+    for each in data.coded:
+        yield _Event(
+            onset=each.begin,
+            end=each.end,
+            trial_type="coded",
+            actor=f"coder:{each.annotator}" if each.annotator else "",
+            name=each.tier,
+            value=each.value,
+            status=each.modifiers,
         )
     for point in data.points:
         yield _Event(

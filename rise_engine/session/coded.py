@@ -22,6 +22,7 @@ from rise_engine.session.coded_formats import (
     replace_words,
 )
 from rise_engine.session.disk import make_private_folder, write_private_file
+from rise_engine.session.levels import LevelFilter
 from rise_engine.session.listed_files import change_list, list_bytes, read_list
 
 CODED_FILE, CODED_FOLDER = "coded.json", "coded"
@@ -49,6 +50,8 @@ class CodedFile(Struct, frozen=True, kw_only=True):
     """Of a file of BORIS: which one is the session's."""
     added: str = ""
     """ISO 8601 with offset."""
+    spans: tuple[CodedSpan, ...] = ()
+    """In a session that was given to others: the annotations, in session seconds, in the place of the file."""
 
 
 def read_coded(folder: Path) -> tuple[CodedFile, ...]:
@@ -67,6 +70,8 @@ def read_spans(folder: Path, file: CodedFile) -> list[CodedSpan]:
     :param file: as coded.json has it.
     :raises CodedError: it cannot be read, or is another one than was added.
     """
+    if not file.sha256:
+        return list(file.spans)
     path = folder / CODED_FOLDER / file.name
     data = read_bytes(path)
     if hashlib.sha256(data).hexdigest() != file.sha256:
@@ -137,7 +142,45 @@ def coded_paths(folder: Path) -> list[Path]:
         files = read_coded(folder)
     except CodedError:
         return []
-    return [folder / CODED_FILE, *(folder / CODED_FOLDER / each.name for each in files)] if files else []
+    theirs = (folder / CODED_FOLDER / each.name for each in files if each.sha256)
+    return [folder / CODED_FILE, *theirs] if files else []
+
+
+def told_coded(folder: Path, level: LevelFilter) -> list[CodedFile]:
+    """The annotations of a session as a level below full tells them, for coded.json of a session that is given to
+    others: without the files. What cannot be read is left out.
+
+    :param folder: the session's.
+    :param level: which.
+    """
+    told: list[CodedFile] = []
+    try:
+        for number, file in enumerate(read_coded(folder), 1):
+            spans = tuple(told_span(each, file, level) for each in read_spans(folder, file))
+            told.append(
+                CodedFile(
+                    name=str(number),
+                    sha256="",
+                    clock=CodedClock(),
+                    clock_by=file.clock_by,
+                    tiers=file.tiers,
+                    speech=file.speech,
+                    spans=spans,
+                )
+            )
+    except CodedError:
+        return []
+    return told
+
+
+def told_span(span: CodedSpan, file: CodedFile, level: LevelFilter) -> CodedSpan:
+    """An annotation as a level tells it: of what the participant said, and of comments, how many words it had."""
+    return replace(
+        span,
+        annotator=level.name_of_coder(span.annotator),
+        value=level.count_typed_words(span.value) if span.tier in file.speech else span.value,
+        comment=level.count_typed_words(span.comment),
+    )
 
 
 def redacted_files(folder: Path, change: Callable[[str], str]) -> dict[Path, bytes]:
@@ -152,6 +195,9 @@ def redacted_files(folder: Path, change: Callable[[str], str]) -> dict[Path, byt
     before = read_coded(folder)
     for file in before:
         path = folder / CODED_FOLDER / file.name
+        if not file.sha256:
+            files.append(_redacted(file, None, change))
+            continue
         data = read_bytes(path)
         if (new := replace_words(file.name, data, change)) != data:
             found[path] = new
@@ -168,5 +214,9 @@ def _redacted(file: CodedFile, data: bytes | None, change: Callable[[str], str])
         speech=tuple(map(change, file.speech)),
         annotator=change(file.annotator),
         observation=change(file.observation),
+        spans=tuple(
+            replace(each, tier=change(each.tier), value=change(each.value), comment=change(each.comment))
+            for each in file.spans
+        ),
         sha256=file.sha256 if data is None else hashlib.sha256(data).hexdigest(),
     )

@@ -127,7 +127,7 @@ def replace_words(name: str, data: bytes, replace: Callable[[str], str]) -> byte
                 for element in root.iter(etree.Element):
                     element.text = replace(element.text) if element.text else element.text
                     for key, value in element.attrib.items():
-                        element.set(key, replace(value))
+                        element.set(str(key), replace(str(value)))
                 changed: bytes = etree.tostring(root, xml_declaration=True, encoding="UTF-8")
             case ".boris":
                 changed = msgspec.json.encode(_replaced(msgspec.json.decode(data), replace))
@@ -168,7 +168,7 @@ def _read_eaf(name: str, data: bytes) -> CodedDocument:
     told = {each.get("NAME", ""): (each.text or "").strip() for each in root.iter("PROPERTY")}
     document = CodedDocument([], [], parse_clock(told.get(CLOCK, "")), told.get(SESSION, ""), problems=[])
     document.media = tuple(
-        (PurePath(each.get("RELATIVE_MEDIA_URL") or each.get("MEDIA_URL", "")).name, _origin(each))
+        (PurePath(each.get("RELATIVE_MEDIA_URL") or each.get("MEDIA_URL") or "").name, _origin(each))
         for each in root.iter("MEDIA_DESCRIPTOR")
     )
     slots = {each.get("TIME_SLOT_ID"): each.get("TIME_VALUE") for each in root.iter("TIME_SLOT")}
@@ -417,7 +417,7 @@ def tiers_taken(document: CodedDocument, wanted: Iterable[str]) -> Iterator[str]
         if each not in document.tiers:
             near = did_you_mean(each, document.tiers, limit=0)
             listed = ", ".join(document.tiers) or "none"
-            raise CodedError(f"the file has no tier {each!r}{near} Its tiers of yours are: {listed}")
+            raise CodedError(f"the file has no tier {each!r}{near or '.'} Its tiers of yours are: {listed}")
         yield each
     if not wanted:
         yield from document.tiers

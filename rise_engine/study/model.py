@@ -143,6 +143,8 @@ class QuestionnaireSettings(Struct, frozen=True):
     columns: dict[str, ItemDescription] = {}
     leave_out: tuple[str, ...] = ()
     """Columns that no export tells."""
+    about: str = ""
+    """What it is, as a paper would name it."""
 
 
 class Study(Struct, frozen=True):

@@ -27,7 +27,7 @@ COLUMNS_OF_TABLES = ("session", "participant", "run", "condition", "mode", "purp
 FACTOR_PREFIX = "factor_"
 _NAME = re.compile(r"[A-Za-z][A-Za-z0-9_]*\Z")
 _NUMBER = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?\Z", re.ASCII)
-_KEYS = ("file", "key", "run", "columns", "leave_out")
+_KEYS = ("about", "file", "key", "run", "columns", "leave_out")
 _OF_ITEM = ("about", "levels")
 _QUALTRICS = '{"ImportId"'
 """With this begins every cell of the third line of a file of Qualtrics; its second line holds the questions."""
@@ -101,6 +101,7 @@ def _read_settings(all_tables: TomlTable, name: str, folder: Path) -> Questionna
         run=table.read("run", str, "", form=': the column that says which run: run = "session"'),
         columns=_read_columns(table),
         leave_out=table.read_texts("leave_out", ()),
+        about=table.read("about", str, "", form=': about = "Godspeed Questionnaire Series"').strip(),
     )
 
 
@@ -229,6 +230,8 @@ class _Reader:
         for column in (*settings.leave_out, *settings.columns):
             if column not in table.columns:
                 near = did_you_mean(column, table.columns, limit=0)
+                if column in settings.leave_out and not near:
+                    continue
                 message = f"there is no column `{column}`, which {here} names{near}"
                 self.diagnostics.warning("unknown-column", table.column_location(column), message)
         items = [each for each in table.columns if each not in wanted and each not in settings.leave_out]

@@ -46,6 +46,17 @@ def wizard_names(study: Path | None) -> dict[str, str]:
     return {name: str(each) for name, each in found.items()} if isinstance(found, dict) else {}
 
 
+def questionnaire_files(study: Path) -> set[str]:
+    """The files of questionnaires, from the study's folder on, as study.toml names them; also when something else
+    there is wrong."""
+    try:
+        found = tomllib.loads((study / STUDY_FILE).read_text("utf-8")).get("questionnaire")
+    except (OSError, ValueError):
+        return set()
+    tables = found.values() if isinstance(found, dict) else ()
+    return {os.path.normpath(str(each["file"])) for each in tables if isinstance(each, dict) and "file" in each}
+
+
 def folders_in(sessions: Path) -> list[Path]:
     """The folders in a folder, in order; none where there is none."""
     try:
@@ -130,6 +141,7 @@ def _readable_lines(folder: Path) -> Iterator[JournalLine]:
 def find_names(study: Path, participant: str) -> list[str]:
     """Where a pseudonym still stands in a study's folder, and what is to be done about it, in sentences."""
     found = []
+    theirs = {PARTICIPANTS_FILE, *questionnaire_files(study)}
     for path in sorted(study.rglob("*")):
         name = path.relative_to(study)
         if path.is_symlink() or not path.is_file():
@@ -142,13 +154,15 @@ def find_names(study: Path, participant: str) -> list[str]:
         if not lines:
             continue
         where = ", ".join(map(str, lines[:5])) + (f" and {len(lines) - 5} more" if len(lines) > 5 else "")
-        found.append(f"{name}, line{'s' if len(lines) > 1 else ''} {where}: {_advice(name, participant)}")
+        advice = _OF_PEOPLE if str(name) in theirs else _advice(name, participant)
+        found.append(f"{name}, line{'s' if len(lines) > 1 else ''} {where}: {advice}")
     return found
 
 
+_OF_PEOPLE = "delete the line yourself, because nothing but people writes in this file"
+
+
 def _advice(name: Path, participant: str) -> str:
-    if str(name) == PARTICIPANTS_FILE:
-        return "delete the line yourself, because nothing but people writes in this file"
     if name.parts[0] == SESSIONS and len(name.parts) == 3 and name.name == MEDIA_FILE:
         return f"give that file a name without it, then rise-engine media remove {name.parts[1]} and media add"
     if name.parts[0] == SESSIONS and len(name.parts) > 2:

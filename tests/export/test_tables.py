@@ -314,7 +314,8 @@ def test_every_column_is_described_and_filled(tables: Path) -> None:
     assert [each["path"] for each in package["resources"]] == [schema.file for schema in TABLES]
     for each in package["resources"]:
         names = [field["name"] for field in each["schema"]["fields"]]
-        assert names == list(rows(tables, each["name"])[0]), "every column of the file, in its order"
+        header = (tables / each["path"]).read_text("utf-8").partition("\n")[0]
+        assert names == header.split(","), "every column of the file, in its order"
         assert len(names) == len(set(names)) and all(field["description"] for field in each["schema"]["fields"])
         for field in each["schema"]["fields"]:
             timed = field["name"].endswith(("_at", "_s")) or field["name"] in (
@@ -322,6 +323,7 @@ def test_every_column_is_described_and_filled(tables: Path) -> None:
                 "onset",
                 "duration",
                 "start",
+                "begin",
                 "end",
             )
             assert (field.get("unit") == "s") == timed, field["name"]
