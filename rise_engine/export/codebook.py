@@ -14,8 +14,8 @@ from rise_engine.export.table_schema import Column
 SPSS_FILE, R_FILE = "read_tables.sps", "read_tables.R"
 _LONGEST_NAME, _LONGEST_LABEL, _LONGEST_VALUE_LABEL, _LONGEST_TEXT = 64, 230, 110, 32_767
 """Bytes that SPSS takes, and that a line of its syntax has room for."""
-_RESERVED = frozenset({"all", "and", "by", "eq", "ge", "gt", "le", "lt", "ne", "not", "or", "to", "with"})
-"""Words that no variable of SPSS is called."""
+_RESERVED = frozenset({"all", "and", "by", "comment", "eq", "ge", "gt", "le", "lt", "ne", "not", "or", "to", "with"})
+"""Words that no variable of SPSS is called; `comment` is one of PSPP (1.6.2), which skips the rest of the command."""
 _NO_NAME = re.compile(r"[^A-Za-z0-9_]+")
 _NUMBERS = ("integer", "number")
 _R_TYPES = {"integer": "numeric", "number": "numeric", "boolean": "logical"}
@@ -31,6 +31,8 @@ class DescribedTable(Struct, frozen=True):
     columns: tuple[Column, ...]
     widths: tuple[int, ...]
     """Of each column: the bytes of its longest cell."""
+    has_line_ends: bool = False
+    """Whether a cell has several lines: SPSS takes each for a row."""
 
 
 def spss_text(tables: Iterable[DescribedTable]) -> str:
@@ -43,7 +45,10 @@ def spss_text(tables: Iterable[DescribedTable]) -> str:
         "SET DECIMAL=DOT.",
     ]
     for table in tables:
-        lines += ["", f"* {table.about.rstrip('.')}.", *_spss_table(table)]
+        if table.has_line_ends:
+            lines += ["", f"* {table.file} is left out: it has cells of several lines, which SPSS takes for rows."]
+        else:
+            lines += ["", f"* {table.about.rstrip('.')}.", *_spss_table(table)]
     return "\n".join([*lines, ""])
 
 
@@ -56,7 +61,6 @@ def _spss_table(table: DescribedTable) -> Iterator[str]:
     for name, column, width in zip(names, table.columns, table.widths, strict=True):
         yield f"    {name} {_spss_format(column, width)}"
     yield "  ."
-    yield f"DATASET NAME {table.name}."
     yield "VARIABLE LABELS"
     for at, (name, column) in enumerate(zip(names, table.columns, strict=True)):
         about = column.about if name == column.name else f"{column.name}: {column.about}"
@@ -71,12 +75,16 @@ def _spss_table(table: DescribedTable) -> Iterator[str]:
                 told = value if column.type in _NUMBERS else _spss_quoted(value)
                 yield f"    {told} {_spss_quoted(label, _LONGEST_VALUE_LABEL)}"
         yield "  ."
+    yield f"DATASET COPY {table.name}."  # DATASET NAME does not keep it in PSPP, where the next table replaces it
 
 
 def _spss_format(column: Column, width: int) -> str:
     if column.type == "integer":
         return "F16.0"
-    return "F16.6" if column.type == "number" else f"A{min(max(width, 1), _LONGEST_TEXT)}"
+    if column.type == "number":
+        return "F16.6"
+    longest = max([1, width, *(len(value.encode()) for value in column.levels)])
+    return f"A{min(longest, _LONGEST_TEXT)}"
 
 
 def spss_names(names: Sequence[str]) -> list[str]:

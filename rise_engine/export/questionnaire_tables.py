@@ -29,7 +29,7 @@ class ToldAnswers(Struct, frozen=True):
     columns: tuple[Column, ...]
     """Its items."""
     rows: tuple[tuple[tuple[SessionFacts, ...], Answers], ...]
-    """Each with the sessions that it is about: the one of its run, or all of its participant."""
+    """Each with the sessions that it is about: the one of its run, or one of each run of its participant."""
 
     @property
     def name(self) -> str:
@@ -88,9 +88,9 @@ def _told(read: Questionnaire, level: ExportLevel, known: Sequence[SessionFacts]
     typed = [item.name for item in read.items if item.type == "string" and not item.levels]
     rows = []
     for answers in read.rows:
-        about = [each for each in known if each.participant == answers.participant]
-        if answers.run is not None:
-            about = _of_run([each for each in about if each.run == answers.run])
+        theirs = [each for each in known if each.participant == answers.participant]
+        runs = dict.fromkeys(each.run for each in theirs if answers.run in (None, each.run))
+        about = [_of_run([each for each in theirs if each.run == run]) for run in runs]
         if about:
             told = {name: count(value) if name in typed else value for name, value in answers.values.items()}
             rows.append((tuple(about), replace(answers, values=told)))
@@ -111,10 +111,10 @@ def _told(read: Questionnaire, level: ExportLevel, known: Sequence[SessionFacts]
     return ToldAnswers(settings, columns, tuple(rows))
 
 
-def _of_run(sessions: list[SessionFacts]) -> list[SessionFacts]:
+def _of_run(sessions: list[SessionFacts]) -> SessionFacts:
     """Of several attempts the one that counts, or else the last one."""
     complete = [each for each in sessions if each.outcome == "complete"]
-    return (complete or sessions)[-1:]
+    return (complete or sessions)[-1]
 
 
 def answers_text(told: ToldAnswers) -> str:

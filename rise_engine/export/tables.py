@@ -47,6 +47,7 @@ class _OpenTable:
         self.columns = [*facts, *schema.columns]
         self._safe = spreadsheet_safe
         self._widths = [0] * len(self.columns)
+        self._has_line_ends = False
         self.path = folder / schema.file
         descriptor = os.open(self.path, os.O_WRONLY | os.O_CREAT | os.O_EXCL | os.O_CLOEXEC, 0o600)
         self.file = os.fdopen(descriptor, "w", encoding="utf-8", errors="backslashreplace", newline="")
@@ -60,10 +61,10 @@ class _OpenTable:
     def add_row(self, cells: list[str]) -> None:
         """A row with a cell for each column."""
         cells = [safe_cell(each) for each in cells] if self._safe else cells
-        self._widths = [
-            max(width, len(each.encode("utf-8", "backslashreplace"))) if width < len(each) * 4 else width
-            for width, each in zip(self._widths, cells, strict=True)
-        ]
+        for at, each in enumerate(cells):
+            if len(each) * 4 > self._widths[at]:
+                self._widths[at] = max(self._widths[at], len(each.encode("utf-8", "backslashreplace")))
+        self._has_line_ends = self._has_line_ends or any("\n" in each or "\r" in each for each in cells)
         self._rows.writerow(cells)
 
     def described(self) -> dict[str, object]:
@@ -74,8 +75,8 @@ class _OpenTable:
 
     def for_codebook(self) -> DescribedTable:
         """What programs that read it must know."""
-        schema = self.schema
-        return DescribedTable(schema.name, schema.file, schema.about, tuple(self.columns), tuple(self._widths))
+        schema, columns, widths = self.schema, tuple(self.columns), tuple(self._widths)
+        return DescribedTable(schema.name, schema.file, schema.about, columns, widths, self._has_line_ends)
 
 
 def _write(path: Path, sessions: Iterable[SessionData], context: ExportContext) -> None:
@@ -110,6 +111,11 @@ def _write(path: Path, sessions: Iterable[SessionData], context: ExportContext) 
     about += f" {SAFE if context.spreadsheet_safe else UNSAFE}"
     package = data_package(name or "sessions", title, about, [table.described() for table in tables])
     described = [table.for_codebook() for table in tables]
+    context.warnings += [
+        f"{each.file} has cells of several lines, which SPSS takes for rows: {SPSS_FILE} leaves it out"
+        for each in described
+        if each.has_line_ends
+    ]
     _write_new(path / PACKAGE, package)
     _write_new(path / SPSS_FILE, spss_text(described).encode())
     _write_new(path / R_FILE, r_text(described).encode())

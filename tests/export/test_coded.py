@@ -1,7 +1,8 @@
-"""Annotations that people give back: what ELAN's and BORIS' files say, on the session's clock, beside the robot's speech."""
+"""Annotations that people give back: files of ELAN and BORIS on the session's clock, beside the robot's speech."""
 
 from __future__ import annotations
 
+import csv
 import json
 import shutil
 from pathlib import Path
@@ -21,6 +22,7 @@ from rise_engine.session.coded_formats import CodedClock, CodedError, CodedSpan,
 from rise_engine.session.levels import LevelFilter
 from rise_engine.session.media import MediaFile, register_media
 from rise_engine.session.redaction import redact
+from rise_engine.session.sharing import share_session
 from rise_engine.words import Words, parse_replacement
 
 from ..analysis.samples import play_session, recovered_session
@@ -280,3 +282,54 @@ def test_a_file_that_was_changed_since_is_said(folder: Path, tmp_path: Path) -> 
     assert data.coded == () and "was changed since it was added" in data.problems[0]
     (folder / CODED_FILE).write_text("{")
     assert "Mend it" in read_session(folder).problems[0]
+
+
+def test_coded_csv_and_events_of_bids(folder: Path, tmp_path: Path) -> None:
+    run("coded", "add", folder, annotated(folder, tmp_path / "P01.eaf", [2.0, 14.0]), "--speech", SPEECH)
+    run("export", folder, "--format", "tables", "-o", tmp_path / "tables")
+    with (tmp_path / "tables" / "coded.csv").open(newline="") as file:
+        found = [each for each in csv.DictReader(file) if each["speech"] == "true"]
+    assert [(each["begin"], each["value"], each["annotator"]) for each in found] == [
+        ("2", "word 0", "anna"),
+        ("14", "word 1", "anna"),
+    ]
+    assert all(each["robot_overlap_s"] and each["duration_s"] for each in found)
+    run("export", folder, "--format", "bids", "-o", tmp_path / "bids")
+    (events,) = (tmp_path / "bids").glob("sub-*/beh/*_events.tsv")
+    with events.open(newline="") as file:
+        rows = [each for each in csv.DictReader(file, delimiter="\t") if each["trial_type"] == "coded"]
+    assert {(each["name"], each["actor"]) for each in rows} == {(SPEECH, "coder:anna"), ("gaze", "n/a")}
+    assert list((tmp_path / "bids").rglob("coded/P01.eaf")), "the session's own files have it"
+
+
+def test_a_shared_session_tells_the_same_without_the_file(folder: Path, tmp_path: Path) -> None:
+    run("coded", "add", folder, annotated(folder, tmp_path / "P01.eaf", [2.0, 14.0]), "--speech", SPEECH)
+    shared = share_session(folder, tmp_path / folder.name, level="shared", wizards={"anna": "W7"})
+    before = read_session(folder, level="shared", wizards={"anna": "W7"}).coded
+    known = {name: name for name in shared.people.values()}  # as study.toml of a bundle has it
+    assert read_session(tmp_path / folder.name, level="shared", wizards=known).coded == before
+    assert before[0].annotator == "W7" and "word 0" not in (tmp_path / folder.name / CODED_FILE).read_text()
+
+
+@pytest.mark.parametrize("format", ["tables", "csv"])
+def test_cells_that_a_spreadsheet_would_carry_out(format: str, folder: Path, tmp_path: Path) -> None:
+    eaf = annotated(folder, tmp_path / "P01.eaf", [2.0])
+    eaf.write_text(eaf.read_text().replace("word 0", '=HYPERLINK("x")'))
+    run("coded", "add", folder, eaf)
+    plain = run("export", folder, "--format", format, "-o", tmp_path / "plain")
+    run("export", folder, "--format", format, "-o", tmp_path / "safe", "--spreadsheet-safe")
+    assert "'" not in plain
+    for file in (tmp_path / "safe").glob("*.csv") if format == "tables" else [tmp_path / "safe"]:
+        with file.open(newline="") as opened:
+            cells = [each for row in csv.reader(opened) for each in row]
+        assert not [each for each in cells if each[:1] in ("=", "@", "\t", "\r")]
+    if format == "tables":
+        about = [
+            json.loads((tmp_path / name / "datapackage.json").read_text())["description"] for name in ("plain", "safe")
+        ]
+        assert "--spreadsheet-safe" in about[0] and "An apostrophe stands before" in about[1]
+        assert "'=HYPERLINK" in (tmp_path / "safe" / "coded.csv").read_text()
+
+
+def test_formats_that_are_no_tables_refuse_it(folder: Path) -> None:
+    assert "not with eaf" in run("export", folder, "--format", "eaf", "-o", "x", "--spreadsheet-safe", status=2)
