@@ -254,7 +254,7 @@ class _Reader:
         for column, value in row.values.items():
             if mail := mail_address_in(value):
                 table.report(row, column, "personal-data", f"`{mail}` looks like a mail address: {WHY}")
-        if name not in self.names:
+        if name not in self.names or self.has_withdrawn(name):
             table.report(row, settings.key, "unknown-participant", self.unknown(name))
             return None
         run = self.read_run(row) if settings.run else None
