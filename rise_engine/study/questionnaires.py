@@ -150,7 +150,7 @@ def load_questionnaire(
         if table is None:
             return Questionnaire(settings, (), (), diagnostics.sorted())
         names = {each.participant for each in people}
-        reader = _Reader(settings, table, names, has_withdrawn, runs, study)
+        reader = _AnswersReader(settings, table, names, has_withdrawn, runs, study)
         items, rows = reader.read()
     return Questionnaire(settings, items, rows, diagnostics.sorted())
 
@@ -177,7 +177,7 @@ def find_missing(
     return diagnostics.sorted()
 
 
-class _Reader:
+class _AnswersReader:
     """One file."""
 
     def __init__(
