@@ -25,7 +25,7 @@ from rise_engine.bundle.study_files import copy_scenarios, log_text, participant
 from rise_engine.bundle.texts import license_text, readme_text
 from rise_engine.export.format import ExportError
 from rise_engine.export.formats import load_format
-from rise_engine.export.writing import export_context, new_path, note_export
+from rise_engine.export.writing import export_context, new_export
 from rise_engine.session.disk import make_private_folder
 from rise_engine.session.errors import SessionError
 from rise_engine.session.folder import INFO, JOURNAL
@@ -33,7 +33,7 @@ from rise_engine.session.media import MEDIA_FILE
 from rise_engine.session.scenario_copies import copy_folders
 from rise_engine.session.sharing import CannotShare, share_session
 from rise_engine.study.plan_file import PLAN_FILE
-from rise_engine.study.state import StudyStatus
+from rise_engine.study.state import StudyStatus, read_state
 from rise_engine.study.study_log import LOG_FILE
 from rise_engine.study.study_toml import STUDY_FILE
 from rise_engine.study.traces import MANIFEST_FILE, PARTICIPANTS_FILE, wizard_names
@@ -69,11 +69,13 @@ def make_bundle(
     """
     if not folders:
         raise BundleError("\n".join(["there is no session to put into a bundle", *remarks]))
-    bundle = _Bundle(state, folders, options)
-    bundle.report.left_out += remarks
+    study, is_folder = Path(state.study.folder).resolve(), out.suffix != ".zip"
+    people = {study: state.pseudonyms}
     try:
-        with new_path(out, folders) as here:
-            bundle.report.left_out += note_export(folders, out, "bundle", options.level, folder=out.suffix != ".zip")
+        with new_export(out, folders, "bundle", options.level, folder=is_folder, people=people) as export:
+            bundle = _Bundle(read_state(study), folders, options)  # again: now nobody changes it without our knowing
+            bundle.report.left_out += [*remarks, *export.problems]
+            here = export.here
             root = here if out.suffix != ".zip" else here.with_name("bundle")
             root.mkdir(0o700)
             bundle.write(root)
