@@ -21,7 +21,8 @@ from rise_engine.report.study_report import StudyReportInput, study_report
 from rise_engine.session.errors import SessionError
 from rise_engine.session.levels import ExportLevel
 from rise_engine.session.replay import ReplayComparison, compare_replay
-from rise_engine.study.state import read_state
+from rise_engine.study.sessions import StudySession
+from rise_engine.study.state import StudyStatus, read_state
 from rise_engine.text import pluralize
 
 
@@ -76,9 +77,8 @@ def make_study_report(
     :raises rise_engine.study.study_log.StudyLogError: its log cannot be read.
     """
     state = read_state(folder)
-    kept = [each for each in state.sessions if each.entry.participant not in state.places.withdrawn]
-    problems = [f"{each.name} is not in the study's sessions any more" for each in kept if each.info is None]
-    folders = [each.path for each in kept if each.info is not None and each.entry.status != "running"]
+    problems = [f"{each.name} is not in the study's sessions any more" for each in _kept(state) if each.info is None]
+    folders = report_folders(state)
 
     def note_unreadable(path: Path, error: SessionError) -> None:
         problems.append(f"{path.name} cannot be read: {error}")
@@ -98,6 +98,15 @@ def make_study_report(
     )
     sheet = sheet_markdown(state.study, given.sheet)
     return MadeReport(study_report(given), tuple(folders), tuple(problems), sheet)
+
+
+def report_folders(state: StudyStatus) -> list[Path]:
+    """The sessions that the report of a study tells of: those that do not run."""
+    return [each.path for each in _kept(state) if each.info is not None and each.entry.status != "running"]
+
+
+def _kept(state: StudyStatus) -> list[StudySession]:
+    return [each for each in state.sessions if each.entry.participant not in state.places.withdrawn]
 
 
 def replay_words(folder: Path) -> str:

@@ -27,6 +27,7 @@ from rise_engine.study.sessions import MissingEntry, StudySession, missing_entri
 from rise_engine.study.standing import Places, places_of, study_standing
 from rise_engine.study.study_log import LockedLog, LogEntry, read_log
 from rise_engine.study.study_toml import is_study, load_study
+from rise_engine.study.withdrawn import is_withdrawn
 
 
 class StudyUnusable(RiseError):
@@ -61,6 +62,14 @@ class StudyStatus(Struct, frozen=True):
     plan_hash: str
     problems: tuple[str, ...] = ()
     """What hinders every session that counts, in sentences."""
+
+    @property
+    def pseudonyms(self) -> tuple[str, ...]:
+        """Whom the log names, or a status in participants.csv, but for those who have withdrawn."""
+        listed = (each.participant for each in self.participants if each.status)
+        logged = (str(each.get("participant") or "") for each in self.log)
+        named = dict.fromkeys(filter(None, (*listed, *logged)))
+        return tuple(each for each in named if not is_withdrawn(each, self.log))
 
     def supposing(self, outcomes: Iterable[dict[str, Json]]) -> StudyStatus:
         """The study as it would stand if these outcomes stood in its log."""

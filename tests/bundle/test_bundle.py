@@ -191,9 +191,9 @@ def test_a_withdrawal_erases_the_bundle(tmp_path: Path) -> None:
         bundle_of(study, out, folders=sessions_of(study)[1:4])
     report = withdraw(study, "P01")
     assert not (study / "bundle").exists()
-    assert report.make_again == [f"{study / 'bundle'} (with P02)"]
+    assert report.make_again == [f"{study / 'bundle'} (with P02, P03)"]
     assert (tmp_path / "elsewhere").exists()
-    assert any(f"{tmp_path / 'elsewhere'} was exported of them" in sentence for sentence in report.beyond)
+    assert any(f"{tmp_path / 'elsewhere'} was exported of them" in sentence for sentence in report.unreached)
 
 
 def test_the_plan_is_left_out_while_somebody_is_to_come(tmp_path: Path) -> None:
