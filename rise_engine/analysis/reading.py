@@ -7,6 +7,7 @@ here, and a format cannot tell more than it may.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Mapping
+from datetime import datetime, timedelta
 from pathlib import Path
 
 from msgspec.structs import replace
@@ -171,7 +172,8 @@ def _facts(
     recovered = [each for each in few if isinstance(each, SessionRecord) and each.status == "recovered"]
     started = ""
     if source.level == "full":
-        started = begun.wall or (info.started if info is not None else "")
+        speed = info.speed if info is not None else 1.0
+        started = _moment_of_zero(begun, speed) or (info.started if info is not None else "")
     return SessionFacts(
         session=source.name,
         participant=begun.participant or (info.participant if info is not None else ""),
@@ -199,6 +201,16 @@ def _facts(
         recoveries=len(recovered),
         versions=dict(begun.versions) or (dict(info.versions) if info is not None else {}),
     )
+
+
+def _moment_of_zero(begun: SessionRecord, speed: float) -> str:
+    """The date and time of day of session time 0, in milliseconds: the engine reads its first wall clock a little
+    later. Empty: nobody knows."""
+    try:
+        first = datetime.fromisoformat(begun.wall)
+        return (first - timedelta(seconds=begun.t / speed)).isoformat(timespec="milliseconds")
+    except (ValueError, OverflowError):
+        return ""
 
 
 def _judgement(source: SessionRecords, study: Path | None, few: Iterable[AnyRecord]) -> Judgement | None:
