@@ -195,7 +195,7 @@ def _strata(study: Study, standing: StudyStanding) -> list[str]:
 
 
 def _debriefed(study: Study, figures: StudyFigures) -> list[str]:
-    share = figures.debriefed(check.id for check in study.checks)
+    share = figures.debriefed(study.checks)
     if share is None:
         return ["No check asks whether participants were debriefed."]
     return [f"Debriefed after {share_text(share.count, share.n)} complete sessions."]

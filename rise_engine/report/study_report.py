@@ -336,7 +336,7 @@ def _wizard_row(course: WizardCourse, without: str) -> tuple[str, ...]:
 def _checks(given: StudyReportInput) -> Iterable[Block]:
     named = [check.id for check in given.study.checks]
     counts = given.figures.checks(named)
-    debriefed = given.figures.debriefed(named)
+    debriefed = given.figures.debriefed(given.study.checks)
     if debriefed is not None:
         yield Paragraph(f"Debriefed after {share_text(debriefed.count, debriefed.n)} complete sessions.")
     if counts:
