@@ -23,6 +23,7 @@ from rise_engine.session.levels import ExportLevel
 from rise_engine.session.replay import ReplayComparison, compare_replay
 from rise_engine.study.checked import checks_after
 from rise_engine.study.state import read_state
+from rise_engine.study.withdrawn import withdrawn_of
 from rise_engine.text import pluralize
 
 
@@ -94,7 +95,7 @@ def make_study_report(
         figures,
         level,
         shows_conditions=conditions or complete or not state.study.assignment.hidden,
-        withdrawn=sum(entry.kind == "withdrawn" for entry in state.log),
+        withdrawn=withdrawn_of(state.log),
         problems=tuple(problems),
         left_out=dict(left_out or {}),
     )
