@@ -35,6 +35,7 @@ from rise_engine.session.folder import is_abandoned
 from rise_engine.session.labels import RelabelledError
 from rise_engine.session.levels import ExportLevel
 from rise_engine.session.media import MediaError, MediaFile, read_media
+from rise_engine.study.labels import reassignment_of
 from rise_engine.study.sessions import GIVEN_UP
 from rise_engine.study.traces import owner_of, study_of_session, wizard_names
 
@@ -171,10 +172,11 @@ def _facts(
     """What the journal says, or else, where an older one does not, session.toml."""
     begun, info = source.begun or SessionRecord(0, 0.0, "", status="started"), source.info
     recovered = [each for each in few if isinstance(each, SessionRecord) and each.status == "recovered"]
+    moved = reassignment_of(source.folder)
     started = ""
     if source.level == "full":
         started = begun.wall or (info.started if info is not None else "")
-    return SessionFacts(
+    facts = SessionFacts(
         session=source.name,
         participant=begun.participant or (info.participant if info is not None else ""),
         condition=begun.condition or (info.condition if info is not None else ""),
@@ -203,6 +205,7 @@ def _facts(
         recoveries=len(recovered),
         versions=dict(begun.versions) or (dict(info.versions) if info is not None else {}),
     )
+    return facts if moved is None else replace(facts, **moved.labels)
 
 
 def _judgement(source: SessionRecords, study: Path | None, few: Iterable[AnyRecord]) -> Judgement | None:

@@ -10,7 +10,7 @@ import click
 from rise_engine.cli.arguments import exit_with_usage
 from rise_engine.cli.bundle import bundle
 from rise_engine.cli.options import JSON, MODE
-from rise_engine.cli.study_day_commands import exclude, next_participant, outcome, status
+from rise_engine.cli.study_day_commands import exclude, next_participant, outcome, reassign, status
 from rise_engine.cli.study_new import USUAL_CHECKS, NewStudyOptions, new_report
 from rise_engine.cli.study_planning import check_report, plan_report
 from rise_engine.cli.withdraw import withdraw
@@ -105,6 +105,7 @@ STUDY: dict[str, click.Command] = {
     "next": next_participant,
     "outcome": outcome,
     "plan": plan,
+    "reassign": reassign,
     "status": status,
     "withdraw": withdraw,
 }

@@ -26,7 +26,7 @@ from rise_engine.study.check_kinds import AUTOMATIC
 from rise_engine.study.design import cells, runs
 from rise_engine.study.factor_tables import what_it_does
 from rise_engine.study.model import AssignmentSettings, Factor, FactorKind, Level, Study, StudyCheck
-from rise_engine.study.new_study import NewStudy, NewStudyError, folder_problem, write_new_study
+from rise_engine.study.new_study import NewStudy, NewStudyError, copy_sentence, folder_problem, write_new_study
 from rise_engine.study.review import review_study
 from rise_engine.text import pluralize
 
@@ -97,7 +97,10 @@ def new_report(folder: str, options: NewStudyOptions) -> int:
         look = None  # the study is there; `study check` explores it
     for line in look_lines(look) if look is not None else ():
         print(fill(line, _width(), break_on_hyphens=False))
-    print(f"\n{folder} is there{', with errors that are to be mended in it' * bool(errors)}. What is next:")
+    print(f"\n{folder} is there{', with errors that are to be mended in it' * bool(errors)}.")
+    for name, source in new.sources.items():
+        print(f"{copy_sentence(str(path / name), str(source))}.")
+    print("What is next:")
     print("  1. Write a line for each participant into participants.csv; study.toml says")
     print("     how, at its end. Change in study.toml what you like.")
     print(f"  2. rise-engine study check {where}")

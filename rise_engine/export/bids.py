@@ -163,23 +163,24 @@ class _Dataset:
         self._write_json(self._root / "participants.json", sidecar(columns))
 
     def _write_questionnaires(self) -> None:
+        """A participant has one row in a table of BIDS: so what was asked after each run is a table for each."""
         context = self._context
+        participant = Column(
+            "participant_id",
+            "The participant, as in participants.tsv.",
+            lambda answers: f"sub-{self._labels.label(answers.participant)}",
+        )
         for told in told_answers(context.study, context.level, self._sessions, context.warnings):
-            columns: dict[str, Column] = {
-                "participant_id": Column(
-                    "participant_id",
-                    "The participant, as in participants.tsv.",
-                    lambda answers: f"sub-{self._labels.label(answers.participant)}",
+            columns = {column.name: column for column in (participant, *told.columns)}
+            for run in sorted({answers.run or 0 for _, answers in told.rows}):
+                rows = (cells(columns, answers) for _, answers in told.rows if (answers.run or 0) == run)
+                stem = self._root / "phenotype" / (f"{told.name}_run{run}" if run else told.name)
+                about = told.settings.about or told.about
+                about = f"{about.rstrip('.')}. Asked after run {run}." if run else about
+                self._write(stem.with_suffix(".tsv"), table_text(columns, rows))
+                self._write_json(
+                    stem.with_suffix(".json"), {"MeasurementToolMetadata": {"Description": about}, **sidecar(columns)}
                 )
-            }
-            if told.settings.run:
-                about = "The run after which it was asked, as in the names of the participant's files."
-                columns["run_id"] = Column("run_id", about, lambda answers: f"run-{answers.run}")
-            columns |= {column.name: column for column in told.columns}
-            stem = self._root / "phenotype" / told.name
-            self._write(stem.with_suffix(".tsv"), table_text(columns, (cells(columns, row) for _, row in told.rows)))
-            about_tool = {"MeasurementToolMetadata": {"Description": told.settings.about or told.about}}
-            self._write_json(stem.with_suffix(".json"), {**about_tool, **sidecar(columns)})
 
     def _description(self) -> dict[str, Any]:
         study = self._context.study
@@ -227,7 +228,6 @@ class _Dataset:
                 "OperatingSystem": ", ".join(filter(None, systems)) or "n/a",
                 "SoftwareName": "rise-tui",
                 "SoftwareVersion": ", ".join(filter(None, versions)) or "n/a",
-                "Code": "n/a",
             },
         }
 

@@ -116,17 +116,19 @@ def session_columns(factors: Iterable[Column], *, dated: bool) -> Columns:
 
     :param factors: the columns of the factors.
     :param dated: whether it is told when sessions began; an empty time is none of BIDS.
+
+    None is called as an entity of BIDS (`session`, `run`): pybids would take its description for the entity's value.
     """
     table = "The table of events of the session, in the participant's folder."
     began = "When the session began, in the time of the place where it ran."
     return {
         "filename": Column("filename", table, lambda row: row.beside),
         **({"acq_time": Column("acq_time", began, _local_time)} if dated else {}),
-        **_picked(SESSIONS, "session condition"),
+        **_picked(SESSIONS, "rise_session=session condition"),
         **{column.name: column for column in factors},
         **_picked(
             SESSIONS,
-            "run attempt purpose mode outcome robot driver injected_faults scenario_hash "
+            "rise_run=run attempt purpose mode outcome robot driver injected_faults scenario_hash "
             "session_duration=duration_s downtime=downtime_s",
         ),
     }
@@ -242,7 +244,7 @@ def _events(data: SessionData) -> Iterator[_EventRow]:
             status=phase.ended_by,
         )
     for each in data.coded:
-        yield _Event(
+        yield _EventRow(
             onset=each.begin,
             end=each.end,
             trial_type="coded",

@@ -97,7 +97,8 @@ def _told(read: Questionnaire, level: ExportLevel, known: Sequence[SessionFacts]
     there = {(answers.participant, answers.run) for _, answers in rows}
     wanted = {(each.participant, each.run if settings.run else None) for each in known if each.participant}
     if missing := sorted({name for name, _ in wanted - there}):
-        warnings.append(f"the questionnaire {settings.name} has no row for every session of {', '.join(missing)}")
+        what = "every run of " if settings.run else ""
+        warnings.append(f"the questionnaire {settings.name} has no row for {what}{', '.join(missing)}")
     columns = tuple(
         Column(
             item.name,

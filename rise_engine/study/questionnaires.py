@@ -150,7 +150,7 @@ def load_questionnaire(
         if table is None:
             return Questionnaire(settings, (), (), diagnostics.sorted())
         names = {each.participant for each in people}
-        reader = _Reader(settings, table, names, has_withdrawn, runs, study)
+        reader = _AnswersReader(settings, table, names, has_withdrawn, runs, study)
         items, rows = reader.read()
     return Questionnaire(settings, items, rows, diagnostics.sorted())
 
@@ -177,7 +177,7 @@ def find_missing(
     return diagnostics.sorted()
 
 
-class _Reader:
+class _AnswersReader:
     """One file."""
 
     def __init__(
@@ -254,7 +254,7 @@ class _Reader:
         for column, value in row.values.items():
             if mail := mail_address_in(value):
                 table.report(row, column, "personal-data", f"`{mail}` looks like a mail address: {WHY}")
-        if name not in self.names:
+        if name not in self.names or self.has_withdrawn(name):
             table.report(row, settings.key, "unknown-participant", self.unknown(name))
             return None
         run = self.read_run(row) if settings.run else None

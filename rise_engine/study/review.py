@@ -10,6 +10,7 @@ from msgspec import Struct
 
 from rise_engine.scenario.diagnostics import Diagnostic, Diagnostics
 from rise_engine.scenario.model import Scenario, SourceLocation
+from rise_engine.scenario.tree import Held
 from rise_engine.study.balance import block_problems
 from rise_engine.study.design import runs
 from rise_engine.study.labels import session_differences
@@ -112,6 +113,20 @@ def _review_questionnaires(study: Study, people: ParticipantsLoad, entries: list
         if read.items:
             found += find_missing(read, took_part, people.participants)
     return found
+
+
+def findings_of_files(folder: Path, files: Held) -> list[Diagnostic]:
+    """What is wrong with study.toml and participants.csv as an editor holds them; nothing where there is no study.
+
+    :param folder: the study's.
+    :param files: contents by their names.
+    """
+    if STUDY_FILE not in files:
+        return []
+    loaded = load_study(folder, check_scenarios=False, held=files)
+    if loaded.draft is None or loaded.unsure & _OF_PARTICIPANTS:
+        return list(loaded.diagnostics)
+    return [*loaded.diagnostics, *load_participants(loaded.draft, files).diagnostics]
 
 
 def _review_log(

@@ -30,7 +30,7 @@ from rise_engine.session.folder import (
 )
 from rise_engine.session.journal_format import InputLine, JournalHeader, LineError, read_line
 from rise_engine.session.lock import JournalLock, is_journal_locked
-from rise_engine.study.labels import session_differences
+from rise_engine.study.labels import Reassignment, reassignments, session_differences
 from rise_engine.study.model import SessionEntry
 from rise_engine.study.study_log import EntryKind, LogEntry
 
@@ -64,6 +64,8 @@ class StudySession(Struct, frozen=True):
     """Whether somebody has chosen not to go on with it."""
     left_open: bool = False
     """Whether its engine has gone without ending it, however it was judged since."""
+    reassigned: Reassignment | None = None
+    """Whose it is, where that is not what its journal says."""
     differences: tuple[str, ...] = ()
     """What session.toml or the log says of it otherwise than its journal, which counts, in sentences."""
 
@@ -91,6 +93,7 @@ def read_sessions(folder: Path, study_id: str, log: Sequence[LogEntry]) -> list[
     :param log: what the study's log says; an outcome there is what counts.
     """
     outcomes = {_text(each, "session"): each for each in log if each.kind == "outcome"}
+    moved = reassignments(log)
     about: dict[str, list[LogEntry]] = {}
     for each in log:
         about.setdefault(_text(each, "folder") or _text(each, "session"), []).append(each)
@@ -104,17 +107,24 @@ def read_sessions(folder: Path, study_id: str, log: Sequence[LogEntry]) -> list[
                 passed_over.add(path.name)
             else:
                 differences = session_differences(path, about.get(path.name, ()))
-                found[path.name] = replace(session, differences=tuple(differences))
+                session = replace(session, differences=tuple(differences))
+                found[path.name] = _reassign(session, moved.get(path.name))
     for each in log:
         name = _text(each, "folder")
         if each.kind == "session" and name not in found and name not in passed_over:
-            found[name] = _from_log(folder, each, outcomes.get(name))
+            found[name] = _reassign(_from_log(folder, each, outcomes.get(name)), moved.get(name))
     begun = [_text(each, "folder") for each in log if each.kind == "session"]
     places = {name: place for place, name in enumerate(begun)}  # all that tells the order where no dates are told
     return sorted(
         found.values(),
         key=lambda each: (_timestamp(each.entry.started), places.get(each.name, len(places)), each.name),
     )
+
+
+def _reassign(session: StudySession, moved: Reassignment | None) -> StudySession:
+    if moved is None:
+        return session
+    return replace(session, entry=replace(session.entry, **moved.labels), reassigned=moved)
 
 
 def _timestamp(started: str) -> float:
@@ -195,9 +205,12 @@ def missing_entries(sessions: Iterable[StudySession], log: Sequence[LogEntry]) -
             continue
         if entry.slot is not None and (entry.participant, entry.slot) not in held:
             held.add((entry.participant, entry.slot))
-            missing.append(MissingEntry("taken", {"slot": entry.slot, "participant": entry.participant}))
+            moved = {"instead_of": session.reassigned.was} if session.reassigned is not None else {}
+            fields = {"slot": entry.slot, "participant": entry.participant, **moved}
+            missing.append(MissingEntry("taken", fields))
         if session.name not in known:
-            missing.append(MissingEntry("session", session_fields(session.name, info)))
+            labels = session.reassigned.labels if session.reassigned is not None else {}
+            missing.append(MissingEntry("session", {**session_fields(session.name, info), **labels}))
         if session.name in judged or entry.status == "running" or entry.purpose != "counted":
             continue
         verdict = read_verdict(session.path)

@@ -12,16 +12,17 @@ from pathlib import Path
 
 from rise_engine.kernel.inputs import RecordingReport, SessionStarted
 from rise_engine.kernel.records import RecordingRecord, SessionRecord
+from rise_engine.scenario.file_names import PARTICIPANTS_FILE as PARTICIPANTS_FILE
 from rise_engine.scenario.file_names import STUDY_FILE as STUDY_FILE
 from rise_engine.session.errors import SessionError
 from rise_engine.session.folder import JOURNAL, read_info
 from rise_engine.session.journal_format import InputLine, JournalLine, LineError, read_line
 from rise_engine.session.media import MEDIA_FILE, MediaError, MediaFile, media_path, read_media
 from rise_engine.session.redaction import is_searched
+from rise_engine.study.labels import reassignment_of
 from rise_engine.study.sessions import SESSIONS
 from rise_engine.study.study_log import LOG_FILE
 
-PARTICIPANTS_FILE = "participants.csv"
 MANIFEST_FILE = "manifest-sha256.txt"
 """The check sums of a bundle (`rise_engine.bundle`): a study's folder that has them is nobody's to write into."""
 
@@ -66,7 +67,10 @@ def folders_in(sessions: Path) -> list[Path]:
 
 
 def owner_of(folder: Path) -> str:
-    """Whose session it is: by its record, or its session.toml, or else its name; empty when nobody can know."""
+    """Whose session it is: by its study's log, where that has reassigned it, by its record, or its session.toml, or
+    else its name; empty when nobody can know."""
+    if (moved := reassignment_of(folder)) is not None:
+        return moved.participant
     try:
         return read_info(folder, compare=False).participant
     except SessionError:

@@ -20,12 +20,14 @@ from msgspec import Struct, field
 from msgspec.structs import replace
 
 from rise_engine.errors import RiseError
+from rise_engine.nearest_name import did_you_mean
 from rise_engine.session.disk import Disk, error_message
 from rise_engine.session.erasure import erase_file, erase_folder
 from rise_engine.session.folder import JOURNAL, sessions_folder
 from rise_engine.session.lock import is_journal_locked, read_holder, running_message
 from rise_engine.session.unfinished_files import erase_unfinished
 from rise_engine.study.kept_rows import add_rows
+from rise_engine.study.labels import reassignments
 from rise_engine.study.sessions import SESSIONS
 from rise_engine.study.study_log import SET_ASIDE_FILE, LockedLog, LogEntry, read_log
 from rise_engine.study.traces import (
@@ -44,6 +46,8 @@ from rise_engine.study.withdrawn import PREFIX, hash_pseudonym, is_withdrawn, ne
 WORK_FOLDER = ".withdrawing"
 """In the study's folder, while somebody's data are being erased."""
 _LIST = "list.json"
+_NAMING = frozenset({"participant", "was", "instead_of"})
+"""Fields of the log's entries that name one."""
 
 
 class WithdrawalError(RiseError):
@@ -98,7 +102,9 @@ def plan_withdrawal(study: Path, participant: str) -> WithdrawalPlan:
         return plan
     if any(_concerns(each, participant, set()) for each in log) or lines_naming(study / PARTICIPANTS_FILE, participant):
         return plan
-    raise WithdrawalError(f"the study in {study} knows no participant {participant!r}; nothing was done")
+    known = {str(each.get("participant")) for each in log if each.get("participant")}
+    near = did_you_mean(participant, sorted(name for name in known if not name.startswith(PREFIX)), limit=0)
+    raise WithdrawalError(f"the study in {study} knows no participant {participant!r}{near}; nothing was done")
 
 
 def withdraw(
@@ -139,7 +145,7 @@ def _take_out(
     """Make the list, move the folders out of the study's sessions, write the log anew. The folder of what is to be
     erased; None: there is nothing."""
     _erase_unlisted(study, disk)
-    entries = log.entries()
+    entries = _by_owner(log.entries(), participant)
     plan = _make_plan(study, participant, entries)
     plan.kept = list(keep)
     work = _left_work(study, participant)
@@ -193,6 +199,18 @@ def _rewrite_log(log: LockedLog, entries: list[LogEntry], participant: str, own:
     _clear_set_aside(log.path.with_name(SET_ASIDE_FILE), participant, own, disk)
 
 
+def _by_owner(entries: Sequence[LogEntry], participant: str) -> list[LogEntry]:
+    """The log, in which sessions that were run as this participant and are another one's are that one's."""
+    owners = {name: each for name, each in reassignments(entries).items() if each.participant != participant}
+    found: list[LogEntry] = []
+    for entry in entries:
+        moved = owners.get(str(entry.get("folder") or entry.get("session")))
+        if moved is not None and entry.kind in ("session", "outcome") and entry.get("participant") == participant:
+            entry = replace(entry, fields={**entry.fields, **moved.labels})
+        found.append(entry)
+    return found
+
+
 def _is_about(entry: LogEntry, participant: str, own: set[str]) -> bool:
     """Whether an entry is about them; an export that holds them is erased, so it need not be known any more."""
     named = entry.get("participants") or []
@@ -210,10 +228,9 @@ def _without_name(entry: LogEntry, participant: str, name: str) -> dict[str, Any
     in what somebody wrote."""
     if not participant.isdigit():
         entry = entry.with_written(partial(name_pattern(participant).sub, name))
-    fields = {**entry.fields}
-    if fields.get("participant") == participant:
-        fields["participant"] = name
-    return fields
+    return {
+        field: name if field in _NAMING and value == participant else value for field, value in entry.fields.items()
+    }
 
 
 def _clear_set_aside(path: Path, participant: str, own: set[str], disk: Disk) -> None:

@@ -5,6 +5,8 @@ from __future__ import annotations
 import csv
 import json
 import shutil
+import subprocess
+import sys
 from pathlib import Path
 
 import pytest
@@ -20,6 +22,7 @@ from rise_engine.study.traces import find_names
 
 from ..analysis.samples import make_study, sessions_of
 
+VALIDATOR = Path(sys.executable).with_name("bids-validator-deno")
 TOML = """
 [questionnaire.godspeed]
 about = "Godspeed I"
@@ -74,7 +77,7 @@ def test_answers_stand_beside_what_is_the_same_in_all_sessions_of_a_participant(
     assert first["factor_hesitation"] in ("yes", "no") and first["factor_noise"] == ""  # within: it differs
     assert list(first)[:3] == ["participant", "condition", "mode"]
     assert any("answers/godspeed.csv, line 5: left out" in each for each in warnings)
-    assert any("after has no row for every session of P02" in each for each in warnings)
+    assert any("after has no row for every run of P02" in each for each in warnings)
 
 
 def test_answers_after_a_run_stand_beside_their_session(study: Path, tmp_path: Path) -> None:
@@ -128,12 +131,24 @@ def test_no_file_yet(study: Path, tmp_path: Path) -> None:
 def test_bids_has_them_as_phenotypes(study: Path, tmp_path: Path) -> None:
     sessions = first_sessions(study)
     write_bids(tmp_path / "bids", read_sessions(sessions, level="shared"), export_context(sessions, "shared"))
-    found = rows(tmp_path / "bids" / "phenotype" / "after.tsv", "\t")
-    assert found[0] == {"participant_id": "sub-P01", "run_id": "run-2", "load": "3.5"}
+    of_run = [rows(tmp_path / "bids" / "phenotype" / f"after_run{number}.tsv", "\t") for number in (1, 2)]
+    assert of_run == [
+        [{"participant_id": "sub-P01", "load": "2"}, {"participant_id": "sub-P02", "load": "4"}],
+        [{"participant_id": "sub-P01", "load": "3.5"}],
+    ]
     about = json.loads((tmp_path / "bids" / "phenotype" / "godspeed.json").read_text())
     assert about["MeasurementToolMetadata"] == {"Description": "Godspeed I"}
     assert about["q1"] == {"Description": "Unfriendly to friendly", "Levels": {"1": "unfriendly", "5": "friendly"}}
     assert next(iter(rows(tmp_path / "bids" / "phenotype" / "godspeed.tsv", "\t")[0])) == "participant_id"
+
+
+@pytest.mark.skipif(not VALIDATOR.exists(), reason="bids-validator-deno is not installed here")
+def test_the_validator_of_bids_accepts_phenotypes(study: Path, tmp_path: Path) -> None:
+    sessions = first_sessions(study)[1:3]
+    write_bids(tmp_path / "bids", read_sessions(sessions, level="shared"), export_context(sessions, "shared"))
+    command = [VALIDATOR, "--json", "--max-rows", "-1", tmp_path / "bids"]
+    said = json.loads(subprocess.run([str(each) for each in command], capture_output=True, text=True).stdout)
+    assert [each for each in said["issues"]["issues"] if each["severity"] == "error"] == []
 
 
 def test_what_a_bundle_has_of_them_gives_the_same_again(study: Path) -> None:

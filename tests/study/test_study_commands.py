@@ -6,6 +6,7 @@ import json
 import os
 import pty
 import select
+import shutil
 import sys
 from collections.abc import Iterator
 from pathlib import Path
@@ -440,6 +441,16 @@ def test_a_study_is_no_scenario(tmp_path: Path) -> None:
     result = CliRunner().invoke(main, ["check", str(study_folder(tmp_path))])
     assert result.exit_code == 2
     assert "is a study, not a scenario: its commands are those of `rise-engine study`" in result.output
+
+
+def test_it_says_that_the_scenario_is_a_copy(tmp_path: Path) -> None:
+    folder, source = tmp_path / "new", tmp_path / "mine" / "greeting"
+    shutil.copytree(Path(__file__).parents[2] / "scenarios" / "greeting", source)
+    result = study("new", str(folder), "--yes", "--scenario", str(source))
+    assert f"{folder / 'scenario'} is a copy: later changes of {source} have no effect here." in result.output
+    text = (folder / "study.toml").read_text("utf-8")
+    assert "# scenario is a copy: later changes of greeting have no effect here. Change the copy." in text
+    assert str(tmp_path) not in text, "a study is given to others"
 
 
 def test_every_command_is_in_the_reference() -> None:
