@@ -294,13 +294,14 @@ class Repairs(Struct, frozen=True):
     """Rules that a wizard put back into an earlier state."""
     cues_undone: int = 0
     canceled: int = 0
-    """Acts that a wizard stopped or interrupted after they had begun."""
+    """Acts that a wizard stopped or interrupted after they had begun; not by stopping everything."""
     released: int = 0
     """Stops that were released."""
 
     @property
     def total(self) -> int:
-        return self.repeated + self.stepped_back + self.cues_undone + self.canceled + self.released
+        """Without stops: who stops everything repairs nothing yet."""
+        return self.repeated + self.stepped_back + self.cues_undone + self.canceled
 
 
 class SessionData(Struct, frozen=True, kw_only=True):

@@ -21,6 +21,7 @@ from rise_engine.exit_status import INTERRUPTED, OK, REFUSED
 from rise_engine.nearest_name import in_backquotes
 from rise_engine.scenario.model import Mode, Scenario
 from rise_engine.scenario.shipped_studies import shipped_studies
+from rise_engine.study.balance import with_blocks_that_fit
 from rise_engine.study.check_kinds import AUTOMATIC
 from rise_engine.study.design import cells, runs
 from rise_engine.study.factor_tables import what_it_does
@@ -155,11 +156,12 @@ class _Questions:
             mode=options.mode,
             robot=options.robot,
             factors=factors,
-            assignment=AssignmentSettings(block=(1, 2), strata=tuple(strata), hidden=hidden),
+            assignment=AssignmentSettings(strata=tuple(strata), hidden=hidden),
             strata=strata,
             consent=consent,
             checks=checks,
         )
+        study = with_blocks_that_fit(study)
         new = NewStudy(study, self.sources, frozenset(self.label_only))
         return new if not self.asks or self.confirm(study) else None
 

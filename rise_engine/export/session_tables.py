@@ -178,7 +178,7 @@ SESSIONS = TableSchema(
         count("faults", "Acts, rules and expressions that failed.", _points("fault")),
         count(
             "repairs",
-            "How often something was mended: acts_repeated, steps_back, cues_undone, acts_stopped, stops_released.",
+            "How often something was mended: acts_repeated, steps_back, cues_undone, acts_stopped.",
             _repairs("total"),
         ),
         count("acts_repeated", "Acts that were done again after they had failed.", _repairs("repeated")),

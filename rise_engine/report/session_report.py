@@ -329,7 +329,6 @@ def _repairs(data: SessionData) -> str:
         (repairs.stepped_back, "stepped back"),
         (repairs.cues_undone, "cues taken back"),
         (repairs.canceled, "acts stopped by a wizard"),
-        (repairs.released, "stops released"),
     )
     return ", ".join(f"{number} {what}" for number, what in told if number) or "none"
 

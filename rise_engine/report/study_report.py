@@ -38,6 +38,7 @@ from rise_engine.report.sheet import (
 from rise_engine.report.study_facts import SessionRow, StudyFigures, WizardCourse
 from rise_engine.report.wording import interval_text, marks_text, per_hundred, source_name
 from rise_engine.session.levels import ExportLevel, count_words
+from rise_engine.study.design import factors_of
 from rise_engine.study.model import Study, StudyStanding
 from rise_engine.study.withdrawn import Withdrawn
 from rise_engine.text import pluralize
@@ -125,6 +126,12 @@ def _banner(given: StudyReportInput) -> str:
     return f"SIMULATED: the robot was simulated in {pluralize(simulated, 'complete session')}. No robot moved there."
 
 
+def _assignment(study: Study) -> str:
+    """How cells, and orders, are assigned, as far as the study has factors between or within participants."""
+    named = {"between": study.assignment.between, "within": f"orders {study.assignment.within}"}
+    return ", ".join(words for kind, words in named.items() if factors_of(study, kind))
+
+
 def _head(given: StudyReportInput) -> Iterable[tuple[str, str]]:
     study = given.study
     factors = "; ".join(
@@ -135,7 +142,7 @@ def _head(given: StudyReportInput) -> Iterable[tuple[str, str]]:
         ("Study", study.id),
         ("Wanted", pluralize(study.n, "complete participant")),
         ("Factors", factors),
-        ("Assignment", f"{study.assignment.between}, within {study.assignment.within}" if study.factors else ""),
+        ("Assignment", _assignment(study)),
         ("Strata", ", ".join(study.assignment.strata)),
         ("Conditions hidden", "yes" if study.assignment.hidden else "no"),
         ("Mode", study.mode),

@@ -299,7 +299,7 @@ class CellStanding(Struct, frozen=True):
     open: int
     """Participants who hold a slot in it and are not complete."""
     planned: int
-    """Rows within the first `n` of their stratum: so many, if all came from it; 0 where cells are drawn."""
+    """Rows within the first `n`; 0 where cells are drawn, and where nobody knows how many of each stratum come."""
 
 
 class StudyStanding(Struct, frozen=True):

@@ -11,11 +11,13 @@ from msgspec import Struct
 from rise_engine.scenario.diagnostics import Diagnostic, Diagnostics
 from rise_engine.scenario.model import Scenario, SourceLocation
 from rise_engine.scenario.tree import Held
+from rise_engine.study.balance import block_problems
 from rise_engine.study.design import runs
 from rise_engine.study.labels import session_differences
 from rise_engine.study.language_checks import check_languages
 from rise_engine.study.model import Participant, Slot, Study
 from rise_engine.study.participants import PARTICIPANTS_FILE, ParticipantsLoad, load_participants
+from rise_engine.study.plan import make_plan
 from rise_engine.study.plan_file import NEW_PLAN_FILE, PLAN_FILE, PlanLoad, plan_hash, read_plan
 from rise_engine.study.planning import held_slots, last_planned, plan_problem, scenario_hashes
 from rise_engine.study.questionnaires import find_missing, load_questionnaire
@@ -142,6 +144,9 @@ def _review_log(
     planned = last_planned(entries)
     if not loaded.unsure & _OF_PLAN:
         _check_plan(study, planned, plan, diagnostics)
+    if planned is None and loaded.study is not None and study.assignment.between == "blocks":
+        for problem in block_problems(study, make_plan(study)):
+            diagnostics.warning("uneven-blocks", SourceLocation(STUDY_FILE), problem)
     if planned is not None:
         _check_scenarios(study, loaded.scenarios, planned, diagnostics)
     if PARTICIPANTS_FILE not in left_out and not people.errors:

@@ -259,7 +259,7 @@ def _cells(
         holder = by_slot.get(row.slot)
         if holder is not None:
             count[holder.state != "complete"] += 1
-        count[2] += rows[stratum] <= study.n and (not between or bool(row.levels))
+        count[2] += not row.strata and rows[stratum] <= study.n and (not between or bool(row.levels))
     return tuple(
         CellStanding(dict(strata), condition, complete, open, planned)
         for (strata, condition), (complete, open, planned) in counts.items()

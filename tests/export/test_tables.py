@@ -196,7 +196,7 @@ def test_sessions_sum_up_their_acts(tables: Path) -> None:
         assert int(session["responses_over_2s"]) == sum(each > 2 for each in responses)
         assert int(session["mistakes"]) == sum(each["mark"] != "" for each in theirs)
         assert int(session["fillers"]) == sum(each["filler"] == "true" for each in theirs)
-        mended = ("acts_repeated", "steps_back", "cues_undone", "acts_stopped", "stops_released")
+        mended = ("acts_repeated", "steps_back", "cues_undone", "acts_stopped")
         assert int(session["repairs"]) == sum(int(session[name]) for name in mended)
 
 
