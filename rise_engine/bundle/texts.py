@@ -8,6 +8,7 @@ from rise_engine import __version__
 from rise_engine.bundle.crate import license_url
 from rise_engine.bundle.environment import ENVIRONMENT_FILE, PROGRAM, REQUIREMENTS
 from rise_engine.bundle.study_files import GIVEN
+from rise_engine.export.table_schema import UNSAFE
 from rise_engine.session.levels import ExportLevel
 from rise_engine.study.model import Study
 
@@ -42,6 +43,8 @@ def readme_text(study: Study, level: ExportLevel, contents: Sequence[str], left_
         "- ro-crate-metadata.json: the same for programs",
         "- manifest-sha256.txt: the check sum of every file",
         "",
+        UNSAFE,
+        "",
         "## What is not",
         "",
         *(f"- {line}" for line in left_out),
@@ -67,7 +70,8 @@ def readme_text(study: Study, level: ExportLevel, contents: Sequence[str], left_
             "## How the sessions were changed",
             "",
             "- Onsets are seconds of the session; `wall` is empty everywhere.",
-            "- Wizards are W1, W2, ...; what people typed is counted: `[note, 5 words]`.",
+            "- Wizards are W1, W2, ...; who annotated is C1, C2, ...; what people typed, and what was annotated as the "
+            "participant's speech, is counted: `[note, 5 words]`.",
             "- Where something private stood, another word stands (`PERSONNAME1`) or another number (from 90001 on), "
             "the same one for the same value. Each session was replayed with these: it went the same way.",
             f"- `{GIVEN}` in participants.csv stands for a consent that was given, whenever that was.",

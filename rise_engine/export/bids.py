@@ -41,7 +41,7 @@ from rise_engine.export.course_tables import ACTS
 from rise_engine.export.format import ExportContext, ExportError, ExportFormat
 from rise_engine.export.questionnaire_tables import told_answers
 from rise_engine.export.session_tables import factor_column
-from rise_engine.export.table_schema import Column, Row
+from rise_engine.export.table_schema import UNSAFE, Column, Row
 from rise_engine.session.coded import coded_paths
 from rise_engine.session.disk import make_private_folder
 from rise_engine.session.folder import INFO, JOURNAL
@@ -260,6 +260,7 @@ class _Dataset:
                 else "the records of the sessions, one JSON object a line, as this level tells them."
             ),
         ]
+        lines += ["", UNSAFE]
         if self._media:
             lines += [
                 "",

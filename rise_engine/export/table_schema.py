@@ -208,6 +208,12 @@ def data_package(name: str, title: str, about: str, resources: Iterable[Mapping[
     return msgspec.json.format(msgspec.json.encode(package), indent=2) + b"\n"
 
 
+SAFE = "An apostrophe stands before each cell that a spreadsheet would carry out as a formula; it is not of the data."
+UNSAFE = (
+    "Cells of tables are as people wrote them. A spreadsheet carries out those that begin with =, +, - or @: open the "
+    "tables with another program, or export them with --format tables --spreadsheet-safe."
+)
+"""What an export says of cells that a spreadsheet would carry out."""
 _FORMULA = re.compile(r"[=+\-@\t\r]")
 _NUMBER = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?\Z", re.ASCII)
 

@@ -20,7 +20,17 @@ from rise_engine.export.course_tables import ACTIONS, ACTS, CODED, CUES, EVENTS,
 from rise_engine.export.format import ExportContext, ExportError, ExportFormat
 from rise_engine.export.questionnaire_tables import ToldAnswers, told_answers
 from rise_engine.export.session_tables import CHECKS, FACTS, OF_SESSION, RECORDINGS, SESSIONS, factor_column
-from rise_engine.export.table_schema import Column, Row, TableSchema, cell, data_package, resource, safe_cell
+from rise_engine.export.table_schema import (
+    SAFE,
+    UNSAFE,
+    Column,
+    Row,
+    TableSchema,
+    cell,
+    data_package,
+    resource,
+    safe_cell,
+)
 
 TABLES = (SESSIONS, ACTS, ACTIONS, CUES, PHASES, EVENTS, CODED, CHECKS, RECORDINGS)
 
@@ -29,11 +39,6 @@ _ABOUT = (
     "What happened in {sessions}, made by rise-tui. Times are seconds on each session's own clock, which begins at 0; "
     "robot_at and voice_at are confirmations of the robot, and the first sound comes later. An empty cell is nothing. "
     "Level: {level}."
-)
-SAFE = "An apostrophe stands before each cell that a spreadsheet would carry out as a formula; it is not of the data."
-UNSAFE = (
-    "Cells are as people wrote them: a spreadsheet carries out those that begin with =, +, - or @, so open the files "
-    "with something else, or export with --spreadsheet-safe."
 )
 
 
