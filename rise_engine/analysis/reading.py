@@ -7,6 +7,7 @@ here, and a format cannot tell more than it may.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Mapping
+from datetime import datetime, timedelta
 from pathlib import Path
 
 from msgspec.structs import replace
@@ -175,7 +176,8 @@ def _facts(
     moved = reassignment_of(source.folder)
     started = ""
     if source.level == "full":
-        started = begun.wall or (info.started if info is not None else "")
+        speed = info.speed if info is not None else 1.0
+        started = _moment_of_zero(begun, speed) or (info.started if info is not None else "")
     facts = SessionFacts(
         session=source.name,
         participant=begun.participant or (info.participant if info is not None else ""),
@@ -206,6 +208,16 @@ def _facts(
         versions=dict(begun.versions) or (dict(info.versions) if info is not None else {}),
     )
     return facts if moved is None else replace(facts, **moved.labels)
+
+
+def _moment_of_zero(begun: SessionRecord, speed: float) -> str:
+    """The date and time of day of session time 0, in milliseconds: the engine reads its first wall clock a little
+    later. Empty: nobody knows."""
+    try:
+        first = datetime.fromisoformat(begun.wall)
+        return (first - timedelta(seconds=begun.t / speed)).isoformat(timespec="milliseconds")
+    except (ValueError, OverflowError):
+        return ""
 
 
 def _judgement(source: SessionRecords, study: Path | None, few: Iterable[AnyRecord]) -> Judgement | None:

@@ -27,7 +27,7 @@ from rise_engine.bundle.texts import license_text, readme_text
 from rise_engine.export.format import ExportError
 from rise_engine.export.formats import load_format
 from rise_engine.export.questionnaire_tables import answers_text, told_answers
-from rise_engine.export.writing import export_context, new_path, note_export
+from rise_engine.export.writing import export_context, new_export
 from rise_engine.session.coded import coded_paths
 from rise_engine.session.disk import make_private_folder, write_private_file
 from rise_engine.session.errors import SessionError
@@ -74,11 +74,13 @@ def make_bundle(
     """
     if not folders:
         raise BundleError("\n".join(["there is no session to put into a bundle", *remarks]))
-    bundle = _Bundle(state, folders, options)
-    bundle.report.left_out += remarks
+    study, is_folder = Path(state.study.folder).resolve(), out.suffix != ".zip"
+    people = {study: state.pseudonyms}
     try:
-        with new_path(out, folders) as here:
-            bundle.report.left_out += note_export(folders, out, "bundle", options.level, folder=out.suffix != ".zip")
+        with new_export(out, folders, "bundle", options.level, folder=is_folder, people=people) as export:
+            bundle = _Bundle(read_state(study), folders, options)  # again: now nobody changes it without our knowing
+            bundle.report.left_out += [*remarks, *export.problems]
+            here = export.here
             root = here if out.suffix != ".zip" else here.with_name("bundle")
             root.mkdir(0o700)
             bundle.write(root)

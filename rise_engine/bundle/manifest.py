@@ -5,15 +5,13 @@ The metadata of an RO-Crate 1.1 have no word for a check sum, so they stand in a
 
 from __future__ import annotations
 
-import hashlib
 from pathlib import Path
 
 from msgspec import Struct, field
 
 from rise_engine.scenario.study_paths import why_no_name
+from rise_engine.session.disk import file_hash
 from rise_engine.study.traces import MANIFEST_FILE
-
-_BLOCK = 1 << 20
 
 
 class ManifestCheck(Struct):
@@ -32,15 +30,6 @@ class ManifestCheck(Struct):
     def whole(self) -> bool:
         """Whether everything is there, and nothing else."""
         return not (self.changed or self.missing or self.unlisted or self.unreadable)
-
-
-def file_hash(path: Path) -> str:
-    """SHA-256 in hexadecimal digits. Raises OSError."""
-    digest = hashlib.sha256()
-    with path.open("rb") as file:
-        while block := file.read(_BLOCK):
-            digest.update(block)
-    return digest.hexdigest()
 
 
 def files_in(root: Path) -> list[str]:

@@ -19,7 +19,7 @@ from rise_engine.cli.export import select_sessions
 from rise_engine.cli.terminal import discard_rest, escape_json
 from rise_engine.exit_status import BROKEN_PIPE, OK, PARTIAL, USAGE
 from rise_engine.export.format import ExportError
-from rise_engine.export.writing import new_path, note_export
+from rise_engine.export.writing import new_export
 from rise_engine.json_codec import encode
 from rise_engine.session.errors import SessionError
 from rise_engine.session.levels import LEVELS, ExportLevel
@@ -68,17 +68,15 @@ def agree_report(named: Sequence[str], form: Form, output: str | None, level: Ex
             )
         if without := len(selection.folders) - len(folders):
             _print_error(f"note: {pluralize(without, 'session')} without a second wizard left out")
-        report = compare_wizards(_judged(folders, level, problems))
-        if not report.cues:
-            raise ExportError("\n".join(["nothing could be compared", *problems]))
-        text = _formatted(report, form)
         if output is None or output == "-":
-            sys.stdout.buffer.write(text)
+            report = _compared(folders, level, problems)
+            sys.stdout.buffer.write(_formatted(report, form))
             sys.stdout.buffer.flush()
         else:
-            with new_path(Path(output), folders) as here:
-                problems += note_export(folders, Path(output), f"agree {form}", level)
-                here.write_bytes(text)
+            with new_export(Path(output), folders, f"agree {form}", level) as export:
+                report = _compared(folders, level, problems)
+                problems += export.problems
+                export.here.write_bytes(_formatted(report, form))
     except BrokenPipeError:
         discard_rest(sys.stdout)
         return BROKEN_PIPE
@@ -91,6 +89,13 @@ def agree_report(named: Sequence[str], form: Form, output: str | None, level: Ex
         for remark in dict.fromkeys(report.remarks):
             _print_error(f"note: {remark}")
     return PARTIAL if problems else OK
+
+
+def _compared(folders: Sequence[Path], level: ExportLevel, problems: list[str]) -> AgreementReport:
+    report = compare_wizards(_judged(folders, level, problems))
+    if not report.cues:
+        raise ExportError("\n".join(["nothing could be compared", *problems]))
+    return report
 
 
 def _judged(folders: Sequence[Path], level: ExportLevel, problems: list[str]) -> Iterator[JudgedSession]:

@@ -18,7 +18,7 @@ from rise_engine.exit_status import BROKEN_PIPE, INTERRUPTED, OK, PARTIAL, USAGE
 from rise_engine.export.format import ExportError, ExportFormat
 from rise_engine.export.formats import format_names, load_format
 from rise_engine.export.records import RecordFormat, SessionExport
-from rise_engine.export.writing import export_context, export_sessions, new_path, note_export
+from rise_engine.export.writing import export_context, export_sessions, new_export
 from rise_engine.nearest_name import did_you_mean
 from rise_engine.session.disk import error_message
 from rise_engine.session.errors import SessionError
@@ -242,10 +242,10 @@ def _export_records(folder: Path, request: ExportRequest) -> int:
         except OSError as error:
             raise ExportError(f"standard output could not be written: {error_message(error)}") from None
     else:
-        with ended_by_signals(), new_path(Path(out), [folder]) as here:
-            for problem in note_export([folder], Path(out), format, request.level):
+        with ended_by_signals(), new_export(Path(out), [folder], format, request.level) as export:
+            for problem in export.problems:
                 _print_error(f"warning: {problem}")
-            with here.open("xb") as file:
+            with export.here.open("xb") as file:
                 exporter.write(format, file, spreadsheet_safe=request.spreadsheet_safe)
     for problem in exporter.problems:
         _print_error(f"warning: {problem}")

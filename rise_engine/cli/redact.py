@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import sys
 from collections.abc import Sequence
 from pathlib import Path
@@ -16,7 +17,7 @@ from rise_engine.session.errors import SessionError
 from rise_engine.session.folder import find_session
 from rise_engine.session.redaction import RedactionRefused, RedactionReport, redact
 from rise_engine.session.suggestions import suggest_words
-from rise_engine.study.study_log import LOG_FILE, LockedLog, StudyLogError
+from rise_engine.study.study_log import LOG_FILE, LockedLog, LogEntry, StudyLogError
 from rise_engine.study.traces import study_of_session
 from rise_engine.text import clean, pluralize
 from rise_engine.words import WordError, Words, parse_replacement
@@ -68,13 +69,17 @@ def redact_session(
         words = Words(map(parse_replacement, replacements), whole_words=whole_words, match_case=match_case)
     except (SessionError, WordError) as error:
         sys.exit(_print_error(error, USAGE))
+    exports: list[str] = []
+
+    def tell_study(report: RedactionReport) -> None:
+        exports.extend(redact_in_study(folder, report, words, try_only=try_only))
+
     try:
-        report = redact(folder, words, by=by, here=here, try_only=try_only)
+        report = redact(folder, words, by=by, here=here, try_only=try_only, before=tell_study)
     except RedactionRefused as error:
         sys.exit(_print_error(error, REFUSED))
     except SessionError as error:
         sys.exit(_print_error(error, REFUSED))
-    exports = redact_in_study(folder, report, words, try_only=try_only)
     if as_json:
         write_json(report)
     else:
@@ -82,7 +87,8 @@ def redact_session(
     if try_only:
         sys.exit(OK)
     if exports and not as_json:
-        _print_lines(["exports of this session that were made before, delete them or make them again:", *exports])
+        _print_lines(["exports that were made before may still hold the words, delete them or make them again:"])
+        _print_lines([f"  {each}" for each in exports])
     sys.exit(PARTIAL if report.remains or exports else OK)
 
 
@@ -118,11 +124,13 @@ def _report_lines(report: RedactionReport, *, try_only: bool, whole_words: bool)
 def redact_in_study(folder: Path, report: RedactionReport, words: Words, *, try_only: bool = False) -> list[str]:
     """Take the words out of what people wrote about a session in the log of its study, and note it there.
 
+    This comes before the session is changed: then a run that is killed in between leaves nothing unsaid.
+
     :param folder: the session's.
     :param report: of the session; what is done and what remains is added to it.
     :param words: what is to go.
     :param try_only: change nothing.
-    :return: exports of the session that were made before, for people; none where it is of no study.
+    :return: what was exported of the session before its last redaction and is still there.
     """
     study = study_of_session(folder)
     if study is None:
@@ -146,11 +154,23 @@ def redact_in_study(folder: Path, report: RedactionReport, words: Words, *, try_
                 log.rewrite_for_good(after)
             if report.changed:
                 log.append("redacted", session=name, lines=report.lines)
+            return _older_exports(study, name, log.entries())
     except (StudyLogError, OSError) as error:
         report.remains.append(f"{LOG_FILE}, which could not be changed: {error}")
         return []
-    made = [each for each in before if each.kind == "exported"] if report.changed else []
-    return [f"  {each.get('path')}" for each in made if name in (each.get("sessions") or [])]
+
+
+def _older_exports(study: Path, session: str, log: Sequence[LogEntry]) -> list[str]:
+    """Where exports of a session lie that were made before its last redaction."""
+    found: dict[str, Path] = {}
+    older: list[str] = []
+    for each in log:
+        if each.kind == "exported" and session in (each.get("sessions") or []):
+            found[str(each.get("path"))] = study / str(each.get("path"))
+        elif each.kind == "redacted" and each.get("session") == session:
+            older += found
+            found.clear()
+    return [path for path in dict.fromkeys(older) if path not in found and os.path.lexists(study / path)]
 
 
 def _print_suggestions(folder: Path, *, as_json: bool) -> int:

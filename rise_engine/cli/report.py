@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import shutil
 import sys
-from contextlib import ExitStack
+from collections.abc import Callable, Collection
+from contextlib import AbstractContextManager, ExitStack
+from functools import partial
 from pathlib import Path
 
 import click
@@ -14,13 +16,13 @@ from rise_engine.cli.export import select_sessions
 from rise_engine.cli.terminal import discard_rest
 from rise_engine.exit_status import BROKEN_PIPE, OK, PARTIAL, USAGE
 from rise_engine.export.format import ExportError
-from rise_engine.export.writing import new_path, note_export
-from rise_engine.report.making import MadeReport, make_session_report, make_study_report
+from rise_engine.export.writing import NewExport, new_export
+from rise_engine.report.making import MadeReport, make_session_report, make_study_report, report_folders
 from rise_engine.report.page import page_text
 from rise_engine.report.plain_text import WIDTH, text_lines
 from rise_engine.session.errors import SessionError
 from rise_engine.session.levels import LEVELS, ExportLevel
-from rise_engine.study.state import StudyUnusable
+from rise_engine.study.state import StudyUnusable, read_state
 from rise_engine.study.study_log import StudyLogError
 from rise_engine.study.study_toml import STUDY_FILE, is_study
 from rise_engine.text import clean
@@ -64,12 +66,16 @@ def report(
     path = Path(named).parent if Path(named).name == STUDY_FILE else Path(named)
     try:
         if is_study(path):
-            made = make_study_report(path, level, private, conditions=conditions)
+            state = read_state(path)
+            folders, people = report_folders(state), {path.resolve(): state.pseudonyms}
+            make = partial(make_study_report, path, level, private, conditions=conditions)
         elif sheet is not None or conditions:
             exit_with_usage(f"--{'sheet' if sheet is not None else 'conditions'} is for a study, and {named} is none")
         else:
-            made = make_session_report(select_sessions([named]).folders[0], level, private)
-        written = _write(made, output, sheet, level)
+            folders, people = select_sessions([named]).folders[:1], {}
+            make = partial(make_session_report, folders[0], level, private)
+        new_file = partial(new_export, folders=folders, level=level, people=people)
+        made, written = _write(make, folders, output, sheet, new_file)
     except (ExportError, SessionError, StudyUnusable, StudyLogError) as error:
         _print_error(*(f"error: {line}" for line in str(error).splitlines()))
         sys.exit(USAGE)
@@ -80,20 +86,33 @@ def report(
     sys.exit(PARTIAL if made.problems else OK)
 
 
-def _write(made: MadeReport, output: str | None, sheet: str | None, level: ExportLevel) -> list[str]:
-    """Write what is asked for; sentences about what was written. Without a file, the report goes to the screen."""
+def _write(
+    make: Callable[[], MadeReport],
+    folders: Collection[Path],
+    output: str | None,
+    sheet: str | None,
+    new_file: Callable[..., AbstractContextManager[NewExport]],
+) -> tuple[MadeReport, list[str]]:
+    """Make a report and write what is asked for; sentences about what was written. Without a file, it goes to the
+    screen."""
     said: list[str] = []
     with ExitStack() as files:  # both, or none
-        for name, kind in ((output, "report"), (sheet, "sheet")):
-            if name is not None:
-                here = files.enter_context(new_path(Path(name), made.folders))
-                said += [f"warning: {each}" for each in note_export(made.folders, Path(name), kind, level)]
-                here.write_text(page_text(made.document) if kind == "report" else made.sheet, "utf-8")
-                said.append(f"the {kind} is in {name}")
+        exports = {
+            kind: files.enter_context(new_file(Path(name), format=kind))
+            for name, kind in ((output, "report"), (sheet, "sheet"))
+            if name is not None
+        }
+        made = make()
+        if exports and (later := {*made.folders} - {*folders}):
+            raise ExportError(f"{min(later).name} has ended while this was made, so make it again")
+        for kind, export in exports.items():
+            export.here.write_text(page_text(made.document) if kind == "report" else made.sheet, "utf-8")
+            said += [f"warning: {each}" for each in export.problems]
+            said.append(f"the {kind} is in {output if kind == 'report' else sheet}")
     if not said:
         sys.stdout.write("\n".join(text_lines(made.document, _width())) + "\n")
         sys.stdout.flush()
-    return said
+    return made, said
 
 
 def _width() -> int:

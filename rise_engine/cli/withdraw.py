@@ -40,7 +40,8 @@ def withdraw(folder: str, participant: str, yes: bool, keep_anonymous: bool) -> 
     numbers of acts, answer times; no date, no slot, no words. It is refused unless participants.csv has a date in
     consent_anonymous for them.
 
-    Exit status: 0 done; 1 refused, or they are still named in the study's folder; 2 wrong usage.
+    Exit status: 0 done; 1 refused, something that is known of was not erased, or they are still named in the study's
+    folder; 2 wrong usage.
     """
     study = Path(folder)
     if not ((study / STUDY_FILE).is_file() or (study / LOG_FILE).is_file()):
@@ -63,9 +64,11 @@ def withdraw(folder: str, participant: str, yes: bool, keep_anonymous: bool) -> 
         lines += ["exports that held others too are erased; make them again:", *_indent(report.make_again)]
     if report.remains:
         lines += ["still named in the study's folder:", *_indent(report.remains)]
+    if report.unreached:
+        lines += ["not erased, and somebody has to see to it:", *_indent(report.unreached)]
     lines += ["what this program cannot reach, and somebody has to see to:", *_indent(report.beyond)]
     _print_lines(lines)
-    sys.exit(PARTIAL if report.remains else OK)
+    sys.exit(PARTIAL if report.remains or report.unreached else OK)
 
 
 def _slot_afterwards(study: Path, participant: str) -> str:

@@ -180,7 +180,7 @@ def _date(started: str) -> str:
             date = date.astimezone(UTC)
         except OverflowError:
             return NO_DATE
-    return date.isoformat(timespec="seconds")
+    return date.isoformat(timespec="milliseconds")
 
 
 def _as_text(path: str) -> str:

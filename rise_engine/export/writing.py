@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import ExitStack, contextmanager, suppress
+from itertools import compress, count
 from pathlib import Path
 
 from msgspec import Struct, field
@@ -12,14 +13,16 @@ from rise_engine.analysis.model import SessionData
 from rise_engine.analysis.reading import read_sessions
 from rise_engine.analysis.session_records import SessionRecords
 from rise_engine.export.format import ExportContext, ExportError, ExportFormat
-from rise_engine.session.disk import error_message
+from rise_engine.scenario.model import Json
+from rise_engine.session.disk import error_message, tree_hash
 from rise_engine.session.errors import SessionError
 from rise_engine.session.folder import read_info
 from rise_engine.session.levels import ExportLevel
 from rise_engine.session.unfinished_files import unfinished
-from rise_engine.study.study_log import LockedLog, StudyLogError
+from rise_engine.study.study_log import LockedLog, LogEntry, StudyLogError
 from rise_engine.study.study_toml import load_study
 from rise_engine.study.traces import MANIFEST_FILE, owner_of, study_of_session
+from rise_engine.study.withdrawn import is_withdrawn
 
 
 class ExportReport(Struct):
@@ -53,9 +56,10 @@ def export_sessions(
     :raises ExportError: it could not be made; nothing of it is there.
     """
     report = ExportReport()
-    with new_path(out, folders) as here:
-        folder = format.shape == "folder" or (format.shape == "file-per-session" and (several or not format.suffix))
-        report.warnings += note_export(folders, out, format.name, context.level, folder=folder)
+    folder = format.shape == "folder" or (format.shape == "file-per-session" and (several or not format.suffix))
+    with new_export(out, folders, format.name, context.level, folder=folder) as export:
+        here = export.here
+        report.warnings += export.problems
         context.folder = (out if folder else out.parent).absolute()
         sessions = _read(folders, context.level, private, report)
         try:
@@ -104,22 +108,50 @@ def _factors_of(folder: Path) -> Iterable[str]:
         return ()
 
 
+class NewExport(Struct):
+    """An export that is being written."""
+
+    here: Path
+    """Where it is to be made; nothing is there yet."""
+    problems: list[str] = field(default_factory=list)
+    """Studies that could not be told of it, in sentences."""
+
+
 @contextmanager
-def new_path(path: Path, folders: Iterable[Path] = ()) -> Iterator[Path]:
-    """As `rise_engine.session.unfinished_files.unfinished`, with errors in sentences.
+def new_export(
+    path: Path,
+    folders: Iterable[Path],
+    format: str,
+    level: ExportLevel,
+    *,
+    folder: bool = False,
+    people: Mapping[Path, Iterable[str]] | None = None,
+) -> Iterator[NewExport]:
+    """Something that tells of sessions: it is there whole when the statement ends without an error, or not at all.
+
+    The log of each study whose sessions are in it says so first, so that a withdrawal and a redaction know of it even
+    if it is killed. So read what goes into it within the statement. At the end the log takes the export's hash, because
+    a withdrawal erases only what was not changed since.
 
     :param path: where it is to be.
-    :param folders: of the sessions that it tells of. When one of their participants withdraws meanwhile, it is refused.
-    :raises ExportError: something is there, it cannot be written, or somebody has withdrawn.
+    :param folders: the sessions'; of those that are of no study, no log is told.
+    :param format: its name, for people.
+    :param level: how much it tells.
+    :param folder: whether it is a folder.
+    :param people: further participants whom it names, by the folder of their study.
+    :raises ExportError: something is there, it cannot be written, or a participant has withdrawn meanwhile.
     """
-    by_study = _by_study(folders)
+    notes = [_Note(study, theirs, path, (people or {}).get(study, ())) for study, theirs in _by_study(folders).items()]
+    for study in set(people or ()) - {note.study for note in notes}:
+        if not (study / MANIFEST_FILE).is_file():
+            notes.append(_Note(study, [], path, (people or {})[study]))
     try:
         with ExitStack() as until_it_is_in_place, unfinished(path) as here:
-            yield here
-            for study, theirs in by_study.items():
-                with suppress(StudyLogError):  # `note_export` has said so
-                    until_it_is_in_place.enter_context(LockedLog(study))
-                _refuse_gone(theirs)
+            problems = [problem for note in notes if (problem := note.write(format, level, folder=folder))]
+            yield NewExport(here, problems)
+            digest = tree_hash(here) if any(note.is_inside for note in notes) else ""
+            for note in notes:
+                note.confirm(until_it_is_in_place, digest)
     except FileExistsError:
         raise ExportError(f"{path} is there already, and nothing is ever written over: name another one") from None
     except OSError as error:
@@ -138,47 +170,74 @@ def _by_study(sessions: Iterable[Path]) -> dict[Path, list[Path]]:
     return found
 
 
-def _refuse_gone(sessions: Iterable[Path]) -> None:
-    """A withdrawal takes the sessions out of the study while it has the log locked."""
-    if gone := [each.name for each in sessions if not each.is_dir()]:
-        raise ExportError(
-            f"{', '.join(gone)}: gone while this was made, because the participant has withdrawn or somebody has moved "
-            "it. Nothing of it was kept: make it again"
-        )
+class _Note:
+    """What the log of one study says of an export."""
 
+    def __init__(self, study: Path, sessions: Sequence[Path], path: Path, people: Iterable[str]) -> None:
+        path = path.resolve()
+        self.study = study
+        self.is_inside = path.is_relative_to(study.resolve())
+        """Whether it is to be in the study's folder, from where a withdrawal erases it."""
+        self._sessions = sessions
+        self._path = str(path.relative_to(study.resolve()) if self.is_inside else path)
+        self._out = path
+        self._people = list(dict.fromkeys([*filter(None, map(owner_of, sessions)), *people]))
+        self._noted: LogEntry | None = None
 
-def note_export(
-    folders: Iterable[Path], out: Path, format: str, level: ExportLevel, *, folder: bool = False
-) -> list[str]:
-    """Note an export in the log of each study whose sessions are in it, before it is written: so that a participant
-    who withdraws is taken out of it, too.
-
-    :param folders: the sessions'; those of no study are passed over.
-    :param out: what is about to be written.
-    :param format: its name, for people.
-    :param level: how much it tells.
-    :param folder: whether it is a folder, which a withdrawal erases with everything in it.
-    :return: sentences about studies that could not be told.
-    :raises ExportError: a session is gone meanwhile.
-    """
-    path = out.resolve()
-    problems = []
-    for study, theirs in _by_study(folders).items():
-        named = str(path.relative_to(study)) if path.is_relative_to(study) else str(path)
+    def write(self, format: str, level: ExportLevel, *, folder: bool) -> str:
+        """Before anything else is written; why it cannot be, or empty. Raises ExportError: somebody has withdrawn."""
+        fields = {"path": self._path, "format": format, "level": level, **self._who()}
         try:
-            fields = {
-                "path": named,
-                "format": format,
-                "level": level,
-                "sessions": [session.resolve().name for session in theirs],
-                "participants": [*dict.fromkeys(filter(None, map(owner_of, theirs)))],
-            }
-            with LockedLog(study) as log:
-                _refuse_gone(theirs)
-                log.append("exported", **fields, **({"folder": True} if folder else {}))
+            with LockedLog(self.study) as log:
+                self._refuse_gone(log)
+                self._noted = log.append("exported", **fields, **({"folder": True} if folder else {}))
         except StudyLogError as error:
-            problems.append(f"the study does not know of {out}, so a withdrawal will not erase it: {error}")
-    return problems
+            return f"the study does not know of {self._out}, so a withdrawal will not erase it: {error}"
+        return ""
+
+    def confirm(self, stack: ExitStack, digest: str) -> None:
+        """Keep the log locked until the export is in place. Raises ExportError: somebody has withdrawn."""
+        log = LockedLog(self.study)
+        try:
+            stack.enter_context(log)
+        except StudyLogError:  # `write` has said so
+            self._refuse_gone(None)
+            return
+        self._refuse_gone(log)
+        if self._noted is not None and self.is_inside:
+            with suppress(StudyLogError):  # then a withdrawal says that nobody knows its hash
+                log.append("written", path=self._path, sha256=digest, **self._who())
+
+    def _who(self) -> dict[str, Json]:
+        return {"sessions": [session.resolve().name for session in self._sessions], "participants": [*self._people]}
+
+    def _refuse_gone(self, log: LockedLog | None) -> None:
+        """A withdrawal takes the sessions, and what the log says of them, out of the study while it has it locked."""
+        gone = [each.name for each in self._sessions if not each.is_dir()]
+        entries = log.entries() if log is not None else []
+        gone += [each for each in self._people if is_withdrawn(each, entries)]
+        if not gone and self._noted is not None and log is not None:
+            at, path = self._noted.at, self._path
+            noted = (each.kind == "exported" and each.at == at and each.get("path") == path for each in entries)
+            place = next(compress(count(1), noted), None)
+            if place is None:
+                gone.append(self._out.name)
+            else:
+                self._refuse_redacted(entries[place:])
+        if gone:
+            raise ExportError(
+                f"{', '.join(gone)}: gone while this was made, because the participant has withdrawn or somebody has "
+                "moved it. Nothing of it was kept: make it again"
+            )
+
+    def _refuse_redacted(self, since: Sequence[LogEntry]) -> None:
+        names = {session.resolve().name for session in self._sessions}
+        redacted = [name for each in since if each.kind == "redacted" and (name := each.get("session")) in names]
+        if redacted:
+            raise ExportError(
+                f"{', '.join(dict.fromkeys(redacted))}: words were taken out of it while this was made. Nothing of it "
+                "was kept: make it again"
+            )
 
 
 def _read(

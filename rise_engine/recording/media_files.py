@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import hashlib
 import shutil
 import subprocess
 import tempfile
@@ -17,6 +16,7 @@ from msgspec import Struct
 
 from rise_engine.ports.recorder import MediaKind
 from rise_engine.recording.finding import FindingError, load_numpy
+from rise_engine.session.disk import file_hash
 from rise_engine.text import clean
 
 if TYPE_CHECKING:
@@ -122,10 +122,7 @@ def _wav_seconds(path: Path) -> float | None:
 
 def hash_file(path: Path) -> str:
     """SHA-256 of a file, as hexadecimal digits; empty for a folder. Raises OSError."""
-    if path.is_dir():
-        return ""
-    with path.open("rb") as file:
-        return hashlib.file_digest(file, "sha256").hexdigest()
+    return "" if path.is_dir() else file_hash(path)
 
 
 class Sound:

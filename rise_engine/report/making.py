@@ -21,7 +21,10 @@ from rise_engine.report.study_report import StudyReportInput, study_report
 from rise_engine.session.errors import SessionError
 from rise_engine.session.levels import ExportLevel
 from rise_engine.session.replay import ReplayComparison, compare_replay
-from rise_engine.study.state import read_state
+from rise_engine.study.checked import checks_after
+from rise_engine.study.sessions import StudySession
+from rise_engine.study.state import StudyStatus, read_state
+from rise_engine.study.withdrawn import withdrawn_of
 from rise_engine.text import pluralize
 
 
@@ -76,14 +79,14 @@ def make_study_report(
     :raises rise_engine.study.study_log.StudyLogError: its log cannot be read.
     """
     state = read_state(folder)
-    kept = [each for each in state.sessions if each.entry.participant not in state.places.withdrawn]
-    problems = [f"{each.name} is not in the study's sessions any more" for each in kept if each.info is None]
-    folders = [each.path for each in kept if each.info is not None and each.entry.status != "running"]
+    problems = [f"{each.name} is not in the study's sessions any more" for each in _kept(state) if each.info is None]
+    folders = report_folders(state)
 
     def note_unreadable(path: Path, error: SessionError) -> None:
         problems.append(f"{path.name} cannot be read: {error}")
 
-    figures = study_figures(read_sessions(folders, level=level, private=private, on_unreadable=note_unreadable))
+    sessions = read_sessions(folders, level=level, private=private, on_unreadable=note_unreadable)
+    figures = study_figures(sessions, checks_after(state.log))
     problems += [f"{row.facts.session}: {each}" for row in figures.rows for each in row.problems]
     complete = state.standing.complete >= state.standing.wanted
     given = StudyReportInput(
@@ -92,12 +95,21 @@ def make_study_report(
         figures,
         level,
         shows_conditions=conditions or complete or not state.study.assignment.hidden,
-        withdrawn=sum(entry.kind == "withdrawn" for entry in state.log),
+        withdrawn=withdrawn_of(state.log),
         problems=tuple(problems),
         left_out=dict(left_out or {}),
     )
     sheet = sheet_markdown(state.study, given.sheet)
     return MadeReport(study_report(given), tuple(folders), tuple(problems), sheet)
+
+
+def report_folders(state: StudyStatus) -> list[Path]:
+    """The sessions that the report of a study tells of: those that do not run."""
+    return [each.path for each in _kept(state) if each.info is not None and each.entry.status != "running"]
+
+
+def _kept(state: StudyStatus) -> list[StudySession]:
+    return [each for each in state.sessions if each.entry.participant not in state.places.withdrawn]
 
 
 def replay_words(folder: Path) -> str:

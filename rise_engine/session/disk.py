@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import errno
 import fcntl
+import hashlib
 import os
 import sys
 from pathlib import Path
@@ -74,3 +75,21 @@ _MESSAGES = {
 def error_message(error: OSError) -> str:
     """What went wrong, for a person."""
     return _MESSAGES.get(error.errno or 0, f"the disk does not take it ({error.strerror or error})")
+
+
+def file_hash(path: Path) -> str:
+    """SHA-256 of a file in hexadecimal digits. Raises OSError."""
+    with path.open("rb") as file:
+        return hashlib.file_digest(file, "sha256").hexdigest()
+
+
+def tree_hash(path: Path) -> str:
+    """One hash of a file, or of a folder with all names, contents and places of links in it. Raises OSError."""
+    if path.is_symlink():
+        return hashlib.sha256(f"link to {path.readlink()}".encode()).hexdigest()
+    if not path.is_dir():
+        return file_hash(path)
+    digest = hashlib.sha256()
+    for each in sorted(path.iterdir()):
+        digest.update(f"{each.name!r} {tree_hash(each)}\n".encode("utf-8", "surrogateescape"))
+    return digest.hexdigest()

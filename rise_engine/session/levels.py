@@ -66,7 +66,7 @@ class LevelFilter:
 
     def count_typed_words(self, text: str) -> str:
         """What somebody typed that is in no record (a reason in the study's log), as this level tells it."""
-        return text if self.level == "full" or not text else _count_words("free text", text)
+        return text if self.level == "full" or not text else count_words("free text", text)
 
     def note(self, records: Iterable[AnyRecord]) -> None:
         """Take in everything: what is private, and who the people are."""
@@ -141,9 +141,9 @@ def _without_typed(kind: str, values: dict[str, Any]) -> dict[str, Any]:
     """A record, or an input, whose fields have the same names, without what somebody may have typed."""
     typed = _TYPED.get(kind, "")
     if typed and values.get(typed) and _is_typed(kind, values["source"]):
-        values = {**values, typed: _count_words("note" if kind == "note" else "free text", values[typed])}
+        values = {**values, typed: count_words("note" if kind == "note" else "free text", values[typed])}
     if kind == "task" and values["function"] == "markCue" and values["behavior"]:
-        values = {**values, "behavior": _count_words("free text", values["behavior"])}
+        values = {**values, "behavior": count_words("free text", values["behavior"])}
     if kind == "recording":
         values = {**values, "path": ""}
     if kind in _SAID_BY_PROGRAM:
@@ -165,18 +165,23 @@ def _is_typed(kind: str, source: str) -> bool:
 def _without_free_speech(values: dict[str, Any]) -> dict[str, Any]:
     match values["kind"]:
         case "task" if values["function"] == SAY:
-            return {**values, "behavior": _count_words("free speech", values["behavior"])}
+            return {**values, "behavior": count_words("free speech", values["behavior"])}
         case "task" if values["status"] == "REJECTED" and _PERSON.match(values["source"]):
-            counted = _count_words("free text", values["behavior"])
+            counted = count_words("free text", values["behavior"])
             return {**values, "behavior": counted, "reason": "rejected"}
         case "action" if values["act"] == SAY:
             parameters = {
-                name: _count_words("free speech", each) if isinstance(each, str) else each
+                name: count_words("free speech", each) if isinstance(each, str) else each
                 for name, each in values["parameters"].items()
             }
             return {**values, "parameters": parameters}
     return values
 
 
-def _count_words(what: str, text: str) -> str:
+def count_words(what: str, text: str) -> str:
+    """How many words somebody typed, instead of them; what is counted already stays.
+
+    >>> count_words("note", "she looks away"), count_words("free text", "[note, 3 words]")
+    ('[note, 3 words]', '[note, 3 words]')
+    """
     return text if _COUNTED.fullmatch(text) else f"[{what}, {pluralize(len(text.split()), 'word')}]"

@@ -11,7 +11,7 @@ from __future__ import annotations
 import os
 import re
 from collections import Counter, deque
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import suppress
 from datetime import datetime
 from pathlib import Path
@@ -98,11 +98,13 @@ def redact(
     here: bool = False,
     try_only: bool = False,
     disk: Disk | None = None,
+    before: Callable[[RedactionReport], None] | None = None,
 ) -> RedactionReport:
     """Replace words in the record of the session in `folder`: in its journal and its session.toml.
 
     `by`: who does it, for session.toml. `here`: a person has decided that another computer, which had the session
     last, does not run it any more. `try_only`: nothing is changed. `disk`: what writes, for tests.
+    `before`: is told what will be changed, before anything is.
 
     Raises SessionError, and then the session is as it was: it runs (JournalLockedError), its journal is torn or
     damaged, the words decide what happened (RedactionRefused, with the place), or the disk does not take it.
@@ -111,7 +113,7 @@ def redact(
     read_info(folder, compare=False)  # whether it is a session at all
     lock = JournalLock(folder / JOURNAL, here=here)
     try:
-        return _Redaction(folder, words, disk, lock).run(by, try_only=try_only)
+        return _Redaction(folder, words, disk, lock).run(by, before or (lambda report: None), try_only=try_only)
     except WordError as error:
         raise RedactionRefused(f"{error}. Nothing was changed") from None
     except OSError as error:
@@ -140,7 +142,7 @@ class _Redaction:
         self._longer: Counter[str] = Counter()
         self._fixed = _FIXED_FIELDS
 
-    def run(self, by: str, *, try_only: bool) -> RedactionReport:
+    def run(self, by: str, before: Callable[[RedactionReport], None], *, try_only: bool) -> RedactionReport:
         for path in self._folder.glob(f"*{NEW_SUFFIX}"):  # of one that was interrupted
             erase_file(path, self._disk)
         contents = read_journal(self._path)
@@ -156,6 +158,7 @@ class _Redaction:
             self._write_coded()
             changed = self._write_info(by)
             self._report.longer_words = dict(self._longer.most_common())
+            before(self._report)
             if try_only:
                 return self._report
             if self._report.lines:

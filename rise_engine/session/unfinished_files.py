@@ -9,9 +9,10 @@ from __future__ import annotations
 import errno
 import fcntl
 import os
+import re
 import shutil
 import tempfile
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
 
@@ -85,12 +86,25 @@ def erase_unfinished(path: Path, erase: Callable[[Path], object] | None = None) 
     :param erase: what erases a folder; None: it is deleted.
     :return: what is being written just now, and was left.
     """
-    busy: list[Path] = []
     try:
         beside = [Path(each.path) for each in os.scandir(path.parent) if each.name.startswith(_prefix(path))]
     except OSError:  # who makes something there is told so
         return []
-    for work in beside:
+    return _erase_unlocked(beside, erase)
+
+
+def erase_all_unfinished(root: Path, erase: Callable[[Path], object] | None = None) -> list[Path]:
+    """As `erase_unfinished`, for whatever was to be anywhere below a folder. Raises OSError, if `erase` does."""
+    found: list[Path] = []
+    for where, folders, _ in os.walk(root):
+        found += [Path(where, name) for name in folders if _IS_UNFINISHED.fullmatch(name)]
+        folders[:] = [name for name in folders if not _IS_UNFINISHED.fullmatch(name)]
+    return _erase_unlocked(found, erase)
+
+
+def _erase_unlocked(folders: Iterable[Path], erase: Callable[[Path], object] | None) -> list[Path]:
+    busy: list[Path] = []
+    for work in folders:
         try:
             lock = os.open(work, os.O_RDONLY | os.O_CLOEXEC | os.O_DIRECTORY | os.O_NOFOLLOW)
         except OSError:
@@ -104,6 +118,10 @@ def erase_unfinished(path: Path, erase: Callable[[Path], object] | None = None) 
         finally:
             os.close(lock)
     return busy
+
+
+_IS_UNFINISHED = re.compile(r"\..+\.unfinished-[a-z0-9_]{8}")
+"""As `_locked_folder` names them."""
 
 
 def _prefix(path: Path) -> str:

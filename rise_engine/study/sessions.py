@@ -8,7 +8,7 @@ what is missing, under the log's lock, so that a kill at any moment costs nothin
 from __future__ import annotations
 
 import os
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Collection, Iterable, Iterator, Sequence
 from contextlib import suppress
 from datetime import datetime
 from pathlib import Path
@@ -17,7 +17,7 @@ from typing import Any, BinaryIO, NamedTuple
 from msgspec import Struct
 from msgspec.structs import replace
 
-from rise_engine.kernel.inputs import OutcomeReport
+from rise_engine.kernel.inputs import AnyInput, CheckReport, OutcomeReport
 from rise_engine.scenario.model import Json
 from rise_engine.session.folder import (
     JOURNAL,
@@ -39,7 +39,7 @@ SESSIONS = "sessions"
 GIVEN_UP = "its engine had gone, and it was given up"
 """Why a session was aborted that nobody went on with."""
 _BLOCK = 1 << 20
-_OUTCOME = b'"input":"outcome"'
+_OUTCOME, _CHECK = b'"input":"outcome"', b'"input":"check"'
 _BEFORE_INPUT = 64
 """Bytes of an input's line before that, at most."""
 
@@ -188,12 +188,16 @@ def _with_outcome(entry: SessionEntry, outcome: LogEntry | None) -> SessionEntry
     return replace(entry, status="ended", outcome=status, reason=reason, seconds=seconds)
 
 
-def missing_entries(sessions: Iterable[StudySession], log: Sequence[LogEntry]) -> list[MissingEntry]:
+def missing_entries(
+    sessions: Iterable[StudySession], log: Sequence[LogEntry], after: Collection[str] = ()
+) -> list[MissingEntry]:
     """What the log does not say although the folders do, in the order in which it happened: that a session began and
-    holds its slot, and how it was judged. A session that was judged before its engine went away is over.
+    holds its slot, what a program has said of checks after it, and how it was judged. A session that was judged before
+    its engine went away is over.
 
     :param sessions: as `read_sessions` gives them.
     :param log: all entries.
+    :param after: ids of the study's checks after sessions.
     """
     known = {_text(each, "folder") for each in log if each.kind == "session"}
     judged = {_text(each, "session") for each in log if each.kind == "outcome"}
@@ -215,6 +219,11 @@ def missing_entries(sessions: Iterable[StudySession], log: Sequence[LogEntry]) -
             continue
         verdict = read_verdict(session.path)
         report = verdict.report
+        told = read_checks(session.path, after) if after else {}
+        made = {_text(each, "id") for each in log if each.kind == "checked" and each.get("session") == session.name}
+        missing += [
+            MissingEntry("checked", checked_fields(entry, told[id])) for id in after if id in told.keys() - made
+        ]
         if report is None and session.abandoned and entry.status == "unfinished":
             report = OutcomeReport(status="aborted", reason=GIVEN_UP)
         if report is not None:
@@ -239,6 +248,23 @@ def session_fields(name: str, info: SessionInfo) -> dict[str, Json]:
         "folder": name,
         "started": info.started,
         "scenario_hash": info.scenario_hash,
+    }
+
+
+def checked_fields(entry: SessionEntry, report: CheckReport) -> dict[str, Json]:
+    """What the log says of a check after a session, which somebody has reported to the session itself."""
+    return {
+        "id": report.id,
+        "when": "after",
+        "text": report.text,
+        "result": report.result,
+        "value": report.value,
+        "reason": report.reason,
+        "source": report.source,
+        "purpose": entry.purpose,
+        "participant": entry.participant,
+        "run": entry.run,
+        "session": entry.folder,
     }
 
 
@@ -290,17 +316,35 @@ def read_verdict(path: Path) -> Verdict:
         return Verdict(None, 0.0)
 
 
+def read_checks(path: Path, ids: Collection[str]) -> dict[str, CheckReport]:
+    """What was reported of some checks while a session ran, by id; the last of each.
+
+    :param path: the session's folder.
+    :param ids: of the checks.
+    """
+    found: dict[str, CheckReport] = {}
+    with suppress(OSError), (path / JOURNAL).open("rb") as file:
+        for input in _inputs_from_end(file, _CHECK):
+            if isinstance(input, CheckReport) and input.id in ids:
+                found.setdefault(input.id, input)
+    return found
+
+
 def _last_outcome(file: BinaryIO) -> OutcomeReport | None:
-    for position in _positions_from_end(file, _OUTCOME):
+    return next((each for each in _inputs_from_end(file, _OUTCOME) if isinstance(each, OutcomeReport)), None)
+
+
+def _inputs_from_end(file: BinaryIO, wanted: bytes) -> Iterator[AnyInput]:
+    """The inputs in whose lines some bytes stand, the last first."""
+    for position in _positions_from_end(file, wanted):
         begin = max(0, position - _BEFORE_INPUT)
         file.seek(begin)
         begin += file.read(position - begin).rfind(b"\n") + 1
         file.seek(begin)
         with suppress(LineError):
             found = read_line(file.readline().removesuffix(b"\n"))
-            if isinstance(found, InputLine) and isinstance(found.input, OutcomeReport):
-                return found.input
-    return None
+            if isinstance(found, InputLine):
+                yield found.input
 
 
 def _last_time(file: BinaryIO) -> float:

@@ -27,6 +27,7 @@ from rise_engine.study.sessions import MissingEntry, StudySession, missing_entri
 from rise_engine.study.standing import Places, places_of, study_standing
 from rise_engine.study.study_log import LockedLog, LogEntry, read_log
 from rise_engine.study.study_toml import is_study, load_study
+from rise_engine.study.withdrawn import is_withdrawn
 
 
 class StudyUnusable(RiseError):
@@ -61,6 +62,14 @@ class StudyStatus(Struct, frozen=True):
     plan_hash: str
     problems: tuple[str, ...] = ()
     """What hinders every session that counts, in sentences."""
+
+    @property
+    def pseudonyms(self) -> tuple[str, ...]:
+        """Whom the log names, or a status in participants.csv, but for those who have withdrawn."""
+        listed = (each.participant for each in self.participants if each.status)
+        logged = (str(each.get("participant") or "") for each in self.log)
+        named = dict.fromkeys(filter(None, (*listed, *logged)))
+        return tuple(each for each in named if not is_withdrawn(each, self.log))
 
     def supposing(self, outcomes: Iterable[dict[str, Json]]) -> StudyStatus:
         """The study as it would stand if these outcomes stood in its log."""
@@ -153,7 +162,7 @@ class OpenStudy:
         """Write what the session folders say and the log does not."""
         entries = self.log.entries()
         sessions = read_sessions(self.folder, files.study.id, entries)
-        for missing in missing_entries(sessions, entries):
+        for missing in missing_entries(sessions, entries, _after(files.study)):
             self.log.append(missing.kind, **missing.fields)
         for session in sessions:  # judged while it was unfinished: nobody is to be asked about it any more
             if session.left_open and session.entry.outcome is not None and not session.abandoned:
@@ -164,7 +173,7 @@ class OpenStudy:
 def _state(files: StudyFiles, log: Sequence[LogEntry]) -> StudyStatus:
     study, folder = files.study, Path(files.study.folder)
     sessions = read_sessions(folder, study.id, log)
-    if missing := missing_entries(sessions, log):
+    if missing := missing_entries(sessions, log, _after(study)):
         log = [*log, *(_entry_of(each) for each in missing)]
         sessions = read_sessions(folder, study.id, log)
     problems = _plan_problems(files, log)
@@ -181,6 +190,11 @@ def _state(files: StudyFiles, log: Sequence[LogEntry]) -> StudyStatus:
         plan_hash=files.plan_hash,
         problems=tuple(problems),
     )
+
+
+def _after(study: Study) -> tuple[str, ...]:
+    """The ids of its checks after sessions."""
+    return tuple(check.id for check in study.checks if check.when == "after")
 
 
 def _entry_of(missing: MissingEntry) -> LogEntry:

@@ -89,8 +89,21 @@ def registered_recordings(folder: Path, *, inside: bool = False) -> list[str]:
     :param folder: the session's.
     :param inside: also those within its own folder.
     """
-    found = dict.fromkeys((*_recorded(folder), *(str(media_path(folder, each)) for each in _listed(folder))))
+    listed = (os.path.normpath(media_path(folder, each)) for each in _listed(folder))
+    found = dict.fromkeys((*(path for path, _ in _recorded(folder)), *listed))
     return [path for path in found if inside or not Path(path).is_relative_to(folder.absolute())]
+
+
+def recording_facts(folder: Path, path: str) -> tuple[list[int], list[str]]:
+    """The sizes and the SHA-256 that a session has registered of one of its recordings.
+
+    :param folder: the session's.
+    :param path: as `registered_recordings` has it.
+    """
+    listed = [each for each in _listed(folder) if os.path.normpath(media_path(folder, each)) == path]
+    sizes = [size for where, size in _recorded(folder) if where == path and size is not None]
+    sizes += [each.bytes for each in listed if each.bytes is not None]
+    return sizes, [each.sha256 for each in listed if each.sha256]
 
 
 def why_media_unknown(folder: Path) -> str:
@@ -109,7 +122,7 @@ def _listed(folder: Path) -> tuple[MediaFile, ...]:
         return ()
 
 
-def _recorded(folder: Path) -> tuple[str, ...]:
+def _recorded(folder: Path) -> tuple[tuple[str, int | None], ...]:
     try:
         changed = (folder / JOURNAL).stat().st_mtime_ns
     except OSError:
@@ -118,13 +131,13 @@ def _recorded(folder: Path) -> tuple[str, ...]:
 
 
 @lru_cache(maxsize=1_000)
-def _recorded_in(folder: Path, changed: int) -> tuple[str, ...]:
+def _recorded_in(folder: Path, changed: int) -> tuple[tuple[str, int | None], ...]:
     """Kept for a journal that was not changed: whoever looks at a study looks again and again."""
-    found: dict[str, None] = {}
+    found: dict[tuple[str, int | None], None] = {}
     for line in _readable_lines(folder):
         said = line.input if isinstance(line, InputLine) else line
         if isinstance(said, RecordingReport | RecordingRecord) and (path := said.path):
-            found[str((folder / Path(path).expanduser()).absolute())] = None
+            found[os.path.normpath((folder / os.path.expanduser(path)).absolute()), said.bytes] = None  # noqa: PTH111
     return tuple(found)
 
 

@@ -22,14 +22,15 @@ from msgspec.structs import replace
 from rise_engine.errors import RiseError
 from rise_engine.nearest_name import did_you_mean
 from rise_engine.session.disk import Disk, error_message
-from rise_engine.session.erasure import erase_file, erase_folder
+from rise_engine.session.erasure import erase_file, erase_folder, has_other_names
 from rise_engine.session.folder import JOURNAL, sessions_folder
 from rise_engine.session.lock import is_journal_locked, read_holder, running_message
-from rise_engine.session.unfinished_files import erase_unfinished
+from rise_engine.session.unfinished_files import erase_all_unfinished
+from rise_engine.study.erasable import Facts, why_not_export, why_not_place, why_not_recording, why_other
 from rise_engine.study.kept_rows import add_rows
 from rise_engine.study.labels import reassignments
 from rise_engine.study.sessions import SESSIONS
-from rise_engine.study.study_log import SET_ASIDE_FILE, LockedLog, LogEntry, read_log
+from rise_engine.study.study_log import LOG_FILE, SET_ASIDE_FILE, LockedLog, LogEntry, read_log
 from rise_engine.study.traces import (
     PARTICIPANTS_FILE,
     find_names,
@@ -38,6 +39,7 @@ from rise_engine.study.traces import (
     lines_naming,
     name_pattern,
     owner_of,
+    recording_facts,
     registered_recordings,
     why_media_unknown,
 )
@@ -70,6 +72,10 @@ class WithdrawalPlan(Struct):
     """Those of `exports` that were written as folders: they are erased with everything in them."""
     kept: list[dict[str, str]] = field(default_factory=list)
     """Rows that stay in the study's `anonymous.csv`."""
+    hashes: dict[str, list[str]] = field(default_factory=dict)
+    """Of exports and recordings, by their paths: what was written there."""
+    begun: list[str] = field(default_factory=list)
+    """Those that were found to be what was written, and are being erased."""
 
 
 class WithdrawalReport(Struct):
@@ -80,8 +86,10 @@ class WithdrawalReport(Struct):
     """Exports that held others, too."""
     remains: list[str] = field(default_factory=list)
     """Where they are still named in the study's folder, in sentences."""
+    unreached: list[str] = field(default_factory=list)
+    """What is known of and was not erased, and why, in sentences."""
     beyond: list[str] = field(default_factory=list)
-    """What nobody can reach from here, in sentences."""
+    """What nobody can reach or know of from here, in sentences."""
 
 
 def plan_withdrawal(study: Path, participant: str) -> WithdrawalPlan:
@@ -125,14 +133,15 @@ def withdraw(
     try:
         with LockedLog(study, disk=disk) as log:
             work = _take_out(study, participant, log, disk, keep)
-        report = _erase(study, work, participant, disk) if work is not None else WithdrawalReport()
+        report = _Erasing(study, work, disk).run() if work is not None else WithdrawalReport()
+        _erase_unfinished(study, report, disk)
     except OSError as error:
         raise WithdrawalError(
             f"not everything could be erased: {error.filename or study}: {error_message(error)}. Say it again when "
             "that is mended; it goes on where it stopped"
         ) from None
     report.remains = find_names(study, participant)
-    report.beyond = [*report.beyond, *_beyond(study, participant)]
+    report.beyond += _beyond(study, participant)
     return report
 
 
@@ -145,6 +154,7 @@ def _take_out(
     """Make the list, move the folders out of the study's sessions, write the log anew. The folder of what is to be
     erased; None: there is nothing."""
     _erase_unlisted(study, disk)
+    erase_file(log.path.with_name(f"{LOG_FILE}.new"), disk)  # somebody was killed who wrote the log anew
     entries = _by_owner(log.entries(), participant)
     plan = _make_plan(study, participant, entries)
     plan.kept = list(keep)
@@ -213,9 +223,14 @@ def _by_owner(entries: Sequence[LogEntry], participant: str) -> list[LogEntry]:
 
 def _is_about(entry: LogEntry, participant: str, own: set[str]) -> bool:
     """Whether an entry is about them; an export that holds them is erased, so it need not be known any more."""
-    named = entry.get("participants") or []
     sessions = {str(entry.get("session")), str(entry.get("folder"))}
-    return entry.get("participant") == participant or participant in named or bool(sessions & own)
+    return entry.get("participant") == participant or participant in _named(entry) or bool(sessions & own)
+
+
+def _named(entry: LogEntry) -> list[str]:
+    """Whom an export tells of."""
+    named = entry.get("participants")
+    return [each for each in named if isinstance(each, str)] if isinstance(named, list) else []
 
 
 def _concerns(entry: LogEntry, participant: str, own: set[str]) -> bool:
@@ -245,6 +260,7 @@ def _clear_set_aside(path: Path, participant: str, own: set[str], disk: Disk) ->
 def _make_plan(study: Path, participant: str, log: Sequence[LogEntry]) -> WithdrawalPlan:
     plan = WithdrawalPlan(participant)
     others: dict[str, list[str]] = {}
+    recorded: dict[str, list[Path]] = {}
     for folder in folders_in(study / SESSIONS):
         owner = owner_of(folder)
         if owner == participant:
@@ -253,27 +269,70 @@ def _make_plan(study: Path, participant: str, log: Sequence[LogEntry]) -> Withdr
             if problem := why_media_unknown(folder):
                 plan.unreachable.append(f"the recordings that media.json of {folder.name} named: {problem}")
             for path in registered_recordings(folder):
-                plan.recordings += [path] if path not in plan.recordings else []
+                recorded.setdefault(path, []).append(folder)
         else:
             for path in registered_recordings(folder, inside=True):
                 others.setdefault(path, []).append(owner or folder.name)
-    for path in list(plan.recordings):
+    for path, folders in recorded.items():
+        facts = _recording_facts(folders, path)
         if path in others:
-            plan.recordings.remove(path)
             plan.unreachable.append(f"{path} records {', '.join(sorted(set(others[path])))}, too: cut them out of it")
-        elif sentence := _why_not_erasable(Path(path)):
-            plan.recordings.remove(path)
+        elif sentence := why_not_recording(study, folders[0], Path(path), facts):
             plan.unreachable.append(sentence)
-    for entry in log:
-        names = entry.get("participants") or []
-        if entry.kind == "exported" and participant in names and isinstance(path := entry.get("path"), str):
-            if sentence := _why_elsewhere(study, path):
-                plan.unreachable.append(sentence)
-                continue
-            plan.exports[path] = [each for each in names if each != participant]
-            if entry.get("folder") is True:
-                plan.export_folders.append(path)
+        else:
+            plan.recordings.append(path)
+            if facts.hashes:
+                plan.hashes[path] = facts.hashes
+    _plan_exports(plan, study, log)
+    _note_missing(plan, study, log)
     return plan
+
+
+def _recording_facts(folders: Sequence[Path], path: str) -> Facts:
+    found = [recording_facts(folder, path) for folder in folders]
+    return Facts([size for sizes, _ in found for size in sizes], [each for _, hashes in found for each in hashes])
+
+
+def _plan_exports(plan: WithdrawalPlan, study: Path, log: Sequence[LogEntry]) -> None:
+    """What of their exports is to be erased; whether each is still what was written is looked at later."""
+    for entry in log:
+        path, names = entry.get("path"), _named(entry)
+        if not isinstance(path, str) or plan.participant not in names:
+            continue
+        if entry.kind == "exported":
+            if sentence := why_not_export(study, path):
+                plan.unreachable += [sentence] if sentence not in plan.unreachable else []
+                continue
+            others = [each for each in names if each != plan.participant]
+            plan.exports[path] = list(dict.fromkeys([*plan.exports.get(path, []), *others]))
+            if entry.get("folder") is True and path not in plan.export_folders:
+                plan.export_folders.append(path)
+        elif entry.kind == "written":
+            plan.hashes.setdefault(path, []).append(str(entry.get("sha256")))
+    for path in list(plan.exports):
+        if not os.path.lexists(study / path):
+            del plan.exports[path]  # it was never finished, unless its hash is known
+            if path in plan.hashes:
+                plan.unreachable.append(
+                    f"{study / path} was exported of them and is not there: erase it where it is now"
+                )
+
+
+def _note_missing(plan: WithdrawalPlan, study: Path, log: Sequence[LogEntry]) -> None:
+    """Sessions of theirs that are not where they were."""
+    names = [
+        str(each.get("folder"))
+        for each in log
+        if each.kind == "session" and each.get("participant") == plan.participant
+    ]
+    for name in dict.fromkeys(names):
+        if name in plan.sessions:
+            continue
+        folder = study / SESSIONS / name
+        if folder.is_symlink():
+            plan.unreachable.append(f"{folder} is a link to {folder.resolve()}: erase what is theirs there")
+        elif not folder.exists():
+            plan.unreachable.append(f"session {name} is not in {SESSIONS} any more: erase it where it is now")
 
 
 def _refuse_running(folder: Path) -> None:
@@ -355,57 +414,102 @@ def _write_list(work: Path, plan: WithdrawalPlan, disk: Disk) -> None:
 
 
 def _join(before: WithdrawalPlan, now: WithdrawalPlan) -> WithdrawalPlan:
+    """What an earlier run has left, and what has come since."""
+    moved = tuple(f"session {name} " for name in before.sessions)  # the log says that these are not there any more
+    unreachable = [*before.unreachable, *(each for each in now.unreachable if not each.startswith(moved))]
     return WithdrawalPlan(
         now.participant,
         list(dict.fromkeys([*before.sessions, *now.sessions])),
         list(dict.fromkeys([*before.recordings, *now.recordings])),
         {**before.exports, **now.exports},
-        list(dict.fromkeys([*before.unreachable, *now.unreachable])),
+        list(dict.fromkeys(unreachable)),
         list(dict.fromkeys([*before.export_folders, *now.export_folders])),
         [*before.kept, *now.kept],
+        {**before.hashes, **now.hashes},
+        before.begun,
     )
 
 
 # --- erasing --------------------------------------------------------------------------------------------------------
 
 
-def _erase(study: Path, work: Path, participant: str, disk: Disk) -> WithdrawalReport:
-    plan = _read_list(work)
-    report = WithdrawalReport(beyond=list(plan.unreachable))
-    add_rows(study, plan.kept, disk)  # first: from here on they stand nowhere else
-    for path in map(Path, plan.recordings):
-        for each in dict.fromkeys((path.resolve(), path)):
-            if each.is_dir() and not each.is_symlink():
-                erase_folder(each, disk)
+class _Erasing:
+    """Erases what a list names. What cannot be erased is told, and stays on the list for the next time."""
+
+    def __init__(self, study: Path, work: Path, disk: Disk) -> None:
+        self._study = study
+        self._work = work
+        self._disk = disk
+        self._plan = _read_list(work)
+        self._failed = False
+        self.report = WithdrawalReport(unreached=list(self._plan.unreachable))
+
+    def run(self) -> WithdrawalReport:
+        plan, report = self._plan, self.report
+        add_rows(self._study, plan.kept, self._disk)  # first: from here on they stand nowhere else
+        for text in plan.recordings:
+            self._erase_if_same(text, why_not_place(self._study, Path(text)), proved=text in plan.hashes)
+        for text, others in plan.exports.items():
+            if self._erase_if_same(text, why_not_export(self._study, text)) and others:
+                report.make_again.append(f"{self._study / text} (with {', '.join(others)})")
+        for name in plan.sessions:
+            report.unreached += [
+                f"{each} had another name on this disk (a hard link, as backups make them): it is there still"
+                for each in _linked_files(self._work / name)
+            ]
+            self._erase(self._work / name, f"{SESSIONS}/{name}")
+        if not self._failed:
+            erase_folder(self._work, self._disk)  # with the list: from here on nothing is left to do
+            with suppress(OSError):  # somebody else's are being erased, too
+                (self._study / WORK_FOLDER).rmdir()
+        self._disk.sync_folder(self._study)
+        return report
+
+    def _erase_if_same(self, text: str, why: str, *, proved: bool = True) -> bool:
+        path, plan = self._study / text, self._plan
+        if not why and text not in plan.begun:
+            if not os.path.lexists(path):
+                return False
+            try:
+                why = why_other(path, plan.hashes.get(text, [])) if proved else ""
+            except OSError as error:
+                return self._fail(path, error)
+        if why:
+            self.report.unreached += [why] if why not in self.report.unreached else []
+            return False
+        if text not in plan.begun:
+            plan.begun.append(text)
+            _write_list(self._work, plan, self._disk)
+        return self._erase(path, str(path))
+
+    def _erase(self, path: Path, name: str) -> bool:
+        try:
+            if path.is_dir() and not path.is_symlink():
+                erase_folder(path, self._disk)
             else:
-                erase_file(each, disk)
-        report.erased.append(str(path))
-    for text, others in plan.exports.items():
-        path = study / text
-        if sentence := _why_elsewhere(study, text):  # listed by an earlier run, perhaps in what this is a copy of
-            report.beyond += [sentence] if sentence not in report.beyond else []
-            continue
-        for unfinished in erase_unfinished(path, lambda folder: erase_folder(folder, disk)):
-            report.beyond.append(f"{unfinished} is being written just now: erase what becomes of it ({path})")
-        if text in plan.export_folders:
-            erase_folder(path, disk)
-        elif path.is_dir() and not path.is_symlink():
-            report.beyond.append(f"{path} is a folder now, and was an export: erase what is theirs in it")
-            continue
-        else:
-            erase_file(path, disk)
-        report.erased.append(str(path))
-        if others:
-            report.make_again.append(f"{path} (with {', '.join(others)})")
-    for name in plan.sessions:
-        if (work / name).is_dir():
-            erase_folder(work / name, disk)
-        report.erased.append(f"{SESSIONS}/{name}")
-    erase_folder(work, disk)  # with the list: from here on nothing is left to do
-    with suppress(OSError):  # somebody else's are being erased, too
-        (study / WORK_FOLDER).rmdir()
-    disk.sync_folder(study)
-    return report
+                erase_file(path, self._disk)
+        except OSError as error:
+            return self._fail(path, error)
+        self.report.erased.append(name)
+        return True
+
+    def _fail(self, path: Path, error: OSError) -> bool:
+        self._failed = True
+        where = error.filename or path
+        self.report.unreached.append(
+            f"{where} could not be erased: {error_message(error)}. Say it again when it can be"
+        )
+        return False
+
+
+def _linked_files(folder: Path) -> list[Path]:
+    return [each for each in sorted(folder.rglob("*")) if not each.is_dir() and has_other_names(each)]
+
+
+def _erase_unfinished(study: Path, report: WithdrawalReport, disk: Disk) -> None:
+    """What killed exports have left, of whomever."""
+    busy = erase_all_unfinished(study, lambda folder: erase_folder(folder, disk))
+    report.unreached += [f"{each} is being written just now: erase what becomes of it" for each in busy]
 
 
 # --- what is left ---------------------------------------------------------------------------------------------------

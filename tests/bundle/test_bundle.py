@@ -191,9 +191,9 @@ def test_a_withdrawal_erases_the_bundle(tmp_path: Path) -> None:
         bundle_of(study, out, folders=sessions_of(study)[1:4])
     report = withdraw(study, "P01")
     assert not (study / "bundle").exists()
-    assert report.make_again == [f"{study / 'bundle'} (with P02)"]
+    assert report.make_again == [f"{study / 'bundle'} (with P02, P03)"]
     assert (tmp_path / "elsewhere").exists()
-    assert any(f"{tmp_path / 'elsewhere'} was exported of them" in sentence for sentence in report.beyond)
+    assert any(f"{tmp_path / 'elsewhere'} was exported of them" in sentence for sentence in report.unreached)
 
 
 def test_the_plan_is_left_out_while_somebody_is_to_come(tmp_path: Path) -> None:
@@ -281,7 +281,7 @@ def test_participants_have_no_comments_no_dates_and_no_age_above_89(tmp_path: Pa
     study, found = load_study(folder).study, read_state(folder).participants
     assert study is not None
     shared = participants_text(study, found, "shared").splitlines()
-    assert shared == ["participant,consent_study,status,age", "P01,1900-01-01,,93", "P02,,excluded,20"]
+    assert shared == ["participant,consent_study,status,age", "P01,1900-01-01,,89", "P02,,excluded,20"]
     assert participants_text(study, found, "public").splitlines()[1] == "P01,1900-01-01,,89"
     assert participants_text(study, found, "full").splitlines()[1] == "P01,2026-11-01,,93"
 

@@ -16,7 +16,7 @@ import pytest
 from rise_engine.analysis.model import SessionData
 from rise_engine.export.format import ExportContext, ExportError, ExportFormat, Shape
 from rise_engine.export.formats import load_format
-from rise_engine.export.writing import export_context, export_sessions, new_path, note_export
+from rise_engine.export.writing import export_context, export_sessions, new_export
 from rise_engine.session import unfinished_files
 from rise_engine.session.folder import JOURNAL
 from rise_engine.study.study_log import LOG_FILE, read_log
@@ -132,11 +132,11 @@ def test_what_somebody_puts_there_meanwhile_stays_too(
     if not links:  # as on a USB stick
         monkeypatch.setattr(os, "link", no_link)
     out = tmp_path / "out"
-    with pytest.raises(ExportError, match="is there already"), new_path(out) as here:
+    with pytest.raises(ExportError, match="is there already"), new_export(out, [], "csv", "full") as export:
         if kind == "file":
-            here.write_text("ours")
+            export.here.write_text("ours")
         else:
-            here.mkdir()
+            export.here.mkdir()
         out.write_text("theirs")
     assert out.read_text() == "theirs" and names(tmp_path) == ["out"]
 
@@ -146,13 +146,13 @@ def test_where_no_links_can_be_made(tmp_path: Path, monkeypatch: pytest.MonkeyPa
         raise OSError(1, "not permitted")
 
     monkeypatch.setattr(os, "link", no_link)
-    with new_path(tmp_path / "out") as here:
-        here.write_text("ours")
+    with new_export(tmp_path / "out", [], "csv", "full") as export:
+        export.here.write_text("ours")
     assert (tmp_path / "out").read_text() == "ours" and names(tmp_path) == ["out"]
 
 
 def test_a_folder_that_is_not_there(tmp_path: Path) -> None:
-    with pytest.raises(ExportError, match="there is no folder"), new_path(tmp_path / "no" / "out"):
+    with pytest.raises(ExportError, match="there is no folder"), new_export(tmp_path / "no" / "out", [], "csv", "full"):
         raise AssertionError("nothing can be made there")
 
 
@@ -246,7 +246,9 @@ def test_two_studies_and_a_session_of_none(tmp_path: Path) -> None:
     one, two = make_study(tmp_path / "one"), make_study(tmp_path / "two")
     alone = play_session(tmp_path / "sessions", short(), until=20)
     folders = [sessions_of(one)[1], alone, sessions_of(two)[2]]
-    assert note_export(folders, tmp_path / "x.csv", "csv", "shared") == []
+    with new_export(tmp_path / "x.csv", folders, "csv", "shared") as export:
+        assert export.problems == []
+        export.here.touch()
     for study, folder in ((one, folders[0]), (two, folders[2])):
         entry = read_log(study)[-1]
         assert (entry.kind, entry.get("path"), entry.get("sessions")) == (

@@ -15,8 +15,9 @@ from click.testing import CliRunner, Result
 from rise_engine.cli import main
 from rise_engine.cli.redact import redact_in_study
 from rise_engine.export.format import ExportError
-from rise_engine.export.writing import new_path, note_export
+from rise_engine.export.writing import new_export
 from rise_engine.kernel.inputs import OutcomeReport, RecordingReport, SessionStarted
+from rise_engine.session.disk import tree_hash
 from rise_engine.session.lock import JournalLock
 from rise_engine.session.media import MEDIA_FILE, MediaFile, register_media
 from rise_engine.session.redaction import RedactionReport
@@ -44,7 +45,8 @@ def began(participant: str, slot: int, run: int = 1) -> SessionStarted:
 
 def session(study: Path, participant: str, slot: int, recording: str = "", run: int = 1) -> Path:
     path = session_folder(study, began(participant, slot, run))
-    report = RecordingReport(t=1.0, name="camera", status="started", path=recording)
+    size = sum(each.stat().st_size for each in (Path(recording), *Path(recording).rglob("*")) if each.is_file())
+    report = RecordingReport(t=1.0, name="camera", status="stopped", path=recording, bytes=size)
     inputs = [
         began(participant, slot, run),
         report,
@@ -86,8 +88,10 @@ class Folder:
             for name, who in (("p01.csv", ["P01"]), ("all.csv", ["P01", "P02"]), ("p02.csv", ["P02"])):
                 (self.study / name).write_text(f"rows of {who}" if name != "p02.csv" else "rows")
                 log.append("exported", path=name, participants=who, sessions=[], level="full")
+                log.append("written", path=name, participants=who, sessions=[], sha256=tree_hash(self.study / name))
             (self.study / "in.csv").write_text("P01,1")
             log.append("exported", path="in.csv", participants=["P01"], sessions=[self.sessions[0].name])
+            log.append("written", path="in.csv", participants=["P01"], sha256=tree_hash(self.study / "in.csv"))
         (self.study / SET_ASIDE_FILE).write_text('{"kind":"taken","participant":"P01"')
 
     def texts(self) -> dict[str, str]:
@@ -129,7 +133,7 @@ def test_nothing_is_left_but_a_salted_hash(made: Folder) -> None:
     assert report.remains == [
         "participants.csv, line 2: delete the line yourself, because nothing but people writes in this file"
     ]
-    assert any(f"{made.videos / 'both'} records P03, too" in each for each in report.beyond)
+    assert report.unreached == [f"{made.videos / 'both'} records P03, too: cut them out of it"]
     assert any("backups" in each for each in report.beyond)
     assert (made.study / LOG_FILE).stat().st_mode & 0o777 == 0o600
 
@@ -334,7 +338,7 @@ def test_in_a_copy_of_a_study_the_original_keeps_its_exports(made: Folder, tmp_p
     assert made.texts() == before
     assert sorted(path.name for path in elsewhere.iterdir()) == ["four.csv", "one.csv", "three.csv", "two.csv"]
     assert not any((copy / name).exists() for name in ("p01.csv", "all.csv", "in.csv"))
-    told = [sentence for sentence in report.beyond if "outside of the study's folder: erase it yourself" in sentence]
+    told = [sentence for sentence in report.unreached if "outside of the study's folder: erase it yourself" in sentence]
     assert len(told) == 4 + 4 + 1
     assert not (copy / WORK_FOLDER).exists()
 
@@ -366,15 +370,18 @@ def test_what_is_exported_just_now_is_told_and_the_rest_is_erased(made: Folder) 
         (being_written / "p01.csv").write_text("rows of P01")
         report = withdraw(made.study, "P01")
         assert being_written.exists() and (being_written / "p01.csv").exists()
-    told = [sentence for sentence in report.beyond if "is being written just now" in sentence]
+    told = [sentence for sentence in report.unreached if "is being written just now" in sentence]
     assert len(told) == 1 and str(being_written) in told[0]
     assert_gone(made)
 
 
 def test_an_export_that_is_overtaken_by_a_withdrawal_is_not_kept(made: Folder) -> None:
     out = made.study / "late.csv"
-    with pytest.raises(ExportError, match="make it again"), new_path(out, made.sessions[:1]) as here:
-        here.write_text("rows of P01")
+    with (
+        pytest.raises(ExportError, match="make it again"),
+        new_export(out, made.sessions[:1], "csv", "full") as export,
+    ):
+        export.here.write_text("rows of P01")
         withdraw(made.study, "P01")
     assert not out.exists()
     assert_gone(made)
@@ -382,8 +389,11 @@ def test_an_export_that_is_overtaken_by_a_withdrawal_is_not_kept(made: Folder) -
 
 def test_an_export_of_what_was_read_before_a_withdrawal_is_refused(made: Folder) -> None:
     withdraw(made.study, "P01")
-    with pytest.raises(ExportError, match="make it again"):
-        note_export(made.sessions[:1], made.study / "late.html", "report", "full")
+    with (
+        pytest.raises(ExportError, match="make it again"),
+        new_export(made.study / "late.html", made.sessions[:1], "report", "full"),
+    ):
+        raise AssertionError
     assert_gone(made)
 
 
