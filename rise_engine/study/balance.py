@@ -120,9 +120,10 @@ def block_problems(study: Study, slots: Sequence[Slot]) -> list[str]:
 
 
 def with_blocks_that_fit(study: Study) -> Study:
-    """The study with blocks of which nobody can tell the last cell and that come out even at `n`; where there are none,
-    with blocks in which each cell comes once."""
-    for block in ((1, 2), (1, 1, 2), (2,)):
+    """The study with blocks of one or two of each cell, so that nobody can tell the last cell of one, where they come
+    out even at `n` and there is room for several of them; else with blocks in which each cell comes once."""
+    room = study.n // len(strata_of(study)) >= 4 * len(cells(study))
+    for block in ((1, 2), (1, 1, 2)) if room else ():
         tried = replace(study, assignment=replace(study.assignment, block=block))
         if not block_problems(tried, make_plan(tried)):
             return tried

@@ -17,13 +17,14 @@ from rise_engine.report.making import MadeReport, make_study_report
 from rise_engine.report.page import page_text
 from rise_engine.report.plain_text import cells_wide, text_lines
 from rise_engine.report.study_facts import study_figures
-from rise_engine.report.study_report import StudyReportInput, study_report
+from rise_engine.report.study_report import StudyReportInput, _assignment, study_report
 from rise_engine.study.report_table import ITEM_NAMES, REPORT_ITEMS
 from rise_engine.study.state import read_state
 from rise_engine.study.withdrawn import Withdrawn
 from tests.analysis.samples import DESIGN, make_study, sessions_of
 from tests.report.pages import PageReader
 from tests.report.test_page import assert_harmless
+from tests.study.designs import make_study as design
 
 
 @pytest.fixture(scope="module")
@@ -122,6 +123,14 @@ def test_wizards_are_those_of_the_acts(page, tables):
     marked = sum(int(row["mistakes"]) for row in sessions)
     assert told["per 100"].startswith(f"{100 * marked / keys:.1f} (")
     assert told["rehearsals"].startswith("1, 20")
+
+
+@pytest.mark.parametrize(
+    ("between", "within", "words"),
+    [([2], [2], "blocks, orders williams"), ([2], [], "blocks"), ([], [2], "orders williams"), ([], [], "")],
+)
+def test_only_the_assignment_that_there_is_is_told(between, within, words):
+    assert _assignment(design(between, within)) == words
 
 
 def test_participants_and_cells(page):

@@ -14,7 +14,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from msgspec.structs import replace
 
-from rise_engine.study.balance import prove_balance
+from rise_engine.study.balance import block_problems, prove_balance, with_blocks_that_fit
 from rise_engine.study.chance import Chance, session_seed
 from rise_engine.study.design import cells, condition_name, runs, strata_of, stratum_name
 from rise_engine.study.minimise import cell_for
@@ -358,11 +358,37 @@ def test_the_proof_counts_what_is_there() -> None:
         (make_study([2], n=8, method="minimise"), "The cell is found when somebody takes a slot"),
         (make_study([2], n=8, strata=[2]), "How many of each stratum come is not known"),
         (make_study([]), "There is no between factor: everybody gets the same."),
-        (make_study([2, 2], n=4, block=(2,)), "At n = 4 a block is not complete"),
+        (
+            make_study([2, 2], n=4, block=(2,)),
+            "NOTE: with n = 4 and 4 cells, blocks of 8 do not come out even: among the first 4 rows",
+        ),
+        (
+            make_study([2, 2], n=8, block=(2,), strata=[2]),
+            "NOTE: with 4 in each of the 2 strata and 4 cells, blocks of 8 do not come out even for ",
+        ),
+        (make_study([3], n=8, strata=[2]), "some cells have one more: n would have to be a multiple of 6."),
     ],
 )
 def test_the_proof_says_what_is_not_balanced(study: Study, line: str) -> None:
     assert line in "\n".join(prove_balance(study, make_plan(study)).lines)
+
+
+@pytest.mark.parametrize(
+    ("study", "block"),
+    [
+        (make_study([2, 2], n=8, strata=[2]), (1,)),
+        (make_study([2, 2], n=4), (1,)),
+        (make_study([]), (1, 2)),
+    ],
+)
+def test_blocks_that_fit_are_proposed(study: Study, block: tuple[int, ...]) -> None:
+    assert with_blocks_that_fit(study).assignment.block == block
+
+
+@pytest.mark.parametrize("seed", range(1, 9))
+def test_proposed_blocks_come_out_even(seed: int) -> None:
+    made = with_blocks_that_fit(replace(make_study([2], n=24, strata=[2]), seed=seed))
+    assert not block_problems(made, make_plan(made))
 
 
 @given(STUDIES)

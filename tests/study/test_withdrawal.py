@@ -278,12 +278,21 @@ def test_the_command(made: Folder) -> None:
     result = run("study", "withdraw", made.study, "P01", "--yes")
     assert result.exit_code == 1, result.output
     assert "all.csv, which also holds P02" in result.output
+    assert "erased; their slot is free" in result.output
     assert "delete the line yourself" in result.output and "backups" in result.output
     people = made.study / "participants.csv"
     people.write_text("".join(line for line in people.read_text().splitlines(True) if "P01" not in line))
     assert run("study", "withdraw", made.study, "P01", "--yes").exit_code == 0
     assert run("study", "withdraw", made.study, "P99", "--yes").exit_code == 1
     assert run("study", "withdraw", made.root, "P01", "--yes").exit_code == 2
+
+
+def test_a_slot_that_another_has_got_is_not_said_to_be_free(made: Folder) -> None:
+    with LockedLog(made.study) as log:
+        log.append("excluded", participant="P01", reason="left")
+        log.append("taken", participant="P04", slot=1)
+    output = run("study", "withdraw", made.study, "P01", "--yes").output
+    assert "erased; slot 1, which they had, stays with P04" in output
 
 
 @pytest.mark.pty
