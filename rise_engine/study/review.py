@@ -13,7 +13,7 @@ from rise_engine.scenario.model import Scenario, SourceLocation
 from rise_engine.scenario.tree import Held
 from rise_engine.study.balance import block_problems
 from rise_engine.study.design import runs
-from rise_engine.study.labels import session_differences
+from rise_engine.study.labels import reassignments, session_differences
 from rise_engine.study.language_checks import check_languages
 from rise_engine.study.model import Participant, Slot, Study
 from rise_engine.study.participants import PARTICIPANTS_FILE, ParticipantsLoad, load_participants
@@ -96,8 +96,9 @@ def review_study(folder: str | os.PathLike[str]) -> StudyReview:
 def _review_questionnaires(study: Study, people: ParticipantsLoad, entries: list[LogEntry]) -> list[Diagnostic]:
     """What the survey tools gave, and who took part and is not in it."""
     found: list[Diagnostic] = []
+    owners = {name: each.participant for name, each in reassignments(entries).items()}
     took_part = [
-        (str(each.get("participant")), int(each.get("run") or 0))
+        (owners.get(str(each.get("folder")), str(each.get("participant"))), int(each.get("run") or 0))
         for each in entries
         if each.kind == "session" and each.get("purpose") == "counted"
     ]

@@ -145,3 +145,40 @@ def test_any_edit_of_any_table(
     found = list(csv.reader(io.StringIO(after, newline=""), delimiter=separator, skipinitialspace=True))
     stripped = [[value.strip().replace("\r\n", "\n") for value in row] for row in found if any(v.strip() for v in row)]
     assert stripped == [["a", "b", "c"], *([value.strip() for value in row] for row in rows)]
+
+
+# --- participants.csv -------------------------------------------------------------------------------------------------
+
+PEOPLE = 'participant;consent_study;comment\r\nP01;2026-11-01;"a; b"\r\nP02;;\r\n'
+LOG = b'{"kind":"taken","at":"","slot":1,"participant":"P01"}\n'
+
+
+def people_after(edit: Edit, log: bytes = LOG) -> str:
+    files = {"participants.csv": PEOPLE.encode(), "study.toml": b'title = "S"\n', "study.jsonl": log}
+    state = StudyState(files, Outline(), LoadResult(None, []), Path("study"))
+    return apply_plan(files, plan(edit, state))["participants.csv"].decode()
+
+
+def test_participants_are_a_table_of_which_no_other_line_changes() -> None:
+    new = AddRow("participants.csv", {"participant": "P03"})
+    assert people_after(new) == f"{PEOPLE}P03;;\r\n"
+    consent = SetCell("participants.csv", 1, "consent_study", "2026-11-02")
+    assert people_after(consent) == PEOPLE.replace("P02;", "P02;2026-11-02")
+    assert people_after(SetCell("participants.csv", 1, "participant", "P20")) == PEOPLE.replace("P02", "P20")
+    assert people_after(RemoveRow("participants.csv", 1)) == PEOPLE.replace("P02;;\r\n", "")
+
+
+@pytest.mark.parametrize(
+    "edit", [SetCell("participants.csv", 0, "participant", "P09"), RemoveRow("participants.csv", 0)]
+)
+def test_who_was_recorded_stays(edit: Edit) -> None:
+    with pytest.raises(EditRefused, match="P01 stands in study\\.jsonl already"):
+        people_after(edit)
+    assert people_after(edit, b"") != PEOPLE
+
+
+def test_a_scenario_has_no_participants() -> None:
+    files = {"participants.csv": PEOPLE.encode()}
+    state = StudyState(files, Outline(), LoadResult(None, []), Path("study"))
+    with pytest.raises(EditRefused, match="no table `participants"):
+        plan(RemoveRow("participants.csv", 1), state)

@@ -10,6 +10,7 @@ from rise_engine.edit.edits import SetActionType, SetParameter, SetSetting, SetW
 from rise_engine.edit.plan import EditRefused
 from rise_engine.edit.workspace import Workspace
 from rise_engine.scenario.model import Parameter
+from rise_engine.study.study_toml import load_study
 from rise_tui.editing.model.act_form import action_fields, new_action_parameters, parameter_note
 from rise_tui.editing.model.act_rows import action_rows, scale_line
 from rise_tui.editing.model.act_times import action_times
@@ -19,6 +20,7 @@ from rise_tui.editing.model.file_lines import file_lines
 from rise_tui.editing.model.study_rows import find_at, study_rows, used_by
 from rise_tui.editing.model.top_line import top_line
 from rise_tui.rendering.text import line_width, plain_text
+from tests.study.studies import DESIGN, write_study
 
 
 @pytest.fixture
@@ -85,6 +87,31 @@ def test_a_setting_stays_what_it_is(study: Path) -> None:
     assert fields["fillers.offer_after"].edits("1.5") == (SetSetting(("fillers", "offer_after"), 1.5),)
     with pytest.raises(EditRefused, match=r"fillers\.offer_after is an integer; “soon” is string"):
         fields["fillers.offer_after"].edits("soon")
+
+
+def test_private_keys_and_how_long_an_event_is_kept(study: Path) -> None:
+    file = study / "scenario.toml"
+    file.write_text(file.read_text() + '\n[keys.z]\nevent = "/go"\n')
+    fields = {each.label: each for each in setting_fields(draft_of(Workspace(study)))}
+    assert fields["private"].text == "person_name"
+    assert fields["private"].edits("person_name, age") == (SetSetting(("private",), ["person_name", "age"]),)
+    assert fields["private"].edits(None) == (SetSetting(("private",), None),)
+    assert fields["keep of z"].edits("3s") == (SetSetting(("keys", "z", "keep"), "3s"),)
+
+
+def test_the_design_of_a_study_has_a_row_for_each_value_of_a_check(tmp_path: Path) -> None:
+    write_study(tmp_path, DESIGN + '\n[[check]]\nid = "door"\nask = "The door is closed"\n', plan=False)
+    workspace = Workspace(tmp_path)
+    fields = {each.label: each for each in setting_fields(draft_of(workspace))}
+    assert "robot" not in fields and fields["n"].text == "4"
+    workspace.apply(*fields["check.0.ask"].edits("The lamp is on"))
+    workspace.apply(SetSetting(("check", "1"), {"id": "two", "ask": "Ready", "when": "after"}, file="study.toml"))
+    loaded = load_study(tmp_path, check_scenarios=False, held=workspace.files)
+    assert loaded.study is not None
+    assert [(each.id, each.ask, each.when) for each in loaded.study.checks] == [
+        ("door", "The lamp is on", "before"),
+        ("two", "Ready", "after"),
+    ]
 
 
 def test_a_key_that_does_something_else_of_the_same_kind_keeps_its_label(study: Path) -> None:

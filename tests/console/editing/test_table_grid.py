@@ -10,8 +10,11 @@ import pytest
 from textual import events
 from textual.pilot import Pilot
 
-from rise_engine.edit.edits import AddRow, AnyEdit, SetCell
+from rise_engine.edit.edits import AddColumn, AddRow, AnyEdit, SetCell, SetSetting
+from rise_engine.edit.plan import EditRefused
+from rise_engine.edit.tables import WrittenCells
 from rise_engine.edit.workspace import Workspace
+from rise_engine.study.review import findings_of_files
 from rise_tui.editing.app import EditApp
 from rise_tui.editing.model.draft import StudyDraft, draft_of
 from rise_tui.editing.model.study_rows import find_at
@@ -27,12 +30,16 @@ from rise_tui.editing.model.table_grid import (
     grid_line,
     grid_of,
     hidden_columns,
+    new_column,
+    new_table,
+    next_pseudonym,
     row_at_line,
 )
 from rise_tui.editing.study import EditedStudy
 from rise_tui.editing.tables_page import TablesPage
 from rise_tui.rendering.text import line_width, plain_text
 from tests.console.editing.conftest import STUDIES, Editor, OneSession, editor
+from tests.study.studies import write_study
 
 PRICES = (
     'id;name;long;price;note1;note2;note3;note4\r\n007;"Hello; you";some text that is quite long, and needs room;1,50;'
@@ -244,11 +251,80 @@ async def test_what_is_wrong_is_said_while_it_is_typed(folder: Path) -> None:
 
 
 @pytest.mark.slow
-async def test_a_study_without_tables_says_so(study: Path) -> None:
+async def test_a_study_without_tables_says_so_and_makes_one(study: Path) -> None:
     async with editor(study) as it:
         await it.open("tables")
-        await it.press("enter", "a", "delete", "left", "right", "tab")
-        assert "this study has no tables" in page_of(it).head.text and "this study has no tables" in it.notice
+        await it.press("enter", "delete", "left", "right", "tab")
+        assert "this study has no tables yet: n makes one" in page_of(it).head.text and "no tables yet" in it.notice
+        await it.press("a")
+        await it.type("items")
+        await it.press("enter")
+        await it.type("id, text")
+        await it.press("enter")
+        await it.until(lambda: file_of(it, "items") == "id,text\n")
+        await it.press("a")
+        await it.until(lambda: file_of(it, "items") == "id,text\n…,…\n")
+        await it.press("right", "A")
+        await it.type("text.de")
+        await it.press("enter")
+        await it.until(lambda: file_of(it, "items") == "id,text,text.de\n…,…,\n")
+
+
+@pytest.mark.slow
+async def test_participants_are_added_and_wrong_dates_are_said(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("XDG_STATE_HOME", str(tmp_path / "state"))
+    write_study(tmp_path / "study", plan=False)
+    before = (tmp_path / "study" / "participants.csv").read_text()
+    workspace = Workspace(tmp_path / "study", also_check=findings_of_files)
+    app = EditApp(EditedStudy(workspace, draft_of(workspace)), sessions=OneSession())
+    async with app.run_test(size=(100, 30)) as pilot:
+        it = Editor(pilot, app.edit_screen, tmp_path / "study")
+        await it.until(lambda: it.screen.home.rows.count)
+        assert "People" in it.screen.home.rows.text and "ACTS" not in it.screen.home.rows.text
+        await it.press("a")
+        assert it.screen.study.draft.files["participants.csv"].decode() == before, "no act is added to a study"
+        await it.open("tables")
+        await it.press("a", "enter")
+        await it.until(lambda: it.screen.study.draft.files["participants.csv"].decode() == f"{before}P09,,,\n")
+        await it.press("right", "enter")
+        await it.type("1.11.2026")
+        await it.until(lambda: "dates are written year-month-day: `2026-11-01`" in page_of(it).said.text)
+        await it.press("escape", "A")
+        await it.type("age")
+        await it.press("enter")
+        await it.until(lambda: b"age" in it.screen.study.draft.files["study.toml"])
+        assert it.screen.study.draft.checked.errors == []
+
+
+@pytest.mark.parametrize(
+    ("name", "columns", "problem"),
+    [
+        ("1x", "a", "a table's name has letters"),
+        ("a.b", "a", "a table's name has letters"),
+        ("Prices", "a", "there is a table Prices already"),
+        ("x", "a,,b", "each column has a name"),
+        ("x", "a, a", "no two have the same"),
+        ("x", 'a"b', "cannot be called"),
+    ],
+)
+def test_what_is_no_new_table(name: str, columns: str, problem: str) -> None:
+    with pytest.raises(EditRefused, match=problem):
+        new_table(["prices"], name, columns)
+
+
+def test_a_new_column_of_participants_stands_in_the_design_too() -> None:
+    named = SetSetting(("participants", "columns"), ["language", "age"], file="study.toml")
+    assert new_column("participants.csv", " age ", 2, ["language"]) == (AddColumn("participants.csv", "age", 2), named)
+    for table, column in (("participants.csv", "language"), ("participants.csv", "consent_film"), ("items", "age")):
+        assert new_column(table, column, 1, ["language"]) == (AddColumn(table, column, 1),)
+
+
+@pytest.mark.parametrize(
+    ("last", "following"), [("P08", "P09"), ("P99", "P100"), ("007", "008"), ("Anna", ""), (None, "P01")]
+)
+def test_the_next_pseudonym(last: str | None, following: str) -> None:
+    cells = WrittenCells("participants.csv", ("participant",), ((last,),) if last else (), (2,))
+    assert next_pseudonym(cells) == following
 
 
 @pytest.mark.slow
