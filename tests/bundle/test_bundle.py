@@ -246,7 +246,8 @@ def test_who_publishes_stands_in_study_toml(tmp_path: Path) -> None:
     study = make_study(tmp_path / "study")
     with (study / "study.toml").open("a", encoding="utf-8") as file:
         file.write(
-            '\n[report]\nauthors = "Doe, J. (0000-0002-1825-0097); Roe, M."\nethics = "No. 7"\nfunding = "DFG"\nlicense = "CC0-1.0"\ninstitution = "A lab"\n'
+            '\n[report]\nauthors = "Doe, J. (0000-0002-1825-0097); Roe, M."\nethics = "No. 7"\n'
+            'funding = "DFG"\nlicense = "CC0-1.0"\ninstitution = "A lab"\n'
         )
     report = bundle_of(study, tmp_path / "bundle", folders=sessions_of(study)[1:2])
     assert not any("LICENSE" in each or "dataset_description" in each for each in report.look_at)
