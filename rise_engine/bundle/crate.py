@@ -17,22 +17,13 @@ from msgspec import Struct
 from rise_engine import __version__
 from rise_engine.analysis.model import SessionFacts
 from rise_engine.bundle.manifest import files_in
+from rise_engine.study.publishing import ORCID, Author, license_url
 
 METADATA = "ro-crate-metadata.json"
 CRATE = "https://w3id.org/ro/crate/1.1"
 PROFILE = "https://w3id.org/ro/wfrun/process/0.5"
 PROGRAM = "#rise-tui"
 Entity: TypeAlias = dict[str, Any]
-_LICENSES = {
-    "CC0-1.0": "https://creativecommons.org/publicdomain/zero/1.0/",
-    "CC-BY-4.0": "https://creativecommons.org/licenses/by/4.0/",
-    "CC-BY-SA-4.0": "https://creativecommons.org/licenses/by-sa/4.0/",
-    "CC-BY-NC-4.0": "https://creativecommons.org/licenses/by-nc/4.0/",
-    "ODbL-1.0": "https://opendatacommons.org/licenses/odbl/1-0/",
-    "ODC-By-1.0": "https://opendatacommons.org/licenses/by/1-0/",
-    "PDDL-1.0": "https://opendatacommons.org/licenses/pddl/1-0/",
-    "MIT": "https://opensource.org/license/mit",
-}
 _FORMATS = {
     ".csv": "text/csv",
     ".html": "text/html",
@@ -64,23 +55,23 @@ class CrateContents(Struct, frozen=True):
     """Date, ISO 8601."""
     license: str
     """An SPDX id, an address, or empty: the file LICENSE says it."""
-    authors: tuple[str, ...]
+    authors: tuple[Author, ...]
+    funding: str
+    """Who paid for it, as people wrote it; empty: they have not said."""
     sessions: tuple[CrateSession, ...]
     inputs: tuple[str, ...]
     """Files and folders from the bundle on that every session was run from: the design, the scenarios."""
 
 
-def license_url(license: str) -> str:
-    """The address of a licence; empty: nobody knows it."""
-    if license.startswith(("https://", "http://")):
-        return license
-    return next((url for name, url in _LICENSES.items() if name.casefold() == license.casefold()), "")
-
-
 def metadata_text(root: Path, contents: CrateContents) -> str:
     """The metadata of everything that lies in a bundle's folder now, as JSON."""
     graph = [_descriptor(), *_dataset(root, contents), *_license(contents), _profile(), _program()]
-    graph += [{"@id": f"#author-{n}", "@type": "Person", "name": name} for n, name in enumerate(contents.authors, 1)]
+    graph += [
+        {"@id": _author_id(number, each), "@type": "Person", "name": each.name}
+        for number, each in enumerate(contents.authors, 1)
+    ]
+    if contents.funding:
+        graph.append({"@id": "#funder", "@type": "Organization", "name": contents.funding})
     graph.append({"@id": "#team", "@type": "Organization", "name": "The people who ran the study"})
     graph += [_run_of(session, contents) for session in contents.sessions]
     return json.dumps({"@context": f"{CRATE}/context", "@graph": graph}, indent=2, ensure_ascii=False) + "\n"
@@ -127,8 +118,10 @@ def _dataset(root: Path, contents: CrateContents) -> list[Entity]:
     }
     if contents.authors:
         dataset["author"] = _one_or_all(
-            [{"@id": f"#author-{number}"} for number in range(1, len(contents.authors) + 1)]
+            [{"@id": _author_id(number, each)} for number, each in enumerate(contents.authors, 1)]
         )
+    if contents.funding:
+        dataset["funder"] = {"@id": "#funder"}
     entities: list[Entity] = [dataset]
     for folder in folders:
         entities.append({"@id": folder, "@type": "Dataset", "name": folder.rstrip("/")})
@@ -146,6 +139,10 @@ def _dataset(root: Path, contents: CrateContents) -> list[Entity]:
             entity["encodingFormat"] = "text/plain"
         entities.append(entity)
     return entities
+
+
+def _author_id(number: int, author: Author) -> str:
+    return ORCID + author.orcid if author.orcid else f"#author-{number}"
 
 
 def _license(contents: CrateContents) -> list[Entity]:

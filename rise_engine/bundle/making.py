@@ -34,8 +34,10 @@ from rise_engine.session.errors import SessionError
 from rise_engine.session.folder import INFO, JOURNAL
 from rise_engine.session.media import MEDIA_FILE
 from rise_engine.session.scenario_copies import copy_folders
+from rise_engine.session.shadow import shadow_files
 from rise_engine.session.sharing import CannotShare, share_session
 from rise_engine.study.plan_file import PLAN_FILE
+from rise_engine.study.publishing import authors_of
 from rise_engine.study.state import StudyStatus, read_state
 from rise_engine.study.study_log import LOG_FILE
 from rise_engine.study.study_toml import STUDY_FILE
@@ -167,6 +169,11 @@ class _Bundle:
                 where = ""
                 self._absent[name] = f"it could not be shared; what the level tells of it is in {UNPROVED}/"
             self._sessions.append(CrateSession(data.facts, where))
+            if self._level != "full" and (shadows := len(shadow_files(data.folder))):
+                self.report.left_out.append(
+                    f"{pluralize(shadows, 'shadow')} of {name}: what second wizards typed is in there, and no level "
+                    "tells it; rise-engine agree tells what they decided"
+                )
             if self._level == "full" and data.media:
                 recordings = pluralize(len(data.media), "recording")
                 self.report.left_out.append(f"{recordings} of {name}: add the files yourself, if people agreed to that")
@@ -278,16 +285,17 @@ class _Bundle:
 
     def _crate_contents(self, inputs: Sequence[str], license: str) -> CrateContents:
         study = self._study
-        authors = tuple(each.strip() for each in study.report.get("authors", "").split(";") if each.strip())
         standing = self._state.standing
         return CrateContents(
             name=study.title,
             description=f"The study {study.title!r} ({study.id}): design, scenario, records of "
             f"{pluralize(len(self._sessions), 'session')} with a robot, exports. Level: {self._level}. "
-            f"{standing.complete} of {standing.wanted} participants are complete.",
+            f"{standing.complete} of {standing.wanted} participants are complete."
+            + (f" Ethics: {study.report['ethics']}" if study.report.get("ethics") else ""),
             published=datetime.now().astimezone().date().isoformat(),
             license=license,
-            authors=authors,
+            authors=authors_of(study.report),
+            funding=study.report.get("funding", ""),
             sessions=tuple(
                 replace(each, facts=replace(each.facts, started="")) if self._level != "full" else each
                 for each in self._sessions
@@ -298,7 +306,8 @@ class _Bundle:
 
 def _copy_session(source: Path, target: Path) -> None:
     copies = (path for copy in copy_folders(source) for path in sorted(copy.rglob("*")))
-    for path in [source / INFO, source / JOURNAL, source / MEDIA_FILE, *coded_paths(source), *copies]:
+    files = [source / INFO, source / JOURNAL, source / MEDIA_FILE, *shadow_files(source), *coded_paths(source)]
+    for path in [*files, *copies]:
         if path.is_file() and not path.is_symlink():
             copy = target / path.relative_to(source)
             make_private_folder(copy.parent)

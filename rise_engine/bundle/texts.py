@@ -5,12 +5,12 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from rise_engine import __version__
-from rise_engine.bundle.crate import license_url
 from rise_engine.bundle.environment import ENVIRONMENT_FILE, PROGRAM, REQUIREMENTS
 from rise_engine.bundle.study_files import GIVEN
 from rise_engine.export.table_schema import UNSAFE
 from rise_engine.session.levels import ExportLevel
 from rise_engine.study.model import Study
+from rise_engine.study.publishing import license_url
 
 PYTHON = (3, 11)
 """The oldest that runs the program (pyproject.toml)."""

@@ -50,6 +50,7 @@ from rise_engine.session.media import MEDIA_FILE
 from rise_engine.session.scenario_copies import copy_folders
 from rise_engine.study.model import Participant
 from rise_engine.study.participants import load_participants
+from rise_engine.study.publishing import authors_of
 
 VERSION = "1.11.1"
 """Of BIDS."""
@@ -201,9 +202,11 @@ class _Dataset:
         }
         if said.get("license"):
             description["License"] = said["license"]
-        authors = [each.strip() for each in said.get("authors", "").split(";") if each.strip()]
-        if authors:
-            description["Authors"] = authors
+        if authors := authors_of(said):
+            description["Authors"] = [each.name for each in authors]
+        for key, name in (("EthicsApprovals", "ethics"), ("Funding", "funding")):
+            if said.get(name):
+                description[key] = [said[name]]
         missing = [name for name in ("authors", "license") if not said.get(name)]
         if missing:
             self._context.warnings.append(

@@ -97,7 +97,8 @@ def participants_table(
         column = name if _fits(name, own) else f"{name}_as_written"
         if column != name:
             warnings.append(f"BIDS has its own rules for the column {name!r}, which yours does not follow: {column}")
-        columns[column] = _column_of(column, name, tuple(strata.get(name, ())))
+        described = study.descriptions.get(name, "") if study is not None else ""
+        columns[column] = _column_of(column, name, tuple(strata.get(name, ())), described)
     if any(groups.values()):
         columns["group"] = _COLUMNS["group"]
     rows = [Person(label, groups.get(participant, ""), known.get(participant)) for participant, label in labels.items()]
@@ -108,10 +109,11 @@ def _value(person: Participant, name: str) -> str:
     return person.strata.get(name) or person.columns.get(name, "")
 
 
-def _column_of(column: str, name: str, levels: tuple[str, ...]) -> Column:
+def _column_of(column: str, name: str, levels: tuple[str, ...], about: str) -> Column:
     described = _COLUMNS.get(column, Column(name, f"{name}, as participants.csv has it."))
     return replace(
         described,
+        about=about or described.about,
         value=lambda person: person.said and cut_age(name, _value(person.said, name)),
         levels={level: level for level in levels},
     )

@@ -291,5 +291,6 @@ def factor_column(name: str, study: Study | None) -> Column:
 
 
 def _level_text(level: Level) -> str:
-    told = [f"{key} = {json.dumps(value, ensure_ascii=False)}" for key, value in level.memory.items()]
+    told = [level.description] if level.description else []
+    told += [f"{key} = {json.dumps(value, ensure_ascii=False)}" for key, value in level.memory.items()]
     return "; ".join([*told, f"scenario {level.scenario}"] if level.scenario else told)

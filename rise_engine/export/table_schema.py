@@ -190,19 +190,23 @@ def resource(table: TableSchema, columns: Sequence[Column], size: int, digest: s
     }
 
 
-def data_package(name: str, title: str, about: str, resources: Iterable[Mapping[str, Any]]) -> bytes:
+def data_package(
+    name: str, title: str, about: str, resources: Iterable[Mapping[str, Any]], facts: Mapping[str, Any] | None = None
+) -> bytes:
     """datapackage.json.
 
     :param name: of the data, in small letters, digits, `-`, `_` and `.`.
     :param title: for people.
     :param about: what is in it.
     :param resources: as `resource` gives them.
+    :param facts: what else it says, as `rise_engine.study.publishing.package_facts` gives it.
     """
     package = {
         "profile": "tabular-data-package",
         "name": name,
         "title": title,
         "description": about,
+        **(facts or {}),
         "resources": [*resources],
     }
     return msgspec.json.format(msgspec.json.encode(package), indent=2) + b"\n"

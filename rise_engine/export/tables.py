@@ -31,6 +31,7 @@ from rise_engine.export.table_schema import (
     resource,
     safe_cell,
 )
+from rise_engine.study.publishing import package_facts
 
 TABLES = (SESSIONS, ACTS, ACTIONS, CUES, PHASES, EVENTS, CODED, CHECKS, RECORDINGS)
 
@@ -114,7 +115,8 @@ def _write(path: Path, sessions: Iterable[SessionData], context: ExportContext) 
     name = re.sub(r"[^a-z0-9]+", "-", context.study.id.lower()).strip("-") if context.study is not None else "sessions"
     about = _ABOUT.format(sessions=f"{len(told)} sessions" if len(told) != 1 else "one session", level=context.level)
     about += f" {SAFE if context.spreadsheet_safe else UNSAFE}"
-    package = data_package(name or "sessions", title, about, [table.described() for table in tables])
+    published = package_facts(context.study.report) if context.study is not None else None
+    package = data_package(name or "sessions", title, about, [table.described() for table in tables], published)
     described = [table.for_codebook() for table in tables]
     context.warnings += [
         f"{each.file} has cells of several lines, which SPSS takes for rows: {SPSS_FILE} leaves it out"

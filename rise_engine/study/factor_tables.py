@@ -12,7 +12,7 @@ from rise_engine.scenario.toml_tables import TomlTable
 from rise_engine.study.model import Factor, FactorKind, Level
 
 _FACTOR_KEYS = ("kind", "levels", "labels", "label_only")
-_LEVEL_KEYS = ("memory", "scenario")
+_LEVEL_KEYS = ("memory", "scenario", "description")
 _NAME = re.compile(r"[A-Za-z][A-Za-z0-9_]*\Z")
 _LEVEL = re.compile(r"[A-Za-z0-9_-]+\Z")
 _LEVELS_FORM = "`levels` is a table: levels.yes.memory = { hesitation = true }"
@@ -110,7 +110,8 @@ def _read_level(levels: TomlTable, name: str, label: str) -> Level:
     scenario = table.read("scenario", str, "", form=': scenario = "scenario-babble"')
     if "scenario" in values and isinstance(values["scenario"], str) and not scenario.strip():
         table.report_value("missing-value", "scenario", "`scenario` is empty; name a folder, or leave it out")
-    return Level(name, memory, scenario.strip(), label)
+    description = table.read("description", str, "", form=': description = "The robot hesitates"').strip()
+    return Level(name, memory, scenario.strip(), label, description)
 
 
 def _check_difference(table: TomlTable, levels: tuple[Level, ...]) -> None:

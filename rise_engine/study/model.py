@@ -29,6 +29,8 @@ class Level(Struct, frozen=True):
     """Folder of the scenario that it runs, relative to the study's; empty: the study's own."""
     label: str = ""
     """What screens show instead of the name while the study is blinded; empty: the name."""
+    description: str = ""
+    """What it is, in words for readers of the data; empty: nobody has said it."""
 
 
 class Factor(Struct, frozen=True):
@@ -171,6 +173,8 @@ class Study(Struct, frozen=True):
     checks: tuple[StudyCheck, ...] = ()
     columns: tuple[str, ...] = ()
     """Further columns of participants.csv."""
+    descriptions: dict[str, str] = {}
+    """What each of these holds, in words, where study.toml says it."""
     wizards: dict[str, str] = {}
     """What exports call each wizard."""
     retention: dict[str, float] = {}

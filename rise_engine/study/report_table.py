@@ -10,6 +10,7 @@ from __future__ import annotations
 from msgspec import Struct
 
 from rise_engine.scenario.toml_tables import TomlTable
+from rise_engine.study.publishing import authors_of, orcid_problem
 
 
 class ReportItem(Struct, frozen=True):
@@ -46,7 +47,7 @@ REPORT_ITEMS = (
     ReportItem("limits", "what having a wizard means for the conclusions"),
 )
 ITEM_NAMES = tuple(item.name for item in REPORT_ITEMS)
-PUBLISHING_NAMES = ("authors", "license", "institution", "institution_address", "department")
+PUBLISHING_NAMES = ("authors", "license", "institution", "institution_address", "department", "ethics", "funding")
 """What the sheet does not ask for, and bundles and data sets of BIDS say: who publishes, and what others may do."""
 
 
@@ -62,4 +63,7 @@ def read_report(study: TomlTable) -> dict[str, str]:
             text = table.read(name, str, "", form=f': {name} = "..."').strip()
             if text:
                 said[name] = text
+    for author in authors_of(said):
+        if author.orcid and (problem := orcid_problem(author.orcid)):
+            table.report_value("wrong-value", "authors", f"`{author.orcid}` of {author.name} is no ORCID: {problem}")
     return said

@@ -180,7 +180,8 @@ class _StudyReader:
             strata=strata,
             consent=self.read_consent(),
             checks=read_checks(table, folder),
-            columns=self.read_columns(strata),
+            columns=tuple(columns := self.read_columns(strata)),
+            descriptions={name: text for name, text in columns.items() if text},
             wizards=self.read_wizards(),
             retention=self.read_retention(),
             recording=read_recording(table, folder),
@@ -313,17 +314,26 @@ class _StudyReader:
                 self.diagnostics.error("duplicate-name", location, f"`{name}` stands there twice")
         return tuple(dict.fromkeys(needed))
 
-    def read_columns(self, strata: dict[str, tuple[str, ...]]) -> tuple[str, ...]:
+    def read_columns(self, strata: dict[str, tuple[str, ...]]) -> dict[str, str]:
+        """The further columns, and what each holds: empty where they are a list of names."""
         table = self.table.section("participants", ("columns",))
-        columns = table.read_texts("columns", ())
+        described = table.values.get("columns")
+        if isinstance(described, dict):
+            inner = table.section("columns")
+            columns = tuple(described)
+            about = {name: inner.read(name, str, "", form=f': {name} = "what it holds"').strip() for name in columns}
+        else:
+            columns = table.read_texts("columns", ())
+            about = dict.fromkeys(columns, "")
         for at, column in enumerate(columns):
-            location = table.value_location("columns", str(at))
+            key = str(at) if not isinstance(described, dict) else column
+            location = table.value_location("columns", key)
             if kind := personal_column(column):
                 self.diagnostics.error("personal-data", location, f"`{column}` seems to hold {kind}: {WHY}")
             known = column in RESERVED_COLUMNS or column.startswith(CONSENT_PREFIX) or column in strata
             if known or column in columns[:at]:
                 self.diagnostics.error("duplicate-name", location, f"participants.csv has a column `{column}` already")
-        return columns
+        return about
 
     def read_wizards(self) -> dict[str, str]:
         table = self.table.section("wizards")

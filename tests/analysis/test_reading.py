@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from msgspec.structs import replace
 
 from rise_engine.analysis.model import PlayedAct, SessionData
 from rise_engine.analysis.outages import seconds_without_engine
@@ -16,6 +17,7 @@ from rise_engine.kernel.inputs import SessionStarted
 from rise_engine.kernel.records import ENGINE, ActionRecord, SessionRecord, StopRecord, TimingRecord
 from rise_engine.session.errors import SessionError
 from rise_engine.session.folder import INFO, JOURNAL, SCENARIO_COPY, mark_abandoned
+from rise_engine.session.journal_format import encode_record, read_line, with_checksum
 from rise_engine.session.journal_reader import JournalContents
 from rise_engine.session.levels import ExportLevel
 from rise_engine.session.media import MEDIA_FILE
@@ -44,6 +46,22 @@ def test_the_parts_of_a_latency_add_up_to_it(data: SessionData) -> None:
     for each in answered:
         parts = (each.wizard_s, each.way_s, each.queue_s, each.robot_s, each.voice_s if each.speaks else 0.0)
         assert each.response_s == pytest.approx(sum(part or 0.0 for part in parts), abs=1e-6)
+
+
+def test_a_session_began_when_its_clock_was_at_zero(tmp_path: Path) -> None:
+    """The engine reads its first wall clock a little later: 0.15 s here."""
+    folder = play_session(tmp_path / "sessions", short(), until=20.0)
+    assert read_session(folder).facts.started == "2024-11-23T09:30:00.000+01:00"
+    lines = (folder / JOURNAL).read_bytes().splitlines()
+    late = [
+        with_checksum(encode_record(replace(record, t=0.15, wall="2024-11-23T09:30:00.150+01:00")))
+        if isinstance(record := read_line(line), SessionRecord) and record.status == "started"
+        else line + b"\n"
+        for line in lines
+    ]
+    (folder / JOURNAL).write_bytes(b"".join(late))
+    assert read_session(folder).facts.started == "2024-11-23T09:30:00.000+01:00"
+    assert read_session(folder, level="shared").facts.started == ""
 
 
 def test_every_cue_has_its_answer_or_none(data: SessionData) -> None:

@@ -219,6 +219,18 @@ def test_a_session_that_cannot_be_shared_is_left_out_with_a_sentence(tmp_path: P
     assert sum(each["@type"] == "CreateAction" for each in actions) == 2
 
 
+def test_shadows_are_in_an_archive_and_nowhere_else(study: Path, tmp_path: Path) -> None:
+    folder = Path(shutil.copytree(study, tmp_path / "study"))
+    session = sessions_of(folder)[1]
+    (session / "shadow").mkdir()
+    (session / "shadow" / "1.jsonl").write_text("{}\n", "utf-8")
+    report = bundle_of(folder, tmp_path / "shared", folders=[session])
+    assert any(each.startswith("1 shadow of P01_hesitation_real_run1: what second wizards") for each in report.left_out)
+    assert not list((tmp_path / "shared").rglob("shadow"))
+    bundle_of(folder, tmp_path / "full", "full", folders=[session])
+    assert (tmp_path / "full" / "sessions" / session.name / "shadow" / "1.jsonl").is_file()
+
+
 def test_nothing_is_written_over_and_nothing_is_left(study: Path, tmp_path: Path) -> None:
     (tmp_path / "there").mkdir()
     with pytest.raises(BundleError, match="is there already"):
@@ -233,16 +245,26 @@ def test_nothing_is_written_over_and_nothing_is_left(study: Path, tmp_path: Path
 def test_who_publishes_stands_in_study_toml(tmp_path: Path) -> None:
     study = make_study(tmp_path / "study")
     with (study / "study.toml").open("a", encoding="utf-8") as file:
-        file.write('\n[report]\nauthors = "Doe, J.; Roe, M."\nlicense = "CC0-1.0"\ninstitution = "A lab"\n')
+        file.write(
+            '\n[report]\nauthors = "Doe, J. (0000-0002-1825-0097); Roe, M."\nethics = "No. 7"\n'
+            'funding = "DFG"\nlicense = "CC0-1.0"\ninstitution = "A lab"\n'
+        )
     report = bundle_of(study, tmp_path / "bundle", folders=sessions_of(study)[1:2])
     assert not any("LICENSE" in each or "dataset_description" in each for each in report.look_at)
     crate = json.loads((tmp_path / "bundle" / "ro-crate-metadata.json").read_text("utf-8"))["@graph"]
     people = [each["name"] for each in crate if each["@type"] == "Person"]
     assert people == ["Doe, J.", "Roe, M."]
     assert crate[1]["license"] == {"@id": "https://creativecommons.org/publicdomain/zero/1.0/"}
-    assert crate[1]["author"] == [{"@id": "#author-1"}, {"@id": "#author-2"}]
+    assert crate[1]["author"] == [{"@id": "https://orcid.org/0000-0002-1825-0097"}, {"@id": "#author-2"}]
+    assert crate[1]["funder"] == {"@id": "#funder"} and "Ethics: No. 7" in crate[1]["description"]
     described = json.loads((tmp_path / "bundle" / "bids" / "dataset_description.json").read_text("utf-8"))
     assert (described["Authors"], described["License"]) == (["Doe, J.", "Roe, M."], "CC0-1.0")
+    assert (described["EthicsApprovals"], described["Funding"]) == (["No. 7"], ["DFG"])
+    package = json.loads((tmp_path / "bundle" / "tables" / "datapackage.json").read_text("utf-8"))
+    assert package["licenses"] == [{"name": "CC0-1.0", "path": "https://creativecommons.org/publicdomain/zero/1.0/"}]
+    assert [each["title"] for each in package["contributors"]] == ["Doe, J.", "Roe, M."]
+    assert package["contributors"][0]["path"] == "https://orcid.org/0000-0002-1825-0097"
+    assert (package["ethics"], package["funding"]) == ("No. 7", "DFG")
     task = json.loads((tmp_path / "bundle" / "bids" / "task-hesitation_events.json").read_text("utf-8"))
     assert task["InstitutionName"] == "A lab"
 
