@@ -21,7 +21,8 @@ from rise_engine.export.course_tables import ACTIONS, ACTS, CUES, EVENTS, PHASES
 from rise_engine.export.format import ExportContext, ExportError, ExportFormat
 from rise_engine.export.session_tables import CHECKS, FACTS, RECORDINGS, SESSIONS, factor_column
 from rise_engine.export.table_schema import Column, Row, TableSchema, cell, data_package, resource
-from rise_engine.export.trial_tables import TRIALS, WideTable, declared_column
+from rise_engine.export.trial_tables import TRIALS, declared_column
+from rise_engine.export.wide_table import WideTable
 
 TABLES = (SESSIONS, ACTS, ACTIONS, CUES, PHASES, EVENTS, TRIALS, CHECKS, RECORDINGS)
 
@@ -59,7 +60,7 @@ class _OpenTable:
 def _write(path: Path, sessions: Iterable[SessionData], context: ExportContext) -> None:
     path.mkdir(0o700)
     facts = [*FACTS, *(factor_column(name, context.study) for name in context.factors)]
-    trials = replace(TRIALS, columns=(*TRIALS.columns, *map(declared_column, context.trial_columns)))
+    trials = replace(TRIALS, columns=(*TRIALS.columns, *map(declared_column, context.trial_columns or ())))
     wide = WideTable(context) if context.wide else None
     tables: list[_OpenTable] = []
     count = 0

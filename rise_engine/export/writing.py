@@ -85,16 +85,19 @@ def export_context(folders: Iterable[Path], level: ExportLevel) -> ExportContext
     :param level: how much is told.
     """
     studies: dict[Path | None, None] = {}
-    columns: dict[str, None] = {}
+    columns: dict[str, None] | None = None
     factors: dict[str, None] = {}
     for folder in folders:
         studies[study_of_session(folder)] = None
         factors.update(dict.fromkeys(_factors_of(folder)))
-        columns.update(dict.fromkeys(_trial_columns_of(folder)))
+        declared = _trial_columns_of(folder)
+        columns = columns if declared is None else (columns or {}) | dict.fromkeys(declared)
     where = next(iter(studies)) if len(studies) == 1 else None
     study = load_study(where, check_scenarios=False).study if where is not None else None
     planned = dict.fromkeys(factor.name for factor in study.factors) if study is not None else {}
-    return ExportContext(level, study, factors=tuple(planned | factors), trial_columns=tuple(columns))
+    return ExportContext(
+        level, study, factors=tuple(planned | factors), trial_columns=None if columns is None else tuple(columns)
+    )
 
 
 def _factors_of(folder: Path) -> Iterable[str]:
@@ -108,13 +111,13 @@ def _factors_of(folder: Path) -> Iterable[str]:
         return ()
 
 
-def _trial_columns_of(folder: Path) -> Iterable[str]:
-    """What the scenario of a session declares as columns of trials; nothing where that cannot be read."""
+def _trial_columns_of(folder: Path) -> list[str] | None:
+    """What the scenario of a session declares as columns of trials; None: it has no trials, or cannot be read."""
     try:
-        said = tomllib.loads((folder / SCENARIO_COPY / SCENARIO_FILE).read_text("utf-8")).get("trials", {})
+        said = tomllib.loads((folder / SCENARIO_COPY / SCENARIO_FILE).read_text("utf-8"))["trials"]
         return [text for text in said.get("columns", ()) if isinstance(text, str)]
-    except (OSError, ValueError, AttributeError, TypeError):  # whoever reads the session is told
-        return ()
+    except (OSError, ValueError, KeyError, AttributeError, TypeError):  # whoever reads the session is told
+        return None
 
 
 @contextmanager
