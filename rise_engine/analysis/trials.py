@@ -25,7 +25,7 @@ _AT_THE_START = frozenset({"file", "study", "condition"})
 _Each = TypeVar("_Each")
 
 
-class Trial(Struct, frozen=True, kw_only=True):
+class PlayedTrial(Struct, frozen=True, kw_only=True):
     """One trial."""
 
     start: float
@@ -78,7 +78,7 @@ class Trial(Struct, frozen=True, kw_only=True):
         return float(value) if isinstance(value, int | float) and not isinstance(value, bool) else None
 
 
-def trials_of(data: SessionData) -> tuple[Trial, ...]:
+def trials_of(data: SessionData) -> tuple[PlayedTrial, ...]:
     """The trials of a session, in their order; none where its scenario has no `[trials]`, or cannot be loaded.
 
     :param data: the session, at any level: what the level does not tell is in no trial.
@@ -217,7 +217,7 @@ class _Lists:
         keys = data.scenario.keys.values()
         self._names = {_asked(each.function, each.task_behavior): each.label for each in keys}
 
-    def trial(self, start: float, end: float, ended_by: TrialEnd, values: dict[str, Json]) -> Trial:
+    def trial(self, start: float, end: float, ended_by: TrialEnd, values: dict[str, Json]) -> PlayedTrial:
         """One trial, with what happened in it: from its start on, and before its end."""
         until = end if ended_by != "record" else float("inf")
         first = bisect_left(self._acts, start, key=lambda act: act.accepted_at)
@@ -235,7 +235,7 @@ class _Lists:
         prompts = (
             _within(self._spoken, asked_end, heard if heard is not None else until) if asked_end is not None else ()
         )
-        return Trial(
+        return PlayedTrial(
             start=start,
             end=end,
             ended_by=ended_by,

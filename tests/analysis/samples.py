@@ -58,6 +58,10 @@ title = "Tea"
 robot = "generic"
 private = ["person_name"]
 
+[trials]
+state = "Visit/*"
+columns = ["visits", "person_name"]
+
 [act.Hm]
 filler = true
 calling_type = "None"
