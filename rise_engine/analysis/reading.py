@@ -149,6 +149,7 @@ def _read(
         acts=played,
         cues=acts.cues(played),
         keys=acts.keys(),
+        raised=acts.raised(),
         phases=phases.phases(end),
         outages=tuple(away.outages),
         points=points.points(),
@@ -157,6 +158,7 @@ def _read(
         syncs=tuple(each for each in few if isinstance(each, SyncRecord)),
         media=media,
         coded=read_annotations(folder, source.filter, played, away.outages, end, problems),
+        scenario=scenario,
         repairs=count_repairs(few, played, phases.stepped_back),
         problems=tuple(problems),
     )

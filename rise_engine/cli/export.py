@@ -50,6 +50,8 @@ class ExportRequest(Struct, frozen=True):
     """Of a study, also sessions that do not count or did not end."""
     spreadsheet_safe: bool = False
     """Whether cells that a spreadsheet would carry out get an apostrophe."""
+    wide: bool = False
+    """Tables: also one with a row for each participant."""
 
 
 class Selection(Struct):
@@ -105,6 +107,7 @@ class _ExportCommand(click.Command):
     is_flag=True,
     help="Of tables and csv: an apostrophe before what a spreadsheet would carry out.",
 )
+@click.option("--wide", is_flag=True, help="Of tables, also wide.csv: a row for each participant, with their trials.")
 def export(
     named: tuple[str, ...],
     format: str,
@@ -113,6 +116,7 @@ def export(
     private: tuple[str, ...],
     all_sessions: bool,
     spreadsheet_safe: bool,
+    wide: bool,
 ) -> None:
     """Write what happened in sessions for other programs: of a STUDY, those that count and have ended; and each
     SESSION, also one that is running, torn or damaged.
@@ -123,7 +127,7 @@ def export(
 
     Exit status: 0; 1 when something could not be read, and the rest was exported; 2 when nothing was.
     """
-    request = ExportRequest(named, format, output, level, private, all_sessions, spreadsheet_safe)
+    request = ExportRequest(named, format, output, level, private, all_sessions, spreadsheet_safe, wide)
     sys.exit(export_report(request))
 
 
@@ -132,6 +136,8 @@ def export_report(request: ExportRequest) -> int:
     try:
         if request.spreadsheet_safe and not load_format(request.format).spreadsheet_safe:
             raise ExportError(f"--spreadsheet-safe goes with the formats tables and csv, not with {request.format}")
+        if request.wide and request.format != "tables":
+            raise ExportError("--wide is a table more of --format tables; the other formats have none")
         selection = select_sessions(request.named, all=request.all)
         if request.format in RECORD_FORMATS and not selection.several:
             return _export_records(selection.folders[0], request)
@@ -215,6 +221,7 @@ def _export(selection: Selection, format: ExportFormat, request: ExportRequest) 
     context = export_context(folders, request.level)
     context.standing = selection.standing
     context.spreadsheet_safe = request.spreadsheet_safe
+    context.wide = request.wide
     out = Path(request.out)
     report = export_sessions(format, out, folders, context, private=request.private, several=selection.several)
     for sentence in (*selection.remarks, *report.warnings):

@@ -82,6 +82,7 @@ _SETTINGS = (
     "languages",
     "explore",
     "properties",
+    "trials",
 )
 
 

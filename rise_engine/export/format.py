@@ -31,6 +31,11 @@ class ExportContext(Struct):
     """The factors of all sessions of the export, in their order: columns of tables."""
     spreadsheet_safe: bool = False
     """Whether cells that a spreadsheet would carry out get an apostrophe; formats of tables ask for it."""
+    trial_columns: tuple[str, ...] | None = None
+    """What the scenarios of all sessions declare as columns of trials (`[trials]`), in their order; None: no scenario
+    says what a trial is."""
+    wide: bool = False
+    """Whether the tables have a row for each participant besides."""
     warnings: list[str] = field(default_factory=list)
     """Sentences for whoever exports; a format appends to it."""
 

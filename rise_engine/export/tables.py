@@ -13,6 +13,9 @@ import re
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import ExitStack
 from pathlib import Path
+from typing import Any
+
+from msgspec.structs import replace
 
 from rise_engine.analysis.model import SessionData, SessionFacts
 from rise_engine.export.codebook import R_FILE, SPSS_FILE, DescribedTable, r_text, spss_text
@@ -31,9 +34,11 @@ from rise_engine.export.table_schema import (
     resource,
     safe_cell,
 )
+from rise_engine.export.trial_tables import TRIALS, declared_column
+from rise_engine.export.wide_table import WideTable
 from rise_engine.study.publishing import package_facts
 
-TABLES = (SESSIONS, ACTS, ACTIONS, CUES, PHASES, EVENTS, CODED, CHECKS, RECORDINGS)
+TABLES = (SESSIONS, ACTS, ACTIONS, CUES, PHASES, EVENTS, TRIALS, CODED, CHECKS, RECORDINGS)
 
 PACKAGE = "datapackage.json"
 _ABOUT = (
@@ -60,8 +65,8 @@ class _OpenTable:
         self._rows = csv.writer(self.file, lineterminator="\n")
         self._rows.writerow([column.name for column in self.columns])
 
-    def add(self, data: SessionData, facts: list[str]) -> None:
-        for row in self.schema.rows(data):
+    def add(self, rows: Iterable[Any], facts: Iterable[str] = ()) -> None:
+        for row in rows:
             self.add_row([*facts, *(cell(column.of(row)) for column in self.schema.columns)])
 
     def add_row(self, cells: list[str]) -> None:
@@ -88,6 +93,8 @@ class _OpenTable:
 def _write(path: Path, sessions: Iterable[SessionData], context: ExportContext) -> None:
     path.mkdir(0o700)
     facts = [*FACTS, *(factor_column(name, context.study) for name in context.factors)]
+    trials = replace(TRIALS, columns=(*TRIALS.columns, *map(declared_column, context.trial_columns or ())))
+    wide = WideTable(context) if context.wide else None
     told: list[tuple[SessionFacts, list[str]]] = []
     with ExitStack() as files:
 
@@ -96,7 +103,7 @@ def _write(path: Path, sessions: Iterable[SessionData], context: ExportContext) 
             files.callback(table.file.close)
             return table
 
-        tables = [open_table(schema, facts) for schema in TABLES]
+        tables = [open_table(trials if schema is TRIALS else schema, facts) for schema in TABLES]
         for data in sessions:
             if unknown := data.facts.factors.keys() - set(context.factors):
                 named = ", ".join(sorted(unknown))
@@ -104,13 +111,18 @@ def _write(path: Path, sessions: Iterable[SessionData], context: ExportContext) 
             values = [cell(column.of(Row(data, 1, data.facts))) for column in facts]
             told.append((data.facts, values))
             for table in tables:
-                table.add(data, values)
+                table.add(table.schema.rows(data), values)
+            if wide is not None:
+                wide.add(data)
         cells = {each.session: values for each, values in told}
         for answers in told_answers(context.study, context.level, (each for each, _ in told), context.warnings):
             schema, shared = _questionnaire_table(answers, facts)
             table = open_table(schema, shared)
             _add_answers(table, answers, cells, [facts.index(column) for column in shared])
             tables.append(table)
+        if wide is not None:
+            tables.append(open_table(wide.schema(), ()))
+            tables[-1].add(wide.rows())
     title = context.study.title if context.study is not None else "Sessions of rise-tui"
     name = re.sub(r"[^a-z0-9]+", "-", context.study.id.lower()).strip("-") if context.study is not None else "sessions"
     about = _ABOUT.format(sessions=f"{len(told)} sessions" if len(told) != 1 else "one session", level=context.level)
@@ -161,7 +173,7 @@ def _write_new(path: Path, data: bytes) -> None:
 
 FORMAT = ExportFormat(
     name="tables",
-    about="acts, cues, phases, events, checks, sessions as CSV, described in datapackage.json",
+    about="acts, cues, phases, events, trials, checks, sessions as CSV, described in datapackage.json",
     shape="folder",
     suffix="",
     write=_write,
