@@ -26,6 +26,7 @@ from rise_engine.study.sessions import SESSIONS
 from rise_engine.study.study_log import LOG_FILE, SET_ASIDE_FILE, LockedLog, LogEntry, read_log
 from rise_engine.study.traces import (
     PARTICIPANTS_FILE,
+    WORK_FOLDER,
     find_names,
     folders_in,
     has_name,
@@ -37,7 +38,6 @@ from rise_engine.study.traces import (
     why_media_unknown,
 )
 from rise_engine.study.withdrawal_work import (
-    WORK_FOLDER,
     Erasing,
     WithdrawalError,
     WithdrawalPlan,

@@ -16,10 +16,8 @@ from rise_engine.session.unfinished_files import erase_all_unfinished
 from rise_engine.study.erasable import why_not_export, why_not_place, why_other
 from rise_engine.study.kept_rows import add_rows
 from rise_engine.study.sessions import SESSIONS
-from rise_engine.study.traces import folders_in
+from rise_engine.study.traces import WORK_FOLDER, folders_in
 
-WORK_FOLDER = ".withdrawing"
-"""In the study's folder, while somebody's data are being erased."""
 _LIST = "list.json"
 
 

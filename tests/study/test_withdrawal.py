@@ -25,9 +25,9 @@ from rise_engine.session.unfinished_files import private_folder
 from rise_engine.study.retention import due_retention
 from rise_engine.study.state import OpenStudy, read_state
 from rise_engine.study.study_log import LOG_FILE, SET_ASIDE_FILE, LockedLog, StudyLogError, read_log
-from rise_engine.study.traces import find_names
+from rise_engine.study.traces import WORK_FOLDER, find_names
 from rise_engine.study.withdrawal import plan_withdrawal, withdraw
-from rise_engine.study.withdrawal_work import WORK_FOLDER, WithdrawalError, WithdrawalPlan
+from rise_engine.study.withdrawal_work import WithdrawalError, WithdrawalPlan
 from rise_engine.study.withdrawn import is_withdrawn, without_salts
 from rise_engine.words import Words, parse_replacement
 

@@ -21,8 +21,8 @@ from rise_engine.session.redaction import RedactionReport
 from rise_engine.session.unfinished_files import private_folder
 from rise_engine.study.state import read_state
 from rise_engine.study.study_log import LockedLog, read_log
+from rise_engine.study.traces import WORK_FOLDER
 from rise_engine.study.withdrawal import withdraw
-from rise_engine.study.withdrawal_work import WORK_FOLDER
 from rise_engine.words import Words, parse_replacement
 
 from .test_withdrawal import Folder, assert_gone
@@ -188,6 +188,7 @@ def test_what_cannot_be_erased_is_told_the_rest_is_and_the_next_time_goes_on(mad
     said = [each for each in report.unreached if "could not be erased: " in each]
     assert len(said) == 1 and (path.name in said[0] or "sessions" in said[0] or WORK_FOLDER in said[0])
     assert len(report.erased) == 3 + 2 + 3 - 1 and (made.study / WORK_FOLDER).exists()
+    assert not any(WORK_FOLDER in each for each in report.remains)
     again = withdraw(made.study, "P01")
     assert not any("could not be erased" in each for each in again.unreached)
     assert_gone(made)
