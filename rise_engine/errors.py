@@ -67,6 +67,7 @@
       ServeRefused                Nothing is served
       SessionError                A session's folder cannot be used
         CannotShare               The session cannot be given to others
+        CodedError                An annotation file cannot be read
         HeldElsewhereError        Another computer had the session last
         JournalLockedError        An engine runs the session
         MediaError                media.json cannot be read or written

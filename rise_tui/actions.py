@@ -332,6 +332,12 @@ ACTIONS: tuple[ConsoleAction, ...] = (
     ConsoleAction("study.report", "Read the report", ("v",), "study",
            "What happened in the selected participant's last session that ended: how long they waited, acts, mistakes, "
            "notes. It is shown after each session, too.", "report", _between_sessions),
+    ConsoleAction("study.outcome", "Correct the outcome", ("o",), "study",
+           "Says anew, with a reason, how the selected participant's last session counts. The study's log keeps both; "
+           "the last word counts.", "outcome", _between_sessions),
+    ConsoleAction("study.people", "Edit participants and design", ("p",), "study",
+           "Opens participants.csv as a table, and study.toml as settings. Lines that you do not change stay as they "
+           "are.", "edit", _between_sessions),
     ConsoleAction("study.wizard", "Say who you are", ("w",), "study",
            "The name that stands in every record of the sessions that you begin.", "name", _between_sessions),
     ConsoleAction("study.reload", "Read the study again", ("ctrl+r",), "study",
@@ -358,7 +364,8 @@ ACTIONS: tuple[ConsoleAction, ...] = (
     ConsoleAction("edit.uses", "Used by", ("u",), "edit",
            "Lists where what is under the cursor is named.", "used by", _in_editor),
     ConsoleAction("edit.new-state", "A new state", ("n",), "edit",
-           "Of a rule: makes a state behind the one under the cursor.", "new state", _in_editor),
+           "Of a rule: makes a state behind the one under the cursor. On the page of tables: makes a table.",
+           "new state", _in_editor),
     ConsoleAction("edit.first", "The rule begins here", ("i",), "edit",
            "Of a rule: it begins in the state under the cursor.", "begins here", _in_editor),
     ConsoleAction("edit.only-if", "Do it only if", ("o",), "edit",

@@ -226,8 +226,8 @@ def _live_names(data: SessionData) -> list[str]:
 
 def _windows(data: SessionData, scenario: Scenario | None) -> list[_Window]:
     keys = {key.task: key.at for key in data.keys}
-    began = {key.act: key.task for key in data.keys}
-    early = {act.cue_at: began[act.task] for act in data.acts if act.before_cue and act.task in began}
+    pressed_at: dict[tuple[str, float | None], int] = {(key.source, key.at): key.task for key in data.keys}
+    early = {act.cue_at: pressed_at.get((act.by, act.key_at), 0) for act in data.acts if act.before_cue}
     asked: dict[int, TaskRecord] = {}
     windows: list[_Window] = []
     for record in data.records:

@@ -23,6 +23,7 @@ from rise_engine.kernel.records import (
     SyncRecord,
     TaskStatus,
 )
+from rise_engine.scenario.model import SIMULATED
 from rise_engine.session.levels import ExportLevel
 from rise_engine.session.media import MediaFile
 
@@ -56,6 +57,10 @@ class SessionFacts(Struct, frozen=True, kw_only=True):
     language: str = ""
     """In which everything was said, by BCP 47; empty: the scenario does not say."""
     robot: str = ""
+    driver: str = ""
+    """What reached the robot: `simulated` moves none, whatever the mode. Empty: not known."""
+    injected_faults: tuple[str, ...] = ()
+    """What the simulated robot was told to do wrong."""
     seed: int = 0
     speed: float = 1.0
     started: str = ""
@@ -68,6 +73,11 @@ class SessionFacts(Struct, frozen=True, kw_only=True):
     """Seconds by the wall clock without an engine (`Outage`): session time does not count them."""
     recoveries: int = 0
     versions: dict[str, str] = {}
+
+    @property
+    def is_simulated(self) -> bool:
+        """Whether no robot can have moved."""
+        return self.mode == "debug" or self.driver == SIMULATED
 
 
 class ActPart(Struct, frozen=True, kw_only=True):
@@ -209,6 +219,27 @@ class Cue(Struct, frozen=True, kw_only=True):
     undone_at: float | None = None
 
 
+class CodedAnnotation(Struct, frozen=True, kw_only=True):
+    """Something that people have annotated of the session, in ELAN or BORIS (`rise_engine.session.coded`)."""
+
+    tier: str
+    annotator: str = ""
+    begin: float
+    end: float
+    """As `begin`: it was a moment."""
+    value: str
+    modifiers: str = ""
+    comment: str = ""
+    file: str = ""
+    speech: bool = False
+    """Whether its tier holds what the participant said."""
+    robot_overlap_s: float | None = None
+    """Seconds of it in which the robot spoke; None: its tier is not the participant's speech."""
+    gap_s: float | None = None
+    """Seconds from the end of what the robot last began to say before it, to its begin; negative: the robot still
+    spoke. None: the robot had said nothing, the session had no engine in between, or the tier is another one."""
+
+
 class Outage(Struct, frozen=True, kw_only=True):
     """From one engine to the next the session had none, and its time stood still."""
 
@@ -263,13 +294,14 @@ class Repairs(Struct, frozen=True):
     """Rules that a wizard put back into an earlier state."""
     cues_undone: int = 0
     canceled: int = 0
-    """Acts that a wizard stopped or interrupted after they had begun."""
+    """Acts that a wizard stopped or interrupted after they had begun; not by stopping everything."""
     released: int = 0
     """Stops that were released."""
 
     @property
     def total(self) -> int:
-        return self.repeated + self.stepped_back + self.cues_undone + self.canceled + self.released
+        """Without stops: who stops everything repairs nothing yet."""
+        return self.repeated + self.stepped_back + self.cues_undone + self.canceled
 
 
 class SessionData(Struct, frozen=True, kw_only=True):
@@ -299,6 +331,8 @@ class SessionData(Struct, frozen=True, kw_only=True):
     syncs: tuple[SyncRecord, ...] = ()
     media: tuple[MediaFile, ...] = ()
     """Files that belong to the session; only at the level `full`."""
+    coded: tuple[CodedAnnotation, ...] = ()
+    """What people have annotated and given back, by its begin."""
     repairs: Repairs = Repairs()
     problems: tuple[str, ...] = ()
     """What could not be read, in sentences."""

@@ -37,7 +37,8 @@ from rise_engine.scenario.template import spoken_text
 
 STEPPED_BACK = "stepped back"
 _INTERRUPTED = "interrupted by "
-_BY_WIZARD = re.compile(r"\bby (wizard:[^,]*)")
+_BY_WIZARD = re.compile(r"^(?!stop-all ).*\bby (wizard:[^,]*)")
+"""Not a stop of everything, which is no repair of an act."""
 
 
 class _Open(Struct):

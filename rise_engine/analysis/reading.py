@@ -7,11 +7,13 @@ here, and a format cannot tell more than it may.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Mapping
+from datetime import datetime, timedelta
 from pathlib import Path
 
 from msgspec.structs import replace
 
 from rise_engine.analysis.acts import ActCollector
+from rise_engine.analysis.coded import read_annotations
 from rise_engine.analysis.judgements import Judgement, read_judgements
 from rise_engine.analysis.model import Outage, SessionData, SessionFacts
 from rise_engine.analysis.outages import OutageCollector
@@ -28,12 +30,13 @@ from rise_engine.kernel.records import (
     StopRecord,
     SyncRecord,
 )
-from rise_engine.scenario.model import Scenario
+from rise_engine.scenario.model import SIMULATED, Scenario
 from rise_engine.session.errors import SessionError
 from rise_engine.session.folder import is_abandoned
 from rise_engine.session.labels import RelabelledError
 from rise_engine.session.levels import ExportLevel
 from rise_engine.session.media import MediaError, MediaFile, read_media
+from rise_engine.study.labels import reassignment_of
 from rise_engine.study.sessions import GIVEN_UP
 from rise_engine.study.traces import owner_of, study_of_session, wizard_names
 
@@ -153,6 +156,7 @@ def _read(
         recordings=tuple({each.name: each for each in few if isinstance(each, RecordingRecord)}.values()),
         syncs=tuple(each for each in few if isinstance(each, SyncRecord)),
         media=media,
+        coded=read_annotations(folder, source.filter, played, away.outages, end, problems),
         repairs=count_repairs(few, played, phases.stepped_back),
         problems=tuple(problems),
     )
@@ -169,10 +173,12 @@ def _facts(
     """What the journal says, or else, where an older one does not, session.toml."""
     begun, info = source.begun or SessionRecord(0, 0.0, "", status="started"), source.info
     recovered = [each for each in few if isinstance(each, SessionRecord) and each.status == "recovered"]
+    moved = reassignment_of(source.folder)
     started = ""
     if source.level == "full":
-        started = begun.wall or (info.started if info is not None else "")
-    return SessionFacts(
+        speed = info.speed if info is not None else 1.0
+        started = _moment_of_zero(begun, speed) or (info.started if info is not None else "")
+    facts = SessionFacts(
         session=source.name,
         participant=begun.participant or (info.participant if info is not None else ""),
         condition=begun.condition or (info.condition if info is not None else ""),
@@ -190,6 +196,8 @@ def _facts(
         scenario_hash=begun.scenario_hash or (info.scenario_hash if info is not None else ""),
         language=begun.language or (info.language if info is not None else ""),
         robot=begun.robot or (info.robot if info is not None else ""),
+        driver=begun.driver or (SIMULATED if source.mode == "debug" else ""),
+        injected_faults=begun.injected_faults or (info.faults if info is not None else ()),
         seed=begun.seed or (info.seed if info is not None else 0),
         speed=info.speed if info is not None else 1.0,
         started=started,
@@ -199,6 +207,17 @@ def _facts(
         recoveries=len(recovered),
         versions=dict(begun.versions) or (dict(info.versions) if info is not None else {}),
     )
+    return facts if moved is None else replace(facts, **moved.labels)
+
+
+def _moment_of_zero(begun: SessionRecord, speed: float) -> str:
+    """The date and time of day of session time 0, in milliseconds: the engine reads its first wall clock a little
+    later. Empty: nobody knows."""
+    try:
+        first = datetime.fromisoformat(begun.wall)
+        return (first - timedelta(seconds=begun.t / speed)).isoformat(timespec="milliseconds")
+    except (ValueError, OverflowError):
+        return ""
 
 
 def _judgement(source: SessionRecords, study: Path | None, few: Iterable[AnyRecord]) -> Judgement | None:

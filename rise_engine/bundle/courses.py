@@ -27,7 +27,7 @@ from rise_engine.kernel.inputs import (
     Submit,
     TimerElapsed,
 )
-from rise_engine.kernel.records import AnyRecord, TaskRecord
+from rise_engine.kernel.records import ENGINE, AnyRecord, SessionRecord, TaskRecord
 from rise_engine.scenario.model import Scenario
 from rise_engine.session.folder import JOURNAL
 from rise_engine.session.journal_format import InputLine
@@ -89,7 +89,7 @@ class CourseComparison(Struct):
     """What differed between two courses of a session."""
 
     acts: int = 0
-    """How many were recorded."""
+    """How many were recorded and had ended before the session did, with both robots."""
     same: int = 0
     """How many ended as they had."""
     acts_differ: list[str] = field(default_factory=list)
@@ -139,10 +139,13 @@ def compare_courses(
     """
     old_acts, old_phases = _course(before, scenario)
     new_acts, new_phases = _course(after, other)
-    comparison = CourseComparison(acts=len(old_acts))
+    comparison = CourseComparison()
     played = dict(_numbered(new_acts))
     for key, act in _numbered(old_acts):
         found = played.pop(key, None)
+        if _is_running(act) or (found is not None and _is_running(found)):
+            continue  # the session ended while it ran
+        comparison.acts += 1
         difference = "was not played" if found is None else _difference(act, found)
         if found is None or difference:
             comparison.acts_differ.append(f"{_act_name(key)}, at {act.accepted_at:.1f} s: {difference}")
@@ -152,6 +155,8 @@ def compare_courses(
         if abs(longer) >= NOTICEABLE:
             comparison.longer.append(round(longer, 3))
     for key, act in played.items():
+        if _is_running(act):
+            continue
         comparison.acts_differ.append(f"{_act_name(key)}, at {act.accepted_at:.1f} s: was not played before")
     for rule in sorted({*old_phases, *new_phases}):
         difference = _way_difference(old_phases.get(rule, []), new_phases.get(rule, []))
@@ -166,6 +171,8 @@ def _course(records: Iterable[AnyRecord], scenario: Scenario) -> tuple[tuple[Pla
     acts, phases = ActCollector(scenario), PhaseCollector()
     end = 0.0
     for record in records:
+        if _is_end(record):
+            break
         acts.add(record)
         phases.add(record)
         end = record.t
@@ -173,6 +180,17 @@ def _course(records: Iterable[AnyRecord], scenario: Scenario) -> tuple[tuple[Pla
     for phase in phases.phases(end):
         by_rule.setdefault(phase.rule, []).append(phase)
     return acts.acts(), by_rule
+
+
+def _is_end(record: AnyRecord) -> bool:
+    """Whether the session ends here: the engine stops the robot first. What that stops ends in no way of its own."""
+    if isinstance(record, TaskRecord):
+        return record.function == "stopAll" and record.source == ENGINE
+    return isinstance(record, SessionRecord) and record.status == "ended"
+
+
+def _is_running(act: PlayedAct) -> bool:
+    return act.ended_at is None and act.status != "REJECTED"
 
 
 def _numbered(acts: Iterable[PlayedAct]) -> Iterator[tuple[tuple[str, str, int], PlayedAct]]:

@@ -42,6 +42,7 @@ _FORMATS = {
     ".toml": "application/toml",
     ".tsv": "text/tab-separated-values",
     ".txt": "text/plain",
+    ".whl": "application/zip",
     ".xml": "application/xml",
 }
 

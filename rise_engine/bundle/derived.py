@@ -34,8 +34,8 @@ FORMATS = ("tables", "bids")
 REPORT = "report"
 """The folder of the report: the page, and the reporting sheet."""
 MADE_OF = {
-    "tables": "sessions/ and study.toml",
-    "bids": "sessions/, study.toml and participants.csv",
+    "tables": "sessions/, study.toml and the files of questionnaires",
+    "bids": "sessions/, study.toml, participants.csv and the files of questionnaires",
     REPORT: "sessions/, study.toml, participants.csv, plan.csv and study.jsonl",
     PARTICIPANTS_FILE: "its own rows and study.toml",
 }

@@ -89,9 +89,7 @@ def _check_plan(found: InputsCheck, root: Path, state: StudyStatus) -> None:
     if problem := plan_problem(state.study, planned, state.plan_hash):
         found.problems.append(f"{PLAN_FILE}: {problem}")
     else:
-        found.proved.append(
-            f"{PLAN_FILE} is the plan that study.jsonl names, and every session got its row's condition"
-        )
+        found.proved.append(f"{PLAN_FILE} is the plan that study.jsonl names")
 
 
 def _scenario_of(study: Study, run: _Run) -> str:

@@ -6,7 +6,7 @@ import shutil
 from collections import Counter
 from collections.abc import Iterator, Sequence
 from datetime import datetime
-from pathlib import Path
+from pathlib import Path, PurePosixPath
 
 from msgspec import Struct, field
 from msgspec.structs import replace
@@ -16,17 +16,20 @@ from rise_engine.analysis.reading import read_sessions
 from rise_engine.bundle.about import ABOUT_FILE, AboutBundle, BundleOptions, write_about
 from rise_engine.bundle.archive import write_zip
 from rise_engine.bundle.crate import METADATA, CrateContents, CrateSession, metadata_text
-from rise_engine.bundle.derived import FORMATS, REPORT, with_license, write_derived
-from rise_engine.bundle.environment import ENVIRONMENT_FILE, environment_text
+from rise_engine.bundle.derived import FORMATS, REPORT, sessions_in_order, with_license, write_derived
+from rise_engine.bundle.environment import ENVIRONMENT_FILE, PROGRAM, environment_text, wheel_in, write_program
 from rise_engine.bundle.errors import BundleError
+from rise_engine.bundle.inputs import check_inputs
 from rise_engine.bundle.look_at import LookAt
-from rise_engine.bundle.manifest import manifest_text
+from rise_engine.bundle.manifest import fingerprint, manifest_text
 from rise_engine.bundle.study_files import copy_scenarios, log_text, participants_text, study_text, told_name
 from rise_engine.bundle.texts import license_text, readme_text
 from rise_engine.export.format import ExportError
 from rise_engine.export.formats import load_format
+from rise_engine.export.questionnaire_tables import answers_text, told_answers
 from rise_engine.export.writing import export_context, new_export
-from rise_engine.session.disk import make_private_folder
+from rise_engine.session.coded import coded_paths
+from rise_engine.session.disk import make_private_folder, write_private_file
 from rise_engine.session.errors import SessionError
 from rise_engine.session.folder import INFO, JOURNAL
 from rise_engine.session.media import MEDIA_FILE
@@ -53,6 +56,8 @@ class BundleReport(Struct):
     """What somebody should look at before others get it."""
     sessions: int = 0
     """How many can be run again from it."""
+    fingerprint: str = ""
+    """The check sum of its check sums."""
 
 
 def make_bundle(
@@ -117,13 +122,19 @@ class _Bundle:
         self._write_unproved(root)
         license = self._study.report.get("license", "")
         (root / "LICENSE").write_text(license_text(license, self._study), "utf-8")
+        if why := write_program(root):
+            self.report.left_out.append(f"the program, because {why}; {ENVIRONMENT_FILE} says which one it was")
         (root / ENVIRONMENT_FILE).write_text(environment_text(self._versions), "utf-8")
+        state = read_state(root)
+        changed = check_inputs(root, state, sessions_in_order(root, state)).problems
+        self.report.look_at += [f"{each}. rise-engine reproduce will say so, too" for each in changed]
         self.report.look_at += self._look_at.sentences(root, self._people, license)
         self.report.contents += self._contents(root)
-        readme = readme_text(self._study, self._level, self.report.contents, self.report.left_out)
+        readme = readme_text(self._study, self._level, self.report.contents, self.report.left_out, wheel_in(root))
         (root / "README.md").write_text(readme, "utf-8")
         (root / METADATA).write_text(metadata_text(root, self._crate_contents(inputs, license)), "utf-8")
         (root / MANIFEST_FILE).write_text(manifest_text(root), "utf-8")
+        self.report.fingerprint = fingerprint(root)
 
     # --- sessions ---
 
@@ -199,6 +210,12 @@ class _Bundle:
             self.report.left_out.append(
                 f"{PLAN_FILE}, because the study is not complete and it says what the next participants get"
             )
+        warnings: list[str] = []
+        for answers in told_answers(study, self._level, (each.facts for each in self._sessions), warnings):
+            file = root / answers.settings.file
+            make_private_folder(file.parent)
+            write_private_file(file, answers_text(answers).encode())
+            inputs.append(answers.settings.file)
         names, people_names = self._names, self._people
         (root / LOG_FILE).write_text(log_text(self._state.log, names, people_names, self._level), "utf-8")
         for each in self._state.sessions:
@@ -246,10 +263,12 @@ class _Bundle:
             "tables": "acts, events and sessions as tables",
             "bids": "the same as a data set of BIDS",
             REPORT: "the report, and the sheet of what a paper should say",
+            PROGRAM: "the program with which it was made, to be installed with pip",
+            **{PurePosixPath(each.file).parts[0]: "answers to questionnaires" for each in self._study.questionnaires},
             UNPROVED: "tables and BIDS of sessions that are not in it",
             ABOUT_FILE: "with which options it was made",
             "LICENSE": "what others may do with it",
-            ENVIRONMENT_FILE: "versions of programs",
+            ENVIRONMENT_FILE: "versions of programs, and where they come from",
         }
         lines = []
         for name in sorted(counts):
@@ -279,7 +298,7 @@ class _Bundle:
 
 def _copy_session(source: Path, target: Path) -> None:
     copies = (path for copy in copy_folders(source) for path in sorted(copy.rglob("*")))
-    for path in [source / INFO, source / JOURNAL, source / MEDIA_FILE, *copies]:
+    for path in [source / INFO, source / JOURNAL, source / MEDIA_FILE, *coded_paths(source), *copies]:
         if path.is_file() and not path.is_symlink():
             copy = target / path.relative_to(source)
             make_private_folder(copy.parent)

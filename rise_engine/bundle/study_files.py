@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import Any
 
 from rise_engine.bundle.errors import BundleError
+from rise_engine.export.bids_people import cut_age
 from rise_engine.json_codec import encode
 from rise_engine.session.disk import make_private_folder
 from rise_engine.session.levels import ExportLevel, LevelFilter, without_dates
@@ -23,8 +24,6 @@ from rise_engine.study.withdrawn import without_salts
 
 GIVEN = "1900-01-01"
 """Stands for the date of a consent where the level tells no dates: a day on which nobody gave it."""
-OLDEST = 89
-"""Years: at level public nobody is older."""
 _TABLE = re.compile(r"^\s*\[wizards\]")
 _NEXT_TABLE = re.compile(r"^\s*\[")
 _INLINE = re.compile(r"^\s*wizards\s*[.=]")
@@ -62,8 +61,7 @@ def study_text(text: str, people: Mapping[str, str], level: ExportLevel) -> str:
 
 
 def participants_text(study: Study, people: Iterable[Participant], level: ExportLevel) -> str:
-    """participants.csv without comments; without everything being told, without dates; at level public without ages
-    above 89."""
+    """participants.csv without comments; without everything being told, without dates and ages above 89."""
     consents = [f"consent_{name}" for name in study.consent]
     columns = ["participant", *study.strata, *consents, "status", *study.columns]
     text = io.StringIO()
@@ -71,7 +69,9 @@ def participants_text(study: Study, people: Iterable[Participant], level: Export
     rows.writerow(columns)
     for person in people:
         given = [person.consent.get(name, "") for name in study.consent]
-        further = [_told(name, person.columns.get(name, ""), level) for name in study.columns]
+        further = [person.columns.get(name, "") for name in study.columns]
+        if level != "full":  # as in BIDS
+            further = [cut_age(name, value) for name, value in zip(study.columns, further, strict=True)]
         rows.writerow(
             [
                 person.participant,
@@ -82,12 +82,6 @@ def participants_text(study: Study, people: Iterable[Participant], level: Export
             ]
         )
     return text.getvalue()
-
-
-def _told(column: str, value: str, level: ExportLevel) -> str:
-    if level == "public" and column.casefold() in ("age", "alter", "edad") and value.strip().isdigit():
-        return str(min(int(value), OLDEST))
-    return value
 
 
 def log_text(log: Iterable[LogEntry], names: Mapping[str, str], people: Mapping[str, str], level: ExportLevel) -> str:

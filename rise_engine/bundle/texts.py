@@ -6,10 +6,13 @@ from collections.abc import Sequence
 
 from rise_engine import __version__
 from rise_engine.bundle.crate import license_url
+from rise_engine.bundle.environment import ENVIRONMENT_FILE, PROGRAM, REQUIREMENTS
 from rise_engine.bundle.study_files import GIVEN
 from rise_engine.session.levels import ExportLevel
 from rise_engine.study.model import Study
 
+PYTHON = (3, 11)
+"""The oldest that runs the program (pyproject.toml)."""
 _LEVELS: dict[ExportLevel, str] = {
     "full": "Everything is told as it was recorded. This is an archive, and not to be published.",
     "shared": "For other researchers: no dates and times of day, no notes and reasons that people typed, no names of "
@@ -19,8 +22,12 @@ _LEVELS: dict[ExportLevel, str] = {
 }
 
 
-def readme_text(study: Study, level: ExportLevel, contents: Sequence[str], left_out: Sequence[str]) -> str:
-    """README.md."""
+def readme_text(study: Study, level: ExportLevel, contents: Sequence[str], left_out: Sequence[str], wheel: str) -> str:
+    """README.md.
+
+    :param wheel: the program in the bundle, from there on; empty: it is not in it.
+    """
+    program = wheel or f'"rise-tui=={__version__}"'
     lines = [
         f"# {study.title}",
         "",
@@ -43,13 +50,16 @@ def readme_text(study: Study, level: ExportLevel, contents: Sequence[str], left_
         "",
         "```",
         "sha256sum --check --quiet manifest-sha256.txt",
-        f'pip install "rise-tui=={__version__}"',
-        "rise-engine reproduce .",
+        "python3 -m venv ~/rise-tui",
+        f"~/rise-tui/bin/pip install {program}",
+        "~/rise-tui/bin/rise-engine reproduce .",
         "```",
         "",
+        *_about_program(wheel),
         "`rise-engine reproduce` feeds the recorded inputs of every session to the program once more, and says whether "
-        "the same comes out, record for record. With `--robot NAME`, another robot is simulated and what differs is "
-        "told.",
+        "the same comes out, record for record. It makes tables, BIDS and the report again from the sessions, and "
+        "compares them. At the end it says what this has proved, and what it has not. With `--robot NAME`, another "
+        "robot is simulated and what differs is told.",
         "",
     ]
     if level != "full":
@@ -61,10 +71,21 @@ def readme_text(study: Study, level: ExportLevel, contents: Sequence[str], left_
             "- Where something private stood, another word stands (`PERSONNAME1`) or another number (from 90001 on), "
             "the same one for the same value. Each session was replayed with these: it went the same way.",
             f"- `{GIVEN}` in participants.csv stands for a consent that was given, whenever that was.",
-            "- study.toml names no wizards, so its check sum is not the one that the records name.",
             "",
         ]
     return "\n".join(lines)
+
+
+def _about_program(wheel: str) -> list[str]:
+    """How to get the program."""
+    if not wheel:
+        return [f"The program itself is not in here; {ENVIRONMENT_FILE} says which one it was, and where it is.", ""]
+    return [
+        f"`{wheel}` is the program with which this was made; `{ENVIRONMENT_FILE}` has its check sum. It needs Python "
+        f"{'.'.join(map(str, PYTHON))} or newer; pip fetches the packages that it needs. If newer ones do not fit any "
+        f"more, `pip install -r {PROGRAM}/{REQUIREMENTS}` takes the same versions as here.",
+        "",
+    ]
 
 
 def license_text(license: str, study: Study) -> str:

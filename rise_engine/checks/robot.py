@@ -12,7 +12,6 @@ from rise_engine.checks.child import ChildRequest
 from rise_engine.checks.outcome import Finding
 from rise_engine.engine.clock import RealClock
 from rise_engine.engine.drivers import (
-    SIMULATED,
     DriverError,
     RobotOptionsError,
     driver_name_for,
@@ -28,7 +27,7 @@ from rise_engine.kernel.speech import SPEECH, why_not_speak
 from rise_engine.ports.bridge import BridgeError
 from rise_engine.ports.robot import Robot, RobotReport
 from rise_engine.scenario import load
-from rise_engine.scenario.model import RobotProfile, Scenario
+from rise_engine.scenario.model import SIMULATED, RobotProfile, Scenario
 from rise_engine.text import pluralize
 
 ANSWER_SECONDS = 30.0

@@ -39,7 +39,7 @@ def bundle(
     study: str, output: str, level: ExportLevel, private: tuple[str, ...], license: str, all_sessions: bool
 ) -> None:
     """Put everything of STUDY that others need into a new folder or zip file: design, scenarios, sessions that can be
-    run again, tables, BIDS, report, versions, check sums, and what it is for programs (an RO-Crate).
+    run again, tables, BIDS, report, the program itself, check sums, and what it is for programs (an RO-Crate).
 
     Says what is in it, what was left out, and what you should look at before anybody else gets it.
 
@@ -72,6 +72,8 @@ def bundle_report(named: str, out: Path, options: BundleOptions, *, all: bool = 
             *_indent(report.left_out),
             "look at this before anybody else gets it:",
             *_indent(report.look_at),
+            "its fingerprint, for the paper (rise-engine reproduce prints it):",
+            f"  {report.fingerprint}",
         ]
     )
     return OK

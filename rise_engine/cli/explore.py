@@ -6,9 +6,10 @@ import os
 import signal
 import sys
 import time
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
+from shlex import quote
 from textwrap import fill
 from types import FrameType
 from typing import Any
@@ -16,6 +17,7 @@ from typing import Any
 import click
 from msgspec.structs import replace
 
+from rise_engine.checks.kinds import KindFinding, MergedFinding, explore_kind, findings_of, load_for, merge
 from rise_engine.cli.arguments import exit_with_usage, resolve_scenario
 from rise_engine.cli.check import load_or_refuse
 from rise_engine.cli.options import FOLDER_OR_NONE, ROBOT
@@ -23,6 +25,7 @@ from rise_engine.cli.terminal import write_json
 from rise_engine.exit_status import NOT_WRITTEN, REFUSED
 from rise_engine.explore.bounds import Bounds
 from rise_engine.explore.exploration import Exploration, bounds_of, explore
+from rise_engine.explore.finding import ExploreFinding
 from rise_engine.explore.path_file import task_file_of
 from rise_engine.explore.playing import find_times
 from rise_engine.explore.questions_of_use import NOT_RUNNING
@@ -30,7 +33,10 @@ from rise_engine.explore.space import Space
 from rise_engine.explore.telling import tell_path
 from rise_engine.scenario.model import Scenario
 from rise_engine.session.disk import error_message
-from rise_engine.text import pluralize
+from rise_engine.study.review import review_study
+from rise_engine.study.session_kinds import SessionKind, session_kinds
+from rise_engine.study.study_toml import is_study
+from rise_engine.text import clean, pluralize
 
 _WIDTH = 100
 _MARKS = {"problem": "PROBLEM", "warning": "warning", "remark": "remark"}
@@ -54,14 +60,19 @@ _SECONDS_BETWEEN = 0.5
 @click.option("--keys", "show_keys", is_flag=True, help="Show which key does something in which state.")
 @click.option("--json", "as_json", is_flag=True, help="Print one JSON document.")
 def explore_command(folder: str | None, robot: str | None, **options: Any) -> None:
-    """Look at everything that can happen in the study in DIR, and say what can go wrong.
+    """Look at everything that can happen in the scenario or study in DIR, and say what can go wrong.
 
     All keys are pressed in every situation, acts end, fail, or are cut off, time passes, the robot is lost and
     everything is stopped, within the bounds that the output names. ctrl+c ends it with what was found so far.
 
+    Of a study, a folder with study.toml, every kind of session is explored, each condition in each language, and
+    played once without a robot. A finding is told once, with the kinds of session that have it.
+
     Exit status: 0 no problem was found; 1 there are problems, or the scenario has errors; 2 wrong usage; 74 the ways
     cannot be written.
     """
+    if is_study(folder or "."):
+        sys.exit(_explore_study(folder or ".", robot, options))
     scenario = load_or_refuse(resolve_scenario(folder or "."), robot=robot, mode=None)
     if scenario is None:
         sys.exit(REFUSED)
@@ -77,6 +88,74 @@ def explore_command(folder: str | None, robot: str | None, **options: Any) -> No
     if options["write"] is not None:
         _write_ways(scenario, exploration, Path(options["write"]), folder or ".")
     sys.exit(REFUSED if exploration.count("problem") else 0)
+
+
+def _explore_study(folder: str, robot: str | None, options: dict[str, Any]) -> int:
+    """Explore and play every kind of session of a study, and print what was found; the exit status."""
+    for name, given in (("--robot", robot), ("--write", options["write"]), ("--keys", options["show_keys"])):
+        if given:
+            exit_with_usage(f"{name} goes with a scenario: rise-engine explore {quote(str(Path(folder) / 'scenario'))}")
+    review = review_study(folder)
+    study = review.study
+    if study is None or review.errors:
+        for diagnostic in review.errors:
+            click.echo(str(diagnostic), err=True)
+        click.echo("error: nothing is explored as long as the study has errors", err=True)
+        return REFUSED
+    cores = options["cores"] or os.cpu_count() or 1
+    explored: list[tuple[SessionKind, Scenario, Exploration]] = []
+    found: list[tuple[SessionKind, bool, Sequence[KindFinding]]] = []
+    with _interruptible() as interrupted:
+        for kind in session_kinds(study, review.participants, review.scenarios):
+            scenario = load_for(study, kind.run.scenario, kind.language)
+            if scenario is None or interrupted:
+                continue
+            bounds = _bounds(scenario, options)
+            progress = _Progress(interrupted)
+            exploration, played = explore_kind(study, kind, scenario, bounds, cores=cores, go_on=progress)
+            explored.append((kind, scenario, exploration))
+            found.append((kind, exploration.is_complete, findings_of(study, kind, exploration, played)))
+    merged = merge(found)
+    if options["as_json"]:
+        kinds = [
+            {"condition": kind.run.condition, "language": kind.language, **exploration.row(scenario)}
+            for kind, scenario, exploration in explored
+        ]
+        write_json({"kinds": kinds, "findings": [each.row() for each in merged]})
+    else:
+        for line in _study_report(study.title, explored, merged, options["show"]):
+            click.echo(clean(line, keep="\n"))
+    return REFUSED if any(each.finding.level == "problem" for each in merged) else 0
+
+
+def _study_report(
+    title: str,
+    explored: Sequence[tuple[SessionKind, Scenario, Exploration]],
+    merged: Sequence[MergedFinding],
+    show: str | None,
+) -> Iterator[str]:
+    yield title
+    alike: dict[tuple[str, ...], list[str]] = {}
+    for kind, scenario, exploration in explored:
+        alike.setdefault((*exploration.looked_at, *exploration.told), []).append(kind.name or scenario.title)
+    for sentences, names in alike.items():
+        yield ""
+        yield fill(", ".join(names), _WIDTH)
+        for sentence in sentences:
+            yield fill(sentence, _WIDTH, initial_indent="  ", subsequent_indent="  ")
+    for number, each in enumerate(merged, 1):
+        finding = each.finding
+        if number == 1 or finding.level != merged[number - 2].finding.level:
+            yield ""
+        text = f"{finding.text} {each.where}".rstrip()
+        yield _finding_line(number, finding.level, text, finding.place)
+        kind_number, at = each.first
+        _, scenario, exploration = explored[kind_number]
+        if show in ("all", str(number)) and at < len(exploration.findings):
+            yield from _way_lines(scenario, exploration, exploration.findings[at])
+    yield ""
+    counts = (pluralize(sum(each.finding.level == level for each in merged), level) for level in _MARKS)
+    yield f"{', '.join(counts)}{'; `--show N` shows the way to one of them' if merged and show is None else ''}"
 
 
 def _bounds(scenario: Scenario, options: dict[str, Any]) -> Bounds:
@@ -175,10 +254,20 @@ def _report(scenario: Scenario, exploration: Exploration, show: str | None, *, s
 
 def _finding_lines(scenario: Scenario, exploration: Exploration, number: int, *, shown: bool) -> Iterator[str]:
     finding = exploration.findings[number - 1]
-    head = f"{number:>3} {_MARKS[finding.level]}: "
-    place = f" [{finding.location}]" if finding.location is not None else ""
-    yield fill(f"{head}{finding.text}{place}", _WIDTH, subsequent_indent="    ", break_on_hyphens=False)
-    if shown and finding.path is not None:
+    yield _finding_line(number, finding.level, finding.text, str(finding.location or ""))
+    if shown:
+        yield from _way_lines(scenario, exploration, finding)
+
+
+def _finding_line(number: int, level: str, text: str, place: str) -> str:
+    head = f"{number:>3} {_MARKS[level]}: "
+    where = f" [{place}]" if place else ""
+    return fill(f"{head}{text}{where}", _WIDTH, subsequent_indent="    ", break_on_hyphens=False)
+
+
+def _way_lines(scenario: Scenario, exploration: Exploration, finding: ExploreFinding) -> Iterator[str]:
+    """The way to a finding, step by step."""
+    if finding.path is not None:
         for at, sentence in enumerate(tell_path(scenario, finding.path, exploration.bounds), 1):
             yield fill(sentence, _WIDTH, initial_indent=f"      {at:>2}. ", subsequent_indent="          ")
         played = find_times(scenario, finding.path, exploration.bounds)
@@ -189,7 +278,7 @@ def _finding_lines(scenario: Scenario, exploration: Exploration, number: int, *,
                 initial_indent="      ",
                 subsequent_indent="      ",
             )
-    elif shown:
+    else:
         yield "      there is no single way to it"
 
 

@@ -48,6 +48,8 @@ class ExportRequest(Struct, frozen=True):
     private: tuple[str, ...] = ()
     all: bool = False
     """Of a study, also sessions that do not count or did not end."""
+    spreadsheet_safe: bool = False
+    """Whether cells that a spreadsheet would carry out get an apostrophe."""
 
 
 class Selection(Struct):
@@ -98,6 +100,11 @@ class _ExportCommand(click.Command):
 )
 @click.option("--private", metavar="KEY", multiple=True, help="A memory key that is private, too. Repeatable.")
 @click.option("--all", "all_sessions", is_flag=True, help="Of a study, also what does not count or did not end.")
+@click.option(
+    "--spreadsheet-safe",
+    is_flag=True,
+    help="Of tables and csv: an apostrophe before what a spreadsheet would carry out.",
+)
 def export(
     named: tuple[str, ...],
     format: str,
@@ -105,6 +112,7 @@ def export(
     level: ExportLevel,
     private: tuple[str, ...],
     all_sessions: bool,
+    spreadsheet_safe: bool,
 ) -> None:
     """Write what happened in sessions for other programs: of a STUDY, those that count and have ended; and each
     SESSION, also one that is running, torn or damaged.
@@ -115,12 +123,15 @@ def export(
 
     Exit status: 0; 1 when something could not be read, and the rest was exported; 2 when nothing was.
     """
-    sys.exit(export_report(ExportRequest(named, format, output, level, private, all_sessions)))
+    request = ExportRequest(named, format, output, level, private, all_sessions, spreadsheet_safe)
+    sys.exit(export_report(request))
 
 
 def export_report(request: ExportRequest) -> int:
     """Export what is asked for, and say on standard error what of it is to be said; the exit status."""
     try:
+        if request.spreadsheet_safe and not load_format(request.format).spreadsheet_safe:
+            raise ExportError(f"--spreadsheet-safe goes with the formats tables and csv, not with {request.format}")
         selection = select_sessions(request.named, all=request.all)
         if request.format in RECORD_FORMATS and not selection.several:
             return _export_records(selection.folders[0], request)
@@ -203,6 +214,7 @@ def _export(selection: Selection, format: ExportFormat, request: ExportRequest) 
     folders = selection.folders
     context = export_context(folders, request.level)
     context.standing = selection.standing
+    context.spreadsheet_safe = request.spreadsheet_safe
     out = Path(request.out)
     report = export_sessions(format, out, folders, context, private=request.private, several=selection.several)
     for sentence in (*selection.remarks, *report.warnings):
@@ -223,7 +235,7 @@ def _export_records(folder: Path, request: ExportRequest) -> int:
     if out is None or out == "-":
         try:
             sys.stdout.flush()
-            exporter.write(format, sys.stdout.buffer)
+            exporter.write(format, sys.stdout.buffer, spreadsheet_safe=request.spreadsheet_safe)
         except BrokenPipeError:
             discard_rest(sys.stdout)
             return BROKEN_PIPE
@@ -234,7 +246,7 @@ def _export_records(folder: Path, request: ExportRequest) -> int:
             for problem in export.problems:
                 _print_error(f"warning: {problem}")
             with export.here.open("xb") as file:
-                exporter.write(format, file)
+                exporter.write(format, file, spreadsheet_safe=request.spreadsheet_safe)
     for problem in exporter.problems:
         _print_error(f"warning: {problem}")
     if exporter.problems:

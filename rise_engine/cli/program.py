@@ -26,6 +26,7 @@ _COMMANDS = {
     "lsl": "rise_engine.cli.lsl",
     "lsp": "rise_engine.cli.lsp",
     "agree": "rise_engine.cli.agree",
+    "coded": "rise_engine.cli.coded",
     "convert": "rise_engine.cli.convert",
     "explore": "rise_engine.cli.explore",
     "export": "rise_engine.cli.export",

@@ -14,7 +14,7 @@ def proof_lines(session: ProvedSession) -> list[str]:
     if found is None:
         first, *others = session.problems
         return [f"{session.name}: cannot be replayed: {first}", *(f"  {each}" for each in others)]
-    others = [f"{session.name}: {each}" for each in session.problems]
+    others = [f"{session.name}: {each}" for each in (session.note, *session.problems) if each]
     if found.identical:
         inputs, records = pluralize(found.inputs, "input"), pluralize(found.records, "record")
         return [f"{session.name}: identical ({inputs}, {records}, {found.seconds:.1f} s)", *others]
@@ -33,6 +33,7 @@ def proof_row(session: ProvedSession) -> dict[str, Any]:
         "identical": found is not None and found.identical,
         "proved": session.proved,
         "problems": list(session.problems),
+        "note": session.note,
     }
     if found is not None:
         row |= {

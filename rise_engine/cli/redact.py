@@ -108,6 +108,8 @@ def _report_lines(report: RedactionReport, *, try_only: bool, whole_words: bool)
         lines.append(f"changed {pluralize(report.info_lines, 'line')} of session.toml")
     if report.shadow_lines and not try_only:
         lines.append(f"changed {pluralize(report.shadow_lines, 'line')} of what second wizards did (shadow)")
+    if report.coded_files and not try_only:
+        lines.append(f"changed {pluralize(report.coded_files, 'annotation file')}")
     if report.log_lines:
         would = "would change" if try_only else "changed"
         lines.append(f"{would} {pluralize(report.log_lines, 'line')} of the study's log ({LOG_FILE})")

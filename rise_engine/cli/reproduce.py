@@ -216,7 +216,8 @@ def _proof_paragraph(found: Reproduction) -> list[str]:
     lines = ["This proves:"]
     if proved:
         lines.append(
-            f"- {pluralize(proved, 'session')}: every record follows from the recorded inputs and the scenario"
+            f"- {pluralize(proved, 'session')}: every record follows from the recorded inputs and the session's copy "
+            "of the scenario, and study.jsonl and plan.csv say the same of it"
         )
     lines += [f"- {each}" for each in found.inputs.proved]
     if found.derived.files and not found.derived.differences:

@@ -15,6 +15,7 @@ from contextlib import contextmanager, suppress
 from types import FrameType
 
 from msgspec import Struct
+from msgspec.structs import replace
 
 from rise_engine import exit_status
 from rise_engine.cli.output import Output, ThreadedOutput
@@ -80,7 +81,8 @@ class _HeadlessSession:
         self.options = options
         scenario = options.scenario
         robot = make_robot(scenario.robot, scenario.mode, clock, options.seed, options.session.faults, bridge)
-        self.started = options.started or first_input(scenario, options.session)
+        begun = options.started or first_input(scenario, options.session)
+        self.started = replace(begun, injected_faults=options.session.faults)
         self.engine = Engine(
             scenario,
             robot,

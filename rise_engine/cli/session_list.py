@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any, Literal
 
 from msgspec import Struct, to_builtins
+from msgspec.structs import replace
 
 from rise_engine.cli.study_status import table_lines
 from rise_engine.session.folder import (
@@ -23,6 +24,7 @@ from rise_engine.session.folder import (
     sessions_folder,
 )
 from rise_engine.session.lock import is_journal_locked
+from rise_engine.study.labels import reassignment_of
 from rise_engine.study.sessions import SESSIONS, read_verdict
 from rise_engine.study.standing import when_text
 from rise_engine.study.study_log import read_log
@@ -75,6 +77,8 @@ def list_sessions(where: Path | None) -> list[ListedSession]:
     for folder in _folders(root):
         with suppress(SessionError):  # it is no session
             info = read_info(folder, compare=False)
+            if (moved := reassignment_of(folder)) is not None:
+                info = replace(info, participant=moved.participant, slot=moved.slot or 0, attempt=moved.attempt)
             if has_begun(folder) and scenario in ("", os.path.realpath(info.scenario_folder)):
                 found.append(_listed(folder, info, judged.get(folder.name)))
     return sorted(found, key=lambda each: (each.started, each.folder))

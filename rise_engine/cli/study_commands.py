@@ -10,7 +10,7 @@ import click
 from rise_engine.cli.arguments import exit_with_usage
 from rise_engine.cli.bundle import bundle
 from rise_engine.cli.options import JSON, MODE
-from rise_engine.cli.study_day_commands import exclude, next_participant, outcome, status
+from rise_engine.cli.study_day_commands import exclude, next_participant, outcome, reassign, status
 from rise_engine.cli.study_new import USUAL_CHECKS, NewStudyOptions, new_report
 from rise_engine.cli.study_planning import check_report, plan_report
 from rise_engine.cli.withdraw import withdraw
@@ -28,10 +28,11 @@ def check(folder: str, sessions: bool, as_json: bool) -> None:
     """Say everything that is wrong with the study in the folder STUDY (this one, if none is given).
 
     study.toml, participants.csv, plan.csv, every scenario, and whether the plan is still the one that was made; also
-    whether session.toml and study.jsonl say of each session what its journal says.
+    whether session.toml and study.jsonl say of each session what its journal says. Without errors, every kind of
+    session, each condition in each language, is explored and played for a few seconds; what came of it is kept.
 
-    Exit status: 0 without errors (warnings may be there), 1 with errors or with a session that is not proved, 2 when
-    there is no study.
+    Exit status: 0 without errors (warnings may be there), 1 with errors, with a problem in some kind of session, or
+    with a session that is not proved, 2 when there is no study.
     """
     sys.exit(check_report(folder, sessions=sessions, as_json=as_json))
 
@@ -39,16 +40,22 @@ def check(folder: str, sessions: bool, as_json: bool) -> None:
 @click.command()
 @STUDY_FOLDER
 @click.option("--again", metavar="REASON", help="Make a new plan; study.jsonl keeps the reason.")
-def plan(folder: str, again: str | None) -> None:
+@click.option("--anyway", metavar="REASON", help="Plan although sessions have problems; study.jsonl keeps the reason.")
+def plan(folder: str, again: str | None, anyway: str | None) -> None:
     """Make the plan of the study in the folder STUDY, once, and print the proof of its balance.
 
-    With --again, there is a new plan: whoever holds a slot keeps it, and all other rows are made anew.
+    Before that, every kind of session, each condition in each language, is explored and played without a robot. With a
+    problem in one, there is no plan. With --again, there is a new plan: whoever holds a slot keeps it, and all other
+    rows are made anew.
 
     Exit status: 0; 1 when no plan can be made; 2 when there is no study, or without a reason.
     """
     if again is not None and not again.strip():
         exit_with_usage("--again needs a reason: rise-engine study plan --again 'eight more participants'")
-    sys.exit(plan_report(folder, again=again.strip() if again is not None else None))
+    if anyway is not None and not anyway.strip():
+        exit_with_usage("--anyway needs a reason: rise-engine study plan --anyway 'that rule ends with the session'")
+    reason = again.strip() if again is not None else None
+    sys.exit(plan_report(folder, again=reason, anyway=(anyway or "").strip()))
 
 
 @click.command()
@@ -98,6 +105,7 @@ STUDY: dict[str, click.Command] = {
     "next": next_participant,
     "outcome": outcome,
     "plan": plan,
+    "reassign": reassign,
     "status": status,
     "withdraw": withdraw,
 }

@@ -1,4 +1,4 @@
-"""`rise-engine study status|next|exclude|outcome`: how a study stands, and what people say about its sessions."""
+"""`rise-engine study status|next|exclude|outcome|reassign`: how a study stands, and what people say of its sessions."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ from rise_engine.cli.study_planning import resolve_study_folder
 from rise_engine.cli.study_status import next_json, next_lines, status_json, status_lines
 from rise_engine.cli.terminal import write_json
 from rise_engine.kernel.records import OutcomeStatus
-from rise_engine.study.judge import CannotJudge, exclude_participant, judge_session, session_to_judge
+from rise_engine.study.judge import CannotJudge, exclude_participant, judge_session, reassign_session, session_to_judge
 from rise_engine.study.state import OpenStudy, StudyUnusable, read_state
 from rise_engine.study.study_log import StudyLogError
 
@@ -101,6 +101,28 @@ def exclude(study: str, participant: str, reason: str) -> None:
         with OpenStudy(folder) as open:
             slot = exclude_participant(open, participant, reason)
         print(f"{participant} is excluded" + (f"; slot {slot} is free" if slot is not None else ""))
+        return exit_status.OK
+
+    sys.exit(_carry_out(carry_out, study))
+
+
+@click.command("reassign")
+@_STUDY
+@click.argument("session", metavar="SESSION")
+@click.argument("participant")
+@click.option("--reason", metavar="TEXT", default="", help="Why; needed.")
+def reassign(study: str, session: str, participant: str, reason: str) -> None:
+    """Give SESSION (its folder's name), which was run under the wrong participant, to PARTICIPANT, who heard it.
+
+    Its row of the plan goes with it, if nobody has done anything else in it. Its own record stays as it is; study.jsonl
+    says whose it is, and everything else follows. Exit status: 0; 1 when that cannot be; 74 when it cannot be written.
+    """
+
+    def carry_out(folder: Path) -> int:
+        with OpenStudy(folder) as open:
+            moved = reassign_session(open, Path(session).name, participant, reason)
+        row = f", with row {moved.slot} of the plan" if moved.slot is not None else ""
+        print(f"{Path(session).name} is {moved.participant}'s session now, and not {moved.was}'s{row}")
         return exit_status.OK
 
     sys.exit(_carry_out(carry_out, study))

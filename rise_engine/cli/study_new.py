@@ -16,15 +16,18 @@ from msgspec import Struct
 
 from rise_engine.cli import study_answers as answers
 from rise_engine.cli.arguments import exit_with_usage
+from rise_engine.cli.study_planning import look_at_study, look_lines
 from rise_engine.exit_status import INTERRUPTED, OK, REFUSED
 from rise_engine.nearest_name import in_backquotes
 from rise_engine.scenario.model import Mode, Scenario
 from rise_engine.scenario.shipped_studies import shipped_studies
+from rise_engine.study.balance import with_blocks_that_fit
 from rise_engine.study.check_kinds import AUTOMATIC
 from rise_engine.study.design import cells, runs
 from rise_engine.study.factor_tables import what_it_does
 from rise_engine.study.model import AssignmentSettings, Factor, FactorKind, Level, Study, StudyCheck
-from rise_engine.study.new_study import NewStudy, NewStudyError, folder_problem, write_new_study
+from rise_engine.study.new_study import NewStudy, NewStudyError, copy_sentence, folder_problem, write_new_study
+from rise_engine.study.review import review_study
 from rise_engine.text import pluralize
 
 _WIDEST = 88
@@ -88,7 +91,16 @@ def new_report(folder: str, options: NewStudyOptions) -> int:
     where = quote(folder)
     for diagnostic in errors:
         print(str(diagnostic))
-    print(f"\n{folder} is there{', with errors that are to be mended in it' * bool(errors)}. What is next:")
+    try:
+        look = look_at_study(review_study(path)) if not errors else None
+    except KeyboardInterrupt:
+        look = None  # the study is there; `study check` explores it
+    for line in look_lines(look) if look is not None else ():
+        print(fill(line, _width(), break_on_hyphens=False))
+    print(f"\n{folder} is there{', with errors that are to be mended in it' * bool(errors)}.")
+    for name, source in new.sources.items():
+        print(f"{copy_sentence(str(path / name), str(source))}.")
+    print("What is next:")
     print("  1. Write a line for each participant into participants.csv; study.toml says")
     print("     how, at its end. Change in study.toml what you like.")
     print(f"  2. rise-engine study check {where}")
@@ -144,11 +156,12 @@ class _Questions:
             mode=options.mode,
             robot=options.robot,
             factors=factors,
-            assignment=AssignmentSettings(block=(1, 2), strata=tuple(strata), hidden=hidden),
+            assignment=AssignmentSettings(strata=tuple(strata), hidden=hidden),
             strata=strata,
             consent=consent,
             checks=checks,
         )
+        study = with_blocks_that_fit(study)
         new = NewStudy(study, self.sources, frozenset(self.label_only))
         return new if not self.asks or self.confirm(study) else None
 

@@ -7,6 +7,7 @@ from collections.abc import Iterator
 from pathlib import Path
 from shlex import quote
 
+from rise_engine.checks.kinds import StudyLook, look_at_kinds
 from rise_engine.cli.arguments import exit_with_usage
 from rise_engine.cli.check import diagnostic_row
 from rise_engine.cli.proof_text import proof_lines, proof_row
@@ -16,13 +17,19 @@ from rise_engine.study.design import cells, runs
 from rise_engine.study.model import Study
 from rise_engine.study.participants import load_participants
 from rise_engine.study.plan_file import PlanError
-from rise_engine.study.planning import plan_study
+from rise_engine.study.planning import last_planned, plan_study
 from rise_engine.study.proof import ProvedSession, prove_sessions
 from rise_engine.study.review import StudyReview, review_study
+from rise_engine.study.session_kinds import session_kinds
 from rise_engine.study.state import StudyUnusable, read_state
-from rise_engine.study.study_log import StudyLogError
+from rise_engine.study.study_log import StudyLogError, read_log
 from rise_engine.study.study_toml import STUDY_FILE, is_study, load_study
 from rise_engine.text import clean, pluralize
+
+_PROBLEMS = (
+    "nothing is planned as long as sessions have problems. Correct them, or say why the plan is made all the same: "
+    "rise-engine study plan --anyway REASON"
+)
 
 
 def resolve_study_folder(folder: str) -> Path:
@@ -38,17 +45,41 @@ def resolve_study_folder(folder: str) -> Path:
     return exit_with_usage(f"{problem}; `rise-engine study new DIR` makes a study")
 
 
+def look_at_study(review: StudyReview) -> StudyLook | None:
+    """Explore and play every kind of session; None: the study has errors.
+
+    :param review: of the study, which was read a moment ago.
+    """
+    if review.study is None or review.errors:
+        return None
+    kinds = session_kinds(review.study, review.participants, review.scenarios)
+    shown = sys.stderr.isatty()
+    return look_at_kinds(review.study, kinds, lambda sentence: print(sentence, file=sys.stderr) if shown else None)
+
+
+def look_lines(look: StudyLook) -> Iterator[str]:
+    """Problems and warnings, a line each, and what was looked at."""
+    for each in look.findings:
+        finding = each.finding
+        if finding.level != "remark":
+            place = f"{finding.place}: " if finding.place else ""
+            yield clean(f"{place}{finding.level} {finding.kind}: {finding.text} {each.where}".rstrip())
+    yield look.sentence
+
+
 def check_report(folder: str, *, sessions: bool = False, as_json: bool) -> int:
     """Print everything that is wrong with a study, and what is to be done next.
 
     :param folder: the study's.
     :param sessions: prove its sessions, too.
     :param as_json: as one document.
-    :return: the exit status, 1 when something is an error or a session is not proved.
+    :return: the exit status, 1 when something is an error, a kind of session has a problem, or a session is not proved.
     """
     path = resolve_study_folder(folder)
     review = review_study(path)
     errors = len(review.errors)
+    look = look_at_study(review)
+    problems = look.problems if look is not None else 0
     proved = _proved(path) if sessions else iter(())
     warnings = len(review.diagnostics) - errors
     if as_json:
@@ -56,18 +87,30 @@ def check_report(folder: str, *, sessions: bool = False, as_json: bool) -> int:
         left_out = list(review.left_out)
         shown = list(proved)
         of_sessions = {"sessions": [proof_row(each) for each in shown]} if sessions else {}
-        write_json({"errors": errors, "warnings": warnings, "findings": rows, "not_looked_at": left_out, **of_sessions})
-        return OK if not errors and all(each.proved for each in shown) else REFUSED
+        of_kinds = {"explored": look.row()} if look is not None else {}
+        write_json(
+            {
+                "errors": errors,
+                "warnings": warnings,
+                "findings": rows,
+                "not_looked_at": left_out,
+                **of_kinds,
+                **of_sessions,
+            }
+        )
+        return OK if not errors and not problems and all(each.proved for each in shown) else REFUSED
     for diagnostic in review.diagnostics:
         print(str(diagnostic))
     for name in review.left_out:
         print(f"{name} was not looked at: {STUDY_FILE} says what stands in it, and has errors there")
     found = f"{pluralize(errors, 'error')}, {pluralize(warnings, 'warning')}" if review.diagnostics else "no findings"
     print(f"{found}{f' ({_contents_text(review.study, review)})' if review.study is not None else ''}")
+    for line in look_lines(look) if look is not None else ():
+        print(line)
     is_proved = _print_proof(proved) if sessions else True
-    if review.study is not None and not errors and is_proved:
+    if review.study is not None and not errors and not problems and is_proved:
         print(_next_step(review, path))
-    return OK if not errors and is_proved else REFUSED
+    return OK if not errors and not problems and is_proved else REFUSED
 
 
 def _proved(path: Path) -> Iterator[ProvedSession]:
@@ -118,11 +161,14 @@ def _next_step(review: StudyReview, path: Path) -> str:
     return f"next: run it           rise-tui --config {where}"
 
 
-def plan_report(folder: str, *, again: str | None) -> int:
+def plan_report(folder: str, *, again: str | None, anyway: str = "") -> int:
     """Make the plan, or a new one, and print what was done and the proof of its balance.
+
+    Before that, every kind of session is explored and played; with a problem in one, there is no plan.
 
     :param folder: the study's.
     :param again: why there is to be a new one; None: the first.
+    :param anyway: why it is made in spite of problems; empty: it is not.
     :return: the exit status, 1 when no plan can be made.
     """
     path = resolve_study_folder(folder)
@@ -134,7 +180,15 @@ def plan_report(folder: str, *, again: str | None) -> int:
         return REFUSED
     participants = load_participants(loaded.study).participants
     try:
-        made = plan_study(loaded.study, loaded.scenarios, participants, again=again)
+        if again is not None or last_planned(read_log(path)) is None:
+            look = look_at_study(StudyReview(loaded.study, loaded.diagnostics, participants, loaded.scenarios))
+            for line in look_lines(look) if look is not None else ():
+                print(line)
+            print()
+            if look is not None and look.problems and not anyway:
+                print(f"error: {_PROBLEMS}", file=sys.stderr)
+                return REFUSED
+        made = plan_study(loaded.study, loaded.scenarios, participants, again=again, anyway=anyway)
     except (PlanError, StudyLogError) as error:
         print(f"error: {error}", file=sys.stderr)
         return REFUSED

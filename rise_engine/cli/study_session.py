@@ -19,7 +19,7 @@ from rise_engine.kernel.inputs import CheckReport, SessionStarted
 from rise_engine.kernel.records import Purpose
 from rise_engine.protocol.session_options import SessionOptions
 from rise_engine.scenario import load
-from rise_engine.study.begin import BeginRequest, CannotBegin, SessionPlan, plan_session, to_give_up
+from rise_engine.study.begin import BeginRequest, CannotBegin, SessionPlan, plan_session, to_give_up, turn_warning
 from rise_engine.study.recorded import decide_recording, recording_lines
 from rise_engine.study.sessions import given_up_fields
 from rise_engine.study.state import StudyStatus, StudyUnusable, read_state
@@ -60,6 +60,8 @@ def study_session(
     plan = _plan_or_exit(state, options, serves=True)
     if plan is None:
         return options
+    if warning := turn_warning(state, plan):
+        click.echo(clean(f"warning: {warning}"), err=True)
     decision = decide_recording(state.study, state.participants, plan.participant, plan.purpose, options.record)
     for line in recording_lines(decision):
         click.echo(clean(line), err=True)

@@ -95,6 +95,8 @@ def next_json(state: StudyStatus) -> dict[str, Any]:
     sentence = f"{name}, run {plan.run.run} of {standing.runs}, slot {plan.slot}"
     if plan.attempt > 1:
         sentence += f", attempt {plan.attempt}"
+    if plan.language:
+        sentence += f", language {plan.language}"
     if plan.run.condition and not state.study.assignment.hidden:
         sentence += f", condition {plan.run.condition}"
         found["condition"] = plan.run.condition

@@ -175,13 +175,14 @@ def check(folder: str, languages: tuple[str, ...]) -> None:
     status, number = OK, len(loaded.texts) + len(loaded.table_texts)
     for found in chosen:
         cells = [text for text in loaded.table_texts if not text.translation(found.language)]
-        missing, stale = [*found.missing(loaded.texts), *cells], found.stale(loaded.texts)
+        uttered, stale = found.missing(loaded.texts), found.stale(loaded.texts)
+        missing = len(uttered) + len(cells)
         translated = sum(text.id in found.texts for text in loaded.texts) + len(loaded.table_texts) - len(cells)
         status = REFUSED if missing or stale else status
-        more = [f"{len(stale)} changed since"] * bool(stale) + [f"{len(missing)} missing"] * bool(missing)
+        more = [f"{len(stale)} changed since"] * bool(stale) + [f"{missing} missing"] * bool(missing)
         click.echo(", ".join([f"{found.language}: {translated} of {number} texts translated", *more]))
-        for text in missing:
-            click.echo(clean(f"  missing  {text.id:<24} {text.text}"))
+        for id, said in [*((each.id, each.text) for each in uttered), *((each.id, each.text) for each in cells)]:
+            click.echo(clean(f"  missing  {id:<24} {said}"))
         for text in stale:
             click.echo(clean(f"  changed  {text.id:<24} {text.text}  (was: {found.texts[text.id].of})"))
     sys.exit(status)

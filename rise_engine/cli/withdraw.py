@@ -13,7 +13,7 @@ from rise_engine.exit_status import OK, PARTIAL, REFUSED, USAGE
 from rise_engine.export.anonymous import NothingToKeep, rows_to_keep
 from rise_engine.session.errors import SessionError
 from rise_engine.study.kept_rows import FILE as KEPT_FILE
-from rise_engine.study.study_log import LOG_FILE, StudyLogError
+from rise_engine.study.study_log import LOG_FILE, StudyLogError, read_log
 from rise_engine.study.traces import STUDY_FILE
 from rise_engine.study.withdrawal import plan_withdrawal
 from rise_engine.study.withdrawal import withdraw as withdraw_participant
@@ -34,8 +34,8 @@ def withdraw(folder: str, participant: str, yes: bool, keep_anonymous: bool) -> 
     """Erase everything about PARTICIPANT from STUDY, because they have withdrawn their consent.
 
     Their session folders, the recordings that these have registered, and what was exported of them with `export -o` are
-    erased. In study.jsonl a salted hash takes the place of the pseudonym, and their slot is free. What cannot be
-    reached from here is listed. It cannot be undone; when it was interrupted, say it again.
+    erased. In study.jsonl a salted hash takes the place of the pseudonym, and a slot that they hold is free. What
+    cannot be reached from here is listed. It cannot be undone; when it was interrupted, say it again.
 
     With --keep-anonymous, anonymous.csv keeps a row for each of their sessions that counts: condition, duration,
     numbers of acts, answer times; no date, no slot, no words. It is refused unless participants.csv has a date in
@@ -55,10 +55,12 @@ def withdraw(folder: str, participant: str, yes: bool, keep_anonymous: bool) -> 
             _print_lines([f"{pluralize(len(keep), 'row')} of numbers stay in {KEPT_FILE}, as {keep[0]['id']}"])
         if not yes:
             _ask(participant)
+        slot = _slot_afterwards(study, participant)
         report = withdraw_participant(study, participant, keep=keep)
     except (WithdrawalError, StudyLogError, NothingToKeep, SessionError) as error:
         sys.exit(_print_error(error, REFUSED))
-    lines = [f"{participant} has withdrawn: {pluralize(len(report.erased), 'thing')} erased; their slot is free"]
+    erased = f"{participant} has withdrawn: {pluralize(len(report.erased), 'thing')} erased"
+    lines = [f"{erased}; {slot}" if slot else erased]
     if report.make_again:
         lines += ["exports that held others too are erased; make them again:", *_indent(report.make_again)]
     if report.remains:
@@ -68,6 +70,17 @@ def withdraw(folder: str, participant: str, yes: bool, keep_anonymous: bool) -> 
     lines += ["what this program cannot reach, and somebody has to see to:", *_indent(report.beyond)]
     _print_lines(lines)
     sys.exit(PARTIAL if report.remains or report.unreached else OK)
+
+
+def _slot_afterwards(study: Path, participant: str) -> str:
+    """What becomes of the slot of somebody who withdraws; empty: they have none."""
+    taken = [entry for entry in read_log(study) if entry.kind == "taken"]
+    takers = {entry.get("slot"): entry.get("participant") for entry in taken}
+    theirs = [entry.get("slot") for entry in taken if entry.get("participant") == participant]
+    if not theirs:
+        return ""
+    holder = takers[theirs[-1]]
+    return "their slot is free" if holder == participant else f"slot {theirs[-1]}, which they had, stays with {holder}"
 
 
 def _plan_lines(plan: WithdrawalPlan) -> list[str]:

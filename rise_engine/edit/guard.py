@@ -74,6 +74,7 @@ _SETTINGS = (
     "keys",
     "act_settings",
     "fillers",
+    "cue_keep",
     "study",
     "conditions",
     "private",

@@ -1,4 +1,7 @@
-"""Edits of tables, `tables/NAME.csv`: a cell, a row or column more, a row less. Separators, quotes, line ends stay."""
+"""Edits of tables, `tables/NAME.csv`: a cell, a row or column more, a row less. Separators, quotes, line ends stay.
+
+A study's `participants.csv` is a table, too, called as its file. Whoever was recorded stays in it under their name.
+"""
 
 from __future__ import annotations
 
@@ -14,6 +17,7 @@ from rise_engine.edit.text_edits import EditedText, TextEdit, changed_text
 from rise_engine.nearest_name import did_you_mean
 from rise_engine.scenario.csv_reader import MAX_COLUMNS, CsvReader, TableRecord, find_spans
 from rise_engine.scenario.diagnostics import Diagnostics
+from rise_engine.scenario.file_names import PARTICIPANTS_FILE, STUDY_FILE
 from rise_engine.scenario.source_files import SourceFile
 from rise_engine.scenario.table_settings import TableSettings
 from rise_engine.scenario.tables import TABLES_FOLDER
@@ -21,6 +25,7 @@ from rise_engine.scenario.toml_locations import TomlFile, read_toml
 from rise_engine.scenario.toml_tables import TomlTable
 from rise_engine.text import pluralize
 
+_LOG_FILE = "study.jsonl"
 _SHOWN = 60
 
 
@@ -78,11 +83,14 @@ def written_cells(files: Files, name: str) -> WrittenCells:
 
 def table_names(files: Files) -> tuple[str, ...]:
     """All tables of a study, also those that cannot be read, in the order of their names."""
-    return tuple(sorted(file[len(TABLES_FOLDER) + 1 : -4] for file in _table_files(files)))
+    return tuple(sorted(_table_files(files)))
 
 
-def _table_files(files: Files) -> list[str]:
-    return [file for file in files if file.startswith(f"{TABLES_FOLDER}/") and file.lower().endswith(".csv")]
+def _table_files(files: Files) -> dict[str, str]:
+    """The file of each table, by its name."""
+    own = [file for file in files if file.startswith(f"{TABLES_FOLDER}/") and file.lower().endswith(".csv")]
+    found = {file[len(TABLES_FOLDER) + 1 : -4]: file for file in own}
+    return found | ({PARTICIPANTS_FILE: PARTICIPANTS_FILE} if {PARTICIPANTS_FILE, STUDY_FILE} <= files.keys() else {})
 
 
 def plan_set_cell(edit: SetCell, study: StudyState) -> Plan:
@@ -90,6 +98,8 @@ def plan_set_cell(edit: SetCell, study: StudyState) -> Plan:
     table = _read(edit.table, study.files)
     at, row = table.column(edit.column), table.row(edit.row)
     value = _value(edit.value)
+    if edit.table == PARTICIPANTS_FILE and edit.column == "participant" and value != row.values[at]:
+        _refuse_known(row.values[at], study.files)
     _check_row([*row.values[:at], value, *row.values[at + 1 :]], table)
     start, end = find_spans(table.file.text[row.start : row.end], table.separator)[at]
     start, end = start + row.start, end + row.start
@@ -128,6 +138,8 @@ def plan_remove_row(edit: RemoveRow, study: StudyState) -> Plan:
     """A row less. :raises EditRefused: there is no such table or row."""
     table = _read(edit.table, study.files)
     row = table.row(edit.row)
+    if edit.table == PARTICIPANTS_FILE:
+        _refuse_known(row.values[table.column("participant")], study.files)
     text = table.file.text
     start, end = row.start, min(row.end, len(text))
     if not text.endswith("\n", start, end):  # the last line of the file, without an end: it takes the one before
@@ -163,6 +175,15 @@ def plan_add_column(edit: AddColumn, study: StudyState) -> Plan:
     return _plan(table, changes, values, f"{edit.table} has a new column {name}", columns[: count + 1])
 
 
+def _refuse_known(participant: str, files: Files) -> None:
+    """:raises EditRefused: something was recorded of this participant, which names them."""
+    if participant and f'"{participant}"'.encode() in files.get(_LOG_FILE, b""):
+        raise EditRefused(
+            f"{participant} stands in {_LOG_FILE} already, so the line and the name stay; "
+            "write `excluded` into `status` if they do not count"
+        )
+
+
 def _plan(
     table: _WrittenTable, edits: list[TextEdit], rows: list[list[str]], says: str, columns: list[str] | None = None
 ) -> Plan:
@@ -178,10 +199,9 @@ def _plan(
 
 def _read(name: str, files: Files) -> _WrittenTable:
     """:raises EditRefused: there is no such table, or something is wrong with its form."""
-    tables = _table_files(files)
-    file = next((file for file in tables if file[len(TABLES_FOLDER) + 1 : -4] == name), None)
+    known = _table_files(files)
+    file = known.get(name)
     if file is None:
-        known = [each[len(TABLES_FOLDER) + 1 : -4] for each in tables]
         near = did_you_mean(name, known)
         raise EditRefused(f"there is no table `{name}`{near}" if known else f"this study has no table `{name}`")
     settings = _settings(f"{file[:-4]}.toml", files)

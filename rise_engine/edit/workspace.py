@@ -3,9 +3,12 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from contextlib import suppress
 from pathlib import Path
+from typing import TypeAlias
+
+from msgspec.structs import replace
 
 from rise_engine.edit.changes import Change as Change
 from rise_engine.edit.changes import OutsideChange as OutsideChange
@@ -28,8 +31,13 @@ from rise_engine.edit.study_folder import part_paths, read_study_files
 from rise_engine.edit.waiting import Outlook, WaitingChange, WaitingChanges, kept_change, outlook_of
 from rise_engine.scenario import LoadResult
 from rise_engine.scenario.checker import ScenarioChecker
+from rise_engine.scenario.diagnostics import Diagnostic
+from rise_engine.scenario.tree import Held
 from rise_engine.scenario.uses import Uses
 from rise_engine.text import pluralize
+
+StudyCheck: TypeAlias = Callable[[Path, Held], list[Diagnostic]]
+"""Gets a study's folder and its files as they are held; gives what is wrong with them."""
 
 
 class Workspace:
@@ -53,10 +61,11 @@ class Workspace:
     saved: Files
     """As they were last read from the disk or written to it."""
 
-    def __init__(self, folder: Path, *, robot: str | None = None) -> None:
+    def __init__(self, folder: Path, *, robot: str | None = None, also_check: StudyCheck | None = None) -> None:
         """
         :param folder: the study's, or a scenario.toml in it.
         :param robot: the name of a profile, instead of the one that the study names.
+        :param also_check: finds what is wrong with the files of a study of participants, which nobody here reads.
         :raises EditRefused: it is no folder, cannot be read, or a study that comes with the program.
         """
         path = Path(os.path.abspath(folder))  # noqa: PTH100  # keeps symbolic links
@@ -74,7 +83,7 @@ class Workspace:
         except BaseException:
             self._lock.release()
             raise
-        self._checker = ScenarioChecker(self.folder, robot)
+        self._checker, self._also_check = ScenarioChecker(self.folder, robot), also_check
         self._history = History()
         self._draft = DraftFile(self.folder)
         self._is_draft_open = not self._lock.holder and self._draft.read() is not None
@@ -125,14 +134,11 @@ class Workspace:
         return [*taken, *map(_change, made)]
 
     def _state_of(self, files: Files) -> StudyState:
-        gone = dict.fromkeys(self.saved.keys() - files.keys())
-        return StudyState(
-            files,
-            read_outline(files, part_paths(files)),
-            self._checker.check({**gone, **files}),
-            self.folder,
-            self.above,
-        )
+        held = {**dict.fromkeys(self.saved.keys() - files.keys()), **files}
+        checked = self._checker.check(held)
+        if self._also_check is not None and (more := self._also_check(self.folder, held)):
+            checked = replace(checked, diagnostics=[*checked.diagnostics, *more])
+        return StudyState(files, read_outline(files, part_paths(files)), checked, self.folder, self.above)
 
     # --- changing -------------------------------------------------------------------------------------------------
 

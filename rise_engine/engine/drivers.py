@@ -7,6 +7,8 @@ whatever the profile says: no robot moves.
 
 from __future__ import annotations
 
+import sys
+from functools import cache
 from importlib.metadata import EntryPoint, entry_points
 from typing import Any, cast
 
@@ -20,14 +22,13 @@ from rise_engine.ports.bridge import (
     RosConnection,
 )
 from rise_engine.ports.robot import Clock, Driver, Robot
-from rise_engine.scenario.model import Mode, RobotProfile
+from rise_engine.scenario.model import SIMULATED, Mode, RobotProfile
 
 DRIVERS = "rise.drivers"
 BRIDGES = "rise.bridges"
 CHECKS = "rise.checks"
 DOCTORS = "rise.doctors"
 PARAMETERS = "rise.parameters"
-SIMULATED = "simulated"
 ROS_BRIDGE = "ros2"
 """The bridge that `--ros` is about."""
 
@@ -47,6 +48,12 @@ def driver_names() -> set[str]:
 
 def _find_plugin(group: str, name: str) -> EntryPoint | None:
     """The installed entry point of that name; of two, the one that Python finds first."""
+    return _find_plugin_on(tuple(sys.path), group, name)
+
+
+@cache
+def _find_plugin_on(path: tuple[str, ...], group: str, name: str) -> EntryPoint | None:
+    """Looked up once for each path: playing a scenario asks for the simulated robot again and again."""
     return next(iter(entry_points(group=group, name=name)), None)
 
 

@@ -24,6 +24,7 @@ from msgspec.structs import replace
 from rise_engine import __version__
 from rise_engine.engine.clock import SessionClock, seconds_between_labels
 from rise_engine.engine.command_runner import CommandRunner, error_text
+from rise_engine.engine.drivers import driver_name_for
 from rise_engine.kernel import Kernel
 from rise_engine.kernel.commands import CancelAction, Command, StartAction, StopRobot
 from rise_engine.kernel.inputs import (
@@ -122,7 +123,7 @@ class Engine:
         :param participant: who takes part, for the record.
         :param condition: the session's condition, for the record.
         :param started: the session's first input, instead of `participant` and `condition`, for a session of a study;
-            `versions` are put in here.
+            `versions` and `driver` are put in here.
         :param sinks: get every record from the first one on.
         :param journal: makes steps durable before anything of them goes out; without it nothing is kept.
         :param recovered: the unfinished session that is gone on with, by `resume` instead of `start`.
@@ -132,7 +133,9 @@ class Engine:
         self.clock = clock
         self.seed = seed
         first = started or SessionStarted(participant=participant, condition=condition)
-        self._session_started = replace(first, versions=versions())
+        self._session_started = replace(
+            first, versions=versions(), driver=driver_name_for(scenario.robot, scenario.mode)
+        )
         self.ended = False
         """True when the session is over; nothing is accepted any more."""
         self.open_goals: tuple[OpenGoal, ...] = ()

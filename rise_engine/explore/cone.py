@@ -61,6 +61,15 @@ def keys_that_matter(
     return sorted(key for key in known if key.partition(".")[0] in matter)
 
 
+def assignments_of(scenario: Scenario) -> Iterator[Assignment]:
+    """All assignments that rules and keys can make."""
+    yield from _assignments_of_keys(scenario)
+    for rule in scenario.rules.values():
+        for state in rule.states.values():
+            for block in (state.on_entry, state.on_exit, *(each.block for each in state.transitions)):
+                yield from _assignments_in(block)
+
+
 def _may_give_nothing(assignment: Assignment) -> bool:
     """Whether it can take a key's value away: what it gives can be null."""
     expression = assignment.expression

@@ -78,6 +78,7 @@ def explore(
     scenario: Scenario,
     bounds: Bounds | None = None,
     *,
+    sessions: Sequence[SessionStarted] = (),
     cores: int = 1,
     go_on: Callable[[Space], bool] = lambda space: True,
 ) -> Exploration:
@@ -86,6 +87,7 @@ def explore(
     Arguments:
         scenario: checked, as `rise_engine.scenario.load` gives it.
         bounds: how far to go; null: as the scenario says it.
+        sessions: those that are looked at; empty: one for each condition of the scenario.
         cores: how many processes look at once.
         go_on: is asked some hundred times a second with what was found so far; when it says no, that is what is told.
 
@@ -103,7 +105,7 @@ def explore(
         for expression in (each.condition, each.after, each.unless)
         if expression is not None
     ]
-    stepper = Stepper(scenario, bounds, sessions_of(scenario), main_rule(scenario), conditions)
+    stepper = Stepper(scenario, bounds, [*sessions] or sessions_of(scenario), main_rule(scenario), conditions)
     space = Space(stepper)
     space.begin()
     explore_on_cores(space, cores, lambda: go_on(space))
@@ -113,8 +115,12 @@ def explore(
 def explore_quickly(scenario: Scenario, go_on: Callable[[], bool] = lambda: True) -> Exploration:
     """Explore for a few seconds at most, without stops and lost robots: for who waits for the answer."""
     until = time.monotonic() + QUICK_SECONDS
-    bounds = replace(bounds_of(scenario), stop=False, lost=False)
-    return explore(scenario, bounds, go_on=lambda space: time.monotonic() < until and go_on())
+    return explore(scenario, quick_bounds(scenario), go_on=lambda space: time.monotonic() < until and go_on())
+
+
+def quick_bounds(scenario: Scenario) -> Bounds:
+    """As far as the scenario says, without stops and lost robots."""
+    return replace(bounds_of(scenario), stop=False, lost=False)
 
 
 def bounds_of(scenario: Scenario) -> Bounds:
@@ -155,8 +161,10 @@ def tell(explored: Explored) -> Exploration:
         *questions_of_acts.find_out_of_step(explored),
         *questions_of_acts.find_failures_alike(explored),
         *questions_of_use.find_missing_values(explored),
+        *questions_of_use.find_missing_parts(explored),
         *questions_of_use.find_unused(explored),
         *questions_of_use.find_idle_keys(explored, by_state),
+        *questions_of_use.find_lost_keys(explored),
         *questions_of_course.find_rounds(explored),
         *questions_of_acts.find_cut_off(explored),
     ]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from typing import Literal, TypeAlias
 
 from msgspec import Struct
@@ -11,6 +12,10 @@ from rise_engine.scenario.model import SourceLocation
 
 FindingLevel: TypeAlias = Literal["problem", "warning", "remark"]
 """problem: a session can go wrong; warning: it should be looked at; remark: good to know."""
+
+
+_NAMED = 4
+"""So many states are named in a sentence."""
 
 
 class ExploreFinding(Struct, frozen=True, kw_only=True):
@@ -29,3 +34,10 @@ class ExploreFinding(Struct, frozen=True, kw_only=True):
     key: str = ""
     path: Path | None = None
     """How a session comes there, shortest first; null: there is no single way to show."""
+
+
+def some_states(states: Iterable[str]) -> str:
+    """The first few of these states, and how many more there are."""
+    names = list(states)
+    more = len(names) - _NAMED
+    return " or ".join(names) if more <= 0 else f"{', '.join(names[:_NAMED])} or {more} other states"

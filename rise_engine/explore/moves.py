@@ -86,7 +86,7 @@ class Moves:
         }
         """The keys that are pressed."""
         raised = {normal_topic(key.behavior) for key in self.keys.values() if key.function == "raiseEventTopic"}
-        self.outside = sorted(_topics_from_outside(scenario) - raised)
+        self.outside = sorted(topics_from_outside(scenario) - raised)
         """Events that only other programs can raise."""
         self._always = [
             *(
@@ -232,7 +232,7 @@ def acts_alike(scenario: Scenario, traits: dict[str, ActTraits]) -> dict[str, st
     return alike
 
 
-def _topics_from_outside(scenario: Scenario) -> set[str]:
+def topics_from_outside(scenario: Scenario) -> set[str]:
     """Events that rules wait for and that neither the engine nor a rule raises."""
     inside = {f"{act}_{how}" for act in scenario.acts for how in ("end", "succeeded", "failed", "stopped")}
     inside |= {f"say_{how}" for how in ("end", "succeeded", "failed", "stopped")}

@@ -3,15 +3,12 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterator
 
 from rise_engine.explore.explored import Explored, is_planned
-from rise_engine.explore.finding import ExploreFinding
+from rise_engine.explore.finding import ExploreFinding, some_states
 from rise_engine.explore.paths import Path
 from rise_engine.explore.space import Number
-
-_NAMED = 4
-"""So many states are named in a sentence."""
 
 
 def find_dead_ends(explored: Explored) -> Iterator[ExploreFinding]:
@@ -25,8 +22,8 @@ def find_dead_ends(explored: Explored) -> Iterator[ExploreFinding]:
         yield ExploreFinding(
             kind="dead-end",
             level="problem",
-            text=f"{rule.name} can come to a stand in {_some(states)}{_after_mishaps(explored, stuck)}: no key, no "
-            f"event and no time takes it any further ({_share(explored, stuck)})",
+            text=f"{rule.name} can come to a stand in {some_states(states)}{_after_mishaps(explored, stuck)}: no key, "
+            f"no event and no time takes it any further ({_share(explored, stuck)})",
             location=rule.states[first].location,
             rule=rule.name,
             state=first,
@@ -55,7 +52,7 @@ def find_lost_ends(explored: Explored) -> Iterator[ExploreFinding]:
     if lost:
         states = {explored.state_of(end.name, number): None for number in lost}
         known = [state for state in states if state is not None]
-        place = f"while {end.name} stands in {_some(known)}" if known else f"while {end.name} does not run"
+        place = f"while {end.name} stands in {some_states(known)}" if known else f"while {end.name} does not run"
         yield ExploreFinding(
             kind="end-lost",
             level="problem",
@@ -141,7 +138,7 @@ def tell_who_must_act(explored: Explored) -> list[str]:
             longest, where = seconds, _standing(explored, number)
     told = []
     if waiting:
-        told.append(f"Only a person or something from outside takes {end} on in {_some(waiting)}.")
+        told.append(f"Only a person or something from outside takes {end} on in {some_states(waiting)}.")
     if longest:
         told.append(f"The longest silence that the robot ends by itself is {longest:g} s ({where}).")
     return told
@@ -176,13 +173,6 @@ class _Silence:
                 longest = max(longest or 0.0, before + after)
         known[number] = longest
         return longest
-
-
-def _some(states: Iterable[str]) -> str:
-    """The first few of these states, and how many more there are."""
-    names = list(states)
-    more = len(names) - _NAMED
-    return " or ".join(names) if more <= 0 else f"{', '.join(names[:_NAMED])} or {more} other states"
 
 
 def _standing(explored: Explored, number: Number) -> str:

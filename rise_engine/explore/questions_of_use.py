@@ -6,10 +6,14 @@ from collections import Counter
 from collections.abc import Iterator
 
 from rise_engine.explore.act_traits import keys_read
+from rise_engine.explore.cone import assignments_of
 from rise_engine.explore.explored import Explored
-from rise_engine.explore.finding import ExploreFinding
+from rise_engine.explore.finding import ExploreFinding, some_states
+from rise_engine.explore.moves import Move
+from rise_engine.explore.space import Number
 from rise_engine.expression import Assignment, ExpressionError
-from rise_engine.scenario.model import Rule, SourceLocation, Transition
+from rise_engine.scenario.model import CUE_TOPICS, Rule, SourceLocation, Transition, normal_topic
+from rise_engine.scenario.part_checks import find_missing_parts as find_missing_parts_of_act
 from rise_engine.text import pluralize
 
 NOT_RUNNING = "(not running)"
@@ -140,12 +144,17 @@ def keys_by_state(explored: Explored) -> dict[str, dict[str, str]]:
 def find_idle_keys(explored: Explored, by_state: dict[str, dict[str, str]]) -> Iterator[ExploreFinding]:
     """Keys that nowhere do anything."""
     keys = next(iter(by_state.values()), {})
+    matter = {key.partition(".")[0] for key in explored.space.stepper.kernel.keys}
     spoken = {key.partition(".")[0] for act in explored.scenario.acts.values() for key in keys_read(act)}
     for name in keys:
         if all(row[name] == "never" for row in by_state.values()):
             key = explored.scenario.keys[name]
-            if key.function == "assignValue" and spoken & _keys_set(key.behavior):
-                continue  # what acts say or do depends on it
+            if key.function == "assignValue":
+                sets = _keys_set(key.behavior)
+                if sets & spoken or not sets & matter:
+                    continue  # acts say it, or nothing reads it: it is a note for the record
+            if key.function == "raiseEventTopic" and normal_topic(key.behavior) not in explored.scenario.topics:
+                continue  # `check` says that no rule waits for it; it is in the record
             title = f" ({key.title})" if key.title else ""
             yield ExploreFinding(
                 kind="idle-key",
@@ -154,6 +163,61 @@ def find_idle_keys(explored: Explored, by_state: dict[str, dict[str, str]]) -> I
                 location=key.location,
                 key=name,
             )
+
+
+def find_lost_keys(explored: Explored) -> Iterator[ExploreFinding]:
+    """Events of keys, and the participant's cue, that come to nothing when somebody is early: nobody waits for them,
+    and with the next thing that happens by itself a rule does."""
+    for name, key in explored.space.stepper.moves.keys.items():
+        if key.function == "raiseEventTopic" and key.keep is None:
+            title = f" ({key.title})" if key.title else ""
+            yield from _lost(explored, Move("key", name), f"the key {key.label}{title}", normal_topic(key.behavior))
+    if CUE_TOPICS[0] in explored.scenario.topics and explored.scenario.cue_keep is None:
+        yield from _lost(explored, Move("cue", how="marked"), "the participant's cue", CUE_TOPICS[0])
+
+
+def _lost(explored: Explored, pressed: Move, what: str, topic: str) -> Iterator[ExploreFinding]:
+    """The finding about one key or cue that raises this event, if it can be lost."""
+    rules = [
+        rule
+        for rule in explored.scenario.rules.values()
+        if any(way.event == topic for state in rule.states.values() for way in state.transitions)
+    ]
+    waiting = sum(explored.bits[rule.name] for rule in rules)
+    space = explored.space
+    moves = [(move.kind, move.name, move.how) == (pressed.kind, pressed.name, pressed.how) for move in space.moves]
+    taken: dict[Number, int] = {}
+    for number, edges in enumerate(space.edges):
+        for at in range(0, len(edges), 3):
+            if moves[edges[at]]:
+                taken[number] = taken.get(number, 0) | (edges[at + 2] & waiting)
+    for number in space.keys_beyond if pressed.kind == "key" else ():
+        if pressed.name in space.keys_beyond[number]:
+            taken[number] = waiting
+    early: dict[tuple[str, str], Number] = {}
+    for number, situation in enumerate(explored.situations):
+        if taken.get(number) or situation.stop != "released":
+            continue
+        for move, target, moved in space.steps_from(number):
+            by = taken.get(target, 0) & moved if move.is_spontaneous else 0
+            for rule in situation.rules if by else ():
+                if explored.bits[rule.name] & by:
+                    early.setdefault((rule.name, rule.state), number)
+    if not early:
+        return
+    (name, state), first = next(iter(early.items()))
+    states = dict.fromkeys(state for rule, state in early if rule == name)
+    yield ExploreFinding(
+        kind="lost-key" if pressed.kind == "key" else "lost-cue",
+        level="remark" if pressed.kind == "key" else "warning",
+        text=f"{what} is lost when it comes a moment too early: while {name} is in {some_states(states)}, no rule "
+        f"waits for /{topic} yet, and nothing keeps it",
+        location=explored.scenario.rules[name].states[state].location,
+        rule=name,
+        state=state,
+        key=pressed.name,
+        path=explored.paths.to(first),
+    )
 
 
 def _keys_set(text: str) -> set[str]:
@@ -190,6 +254,28 @@ def find_missing_values(explored: Explored) -> Iterator[ExploreFinding]:
                 rule=rule,
                 path=explored.paths.to_fact(fact),
             )
+
+
+def find_missing_parts(explored: Explored) -> Iterator[ExploreFinding]:
+    """Acts that need a part of a value which can never be there, with what the session begins with. An index that the
+    study works out stands for any entry."""
+    scenario = explored.scenario
+    changed = {assignment.key.partition(".")[0] for assignment in assignments_of(scenario)}
+    told: set[tuple[str, str]] = set()
+    for begun in explored.space.stepper.beginnings:
+        memory = {**scenario.memory, **begun.memory}
+        for act in scenario.acts.values():
+            for action, problem in find_missing_parts_of_act(act, scenario.tables, memory, changed):
+                if (act.name, problem) in told:
+                    continue
+                told.add((act.name, problem))
+                yield ExploreFinding(
+                    kind="missing-part",
+                    level="problem",
+                    text=f"{act.name} fails at action {action.id}: {problem}",
+                    location=action.location,
+                    act=act.name,
+                )
 
 
 def _place_of(rule: Rule, text: str) -> SourceLocation:

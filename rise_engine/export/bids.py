@@ -2,6 +2,7 @@
 
     dataset_description.json  README.md  CHANGES
     participants.tsv          participants.json
+    phenotype/NAME.tsv        phenotype/NAME.json     the answers to a questionnaire
     task-ID_events.json       task-ID_beh.json        what the columns mean
     sub-P07/sub-P07_scans.tsv                         a row for each session
     sub-P07/beh/sub-P07_task-ID_run-1_events.tsv      everything that has a time
@@ -38,8 +39,10 @@ from rise_engine.export.bids_tables import (
 )
 from rise_engine.export.course_tables import ACTS
 from rise_engine.export.format import ExportContext, ExportError, ExportFormat
+from rise_engine.export.questionnaire_tables import told_answers
 from rise_engine.export.session_tables import factor_column
-from rise_engine.export.table_schema import Row
+from rise_engine.export.table_schema import Column, Row
+from rise_engine.session.coded import coded_paths
 from rise_engine.session.disk import make_private_folder
 from rise_engine.session.folder import INFO, JOURNAL
 from rise_engine.session.journal_format import encode_record
@@ -74,10 +77,12 @@ class _Dataset:
         self._tasks: dict[str, list[SessionFacts]] = {}
         self._factors: list[str] = []
         self._media = False
+        self._sessions: list[SessionFacts] = []
 
     def add(self, data: SessionData) -> None:
         """Write a session's own files."""
         facts = data.facts
+        self._sessions.append(facts)
         label = self._labels.label(facts.participant)
         person = self._people.setdefault(facts.participant, _Person())
         task = label_of(facts.study) or label_of(facts.title) or _NO_TASK
@@ -111,6 +116,7 @@ class _Dataset:
             self._write_json(self._root / f"task-{task}_events.json", {**about, **sidecar(EVENT_COLUMNS)})
             self._write_json(self._root / f"task-{task}_beh.json", {**about, **sidecar(ACT_COLUMNS)})
         self._write_participants()
+        self._write_questionnaires()
         self._write_json(self._root / "dataset_description.json", self._description())
         self._write(self._root / "README.md", self._readme())
         self._write(self._root / "CHANGES", f"1.0.0\n  - Exported by rise-tui {__version__}.\n")
@@ -155,6 +161,26 @@ class _Dataset:
             )
         self._write_table(self._root / "participants.tsv", columns, rows)
         self._write_json(self._root / "participants.json", sidecar(columns))
+
+    def _write_questionnaires(self) -> None:
+        """A participant has one row in a table of BIDS: so what was asked after each run is a table for each."""
+        context = self._context
+        participant = Column(
+            "participant_id",
+            "The participant, as in participants.tsv.",
+            lambda answers: f"sub-{self._labels.label(answers.participant)}",
+        )
+        for told in told_answers(context.study, context.level, self._sessions, context.warnings):
+            columns = {column.name: column for column in (participant, *told.columns)}
+            for run in sorted({answers.run or 0 for _, answers in told.rows}):
+                rows = (cells(columns, answers) for _, answers in told.rows if (answers.run or 0) == run)
+                stem = self._root / "phenotype" / (f"{told.name}_run{run}" if run else told.name)
+                about = told.settings.about or told.about
+                about = f"{about.rstrip('.')}. Asked after run {run}." if run else about
+                self._write(stem.with_suffix(".tsv"), table_text(columns, rows))
+                self._write_json(
+                    stem.with_suffix(".json"), {"MeasurementToolMetadata": {"Description": about}, **sidecar(columns)}
+                )
 
     def _description(self) -> dict[str, Any]:
         study = self._context.study
@@ -202,7 +228,6 @@ class _Dataset:
                 "OperatingSystem": ", ".join(filter(None, systems)) or "n/a",
                 "SoftwareName": "rise-tui",
                 "SoftwareVersion": ", ".join(filter(None, versions)) or "n/a",
-                "Code": "n/a",
             },
         }
 
@@ -226,6 +251,7 @@ class _Dataset:
             "- `sub-*/beh/*_events.tsv`: everything that has a time. Onsets are seconds since the session began.",
             "- `sub-*/beh/*_beh.tsv`: a row for each act of the robot, with the parts of its latency.",
             "- `sub-*/*_scans.tsv`: a row for each session: condition, factors, outcome.",
+            *(["- `phenotype/`: the answers to questionnaires."] if study is not None and study.questionnaires else []),
             "- `*.json`: what every column means.",
             "- `sourcedata/rise`: "
             + (
@@ -253,6 +279,8 @@ class _Dataset:
         for each in (INFO, JOURNAL, MEDIA_FILE):
             if (data.folder / each).is_file():
                 self._copy(data.folder / each, target / each)
+        for path in coded_paths(data.folder):
+            self._copy(path, target / path.relative_to(data.folder))
         for path in (path for copy in copy_folders(data.folder) for path in sorted(copy.rglob("*"))):
             if path.is_file() and not path.is_symlink():
                 self._copy(path, target / path.relative_to(data.folder))

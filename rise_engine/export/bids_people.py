@@ -15,6 +15,8 @@ UNNAMED = "unnamed"
 """Who took part where the session does not say it."""
 OLDEST = 89
 """Years: BIDS has participants who are older at this age, so that nobody is known by it."""
+_AGES = frozenset({"age", "alter", "edad"})
+"""Columns of ages, in small letters."""
 _NO_LABEL = re.compile(r"[^A-Za-z0-9]+")
 _SEXES = {"male", "m", "female", "f", "other", "o", "MALE", "M", "FEMALE", "F", "OTHER", "O", "n/a"}
 _HANDS = {"left", "l", "right", "r", "ambidextrous", "a", "n/a", "LEFT", "L", "RIGHT", "R", "AMBIDEXTROUS", "A"}
@@ -110,7 +112,7 @@ def _column_of(column: str, name: str, levels: tuple[str, ...]) -> Column:
     described = _COLUMNS.get(column, Column(name, f"{name}, as participants.csv has it."))
     return replace(
         described,
-        value=lambda person: person.said and _cut_age(name, _value(person.said, name)),
+        value=lambda person: person.said and cut_age(name, _value(person.said, name)),
         levels={level: level for level in levels},
     )
 
@@ -130,8 +132,13 @@ def _fits(name: str, values: list[str]) -> bool:
     return True
 
 
-def _cut_age(name: str, value: str) -> str:
-    years = _number(value) if name == "age" else None
+def cut_age(column: str, value: str) -> str:
+    """A value of participants.csv as others get it: nobody is older than OLDEST.
+
+    >>> [cut_age("age", "91"), cut_age("Alter", "89.5"), cut_age("age", "34"), cut_age("stage", "91")]
+    ['89', '89', '34', '91']
+    """
+    years = _number(value) if column.casefold() in _AGES else None
     return str(OLDEST) if years is not None and years > OLDEST else value
 
 

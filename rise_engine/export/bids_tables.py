@@ -42,6 +42,7 @@ _TRIAL_TYPES = {
     "robot": "The link to the robot changed.",
     "fault": "Something went wrong.",
     "check": "Something was looked at before or after the session.",
+    "coded": "Something that people have annotated; name: its tier; value: what they annotated.",
     "recovery": "Another engine went on with the session; outage_s says for how long it had none.",
 }
 """What the rows of `_events.tsv` are."""
@@ -115,22 +116,25 @@ def session_columns(factors: Iterable[Column], *, dated: bool) -> Columns:
 
     :param factors: the columns of the factors.
     :param dated: whether it is told when sessions began; an empty time is none of BIDS.
+
+    None is called as an entity of BIDS (`session`, `run`): pybids would take its description for the entity's value.
     """
     table = "The table of events of the session, in the participant's folder."
     began = "When the session began, in the time of the place where it ran."
     return {
         "filename": Column("filename", table, lambda row: row.beside),
         **({"acq_time": Column("acq_time", began, _local_time)} if dated else {}),
-        **_picked(SESSIONS, "session condition"),
+        **_picked(SESSIONS, "rise_session=session condition"),
         **{column.name: column for column in factors},
         **_picked(
             SESSIONS,
-            "run attempt purpose mode outcome robot scenario_hash session_duration=duration_s downtime=downtime_s",
+            "rise_run=run attempt purpose mode outcome robot driver injected_faults scenario_hash "
+            "session_duration=duration_s downtime=downtime_s",
         ),
     }
 
 
-class _Event(Struct, kw_only=True, frozen=True):
+class _EventRow(Struct, kw_only=True, frozen=True):
     """A row of events."""
 
     onset: float
@@ -182,8 +186,8 @@ EVENT_COLUMNS: Columns = {
         ),
         Column(
             "actor",
-            "Who did it: wizard:NAME, rule:NAME, a program; of a robot_act, whose key, event or rule caused it, "
-            "through any number of rules; of a robot_action: robot.",
+            "Who did it: wizard:NAME, rule:NAME, a program; coder:NAME of what people annotated; of a robot_act, whose "
+            "key, event or rule caused it, through any number of rules; of a robot_action: robot.",
         ),
         Column("name", "The act, the type of the action, RULE.STATE, the event's topic, the memory key, the check."),
         Column("value", "What was said or written, as the export's level tells it."),
@@ -191,7 +195,9 @@ EVENT_COLUMNS: Columns = {
             "channel",
             "Of a robot_action: what of the robot it takes (speech, gaze, face, body, arms), joined by +.",
         ),
-        Column("status", "How an act or an action ended; `filler` follows after a blank."),
+        Column(
+            "status", "How an act or an action ended; `filler` follows after a blank. Of coded: modifiers of BORIS."
+        ),
         Column("task_id", "Number of the task in the session's record that it belongs to."),
         Column("mark", "What a wizard said was wrong about the act.", levels=MARKS),
         seconds(
@@ -213,12 +219,12 @@ def event_rows(data: SessionData) -> list[Row]:
     return [Row(data, number, event) for number, event in enumerate(events, 1)]
 
 
-def _events(data: SessionData) -> Iterator[_Event]:
+def _events(data: SessionData) -> Iterator[_EventRow]:
     for act in data.acts:
         yield from _events_of_act(act)
     for cue in data.cues:
         end = cue.answered_at if cue.answered_at is not None else cue.undone_at
-        yield _Event(
+        yield _EventRow(
             onset=cue.at,
             end=end,
             trial_type="cue",
@@ -228,7 +234,7 @@ def _events(data: SessionData) -> Iterator[_Event]:
             task_id=cue.task,
         )
     for phase in data.phases:
-        yield _Event(
+        yield _EventRow(
             onset=phase.start,
             end=phase.end,
             trial_type="rule_state",
@@ -237,8 +243,18 @@ def _events(data: SessionData) -> Iterator[_Event]:
             value=phase.trigger,
             status=phase.ended_by,
         )
+    for each in data.coded:
+        yield _EventRow(
+            onset=each.begin,
+            end=each.end,
+            trial_type="coded",
+            actor=f"coder:{each.annotator}" if each.annotator else "",
+            name=each.tier,
+            value=each.value,
+            status=each.modifiers,
+        )
     for point in data.points:
-        yield _Event(
+        yield _EventRow(
             onset=point.at,
             end=point.at,
             trial_type=point.kind,
@@ -249,10 +265,10 @@ def _events(data: SessionData) -> Iterator[_Event]:
         )
 
 
-def _events_of_act(act: PlayedAct) -> Iterator[_Event]:
+def _events_of_act(act: PlayedAct) -> Iterator[_EventRow]:
     begun = act.robot_at if act.robot_at is not None else act.started_at
     onset = begun if begun is not None else act.accepted_at
-    yield _Event(
+    yield _EventRow(
         onset=onset,
         end=act.ended_at if begun is not None else onset,
         trial_type="robot_act",
@@ -266,7 +282,7 @@ def _events_of_act(act: PlayedAct) -> Iterator[_Event]:
     )
     for part in act.parts:
         if part.accepted_at is not None:
-            yield _Event(
+            yield _EventRow(
                 onset=part.accepted_at,
                 end=part.ended_at,
                 trial_type="robot_action",

@@ -23,13 +23,14 @@ from rise_engine.export.format import ExportContext, ExportFormat
 from rise_engine.export.media_clock import MediaClock, recording_clock, warn_of_lost
 from rise_engine.export.spans import ACT_TIERS, CUE, FILLERS, RULE, spans_of
 from rise_engine.export.tiers import Annotation, TierSpan, lay_out, one_line
+from rise_engine.session.coded_formats import CLOCK, OWN_CATEGORIES, OWN_PROJECT
 from rise_engine.session.media import MediaFile
 
 PLAYERS = 8
 """How many files BORIS plays beside each other."""
 NO_DATE = "1970-01-01T00:00:00"
 WAITS = "waits for an answer"
-ACTS, ROBOT, RULES, SESSION = "acts", "robot", "rules", "session"
+ACTS, ROBOT, RULES, SESSION = OWN_CATEGORIES
 """Categories of behaviours."""
 CATEGORIES = {
     ACTS: "What the robot did as one thing, and who asked for it",
@@ -81,7 +82,7 @@ def write_boris(out: Path, sessions: Iterable[SessionData], context: ExportConte
     head = {
         "time_format": "hh:mm:ss",
         "project_name": (study.title or study.id) if study is not None else "rise-tui",
-        "project_description": "Made by rise-tui from what the sessions recorded.",
+        "project_description": OWN_PROJECT,
         "project_format_version": "7.0",
     }
     with out.open("x", encoding="ascii", newline="\n") as file:  # BORIS opens it in the computer's own encoding
@@ -117,7 +118,7 @@ def _observation(data: SessionData, ethogram: _Ethogram, context: ExportContext)
     files, info = _media(clock)
     return {
         "date": _date(data.facts.started),
-        "description": data.facts.title,
+        "description": f"{data.facts.title}\n{CLOCK}: {clock.as_coded().text()}",
         "type": "MEDIA" if files else "LIVE",
         "time offset": 0.0,
         "observation time interval": [0, 0],

@@ -288,3 +288,35 @@ EVENTS = TableSchema(
     _event_rows,
     OF_SESSION,
 )
+CODED = TableSchema(
+    "coded",
+    "One row is something that people have annotated of the session in ELAN or BORIS, and given back.",
+    (
+        numbering("coded"),
+        Column("tier", "Of ELAN its tier; of BORIS subject and behaviour: `participant: smiles`.", required=True),
+        Column("annotator", "Who annotated it; empty: nobody has said it."),
+        moment("begin", "It begins.", required=True),
+        moment("end", "It ends; as begin: it was a moment.", required=True),
+        seconds("duration_s", "From begin to end.", span("begin", "end")),
+        *outage_columns("duration_s", "begin", "end"),
+        Column("value", "What was annotated; of BORIS, the behaviour. Below the level full, speech is counted words."),
+        Column("modifiers", "Of BORIS, joined by |."),
+        Column("comment", "Of BORIS; below the level full, counted words."),
+        Column("file", "In which file it stands, in `coded/` of the session's folder; only at the level full."),
+        Column("speech", "Whether its tier holds what the participant said.", type="boolean", required=True),
+        seconds(
+            "robot_overlap_s",
+            "Of the participant's speech: seconds of it in which the robot spoke, too. The robot speaks from when it "
+            "confirms a speech action until that ends.",
+        ),
+        seconds(
+            "gap_s",
+            "Of the participant's speech: from the end of what the robot last began to say before begin, to begin. "
+            "Negative: the robot still spoke. Empty: the robot had said nothing, or there was no engine in between.",
+            minimum=None,
+        ),
+    ),
+    ("session", "coded"),
+    rows_of("coded"),
+    OF_SESSION,
+)

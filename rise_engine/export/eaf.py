@@ -20,9 +20,10 @@ from rise_engine.export.format import ExportContext, ExportFormat
 from rise_engine.export.media_clock import LinkedFile, MediaClock, session_clock, warn_of_lost
 from rise_engine.export.spans import spans_of
 from rise_engine.export.tiers import Tier, TierSet, lay_out, one_line
+from rise_engine.session.coded_formats import CLOCK, OWN_ANNOTATOR, OWN_TYPE, SESSION
 
-AUTHOR = "rise-tui"
-TYPE = "rise"
+AUTHOR = OWN_ANNOTATOR
+TYPE = OWN_TYPE
 NO_DATE = "1970-01-01T00:00:00+00:00"
 """What stands where a date must be, and none is told."""
 _XSI = "http://www.w3.org/2001/XMLSchema-instance"
@@ -111,14 +112,13 @@ def _properties(data: SessionData, clock: MediaClock, annotations: int) -> list[
     """What ELAN keeps for itself, and what tells the session and its time apart from others."""
     facts = data.facts
     told = {
-        "rise session": facts.session,
+        SESSION: facts.session,
         "rise participant": facts.participant,
         "rise condition": facts.condition,
         "rise study": facts.study,
         "rise scenario": facts.scenario_hash,
         "rise mode": facts.mode,
-        "rise time": f"annotation seconds = {clock.shift:.6f} + {clock.rate:.9f} * session seconds"
-        + "".join(f"; {gap.seconds:.3f} s more from session second {gap.at:.3f} on" for gap in clock.gaps),
+        CLOCK: clock.as_coded().text(),
     }
     name = "/".join((facts.study, facts.session, facts.scenario_hash, str(facts.seed), str(facts.duration)))
     urn = uuid.uuid5(uuid.NAMESPACE_OID, name.encode("utf-8", "replace").decode())
@@ -180,7 +180,7 @@ def _date(started: str) -> str:
             date = date.astimezone(UTC)
         except OverflowError:
             return NO_DATE
-    return date.isoformat(timespec="seconds")
+    return date.isoformat(timespec="milliseconds")
 
 
 def _as_text(path: str) -> str:

@@ -29,6 +29,8 @@ class ExportContext(Struct):
     """The folder in which the files of the export will lie when it is whole; None: where they are written."""
     factors: tuple[str, ...] = ()
     """The factors of all sessions of the export, in their order: columns of tables."""
+    spreadsheet_safe: bool = False
+    """Whether cells that a spreadsheet would carry out get an apostrophe; formats of tables ask for it."""
     warnings: list[str] = field(default_factory=list)
     """Sentences for whoever exports; a format appends to it."""
 
@@ -52,5 +54,7 @@ class ExportFormat(Struct, frozen=True):
     suffix: str
     """With its dot; empty for a folder."""
     write: Callable[[Path, Iterable[SessionData], ExportContext], None]
+    spreadsheet_safe: bool = False
+    """Whether it does what `ExportContext.spreadsheet_safe` asks for."""
     extra: str = ""
     """The extra of the package that it needs."""

@@ -19,6 +19,7 @@ from msgspec import Struct
 from rise_engine.analysis.model import Outage, SessionData
 from rise_engine.analysis.outages import seconds_away
 from rise_engine.ports.recorder import MediaKind
+from rise_engine.session.coded_formats import CodedClock
 from rise_engine.session.media import MediaFile
 from rise_engine.text import pluralize
 
@@ -53,6 +54,20 @@ class MediaClock(Struct, frozen=True, kw_only=True):
     def to_ms(self, at: float) -> int:
         """A session time in whole milliseconds of annotation time; a later one is never given an earlier."""
         return math.floor((self.shift + self.rate * (at + seconds_away(self.gaps, at))) * 1000 + 0.5)
+
+    def as_coded(self) -> CodedClock:
+        """The same, as an annotation file tells it and is read back by it."""
+        return CodedClock(self.shift, self.rate, tuple((each.at, each.seconds) for each in self.gaps))
+
+
+def clock_of_file(file: MediaFile, gaps: tuple[Outage, ...], origin: float = 0.0) -> MediaClock:
+    """The clock of annotations that were made with a recording which is laid against the session.
+
+    :param file: the recording.
+    :param gaps: when the session had no engine.
+    :param origin: its own seconds where the annotations are at 0.
+    """
+    return MediaClock(rate=file.rate, shift=_offset(file, gaps) - origin, gaps=gaps)
 
 
 def recording_clock(

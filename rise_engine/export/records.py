@@ -18,6 +18,7 @@ import msgspec
 from rise_engine.analysis.model import SessionData, SessionFacts
 from rise_engine.analysis.session_records import SessionRecords
 from rise_engine.export.format import ExportContext, ExportFormat
+from rise_engine.export.table_schema import safe_cell
 from rise_engine.kernel.records import AnyRecord
 from rise_engine.session.journal_format import encode_record
 from rise_engine.session.levels import ExportLevel
@@ -54,6 +55,7 @@ COLUMNS = (
     *("unstoppable", "held_by"),  # stop
     "open",  # robot, session
     *("cause", "via"),  # task
+    *("driver", "injected_faults"),  # session
 )
 """Of the table: always all of them, in this order. New ones may only come at the end."""
 
@@ -94,15 +96,16 @@ class SessionExport:
         self.problems = self._records.problems
         """What could not be read, in sentences."""
 
-    def write(self, format: RecordFormat, out: BinaryIO) -> None:
+    def write(self, format: RecordFormat, out: BinaryIO, *, spreadsheet_safe: bool = False) -> None:
         """Write the records to `out`, any binary file that is open for writing; it is flushed and not closed.
 
         `format`: `jsonl`, one record in a line as the journal has it but without check sums, or `csv`, a table with
-        COLUMNS (RFC 4180, UTF-8; times in seconds). Raises OSError when `out` does not take it.
+        COLUMNS (RFC 4180, UTF-8; times in seconds). `spreadsheet_safe`: as of `ExportContext`. Raises OSError when
+        `out` does not take it.
         """
         records = self._records.read()
         if format == "csv":
-            table = _Table(out)
+            table = _Table(out, spreadsheet_safe=spreadsheet_safe)
             table.add(records, {"session": self._records.name, "mode": self._records.mode})
         else:
             _write_lines(records, out)
@@ -112,7 +115,8 @@ class SessionExport:
 class _Table:
     """A table of records."""
 
-    def __init__(self, out: BinaryIO) -> None:
+    def __init__(self, out: BinaryIO, *, spreadsheet_safe: bool) -> None:
+        self._safe = spreadsheet_safe
         self._rows = csv.writer(getwriter("utf-8")(out))  # as RFC 4180 has it: commas, CR LF, quotes doubled
         self._rows.writerow(COLUMNS)
 
@@ -121,7 +125,8 @@ class _Table:
         for record in records:
             values: dict[str, Any] = msgspec.json.decode(encode_record(record))
             values.update(facts)
-            self._rows.writerow([table_cell(values.get(column)) for column in COLUMNS])
+            cells = [table_cell(values.get(column)) for column in COLUMNS]
+            self._rows.writerow([safe_cell(each) for each in cells] if self._safe else cells)
 
 
 def _write_lines(records: Iterable[AnyRecord], out: BinaryIO) -> None:
@@ -155,7 +160,7 @@ def _facts_in_rows(facts: SessionFacts) -> dict[str, Any]:
 
 def _write_csv(path: Path, sessions: Iterable[SessionData], context: ExportContext) -> None:
     with _create(path) as out:
-        table = _Table(out)
+        table = _Table(out, spreadsheet_safe=context.spreadsheet_safe)
         for data in sessions:
             table.add(data.records, _facts_in_rows(data.facts))
 
@@ -176,6 +181,7 @@ CSV = ExportFormat(
     shape="file",
     suffix=".csv",
     write=_write_csv,
+    spreadsheet_safe=True,
 )
 JSONL = ExportFormat(
     name="jsonl",

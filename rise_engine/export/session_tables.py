@@ -91,7 +91,7 @@ FACTS = (
         minimum=1,
     ),
     Column("condition", "The condition: the levels of all factors, joined by +.", _fact("condition")),
-    Column("mode", "Whether a robot moved.", _fact("mode"), levels=MODES),
+    Column("mode", "In which mode the session was run.", _fact("mode"), levels=MODES),
     Column("purpose", "Why the session was run; empty: it is of no study.", _fact("purpose"), levels=PURPOSES),
     Column("outcome", "How the session counts; empty: nobody has said it.", _fact("outcome"), levels=OUTCOMES),
 )
@@ -109,6 +109,12 @@ SESSIONS = TableSchema(
         Column("scenario_hash", "SHA-256 of all that is in the scenario, and of the language.", pattern=_HASH),
         Column("language", "In which everything was said, by BCP 47; empty: the scenario does not say."),
         Column("robot", "The robot's profile."),
+        Column("driver", "What reached the robot; simulated: no robot moved, in any mode. Empty: not known."),
+        Column(
+            "injected_faults",
+            "What the simulated robot was told to do wrong, joined by ` ; `; empty: nothing.",
+            lambda row: " ; ".join(row.of.injected_faults),
+        ),
         Column("seed", "Of everything that was picked at random.", type="integer"),
         Column("speed", "Session seconds in a second of the wall clock.", lambda row: float(row.of.speed), "number"),
         Column("started", "Date and time of day; only at the level full.", _started, "datetime"),
@@ -172,7 +178,7 @@ SESSIONS = TableSchema(
         count("faults", "Acts, rules and expressions that failed.", _points("fault")),
         count(
             "repairs",
-            "How often something was mended: acts_repeated, steps_back, cues_undone, acts_stopped, stops_released.",
+            "How often something was mended: acts_repeated, steps_back, cues_undone, acts_stopped.",
             _repairs("total"),
         ),
         count("acts_repeated", "Acts that were done again after they had failed.", _repairs("repeated")),

@@ -41,7 +41,10 @@ PURPOSES = {
     "training": "of a wizard; does not count",
     "debug": "with a simulated robot; does not count",
 }
-MODES = {"real": "a robot moved", "debug": "the robot was simulated: no data of a participant"}
+MODES = {
+    "real": "for a robot; driver in sessions.csv says whether there was one",
+    "debug": "the robot was simulated: no data of a participant",
+}
 CUE_STATES = {
     "answered": "an act answered it",
     "undone": "it was taken back",

@@ -3,6 +3,7 @@ datapackage.json says of it (Data Package and Table Schema, version 1: https://s
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from typing import Any, Literal, TypeAlias
 
@@ -205,6 +206,19 @@ def data_package(name: str, title: str, about: str, resources: Iterable[Mapping[
         "resources": [*resources],
     }
     return msgspec.json.format(msgspec.json.encode(package), indent=2) + b"\n"
+
+
+_FORMULA = re.compile(r"[=+\-@\t\r]")
+_NUMBER = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?\Z", re.ASCII)
+
+
+def safe_cell(text: str) -> str:
+    """A cell that no spreadsheet carries out: with an apostrophe before what would be a formula.
+
+    >>> [safe_cell(each) for each in ("=1+1", "-2.5", "-x", "@SUM(A1)", "plain")]
+    ["'=1+1", '-2.5', "'-x", "'@SUM(A1)", 'plain']
+    """
+    return f"'{text}" if _FORMULA.match(text) and not _NUMBER.match(text) else text
 
 
 def cell(value: Any) -> str:

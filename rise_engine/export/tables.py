@@ -10,16 +10,19 @@ import csv
 import hashlib
 import os
 import re
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from contextlib import ExitStack
 from pathlib import Path
 
-from rise_engine.analysis.model import SessionData
-from rise_engine.export.course_tables import ACTIONS, ACTS, CUES, EVENTS, PHASES
+from rise_engine.analysis.model import SessionData, SessionFacts
+from rise_engine.export.codebook import R_FILE, SPSS_FILE, DescribedTable, r_text, spss_text
+from rise_engine.export.course_tables import ACTIONS, ACTS, CODED, CUES, EVENTS, PHASES
 from rise_engine.export.format import ExportContext, ExportError, ExportFormat
-from rise_engine.export.session_tables import CHECKS, FACTS, RECORDINGS, SESSIONS, factor_column
-from rise_engine.export.table_schema import Column, Row, TableSchema, cell, data_package, resource
+from rise_engine.export.questionnaire_tables import ToldAnswers, told_answers
+from rise_engine.export.session_tables import CHECKS, FACTS, OF_SESSION, RECORDINGS, SESSIONS, factor_column
+from rise_engine.export.table_schema import Column, Row, TableSchema, cell, data_package, resource, safe_cell
 
-TABLES = (SESSIONS, ACTS, ACTIONS, CUES, PHASES, EVENTS, CHECKS, RECORDINGS)
+TABLES = (SESSIONS, ACTS, ACTIONS, CUES, PHASES, EVENTS, CODED, CHECKS, RECORDINGS)
 
 PACKAGE = "datapackage.json"
 _ABOUT = (
@@ -27,14 +30,24 @@ _ABOUT = (
     "robot_at and voice_at are confirmations of the robot, and the first sound comes later. An empty cell is nothing. "
     "Level: {level}."
 )
+SAFE = "An apostrophe stands before each cell that a spreadsheet would carry out as a formula; it is not of the data."
+UNSAFE = (
+    "Cells are as people wrote them: a spreadsheet carries out those that begin with =, +, - or @, so open the files "
+    "with something else, or export with --spreadsheet-safe."
+)
 
 
 class _OpenTable:
     """A table that is being written."""
 
-    def __init__(self, folder: Path, schema: TableSchema, facts: list[Column]) -> None:
+    def __init__(
+        self, folder: Path, schema: TableSchema, facts: Sequence[Column], *, spreadsheet_safe: bool = False
+    ) -> None:
         self.schema = schema
         self.columns = [*facts, *schema.columns]
+        self._safe = spreadsheet_safe
+        self._widths = [0] * len(self.columns)
+        self._has_line_ends = False
         self.path = folder / schema.file
         descriptor = os.open(self.path, os.O_WRONLY | os.O_CREAT | os.O_EXCL | os.O_CLOEXEC, 0o600)
         self.file = os.fdopen(descriptor, "w", encoding="utf-8", errors="backslashreplace", newline="")
@@ -43,7 +56,16 @@ class _OpenTable:
 
     def add(self, data: SessionData, facts: list[str]) -> None:
         for row in self.schema.rows(data):
-            self._rows.writerow([*facts, *(cell(column.of(row)) for column in self.schema.columns)])
+            self.add_row([*facts, *(cell(column.of(row)) for column in self.schema.columns)])
+
+    def add_row(self, cells: list[str]) -> None:
+        """A row with a cell for each column."""
+        cells = [safe_cell(each) for each in cells] if self._safe else cells
+        for at, each in enumerate(cells):
+            if len(each) * 4 > self._widths[at]:
+                self._widths[at] = max(self._widths[at], len(each.encode("utf-8", "backslashreplace")))
+        self._has_line_ends = self._has_line_ends or any("\n" in each or "\r" in each for each in cells)
+        self._rows.writerow(cells)
 
     def described(self) -> dict[str, object]:
         """What datapackage.json says of it; it is closed."""
@@ -51,32 +73,83 @@ class _OpenTable:
             digest = hashlib.file_digest(file, "sha256").hexdigest()
         return resource(self.schema, self.columns, self.path.stat().st_size, digest)
 
+    def for_codebook(self) -> DescribedTable:
+        """What programs that read it must know."""
+        schema, columns, widths = self.schema, tuple(self.columns), tuple(self._widths)
+        return DescribedTable(schema.name, schema.file, schema.about, columns, widths, self._has_line_ends)
+
 
 def _write(path: Path, sessions: Iterable[SessionData], context: ExportContext) -> None:
     path.mkdir(0o700)
     facts = [*FACTS, *(factor_column(name, context.study) for name in context.factors)]
-    tables: list[_OpenTable] = []
-    count = 0
-    try:
-        tables += [_OpenTable(path, schema, facts) for schema in TABLES]
+    told: list[tuple[SessionFacts, list[str]]] = []
+    with ExitStack() as files:
+
+        def open_table(schema: TableSchema, facts: Sequence[Column]) -> _OpenTable:
+            table = _OpenTable(path, schema, facts, spreadsheet_safe=context.spreadsheet_safe)
+            files.callback(table.file.close)
+            return table
+
+        tables = [open_table(schema, facts) for schema in TABLES]
         for data in sessions:
-            count += 1
             if unknown := data.facts.factors.keys() - set(context.factors):
                 named = ", ".join(sorted(unknown))
                 raise ExportError(f"{data.facts.session} has the factors {named}, which are not those of this export")
             values = [cell(column.of(Row(data, 1, data.facts))) for column in facts]
+            told.append((data.facts, values))
             for table in tables:
                 table.add(data, values)
-    finally:
-        for table in tables:
-            table.file.close()
+        cells = {each.session: values for each, values in told}
+        for answers in told_answers(context.study, context.level, (each for each, _ in told), context.warnings):
+            schema, shared = _questionnaire_table(answers, facts)
+            table = open_table(schema, shared)
+            _add_answers(table, answers, cells, [facts.index(column) for column in shared])
+            tables.append(table)
     title = context.study.title if context.study is not None else "Sessions of rise-tui"
     name = re.sub(r"[^a-z0-9]+", "-", context.study.id.lower()).strip("-") if context.study is not None else "sessions"
-    about = _ABOUT.format(sessions=f"{count} sessions" if count != 1 else "one session", level=context.level)
+    about = _ABOUT.format(sessions=f"{len(told)} sessions" if len(told) != 1 else "one session", level=context.level)
+    about += f" {SAFE if context.spreadsheet_safe else UNSAFE}"
     package = data_package(name or "sessions", title, about, [table.described() for table in tables])
-    descriptor = os.open(path / PACKAGE, os.O_WRONLY | os.O_CREAT | os.O_EXCL | os.O_CLOEXEC, 0o600)
+    described = [table.for_codebook() for table in tables]
+    context.warnings += [
+        f"{each.file} has cells of several lines, which SPSS takes for rows: {SPSS_FILE} leaves it out"
+        for each in described
+        if each.has_line_ends
+    ]
+    _write_new(path / PACKAGE, package)
+    _write_new(path / SPSS_FILE, spss_text(described).encode())
+    _write_new(path / R_FILE, r_text(described).encode())
+
+
+def _questionnaire_table(answers: ToldAnswers, facts: Sequence[Column]) -> tuple[TableSchema, list[Column]]:
+    """The table of a questionnaire, and the facts that stand in it: of the session whose run it is about, or what is
+    the same in all sessions of the participant."""
+    name = f"questionnaire_{answers.name}"
+    if answers.settings.run:
+        return TableSchema(name, answers.about, answers.columns, ("session",), _no_rows, OF_SESSION), list(facts)
+    shared = [column for column in facts if column.name not in ("session", "run")]
+    about = f"{answers.about} What differs between their sessions is empty."
+    return TableSchema(name, about, answers.columns, ("participant",), _no_rows), shared
+
+
+def _no_rows(data: SessionData) -> Iterator[Row]:
+    """Its rows are those of participants."""
+    return iter(())
+
+
+def _add_answers(
+    table: _OpenTable, answers: ToldAnswers, cells: Mapping[str, list[str]], places: Sequence[int]
+) -> None:
+    for sessions, row in answers.rows:
+        values = [{cells[each.session][place] for each in sessions} for place in places]
+        same = [next(iter(each)) if len(each) == 1 else "" for each in values]
+        table.add_row([*same, *(cell(column.of(row)) for column in answers.columns)])
+
+
+def _write_new(path: Path, data: bytes) -> None:
+    descriptor = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL | os.O_CLOEXEC, 0o600)
     with os.fdopen(descriptor, "wb") as file:
-        file.write(package)
+        file.write(data)
 
 
 FORMAT = ExportFormat(
@@ -85,4 +158,5 @@ FORMAT = ExportFormat(
     shape="folder",
     suffix="",
     write=_write,
+    spreadsheet_safe=True,
 )

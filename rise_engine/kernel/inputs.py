@@ -129,6 +129,8 @@ class SessionStarted(Input, frozen=True, tag="session_started", kw_only=True, gc
     run: int = 0
     attempt: int = 0
     purpose: Purpose | Literal[""] = ""
+    driver: str = ""
+    injected_faults: tuple[str, ...] = ()
     """These are as in `rise_engine.kernel.records.SessionRecord`."""
     memory: dict[str, Any] = {}
     """What the condition sets in the memory, after the scenario's start values and before anything runs."""

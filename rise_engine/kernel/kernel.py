@@ -406,4 +406,6 @@ class Kernel:
             language=scenario.language,
             downtime=downtime,
             open=open,
+            driver=begun.driver,
+            injected_faults=begun.injected_faults,
         )

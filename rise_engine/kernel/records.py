@@ -98,6 +98,10 @@ class SessionRecord(Record, tag="session", kw_only=True):
     known."""
     open: tuple[OpenGoal, ...] = ()
     """ended: what the robot may still be doing."""
+    driver: str = ""
+    """What reached the robot: `simulated` moves none, whatever the mode. Empty: not known."""
+    injected_faults: tuple[str, ...] = ()
+    """What the simulated robot was told to do wrong, as its driver documents it."""
 
 
 class TaskRecord(Record, tag="task"):

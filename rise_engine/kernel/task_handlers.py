@@ -22,7 +22,7 @@ from rise_engine.kernel.core import Core, EventTopic, Task, parse_task_id
 from rise_engine.kernel.failures import FailedActs
 from rise_engine.kernel.history import ValueBefore, step_before
 from rise_engine.kernel.inputs import EstopReport, Submit
-from rise_engine.kernel.records import TaskRecord, TaskStatus
+from rise_engine.kernel.records import ENGINE, TaskRecord, TaskStatus
 from rise_engine.kernel.rule_stack import RuleRun
 from rise_engine.kernel.rules import RuleMachine
 from rise_engine.kernel.scheduler import Scheduler
@@ -31,7 +31,7 @@ from rise_engine.kernel.speech import why_not_speak
 from rise_engine.kernel.stop import StoodRule, StopLatch
 from rise_engine.kernel.wizard_marks import LONGEST_SPEECH, WizardMarks
 from rise_engine.nearest_name import nearest_name
-from rise_engine.scenario.model import normal_topic, rule_start_behavior
+from rise_engine.scenario.model import CUE_TOPICS, normal_topic, rule_start_behavior
 
 ACT_CALLING_TYPES = ("", "None", "Blocking", "Interrupt")
 STOPPED = "everything is stopped; release the stop first"
@@ -332,12 +332,22 @@ class TaskHandlers:
             self._scheduler.add(speech)
 
     def _mark_cue(self, task: Submit) -> None:
+        core, (topic, _), keep = self._core, CUE_TOPICS, self._scenario.cue_keep
+        marked = core.next_task
         self._succeed(task)
         self._wizard.mark_cue(task.source, task.behavior.strip())
+        if keep is None or topic not in self._scenario.topics:
+            core.raise_event_if_named(topic)
+            return
+        kept = core.new_task(Submit(function="raiseEventTopic", behavior=f"/{topic}", source=ENGINE), "None")
+        kept.cause = marked
+        self.rules.kept.keep(kept, topic, keep)
 
     def _undo_cue(self, task: Submit) -> None:
         if self._succeed_unless(task, self._wizard.why_not_undo_cue()):
             self._wizard.undo_cue(task.source)
+            for kept in [kept for kept in self.rules.kept.values() if kept.topic == CUE_TOPICS[0]]:
+                self.rules.kept.take_back(kept, "the cue was taken back")
 
     def _next_filler(self, task: Submit) -> None:
         name = self._wizard.next_filler()

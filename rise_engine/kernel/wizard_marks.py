@@ -108,7 +108,6 @@ class WizardMarks:
         core = self._core
         core.open_cue_at = core.t
         core.emit(CueRecord, "marked", source, text)
-        core.raise_event_if_named("cue")
         self.cancel_filler()
         seconds = core.scenario.fillers.auto_after
         if seconds is not None and self.next_filler() is not None:

@@ -21,8 +21,10 @@ from rise_engine.report.study_report import StudyReportInput, study_report
 from rise_engine.session.errors import SessionError
 from rise_engine.session.levels import ExportLevel
 from rise_engine.session.replay import ReplayComparison, compare_replay
+from rise_engine.study.checked import checks_after
 from rise_engine.study.sessions import StudySession
 from rise_engine.study.state import StudyStatus, read_state
+from rise_engine.study.withdrawn import withdrawn_of
 from rise_engine.text import pluralize
 
 
@@ -83,7 +85,8 @@ def make_study_report(
     def note_unreadable(path: Path, error: SessionError) -> None:
         problems.append(f"{path.name} cannot be read: {error}")
 
-    figures = study_figures(read_sessions(folders, level=level, private=private, on_unreadable=note_unreadable))
+    sessions = read_sessions(folders, level=level, private=private, on_unreadable=note_unreadable)
+    figures = study_figures(sessions, checks_after(state.log))
     problems += [f"{row.facts.session}: {each}" for row in figures.rows for each in row.problems]
     complete = state.standing.complete >= state.standing.wanted
     given = StudyReportInput(
@@ -92,7 +95,7 @@ def make_study_report(
         figures,
         level,
         shows_conditions=conditions or complete or not state.study.assignment.hidden,
-        withdrawn=sum(entry.kind == "withdrawn" for entry in state.log),
+        withdrawn=withdrawn_of(state.log),
         problems=tuple(problems),
         left_out=dict(left_out or {}),
     )

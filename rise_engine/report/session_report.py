@@ -102,6 +102,8 @@ def _banner(facts: SessionFacts) -> str:
     told = []
     if facts.mode == "debug":
         told.append("DEBUG: the robot was simulated. This is no data of a participant.")
+    elif facts.is_simulated:
+        told.append("SIMULATED: the mode was real, but no robot moved. This is no data of a participant.")
     elif facts.purpose in ("pilot", "training"):
         told.append(f"{facts.purpose.upper()}: this session does not count.")
     if not facts.ended:
@@ -157,7 +159,8 @@ def _head(data: SessionData, replay: str) -> Iterable[tuple[str, str]]:
         ("Slot and run", f"slot {facts.slot}, run {facts.run}{attempt}" if facts.slot else ""),
         ("Outcome", f"{outcome}{reason}" if outcome else ""),
         ("Purpose", facts.purpose),
-        ("Mode", "debug, simulated robot" if facts.mode == "debug" else facts.mode),
+        ("Mode", f"{facts.mode}, simulated robot" if facts.is_simulated else facts.mode),
+        ("Injected faults", "; ".join(facts.injected_faults)),
         ("Robot", facts.robot),
         ("Scenario", facts.title),
         ("Begun", moment_text(facts.started)),
@@ -326,7 +329,6 @@ def _repairs(data: SessionData) -> str:
         (repairs.stepped_back, "stepped back"),
         (repairs.cues_undone, "cues taken back"),
         (repairs.canceled, "acts stopped by a wizard"),
-        (repairs.released, "stops released"),
     )
     return ", ".join(f"{number} {what}" for number, what in told if number) or "none"
 

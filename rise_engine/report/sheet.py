@@ -18,6 +18,7 @@ from rise_engine.report.study_facts import SessionRow, StudyFigures, WizardCours
 from rise_engine.report.wording import actor_shares, interval_text, marks_text, per_hundred, source_name
 from rise_engine.study.model import Study, StudyStanding
 from rise_engine.study.report_table import REPORT_ITEMS
+from rise_engine.study.withdrawn import Withdrawn
 from rise_engine.text import clean, pluralize
 
 ORIGIN = (
@@ -26,6 +27,7 @@ ORIGIN = (
     "filled in; the rest stands in [report] of study.toml."
 )
 STILL_TO_SAY = "still to say"
+NOBODY = Withdrawn()
 
 
 class SheetItem(Struct, frozen=True):
@@ -51,7 +53,7 @@ def reporting_sheet(
     study: Study,
     standing: StudyStanding,
     figures: StudyFigures,
-    withdrawn: int = 0,
+    withdrawn: Withdrawn = NOBODY,
     left_out: Mapping[str, int] | None = None,
 ) -> list[SheetItem]:
     """The whole sheet.
@@ -70,7 +72,7 @@ def reporting_sheet(
         )
 
     return [
-        item("Robot", "How many and which", [_robots(figures)], "robot_make"),
+        item("Robot", "How many and which", [_robots(figures), _injected(figures)], "robot_make"),
         item("Robot", "What it did by itself", _autonomy(figures), "autonomy"),
         item("Robot", "What it could do", _abilities(figures)),
         item("Robot", "What was expected of it", (), "robot_hypotheses"),
@@ -94,6 +96,14 @@ def reporting_sheet(
         item("General", "Whether it was made in several steps", _steps(figures, left_out), "iterations"),
         item("General", "What the wizard means for the conclusions", (), "limits"),
     ]
+
+
+def begun_text(standing: StudyStanding, withdrawn: Withdrawn) -> str:
+    """How many began a session, those who have withdrawn since included."""
+    people = [each for each in standing.participants if each.state != "withdrawn"]
+    begun = sum(bool(each.sessions) for each in people) + withdrawn.begun
+    verb = "has" if withdrawn.begun == 1 else "have"
+    return f"{begun} ({withdrawn.begun} of them {verb} withdrawn since)" if withdrawn.begun else str(begun)
 
 
 def left_out_text(left_out: Mapping[str, int]) -> str:
@@ -152,8 +162,18 @@ def _plain(text: str) -> str:
 
 
 def _robots(figures: StudyFigures) -> str:
-    robots = Counter(row.facts.robot for row in figures.complete)
-    return ", ".join(f"{robot or 'unnamed'} in {pluralize(number, 'session')}" for robot, number in robots.items())
+    robots = Counter(
+        f"{row.facts.robot or 'unnamed'}{' (simulated: no robot moved)' if row.facts.is_simulated else ''}"
+        for row in figures.complete
+    )
+    return ", ".join(f"{robot} in {pluralize(number, 'session')}" for robot, number in robots.items())
+
+
+def _injected(figures: StudyFigures) -> str:
+    """What simulated robots were told to do wrong."""
+    found = [row.facts.injected_faults for row in figures.complete if row.facts.injected_faults]
+    faults = dict.fromkeys(fault for faults in found for fault in faults)
+    return f"Faults were injected in {pluralize(len(found), 'session')}: {', '.join(faults)}." if found else ""
 
 
 def _autonomy(figures: StudyFigures) -> list[str]:
@@ -168,13 +188,13 @@ def _abilities(figures: StudyFigures) -> list[str]:
     return [*known, f"Channels used: {', '.join(channels)}."] if channels else known
 
 
-def _how_many(standing: StudyStanding, withdrawn: int) -> list[str]:
+def _how_many(standing: StudyStanding, withdrawn: Withdrawn) -> list[str]:
     states = Counter(each.state for each in standing.participants)
-    begun = sum(bool(each.sessions) for each in standing.participants)
     told = (
-        f"{len(standing.participants)} listed, {begun} began, {standing.complete} of {standing.wanted} wanted complete"
+        f"{len(standing.participants)} listed now, {begun_text(standing, withdrawn)} began, {standing.complete} of "
+        f"{standing.wanted} wanted complete"
     )
-    told += f", {states['excluded']} excluded, {max(withdrawn, states['withdrawn'])} withdrawn."
+    told += f", {states['excluded']} excluded, {max(withdrawn.count, states['withdrawn'])} withdrawn."
     cells = [
         f"{' '.join((*cell.strata.values(), cell.condition))}".strip() + f": {cell.complete} complete"
         for cell in standing.cells
@@ -195,7 +215,7 @@ def _strata(study: Study, standing: StudyStanding) -> list[str]:
 
 
 def _debriefed(study: Study, figures: StudyFigures) -> list[str]:
-    share = figures.debriefed(check.id for check in study.checks)
+    share = figures.debriefed(study.checks)
     if share is None:
         return ["No check asks whether participants were debriefed."]
     return [f"Debriefed after {share_text(share.count, share.n)} complete sessions."]

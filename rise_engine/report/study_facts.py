@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 
 from msgspec import Struct
 
@@ -12,9 +12,8 @@ from rise_engine.analysis.statistics import Share, Summary, summarise
 from rise_engine.report.bands import BANDS
 from rise_engine.report.latency import LatencyFacts, LatencyPart
 from rise_engine.report.session_facts import SessionFigures, session_figures
-
-DEBRIEF = "debrief"
-"""The check whose `id` begins so says whether the participant was debriefed."""
+from rise_engine.study.checked import asks_debriefing, check_text
+from rise_engine.study.model import StudyCheck
 
 
 class WizardPart(Struct, frozen=True):
@@ -167,10 +166,16 @@ class StudyFigures(Struct, frozen=True):
             counts.append(CheckCounts(name, found["passed"], found["failed"], found["skipped"], found["missing"]))
         return tuple(counts)
 
-    def debriefed(self, expected: Iterable[str] = ()) -> Share | None:
-        """Complete sessions after which the participant was debriefed; None: no check asks for it."""
-        found = next((each for each in self.checks(expected) if each.id.startswith(DEBRIEF)), None)
-        return None if found is None else Share(found.passed, len(self.complete))
+    def debriefed(self, checks: Iterable[StudyCheck] = ()) -> Share | None:
+        """Complete sessions after which the participant was debriefed; None: no check asks for it.
+
+        :param checks: those of the study.
+        """
+        rows = self.complete
+        ids = {check.id for check in checks if asks_debriefing(check.id, check_text(check))}
+        ids |= {name for row in rows for name in row.checks if asks_debriefing(name)}
+        passed = sum(any(row.checks.get(name) == "passed" for name in ids) for row in rows)
+        return Share(passed, len(rows)) if ids else None
 
     def scenario_hashes(self) -> list[str]:
         """Of the scenarios that complete sessions ran, in their order."""
@@ -184,10 +189,11 @@ class StudyFigures(Struct, frozen=True):
         return max(map(len, by_language.values()), default=0)
 
 
-def session_row(data: SessionData) -> SessionRow:
+def session_row(data: SessionData, checked: Mapping[str, str] | None = None) -> SessionRow:
     """What is kept of a session.
 
     :param data: the session, at the report's level.
+    :param checked: what the study's log says of checks after it: results by id.
     """
     parts = []
     for name in dict.fromkeys(key.source for key in data.keys):
@@ -200,19 +206,23 @@ def session_row(data: SessionData) -> SessionRow:
         facts=data.facts,
         figures=session_figures(data),
         wizards=tuple(parts),
-        checks={check.id: check.result for check in data.checks},
+        checks={**{check.id: check.result for check in data.checks}, **(checked or {})},
         acts_used=tuple(dict.fromkeys(act.act for act in data.acts if act.started_at is not None)),
         channels=tuple(channels),
         problems=data.problems,
     )
 
 
-def study_figures(sessions: Iterable[SessionData]) -> StudyFigures:
+def study_figures(
+    sessions: Iterable[SessionData], checked: Mapping[str, Mapping[str, str]] | None = None
+) -> StudyFigures:
     """Count a study.
 
     :param sessions: its sessions in the order in which they began, rehearsals, too; each is let go after it was read.
+    :param checked: what the study's log says of checks after sessions, by their folders' names.
     """
-    return StudyFigures(tuple(session_row(data) for data in sessions))
+    checked = checked or {}
+    return StudyFigures(tuple(session_row(data, checked.get(data.folder.name)) for data in sessions))
 
 
 def pool(found: Sequence[LatencyFacts]) -> LatencyFacts:

@@ -29,6 +29,7 @@ from rise_engine.report.sheet import (
     ORIGIN,
     STILL_TO_SAY,
     SheetItem,
+    begun_text,
     left_out_text,
     question_of,
     reporting_sheet,
@@ -36,8 +37,10 @@ from rise_engine.report.sheet import (
 )
 from rise_engine.report.study_facts import SessionRow, StudyFigures, WizardCourse
 from rise_engine.report.wording import interval_text, marks_text, per_hundred, source_name
-from rise_engine.session.levels import ExportLevel
-from rise_engine.study.model import ParticipantStanding, Study, StudyStanding
+from rise_engine.session.levels import ExportLevel, count_words
+from rise_engine.study.design import factors_of
+from rise_engine.study.model import Study, StudyStanding
+from rise_engine.study.withdrawn import Withdrawn
 from rise_engine.text import pluralize
 
 NO_CONDITION = "no condition"
@@ -56,8 +59,7 @@ class StudyReportInput(Struct, frozen=True):
     level: ExportLevel = "full"
     shows_conditions: bool = True
     """Whether conditions are told; a study that hides them and is not complete should not."""
-    withdrawn: int = 0
-    """How many have withdrawn; nothing else is known of them."""
+    withdrawn: Withdrawn = Withdrawn()
     problems: tuple[str, ...] = ()
     """What could not be read, in sentences."""
     left_out: dict[str, int] = {}
@@ -87,11 +89,10 @@ def study_report(given: StudyReportInput) -> Document:
         Section("Sessions", tuple(_sessions(given))),
         Section("Reporting sheet", tuple(_sheet(given))),
     )
-    debug = study.mode == "debug"
     return Document(
         title=study.title,
         kind="Study report",
-        banner="DEBUG: study.toml says that the robot is simulated. No session counts." if debug else "",
+        banner=_banner(given),
         summary=_summary(given),
         facts=tuple(_head(given)),
         sections=tuple(section for section in sections if section.blocks),
@@ -116,6 +117,21 @@ def _summary(given: StudyReportInput) -> str:
     return told
 
 
+def _banner(given: StudyReportInput) -> str:
+    if given.study.mode == "debug":
+        return "DEBUG: study.toml says that the robot is simulated. No session counts."
+    simulated = sum(row.facts.is_simulated for row in given.figures.complete)
+    if not simulated:
+        return ""
+    return f"SIMULATED: the robot was simulated in {pluralize(simulated, 'complete session')}. No robot moved there."
+
+
+def _assignment(study: Study) -> str:
+    """How cells, and orders, are assigned, as far as the study has factors between or within participants."""
+    named = {"between": study.assignment.between, "within": f"orders {study.assignment.within}"}
+    return ", ".join(words for kind, words in named.items() if factors_of(study, kind))
+
+
 def _head(given: StudyReportInput) -> Iterable[tuple[str, str]]:
     study = given.study
     factors = "; ".join(
@@ -126,10 +142,14 @@ def _head(given: StudyReportInput) -> Iterable[tuple[str, str]]:
         ("Study", study.id),
         ("Wanted", pluralize(study.n, "complete participant")),
         ("Factors", factors),
-        ("Assignment", f"{study.assignment.between}, within {study.assignment.within}" if study.factors else ""),
+        ("Assignment", _assignment(study)),
         ("Strata", ", ".join(study.assignment.strata)),
         ("Conditions hidden", "yes" if study.assignment.hidden else "no"),
         ("Mode", study.mode),
+        (
+            "Robot driver",
+            ", ".join(dict.fromkeys(row.facts.driver for row in given.figures.complete if row.facts.driver)),
+        ),
         ("Seed", str(study.seed)),
         ("Versions", ", ".join(sorted(versions))),
         ("study.toml, SHA-256", study.hash[:16]),
@@ -147,12 +167,11 @@ def _plan(given: StudyReportInput) -> Iterable[Block]:
     yield Facts(tuple(_flow(standing, given.withdrawn)))
     if given.left_out:
         yield Paragraph(f"Not in this bundle: {left_out_text(given.left_out)}.", "note")
-    out = [each for each in standing.participants if each.state in ("excluded", "aborted")]
-    if out:
+    if out := tuple(_out(standing, given.level)):
         yield ReportTable(
-            caption="Who is out or was broken off, and why",
-            head=("participant", "state", "reason"),
-            rows=tuple((each.participant, each.state, _reason(each, given.level)) for each in out),
+            caption="Who is excluded, which sessions were broken off, and why",
+            head=("participant", "what", "reason"),
+            rows=out,
         )
     if not given.shows_conditions:
         yield Paragraph(HIDDEN, "note")
@@ -160,13 +179,13 @@ def _plan(given: StudyReportInput) -> Iterable[Block]:
         yield _cells(standing)
 
 
-def _flow(standing: StudyStanding, withdrawn: int) -> Iterable[tuple[str, str]]:
+def _flow(standing: StudyStanding, withdrawn: Withdrawn) -> Iterable[tuple[str, str]]:
     """How many came how far."""
     people = standing.participants
     states = Counter(each.state for each in people)
     yield "Listed in participants.csv", str(len(people))
     yield "Without consent so far", str(states["no-consent"])
-    yield "Began a session", str(sum(bool(each.sessions) for each in people))
+    yield "Began a session", begun_text(standing, withdrawn)
     yield "Complete", f"{standing.complete} of {standing.wanted} wanted"
     yield (
         "Between runs, running, or to judge",
@@ -174,18 +193,28 @@ def _flow(standing: StudyStanding, withdrawn: int) -> Iterable[tuple[str, str]]:
     )
     yield "Broken off, may come again", str(states["aborted"])
     yield "Excluded", str(states["excluded"])
-    yield "Withdrawn", str(max(withdrawn, states["withdrawn"]))
+    yield "Withdrawn", str(max(withdrawn.count, states["withdrawn"]))
     counts = Counter(entry.purpose for entry in standing.rehearsals)
     yield "Rehearsals", ", ".join(f"{number} {purpose}" for purpose, number in counts.items()) or "none"
 
 
-def _reason(each: ParticipantStanding, level: ExportLevel) -> str:
-    """Why somebody is out; reasons that people typed are told at the level full only."""
-    last = each.sessions[-1].reason if each.sessions else ""
-    why = each.why if each.state == "excluded" else last if each.state == "aborted" else ""
-    if level == "full" or not why:
-        return why
-    return f"[free text, {pluralize(len(why.split()), 'word')}]"
+def _out(standing: StudyStanding, level: ExportLevel) -> Iterable[tuple[str, str, str]]:
+    """Who is excluded, and every session that was broken off, also one that was run again since."""
+    for each in standing.participants:
+        if each.state == "withdrawn":
+            continue  # what a backup has brought back of them
+        if each.state == "excluded":
+            yield each.participant, "excluded", _reason(each.why, level)
+        for session in each.sessions:
+            if session.outcome == "aborted":
+                what = f"run {session.run}, attempt {session.attempt} aborted"
+                yield each.participant, what, _reason(session.reason, level)
+
+
+def _reason(why: str, level: ExportLevel) -> str:
+    """Reasons that people typed are told at the level full only; what the log of a bundle has counted already is not
+    counted again."""
+    return why if level == "full" or not why else count_words("free text", why)
 
 
 def _cells(standing: StudyStanding) -> ReportTable:
@@ -336,7 +365,7 @@ def _wizard_row(course: WizardCourse, without: str) -> tuple[str, ...]:
 def _checks(given: StudyReportInput) -> Iterable[Block]:
     named = [check.id for check in given.study.checks]
     counts = given.figures.checks(named)
-    debriefed = given.figures.debriefed(named)
+    debriefed = given.figures.debriefed(given.study.checks)
     if debriefed is not None:
         yield Paragraph(f"Debriefed after {share_text(debriefed.count, debriefed.n)} complete sessions.")
     if counts:
@@ -414,6 +443,7 @@ def _went_wrong(row: SessionRow) -> str:
         f"recovered {pluralize(facts.recoveries, 'time')}, {seconds_text(facts.downtime)} without engine"
         if facts.recoveries
         else "",
+        f"faults injected: {'; '.join(facts.injected_faults)}" if facts.injected_faults else "",
     ]
     return ", ".join(filter(None, told))
 

@@ -54,6 +54,7 @@ class CsvReader:
         self.diagnostics = diagnostics
         self.given_separator = separator
         self.separator = separator or ","
+        self.most_columns = MAX_COLUMNS
         self.problems = 0
 
     def has_problems(self) -> bool:
@@ -131,8 +132,8 @@ class CsvReader:
         used = _count_used(names)
         for row in rows:  # a column without name and values is what Excel leaves of a deleted one
             used = max(used, _count_used(row.values[: len(names)]))
-        if used > MAX_COLUMNS:
-            self.report(header.start, f"a table has at most {MAX_COLUMNS} columns; this one has {used}")
+        if used > self.most_columns:
+            self.report(header.start, f"a table has at most {self.most_columns} columns; this one has {used}")
             return names[:used]
         first: dict[str, int] = {}
         for at, name in enumerate(names[:used]):

@@ -5,6 +5,7 @@ from __future__ import annotations
 SCENARIO_FILE = "scenario.toml"
 STUDY_FILE = "study.toml"
 """Of a study with a design: participants, factors, sessions."""
+PARTICIPANTS_FILE = "participants.csv"
 LEXICON_FILE = "lexicon.toml"
 TEXTS_FOLDER = "texts"
 """With the translations, a file for each language: `texts/de.toml`."""

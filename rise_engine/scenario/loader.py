@@ -230,6 +230,7 @@ class ScenarioLoader:
             keys=settings.keys,
             act_settings=settings.act_tables.settings_by_act(draft.acts),
             fillers=settings.fillers,
+            cue_keep=settings.cue_keep,
             study=settings.study,
             conditions=settings.conditions,
             private=settings.private,

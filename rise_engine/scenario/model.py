@@ -81,6 +81,10 @@ class ActionSpec(Struct, frozen=True):
     help: str = ""
 
 
+SIMULATED = "simulated"
+"""The driver that moves no robot."""
+
+
 class RobotProfile(Struct, frozen=True):
     """A robot as data: which actions it has and which driver reaches it."""
 
@@ -423,6 +427,8 @@ class Scenario(Struct, frozen=True):
     """By Textual key name."""
     act_settings: dict[str, ActSettings] = field(default_factory=dict)
     fillers: FillerSettings = FillerSettings()
+    cue_keep: float | None = None
+    """Seconds for which the participant's cue is kept when no rule waits for it; null: it is not (`[cue]`)."""
     study: dict[str, Json] = field(default_factory=dict)
     """`participants` and `conditions`, as `[study]` says them."""
     conditions: dict[str, Condition] = field(default_factory=dict)

@@ -6,7 +6,7 @@ worked out while a session runs stands for any entry, so that only what no entry
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterable, Iterator
+from collections.abc import Collection, Iterable, Iterator, Mapping, Set
 from functools import cache
 
 from rise_engine.expression.environment import lookup
@@ -16,7 +16,8 @@ from rise_engine.expression.values import describe
 from rise_engine.nearest_name import did_you_mean, in_backquotes, nearest_name
 from rise_engine.scenario.diagnostics import Diagnostics
 from rise_engine.scenario.draft import Mention, ScenarioDraft
-from rise_engine.scenario.model import SESSION, Json, Table
+from rise_engine.scenario.model import SESSION, Act, Action, Json, Table
+from rise_engine.scenario.template import MemorySlot
 
 _MOST = 1_000
 """Entries that an unknown index may stand for; of more, nothing is proved."""
@@ -29,7 +30,9 @@ _ANY = object()
 def check_parts(draft: ScenarioDraft, diagnostics: Diagnostics) -> None:
     """Report parts that are not there, tables that something would change, and tables that nobody uses."""
     _check_changes(draft, diagnostics)
-    paths = _PartPaths(draft)
+    memory = {**draft.memory, **({SESSION: draft.session_keys} if draft.session_keys else {})}
+    written = {mention.name for mention in (*draft.key_writes, *draft.part_writes, *draft.condition_values)}
+    paths = _PartPaths(draft.tables, memory, {name.partition(".")[0] for name in written})
     problem = cache(paths.reading_problem)
     for part in draft.part_reads:
         if (found := problem(part.part)) or (part.spoken and (found := paths.speaking_problem(part.part))):
@@ -41,6 +44,29 @@ def check_parts(draft: ScenarioDraft, diagnostics: Diagnostics) -> None:
         if key.name in draft.tables:
             diagnostics.error("unknown-path", key.locate(), _whole_table(key.name, draft.tables[key.name]))
     _check_use(draft, diagnostics)
+
+
+def find_missing_parts(
+    act: Act, tables: Mapping[str, Table], memory: Mapping[str, Json], changed: Set[str]
+) -> Iterator[tuple[Action, str]]:
+    """The actions of an act that need a part which can never be there in a session, each with the reason.
+
+    Arguments:
+        act: whose parts are followed; those with a fallback are not needed.
+        tables: of the scenario.
+        memory: what the session begins with.
+        changed: the first parts of keys that something in the scenario sets; all others keep what they begin with, also
+            where they are an index.
+    """
+    constants = {name: value for name, value in memory.items() if name.partition(".")[0] not in changed}
+    paths = _PartPaths(tables, memory, changed, constants)
+    for action in act.actions:
+        templates = [template for call in action.calls for template in call.parameters.values()]
+        slots = [slot for template in templates for slot in template.parts if isinstance(slot, MemorySlot)]
+        needed = [slot.part for slot in slots if slot.part is not None and slot.fallback is None]
+        for part in dict.fromkeys(part for expression in needed for part in expression.parts):
+            if problem := paths.reading_problem(part):
+                yield action, problem
 
 
 def _check_changes(draft: ScenarioDraft, diagnostics: Diagnostics) -> None:
@@ -80,18 +106,25 @@ def _check_use(draft: ScenarioDraft, diagnostics: Diagnostics) -> None:
 class _PartPaths:
     """Follows parts into tables and into start values that nothing changes."""
 
-    def __init__(self, draft: ScenarioDraft) -> None:
-        self._tables = draft.tables
-        self._memory = {**draft.memory, **({SESSION: draft.session_keys} if draft.session_keys else {})}
-        written = {mention.name for mention in (*draft.key_writes, *draft.part_writes, *draft.condition_values)}
-        self._changed = {name.partition(".")[0] for name in written}
+    def __init__(
+        self,
+        tables: Mapping[str, Table],
+        memory: Mapping[str, Json],
+        changed: Set[str],
+        constants: Mapping[str, Json] | None = None,
+    ) -> None:
+        self._tables = tables
+        self._memory = memory
+        self._changed = changed
         """First parts of keys that something sets, or sets something in."""
+        self._constants = constants or {}
+        """Keys that are known where they are an index."""
 
     def reading_problem(self, part: Part) -> str:
         """Why a part can never be there, or empty."""
         if not isinstance(part.base, Key):
             return ""
-        return self._problem(part.base.name, [*map(_constant, part.steps)], part)
+        return self._problem(part.base.name, [*map(self._constant, part.steps)], part)
 
     def dotted_problem(self, key: str) -> str:
         """The same of a key with dots, when it reaches into a table."""
@@ -103,6 +136,20 @@ class _PartPaths:
         if isinstance(part.base, Key) and part.base.name in self._tables and len(part.steps) == 1:
             return _whole_table(part.base.name, self._tables[part.base.name], part.written)
         return ""
+
+    def _constant(self, step: str | Node) -> Json:
+        """The value of a step when it is written out, or a key that is known; else _ANY."""
+        match step:
+            case str():
+                return step
+            case Literal(value):
+                return value
+            case Negative(Literal(int() as value)):
+                return -value
+            case Key(name) if name in self._constants:
+                return self._constants[name]
+            case _:
+                return _ANY
 
     def _problem(self, name: str, steps: list[Json], part: Part) -> str:
         table = self._tables.get(name)
@@ -179,19 +226,6 @@ def _why_it_ends(holders: list[Json], step: Json, path: str) -> str:
 
 def _names(holders: Iterable[Json]) -> Collection[str]:
     return {name for holder in holders if isinstance(holder, dict) for name in holder}
-
-
-def _constant(step: str | Node) -> Json:
-    """The value of a step when it is written out."""
-    match step:
-        case str():
-            return step
-        case Literal(value):
-            return value
-        case Negative(Literal(int() as value)):
-            return -value
-        case _:
-            return _ANY
 
 
 def _prefix(part: Part, count: int) -> str:

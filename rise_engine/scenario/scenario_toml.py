@@ -18,6 +18,7 @@ from rise_engine.scenario.expression_checks import expression_message, note_assi
 from rise_engine.scenario.keys import KeyRefusedError, bindable_key_name
 from rise_engine.scenario.languages import language_problem
 from rise_engine.scenario.model import (
+    CUE_TOPICS,
     Condition,
     FillerSettings,
     FunctionName,
@@ -42,6 +43,7 @@ TOP_KEYS = (
     "keys",
     "act",
     "fillers",
+    "cue",
     "control",
     "study",
     "conditions",
@@ -97,6 +99,7 @@ class ScenarioSettings:
         """What becomes of a failed act that does not say it itself."""
         self.act_tables = read_act_tables(self.table.section("act"), draft)
         self.fillers = self.read_fillers()
+        self.cue_keep = self.read_cue()
         self.may_release = self.read_control()
         self.explore = read_explore(self.table, draft)
         self.properties = read_properties(self.table, draft)
@@ -227,8 +230,16 @@ class ScenarioSettings:
         keep = self.read_keep(inner, name) if "keep" in inner.values else None
         return KeyBinding(key, written, function, behavior, inner.key_location(), title, state, enter, keep)
 
+    def read_cue(self) -> float | None:
+        """How long the participant's cue is kept for a rule that waits for it later."""
+        table = self.table.section("cue", ("keep",))
+        if "keep" not in table.values:
+            return None
+        self.draft.raised_topics.append(Mention(CUE_TOPICS[0], partial(table.key_location, "keep")))
+        return self.read_keep(table, "event")
+
     def read_keep(self, binding: TomlTable, what: str) -> float | None:
-        """How long the key's event is kept for a rule that waits for it later."""
+        """How long an event is kept for a rule that waits for it later."""
         text = binding.read("keep", str, None, form=': keep = "2s"')
         seconds = parse_time(text) if text is not None else None
         if what != "event":

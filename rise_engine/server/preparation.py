@@ -181,6 +181,7 @@ class SessionPreparation:
             self.started = first_input(self.scenario, options)
         self.seed = seed if seed is not None else SystemRandom().randrange(2**31)
         self.speed, self.faults, self.ros = options.speed, options.faults, options.ros
+        self.started = replace(self.started, injected_faults=self.faults)
         self._files = loaded.files
 
     def _refuse_other_memory(self) -> None:

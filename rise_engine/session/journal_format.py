@@ -25,11 +25,12 @@ from rise_engine.kernel.records import AnyRecord
 
 JOURNAL = "journal.jsonl"
 """The file, in a session's folder."""
-FORMAT = 6
+FORMAT = 7
 """Goes up when older programs could not read what is written. 2: sessions of studies, with what is reported about them
 (`check`, `outcome`, `recording`, `sync`); as early as 1 there were kinds that its first programs do not know. 3: when a
 mark began. 4: the language of the session. 5: what the robot may still be doing, what takes no stop, who holds it, and
-the pause before a failed act is repeated. 6: what led a rule to ask for something."""
+the pause before a failed act is repeated. 6: what led a rule to ask for something. 7: what
+reached the robot, and what the simulated one was told to do wrong."""
 _NEW_FIELDS: dict[int, dict[str, frozenset[str]]] = {
     2: {
         "session": frozenset({"study", "study_hash", "slot", "run", "attempt", "purpose", "factors", "downtime"}),
@@ -44,6 +45,7 @@ _NEW_FIELDS: dict[int, dict[str, frozenset[str]]] = {
         "failure": frozenset({"seconds"}),
     },
     6: {"task": frozenset({"cause", "via"})},
+    7: {"session": frozenset({"driver", "injected_faults"})},
 }
 """What a format has added to kinds of records that were there before, by format and kind."""
 

@@ -20,10 +20,10 @@ from rise_engine.text import escape_surrogates
 
 _LABELS = (
     *("participant", "condition", "factors", "study", "study_hash", "slot", "run", "attempt", "purpose"),
-    *("mode", "robot", "seed", "scenario", "scenario_hash"),
+    *("mode", "robot", "seed", "scenario", "scenario_hash", "injected_faults"),
 )
 """Fields of a session's record that say what the session is."""
-_CALLED = {"scenario": "title"}
+_CALLED = {"scenario": "title", "injected_faults": "faults"}
 """How other files call them, where they have another name."""
 
 

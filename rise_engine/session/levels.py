@@ -2,7 +2,8 @@
 
 full     everything, as it was recorded
 shared   no time of day and no date, no notes and no reasons that people typed, `{person_name}` for private keys,
-         speech that used them as its act has it, W1, W2, ... for wizards, no paths of recordings
+         speech that used them as its act has it, W1, W2, ... for wizards, no paths of recordings; of what
+         participants said, and of comments in annotations, only how many words it had
 public   as shared, and of what wizards said freely only how many words it had
 """
 
@@ -56,9 +57,16 @@ class LevelFilter:
         """What each wizard and observer is called, by name; known after `note`."""
         return dict(self._people)
 
+    def name_of_coder(self, name: str) -> str:
+        """What somebody who has annotated the session is called at this level."""
+        if self.level == "full" or not name:
+            return name
+        self._note_person("coder", name)
+        return self._people.get(name, name)
+
     def count_typed_words(self, text: str) -> str:
         """What somebody typed that is in no record (a reason in the study's log), as this level tells it."""
-        return text if self.level == "full" or not text else _count_words("free text", text)
+        return text if self.level == "full" or not text else count_words("free text", text)
 
     def note(self, records: Iterable[AnyRecord]) -> None:
         """Take in everything: what is private, and who the people are."""
@@ -104,7 +112,7 @@ class LevelFilter:
     def _note_person(self, role: str, name: str) -> None:
         if not name or name in _NOBODY or name in self._people:
             return
-        letter = "W" if role == "wizard" else "O"
+        letter = {"wizard": "W", "coder": "C"}.get(role, "O")
         numbers = (f"{letter}{number}" for number in range(1, 10_000))
         taken = {*self._people.values(), *self._given.values()}
         self._people[name] = self._given.get(name) or next(each for each in numbers if each not in taken)
@@ -133,9 +141,9 @@ def _without_typed(kind: str, values: dict[str, Any]) -> dict[str, Any]:
     """A record, or an input, whose fields have the same names, without what somebody may have typed."""
     typed = _TYPED.get(kind, "")
     if typed and values.get(typed) and _is_typed(kind, values["source"]):
-        values = {**values, typed: _count_words("note" if kind == "note" else "free text", values[typed])}
+        values = {**values, typed: count_words("note" if kind == "note" else "free text", values[typed])}
     if kind == "task" and values["function"] == "markCue" and values["behavior"]:
-        values = {**values, "behavior": _count_words("free text", values["behavior"])}
+        values = {**values, "behavior": count_words("free text", values["behavior"])}
     if kind == "recording":
         values = {**values, "path": ""}
     if kind in _SAID_BY_PROGRAM:
@@ -157,18 +165,23 @@ def _is_typed(kind: str, source: str) -> bool:
 def _without_free_speech(values: dict[str, Any]) -> dict[str, Any]:
     match values["kind"]:
         case "task" if values["function"] == SAY:
-            return {**values, "behavior": _count_words("free speech", values["behavior"])}
+            return {**values, "behavior": count_words("free speech", values["behavior"])}
         case "task" if values["status"] == "REJECTED" and _PERSON.match(values["source"]):
-            counted = _count_words("free text", values["behavior"])
+            counted = count_words("free text", values["behavior"])
             return {**values, "behavior": counted, "reason": "rejected"}
         case "action" if values["act"] == SAY:
             parameters = {
-                name: _count_words("free speech", each) if isinstance(each, str) else each
+                name: count_words("free speech", each) if isinstance(each, str) else each
                 for name, each in values["parameters"].items()
             }
             return {**values, "parameters": parameters}
     return values
 
 
-def _count_words(what: str, text: str) -> str:
+def count_words(what: str, text: str) -> str:
+    """How many words somebody typed, instead of them; what is counted already stays.
+
+    >>> count_words("note", "she looks away"), count_words("free text", "[note, 3 words]")
+    ('[note, 3 words]', '[note, 3 words]')
+    """
     return text if _COUNTED.fullmatch(text) else f"[{what}, {pluralize(len(text.split()), 'word')}]"

@@ -5,11 +5,7 @@ media time = offset + rate * session time          (both in seconds)
 
 from __future__ import annotations
 
-import fcntl
 import os
-import time
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
 from pathlib import Path
 from typing import Literal, TypeAlias
 
@@ -17,17 +13,13 @@ import msgspec
 from msgspec import Struct
 
 from rise_engine.ports.recorder import MediaKind
-from rise_engine.session.disk import Disk, error_message, write_private_file
 from rise_engine.session.errors import SessionError
+from rise_engine.session.listed_files import change_list, read_list
 
 MEDIA_FILE = "media.json"
 AlignedBy: TypeAlias = Literal["", "marks", "given", "start"]
 """How a file was laid against the session's clock. marks: by marks that were found in it; given: somebody said it;
 start: by when its recorder was started, which is no time of the first frame; empty: not at all."""
-
-
-WAIT_SECONDS, TRY_SECONDS = 10.0, 0.02
-"""How long somebody waits for another program that writes it just now. That takes milliseconds."""
 
 
 class MediaError(SessionError):
@@ -96,15 +88,7 @@ def read_media(folder: Path) -> tuple[MediaFile, ...]:
     :param folder: the session's.
     :raises MediaError: it cannot be read.
     """
-    path = folder / MEDIA_FILE
-    try:
-        return tuple(msgspec.json.decode(path.read_bytes(), type=list[MediaFile]))
-    except FileNotFoundError:
-        return ()
-    except OSError as error:
-        raise MediaError(f"{path} cannot be read: {error.strerror or error}") from None
-    except (msgspec.DecodeError, UnicodeError) as error:
-        raise MediaError(f"{path} is not what was written there: {error}. Mend it, or move it away") from None
+    return read_list(folder / MEDIA_FILE, MediaFile, MediaError)
 
 
 def register_media(folder: Path, file: MediaFile) -> MediaFile | None:
@@ -124,7 +108,7 @@ def register_media(folder: Path, file: MediaFile) -> MediaFile | None:
             return [*files, file]
         return [file if each is before[0] else each for each in files if each not in before[1:]]
 
-    _change(folder, put)
+    change_list(folder / MEDIA_FILE, MediaFile, MediaError, put)
     return before[0] if before else None
 
 
@@ -142,7 +126,7 @@ def remove_media(folder: Path, named: str) -> MediaFile:
         removed.append(find_media(folder, files, named))
         return [each for each in files if each is not removed[0]]
 
-    _change(folder, take_out)
+    change_list(folder / MEDIA_FILE, MediaFile, MediaError, take_out)
     return removed[0]
 
 
@@ -171,39 +155,3 @@ def stored_path(folder: Path, path: str) -> str:
     if Path(path).is_absolute() or absolute.exists() or not (root / path).exists():
         return str(absolute.relative_to(root)) if absolute.is_relative_to(root) else str(absolute)
     return path
-
-
-def _change(folder: Path, change: Callable[[list[MediaFile]], list[MediaFile]]) -> None:
-    try:
-        with _locked(folder):
-            files = change(list(read_media(folder)))
-            data = msgspec.json.format(msgspec.json.encode(files), indent=1) + b"\n"
-            new = folder / f"{MEDIA_FILE}.new"
-            write_private_file(new, data)
-            new.replace(folder / MEDIA_FILE)
-            Disk().sync_folder(folder)
-    except UnicodeError:
-        raise MediaError("a path or name is no text that can be written: give that file another name") from None
-    except OSError as error:
-        raise MediaError(f"{folder / MEDIA_FILE} cannot be written: {error_message(error)}") from None
-
-
-@contextmanager
-def _locked(folder: Path) -> Iterator[None]:
-    """Nobody else changes media.json meanwhile. The lock is the folder's own, so that no file is left of it."""
-    descriptor = os.open(folder, os.O_RDONLY | os.O_CLOEXEC)
-    try:
-        deadline = time.monotonic() + WAIT_SECONDS
-        while True:
-            try:
-                fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
-                break
-            except BlockingIOError:
-                if time.monotonic() > deadline:
-                    raise MediaError(f"{folder / MEDIA_FILE} is held by another program: try again") from None
-            except OSError:  # a file system without locks: then the last one who writes wins
-                break
-            time.sleep(TRY_SECONDS)
-        yield
-    finally:
-        os.close(descriptor)

@@ -23,6 +23,7 @@ from msgspec import Struct, field
 from rise_engine.kernel import Kernel
 from rise_engine.kernel.inputs import AnyInput, TaskFunction
 from rise_engine.kernel.records import ENGINE, AnyRecord
+from rise_engine.session.coded import CODED_FILE, CODED_FOLDER, redacted_files
 from rise_engine.session.disk import Disk, error_message
 from rise_engine.session.erasure import erase_file, has_other_names, overwrite
 from rise_engine.session.errors import SessionError
@@ -63,6 +64,8 @@ class RedactionReport(Struct):
     """Of session.toml."""
     shadow_lines: int = 0
     """Of what second wizards did (`rise_engine.session.shadow`)."""
+    coded_files: int = 0
+    """Annotation files (`rise_engine.session.coded`) that are others now."""
     log_lines: int = 0
     """Of the study's log (`study.jsonl`)."""
     longer_words: dict[str, int] = field(default_factory=dict)
@@ -75,7 +78,7 @@ class RedactionReport(Struct):
     @property
     def changed(self) -> bool:
         """Whether anything is another than before, or would be."""
-        return bool(self.lines or self.info_lines or self.shadow_lines or self.log_lines)
+        return bool(self.lines or self.info_lines or self.shadow_lines or self.coded_files or self.log_lines)
 
 
 _SMALL = 5_000_000
@@ -133,8 +136,8 @@ class _Redaction:
         self._path = folder / JOURNAL
         self._new = folder / (JOURNAL + NEW_SUFFIX)
         self._new_info = folder / (INFO + NEW_SUFFIX)
-        self._new_shadows: dict[Path, Path] = {}
-        """Each new file of a second wizard, and the one whose place it takes."""
+        self._new_beside: dict[Path, Path] = {}
+        """Each new file of a second wizard, and of those who annotated, and the one whose place it takes."""
         self._report = RedactionReport()
         self._longer: Counter[str] = Counter()
         self._fixed = _FIXED_FIELDS
@@ -152,6 +155,7 @@ class _Redaction:
             self._write_journal(contents, info)
             self._prove_replay(info)
             self._write_shadows()
+            self._write_coded()
             changed = self._write_info(by)
             self._report.longer_words = dict(self._longer.most_common())
             before(self._report)
@@ -159,7 +163,7 @@ class _Redaction:
                 return self._report
             if self._report.lines:
                 self._put_in_place(self._new, self._path)
-            for new, path in self._new_shadows.items():
+            for new, path in self._new_beside.items():
                 self._put_in_place(new, path)
             if changed:
                 self._put_in_place(self._new_info, self._folder / INFO)
@@ -167,7 +171,7 @@ class _Redaction:
             self._report.remains += find_words(self._folder, self._words)
             return self._report
         finally:
-            for path in (self._new, self._new_info, *self._new_shadows):
+            for path in (self._new, self._new_info, *self._new_beside):
                 path.unlink(missing_ok=True)
 
     def _refuse_damaged(self, contents: JournalContents) -> None:
@@ -359,9 +363,17 @@ class _Redaction:
             new = [replace_words(line, self._words.replace) for line in old]
             if changed := sum(before != after for before, after in zip(old, new, strict=True)):
                 target = self._folder / f"{SHADOW_FOLDER}-{path.name}{NEW_SUFFIX}"
-                self._new_shadows[target] = path
+                self._new_beside[target] = path
                 self._write_new(target, b"\n".join(new))
                 self._report.shadow_lines += changed
+
+    def _write_coded(self) -> None:
+        """The new annotation files, beside the journal."""
+        for path, data in redacted_files(self._folder, self._words.replace).items():
+            target = self._folder / f"{CODED_FOLDER}-{path.name}{NEW_SUFFIX}"
+            self._new_beside[target] = path
+            self._write_new(target, data)
+            self._report.coded_files += path.name != CODED_FILE
 
     # --- into place ---
 
@@ -434,6 +446,8 @@ def _whose(name: Path) -> str:
         return ": the scenario's own words, which are not changed"
     if name.parts[0] == SHADOW_FOLDER:
         return ": the scenario's own words, or a line that cannot be read"
+    if name.parts[0] == CODED_FOLDER:
+        return ": a name of the file's own format, or something that cannot be read"
     if name.name in (JOURNAL, INFO):
         return ": what the scenario or this program says itself"
     return ": not a file of the record"

@@ -21,6 +21,7 @@ from msgspec.structs import replace
 from rise_engine.kernel import Kernel
 from rise_engine.kernel.inputs import AnyInput, Note, SessionStarted, Submit
 from rise_engine.kernel.records import ENGINE, AnyRecord, MemoryRecord, TaskRecord
+from rise_engine.session.coded import CODED_FILE, told_coded
 from rise_engine.session.disk import make_private_folder, write_private_file
 from rise_engine.session.errors import SessionError
 from rise_engine.session.folder import (
@@ -44,6 +45,7 @@ from rise_engine.session.journal_format import (
 )
 from rise_engine.session.journal_reader import JournalContents, read_journal
 from rise_engine.session.levels import ExportLevel, LevelFilter
+from rise_engine.session.listed_files import list_bytes
 from rise_engine.session.private_values import PrivateValues
 from rise_engine.session.replay import compare_replay
 from rise_engine.session.scenario_copies import copy_folders, offer_changed
@@ -281,6 +283,9 @@ class _Sharing:
                 make_private_folder(destination.parent)
                 write_private_file(destination, path.read_bytes())
         (target / SCENARIO_COPY).mkdir(0o700, exist_ok=True)
+        if told := told_coded(self._folder, self._old):
+            write_private_file(target / CODED_FILE, list_bytes(told))
+            self._report.people.update(self._old.people)
 
     def _shared_info(self) -> SessionInfo:
         info = self._info

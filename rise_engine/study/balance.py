@@ -6,9 +6,11 @@ from collections.abc import Hashable, Iterable, Sequence
 from itertools import pairwise
 
 from msgspec import Struct
+from msgspec.structs import replace
 
 from rise_engine.study.design import cells, condition_name, runs, strata_of, stratum_name
 from rise_engine.study.model import Slot, Study
+from rise_engine.study.plan import make_plan
 from rise_engine.text import pluralize
 
 _FEW = 8
@@ -80,7 +82,55 @@ def prove_balance(study: Study, slots: Sequence[Slot]) -> Balance:
             within = [slot for slot in rows if condition_name(slot.levels) == cell]
             if len(each) > 1 and (within or not drawn_later):
                 orders.append(_order_balance(stratum, cell, within, each))
-    return Balance(tuple(strata), tuple(orders), tuple(_lines(study, strata, orders, len(slots))))
+    return Balance(tuple(strata), tuple(orders), tuple(_lines(study, strata, orders, slots)))
+
+
+def block_problems(study: Study, slots: Sequence[Slot]) -> list[str]:
+    """Why the cells will not be as equally full as they could be when `n` are complete, as sentences without full stop.
+
+    Where there are strata, as many of each are reckoned with; where that is no whole number, with the next lower one.
+
+    :param study: the study; its blocks are looked at, and no other way of assignment.
+    :param slots: its plan.
+    """
+    names = [condition_name(cell) for cell in cells(study)]
+    if study.assignment.between != "blocks" or len(names) < 2:
+        return []
+    found: list[str] = []
+    every = strata_of(study)
+    expected = study.n // len(every)
+    within = f"{expected} in each of the {len(every)} strata" if len(every) > 1 else f"n = {expected}"
+    if len(every) > 1 and expected % len(names):
+        found.append(
+            f"with {within} and {len(names)} cells, some cells have one more: n would have to be a multiple of "
+            f"{len(every) * len(names)}"
+        )
+    for values in every:
+        rows = [slot for slot in slots if slot.strata == values][:expected]
+        counts = count_rows([[condition_name(slot.levels)] for slot in rows], names).counts
+        most, least = max(counts, key=lambda name: counts[name]), min(counts, key=lambda name: counts[name])
+        if len(rows) == expected and counts[most] - counts[least] > bool(expected % len(names)):
+            blocks = " or ".join(str(size * len(names)) for size in sorted(set(study.assignment.block)))
+            where = f" for {stratum_name(values)}" if len(every) > 1 else ""
+            found.append(
+                f"with {within} and {len(names)} cells, blocks of {blocks} do not come out even{where}: among the "
+                f"first {expected} rows {most} comes {_times(counts[most])}, and {least} {_times(counts[least])}"
+            )
+    return found
+
+
+def with_blocks_that_fit(study: Study) -> Study:
+    """The study with blocks of which nobody can tell the last cell and that come out even at `n`; where there are none,
+    with blocks in which each cell comes once."""
+    for block in ((1, 2), (1, 1, 2), (2,)):
+        tried = replace(study, assignment=replace(study.assignment, block=block))
+        if not block_problems(tried, make_plan(tried)):
+            return tried
+    return replace(study, assignment=replace(study.assignment, block=(1,)))
+
+
+def _times(number: int) -> str:
+    return {0: "never", 1: "once", 2: "twice"}.get(number, f"{number} times")
 
 
 def _order_balance(stratum: str, cell: str, rows: Sequence[Slot], each: Sequence[str]) -> OrderBalance:
@@ -117,10 +167,10 @@ def count_rows(rows: Iterable[Sequence[str]], known: Iterable[str]) -> Counts:
 
 
 def _lines(
-    study: Study, strata: Sequence[StratumBalance], orders: Sequence[OrderBalance], number: int
+    study: Study, strata: Sequence[StratumBalance], orders: Sequence[OrderBalance], slots: Sequence[Slot]
 ) -> Iterable[str]:
     made = {"blocks": "in permuted blocks", "minimise": "by minimisation", "random": "by chance", "list": "as a list"}
-    yield f"{pluralize(number, 'slot')} for {study.n} complete participants, {made[study.assignment.between]}"
+    yield f"{pluralize(len(slots), 'slot')} for {study.n} complete participants, {made[study.assignment.between]}"
     cell_number = len(cells(study))
     if study.assignment.between == "minimise":
         yield (
@@ -128,14 +178,14 @@ def _lines(
             "five. What comes of it is counted in `study status`."
         )
     elif cell_number > 1:
-        yield from _cell_lines(study, strata)
+        yield from _cell_lines(study, strata, slots)
     else:
         yield "There is no between factor: everybody gets the same."
     if orders:
         yield from _order_lines(study, orders)
 
 
-def _cell_lines(study: Study, strata: Sequence[StratumBalance]) -> Iterable[str]:
+def _cell_lines(study: Study, strata: Sequence[StratumBalance], slots: Sequence[Slot]) -> Iterable[str]:
     for stratum in strata:
         counts = stratum.cells
         where = f"{stratum.stratum}: " if stratum.stratum else ""
@@ -155,8 +205,7 @@ def _cell_lines(study: Study, strata: Sequence[StratumBalance]) -> Iterable[str]
     number, rest = len(cells(study)), study.n % len(cells(study))
     if rest:
         yield f"n = {study.n} is no multiple of the {number} cells: {rest} of them will have one more."
-    elif len(strata) == 1 and strata[0].rows >= study.n and study.n not in strata[0].cells.equal_after:
-        yield f"At n = {study.n} a block is not complete: the cells are not equally full there."
+    yield from (f"NOTE: {problem}." for problem in block_problems(study, slots))
     if len(strata) > 1:
         most = sum(stratum.cells.largest_difference for stratum in strata)
         yield (

@@ -6,7 +6,6 @@ begins it writes `taken`, the folder and `session` under the log's lock (`rise_e
 
 from __future__ import annotations
 
-import re
 from collections.abc import Sequence
 from datetime import datetime
 
@@ -137,6 +136,20 @@ def _language(run: PlannedRun, participant: Participant | None) -> str:
     return str({**of_person, **run.factors}.get(LANGUAGE, "")).strip()
 
 
+def turn_warning(state: StudyStatus, plan: SessionPlan) -> str:
+    """That somebody else is next: `P07 (en) is next; you are about to open P08 (de)`.
+
+    Empty: it is this participant's turn, or the session does not count.
+    """
+    following = state.standing.next
+    if plan.purpose != "counted" or following in ("", plan.participant):
+        return ""
+    person = next((each for each in state.participants if each.participant == following), None)
+    language = _language(replace(plan.run, factors={}), person)
+    first, other = (f" ({tag})" if tag else "" for tag in (language, plan.language))
+    return f"{following}{first} is next; you are about to open {plan.participant}{other}"
+
+
 def unfinished_sessions_of(state: StudyStatus, request: BeginRequest) -> list[StudySession]:
     """The participant's sessions of this purpose (and run) that did not end, the earliest first."""
     return [
@@ -240,7 +253,9 @@ def _run_count(runs: int) -> str:
     return "every participant has one" if runs == 1 else f"every participant has {runs}"
 
 
-def _find_participant(state: StudyStatus, name: str, problems: list[str]) -> Participant | None:
+def _find_participant(
+    state: StudyStatus, name: str, problems: list[str], *, rehearses: bool = False
+) -> Participant | None:
     known = [each.participant for each in state.participants]
     if not name:
         nexts = f"; the next one is {state.standing.next}" if state.standing.next else ""
@@ -248,7 +263,8 @@ def _find_participant(state: StudyStatus, name: str, problems: list[str]) -> Par
         return None
     found = next((each for each in state.participants if each.participant == name), None)
     if found is None:
-        near = did_you_mean(name, known) or "; add a line for them"
+        remedy = "; a rehearsal can also name nobody" if rehearses else "; add a line for them"
+        near = did_you_mean(name, known, limit=0 if rehearses else 12) or remedy
         problems.append(f"there is no participant {name!r} in participants.csv{near}")
     return found
 
@@ -308,9 +324,7 @@ def _plan_rehearsal(state: StudyStatus, request: BeginRequest) -> SessionPlan:
         if participant is not None and (missing := missing_consent(study, participant)):
             problems.append(f"{name} has not consented: {' and '.join(missing)} of participants.csv has no date")
     else:
-        participant = next((each for each in state.participants if each.participant == name), None)
-        if name and not re.fullmatch(r"[A-Za-z0-9]+", name):
-            problems.append(f"{name!r} is no pseudonym: letters and digits")
+        participant = _find_participant(state, name, problems, rehearses=True) if name else None
     run = _rehearsed_run(state, participant, request, problems)
     if problems or run is None:
         raise CannotBegin(*dict.fromkeys(problems), running=bool(running))

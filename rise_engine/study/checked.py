@@ -14,6 +14,8 @@ from rise_engine.study.check_kinds import AUTOMATIC, OF_THE_PARTICIPANT
 from rise_engine.study.model import Purpose, SessionEntry, Study, StudyCheck
 from rise_engine.study.study_log import LogEntry
 
+_DEBRIEF = "debrief"
+
 
 class PendingCheck(Struct, frozen=True):
     """A check that belongs to a session, and whether it has to be made for it."""
@@ -92,6 +94,25 @@ def due_after_checks(study: Study, sessions: Iterable[SessionEntry], entries: It
     ]
 
 
+def asks_debriefing(id: str, text: str = "") -> bool:
+    """Whether a check says that the participant was debriefed: its id, or its sentence, has that word.
+
+    >>> asks_debriefing("participant-debriefed"), asks_debriefing("end", "Debriefing is done"), asks_debriefing("lamp")
+    (True, True, False)
+    """
+    return any(_DEBRIEF in each.casefold() for each in (id, text))
+
+
+def checks_after(entries: Iterable[LogEntry]) -> dict[str, dict[str, str]]:
+    """What came of the checks after each session, as the log has it: results by id, by the session's folder. The last
+    one counts."""
+    found: dict[str, dict[str, str]] = {}
+    for entry in entries:
+        if entry.kind == "checked" and entry.get("when") == "after":
+            found.setdefault(str(entry.get("session")), {})[str(entry.get("id"))] = str(entry.get("result"))
+    return found
+
+
 def attempt_text(session: SessionEntry) -> str:
     """`, attempt 2`; empty for the first."""
     return f", attempt {session.attempt}" if session.attempt > 1 else ""
@@ -100,7 +121,8 @@ def attempt_text(session: SessionEntry) -> str:
 def made_after(entries: Iterable[LogEntry]) -> frozenset[tuple[str, str]]:
     """What was looked at after sessions and has not failed: the session's folder, and the check's id."""
     return frozenset(
-        (str(entry.get("session")), str(entry.get("id")))
-        for entry in entries
-        if entry.kind == "checked" and entry.get("when") == "after" and entry.get("result") != "failed"
+        (session, id)
+        for session, results in checks_after(entries).items()
+        for id, result in results.items()
+        if result != "failed"
     )

@@ -8,11 +8,11 @@ from pathlib import Path
 from msgspec import Struct
 
 from rise_engine.nearest_name import did_you_mean, in_backquotes
-from rise_engine.scenario.csv_reader import CsvReader, TableRecord
+from rise_engine.scenario.csv_reader import MAX_COLUMNS, CsvReader, TableRecord
 from rise_engine.scenario.diagnostics import Diagnostics
 from rise_engine.scenario.model import SourceLocation
 from rise_engine.scenario.source_files import FileReader
-from rise_engine.scenario.tree import FileTree
+from rise_engine.scenario.tree import FileTree, Held
 
 MAX_BYTES, MAX_ROWS = 20_000_000, 200_000
 _ENCODING_REMEDY = "in Excel or LibreOffice, save it as `CSV UTF-8`"
@@ -70,16 +70,19 @@ class CsvTable:
             self.diagnostics.error("missing-column", self.column_location(""), message)
 
 
-def read_csv(folder: Path, name: str, diagnostics: Diagnostics) -> CsvTable | None:
+def read_csv(
+    folder: Path, name: str, diagnostics: Diagnostics, held: Held | None = None, *, most_columns: int = MAX_COLUMNS
+) -> CsvTable | None:
     """The table in a file of a study, or None after findings.
 
     Comma, semicolon or tab between the values, with or without byte order mark, with the line ends of Windows or Unix.
     """
-    tree = FileTree(folder, closed=True)
+    tree = FileTree(folder, held, closed=True)
     source = FileReader(folder, diagnostics, tree).read(folder / name, MAX_BYTES, remedy=_ENCODING_REMEDY)
     if source is None:
         return None
     reader = CsvReader(source, diagnostics)
+    reader.most_columns = most_columns
     start = reader.find_separator()
     records = list(reader.read_records(start))
     if reader.has_problems():

@@ -1,4 +1,4 @@
-"""What people say about a session afterwards: how it counts, and that somebody does not take part any more."""
+"""What people say about a session afterwards: how it counts, whose it is, and who does not take part any more."""
 
 from __future__ import annotations
 
@@ -8,10 +8,12 @@ from rise_engine.errors import RiseError
 from rise_engine.kernel.inputs import OutcomeReport
 from rise_engine.kernel.records import OutcomeStatus
 from rise_engine.nearest_name import did_you_mean
+from rise_engine.scenario.model import Json
 from rise_engine.session.errors import SessionError
 from rise_engine.session.folder import mark_abandoned
+from rise_engine.study.labels import Reassignment, reassignments
 from rise_engine.study.sessions import StudySession, outcome_fields, read_verdict, refuse_running_elsewhere
-from rise_engine.study.standing import describe_entry
+from rise_engine.study.standing import describe_entry, in_stratum
 from rise_engine.study.state import OpenStudy, StudyStatus
 
 COMMAND_LINE = "command-line"
@@ -58,6 +60,83 @@ def judge_session(
     if target.left_open:
         mark_abandoned(target.path)
     return target
+
+
+def reassign_session(
+    open: OpenStudy, session: str, participant: str, reason: str, *, source: str = COMMAND_LINE
+) -> Reassignment:
+    """Give a session that was run under the wrong participant to the one who heard it.
+
+    The row of the plan goes with it when nobody has done anything else in it, and when it is one for them. The log says
+    so; the session's own record stays as it is.
+
+    :param open: the study, locked.
+    :param session: the name of its folder.
+    :param participant: who heard it.
+    :param reason: why.
+    :param source: who says it.
+    :return: whose it is now.
+    :raises CannotJudge: with every reason why not.
+    :raises rise_engine.study.study_log.StudyLogError: it cannot be written.
+    """
+    state = open.state
+    _check_known(state, participant)
+    target = next((each for each in state.sessions if each.name == session), None)
+    if target is None:
+        near = did_you_mean(session, [each.name for each in state.sessions])
+        raise CannotJudge(f"the study has no session {session!r}{near}")
+    entry = target.entry
+    slot = _row_that_goes(state, target, participant)
+    problems = [] if reason.strip() else ["say why it is another participant's: --reason"]
+    if entry.participant == participant:
+        problems.append(f"{session} is {participant}'s already")
+    if entry.status != "ended":
+        problems.append(f"{session} has not ended: end it first, or give it up")
+    elif entry.purpose != "counted":
+        problems.append(f"{session} is a {entry.purpose} session: it never counts")
+    elif entry.outcome is None:
+        problems.append(f"{session} is not judged yet: say first how it counts")
+    elif entry.outcome == "complete" and slot is None:
+        problems.append(
+            f"{session} is complete, and its row of the plan cannot go to {participant}: they have a row or sessions "
+            f"of their own, {entry.participant} has other sessions, or the row is for another stratum"
+        )
+    problems += [f"{name} has withdrawn" for name in (entry.participant, participant) if name in state.places.withdrawn]
+    if problems:
+        raise CannotJudge("\n".join(problems))
+    theirs = [each.entry for each in state.sessions if each.entry.participant == participant]
+    counted = [each.attempt for each in theirs if (each.purpose, each.run) == ("counted", entry.run)]
+    fields: dict[str, Json] = {
+        "session": session,
+        "was": entry.participant,
+        "participant": participant,
+        "slot": slot,
+        "run": entry.run,
+        "attempt": 1 + max(counted, default=0),
+        "reason": reason.strip(),
+        "source": source,
+    }
+    written = open.log.append("reassigned", **fields)
+    if slot is not None:
+        levels = state.places.levels.get(slot)
+        drawn: dict[str, Json] = {"levels": dict(levels)} if levels else {}
+        open.log.append("taken", slot=slot, participant=participant, instead_of=entry.participant, **drawn)
+    return reassignments([written])[session]
+
+
+def _row_that_goes(state: StudyStatus, session: StudySession, participant: str) -> int | None:
+    """The row that a session takes along; None: it stays with whoever holds it."""
+    entry = session.entry
+    counted = [each.entry for each in state.sessions if each.entry.purpose == "counted"]
+    others = [each for each in counted if each.participant == entry.participant and each.folder != entry.folder]
+    theirs = [each for each in counted if each.participant == participant]
+    row = next((each for each in state.plan if each.slot == entry.slot), None)
+    listed = next((each for each in state.participants if each.participant == participant), None)
+    if row is None or listed is None or others or theirs or participant in state.places.slots:
+        return None
+    if state.places.slots.get(entry.participant) != row.slot or not in_stratum(row, listed.strata):
+        return None
+    return row.slot
 
 
 def exclude_participant(open: OpenStudy, participant: str, reason: str, *, source: str = COMMAND_LINE) -> int | None:

@@ -24,7 +24,7 @@ def check_languages(
     :param people: whoever stands in participants.csv.
     :param scenarios: by their absolute folder.
     """
-    wanted = _languages_of(study, people)
+    wanted = languages_of(study, people)
     for folder, scenario in scenarios.items():
         known = [*filter(None, (scenario.language, *scenario.languages))]
         for language, location in wanted.items() if scenario.languages else ():
@@ -40,12 +40,15 @@ def check_languages(
                 diagnostics.error("not-translated", location, message)
 
 
-def _languages_of(study: Study, people: Iterable[Participant]) -> dict[str, SourceLocation]:
-    """What the study calls `language`, each with the place where it stands first."""
+def languages_of(study: Study, people: Iterable[Participant]) -> dict[str, SourceLocation]:
+    """Every value of what the study calls `language`, a factor, a stratum or a column of people, each with the place
+    where it stands first."""
     found: dict[str, SourceLocation] = {}
     for factor in study.factors:
         if factor.name == LANGUAGE:
             found.update((level.name, SourceLocation(STUDY_FILE)) for level in factor.levels)
+    for tag in study.strata.get(LANGUAGE, ()):
+        found.setdefault(tag, SourceLocation(STUDY_FILE))
     for participant in people:
         tag = {**participant.columns, **participant.strata}.get(LANGUAGE, "").strip()
         if tag and participant.status != "excluded":

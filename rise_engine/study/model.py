@@ -122,6 +122,31 @@ class RecordingSettings(Struct, frozen=True):
     consent_recording."""
 
 
+class ItemDescription(Struct, frozen=True):
+    """What study.toml says of a column of a questionnaire."""
+
+    about: str = ""
+    levels: dict[str, str] = {}
+    """Every value that it can have, and what each means; empty: any."""
+
+
+class QuestionnaireSettings(Struct, frozen=True):
+    """A questionnaire that participants fill in elsewhere (`[questionnaire.NAME]`)."""
+
+    name: str
+    file: str
+    """From the study's folder on."""
+    key: str = "participant"
+    """The column that names the participant."""
+    run: str = ""
+    """The column that says after which run it was asked; empty: it is asked once."""
+    columns: dict[str, ItemDescription] = {}
+    leave_out: tuple[str, ...] = ()
+    """Columns that no export tells."""
+    about: str = ""
+    """What it is, as a paper would name it."""
+
+
 class Study(Struct, frozen=True):
     """A checked study.toml."""
 
@@ -155,6 +180,7 @@ class Study(Struct, frozen=True):
     recording: RecordingSettings = RecordingSettings()
     report: dict[str, str] = {}
     """What people must say for the reporting sheet, by the name of its item (`[report]`)."""
+    questionnaires: tuple[QuestionnaireSettings, ...] = ()
     hash: str = ""
     """SHA-256 of what study.toml says about sessions (`rise_engine.study.design.content_hash`)."""
     design_hash: str = ""
@@ -273,7 +299,7 @@ class CellStanding(Struct, frozen=True):
     open: int
     """Participants who hold a slot in it and are not complete."""
     planned: int
-    """Rows within the first `n` of their stratum: so many, if all came from it; 0 where cells are drawn."""
+    """Rows within the first `n`; 0 where cells are drawn, and where nobody knows how many of each stratum come."""
 
 
 class StudyStanding(Struct, frozen=True):

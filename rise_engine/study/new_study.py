@@ -7,6 +7,7 @@ import shutil
 from collections.abc import Iterable, Mapping
 from pathlib import Path
 from tempfile import mkdtemp
+from textwrap import wrap
 
 from msgspec import Struct
 
@@ -115,6 +116,7 @@ def study_toml_text(new: NewStudy) -> str:
         f"id       = {_text(study.id)}  # letters and digits: a part of file names",
         f"seed     = {study.seed}  # the plan is drawn from it; any whole number",
         f"n        = {study.n}  # complete participants that you want",
+        *(f"# {line}" for name, source in new.sources.items() for line in _copy_lines(name, source)),
         f"scenario = {_text(study.scenario)}  # the folder with acts and rules",
         f"mode     = {_text(study.mode)}  # real: with the robot; debug: everything is simulated, and nothing counts",
         *([f"robot    = {_text(study.robot)}"] if study.robot else []),
@@ -128,6 +130,20 @@ def study_toml_text(new: NewStudy) -> str:
         *_participants_lines(study),
     ]
     return "\n".join(lines) + "\n"
+
+
+def copy_sentence(name: str, source: str) -> str:
+    """That a scenario of a study is a copy.
+
+    >>> copy_sentence("scenario", "../greeting")
+    'scenario is a copy: later changes of ../greeting have no effect here'
+    """
+    return f"{name} is a copy: later changes of {source} have no effect here"
+
+
+def _copy_lines(name: str, source: Path) -> Iterable[str]:
+    """Without the way to it, which may name people: a study is given to others."""
+    yield from wrap(f"{copy_sentence(name, source.name)}. Change the copy.", 88)
 
 
 def _factor_lines(new: NewStudy) -> Iterable[str]:

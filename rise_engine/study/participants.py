@@ -11,12 +11,13 @@ from msgspec import Struct
 
 from rise_engine.nearest_name import did_you_mean, in_backquotes, limited_comparisons, nearest_name
 from rise_engine.scenario.diagnostics import Diagnostic, Diagnostics
+from rise_engine.scenario.file_names import PARTICIPANTS_FILE as PARTICIPANTS_FILE
 from rise_engine.scenario.model import SourceLocation
+from rise_engine.scenario.tree import Held
 from rise_engine.study.csv_table import CsvRow, CsvTable, read_csv
 from rise_engine.study.model import Participant, Study
 from rise_engine.study.personal_data import WHY, mail_address_in, personal_column
 
-PARTICIPANTS_FILE = "participants.csv"
 STATUSES = ("invited", "excluded")
 CONSENT_PREFIX = "consent_"
 _PSEUDONYM = re.compile(r"[A-Za-z0-9]+\Z")
@@ -36,20 +37,21 @@ class ParticipantsLoad(Struct, frozen=True):
         return [diagnostic for diagnostic in self.diagnostics if diagnostic.severity == "error"]
 
 
-def load_participants(study: Study) -> ParticipantsLoad:
+def load_participants(study: Study, held: Held | None = None) -> ParticipantsLoad:
     """Read and check a study's participants.
 
     :param study: the study, which says the columns and their values.
+    :param held: contents that are read instead of the disk, by the names of their files.
     :return: whoever is in the file, and everything that is wrong with it. A file that is not there is an error, too.
     """
     diagnostics = Diagnostics()
     folder = Path(study.folder)
-    if not (folder / PARTICIPANTS_FILE).exists():
+    if not (folder / PARTICIPANTS_FILE).exists() and PARTICIPANTS_FILE not in (held or {}):
         message = f"there is no {PARTICIPANTS_FILE} beside study.toml; its first line is {header_line(study)}"
         diagnostics.error("unreadable", SourceLocation(PARTICIPANTS_FILE), message)
         return ParticipantsLoad((), diagnostics.sorted())
     with limited_comparisons():
-        table = read_csv(folder, PARTICIPANTS_FILE, diagnostics)
+        table = read_csv(folder, PARTICIPANTS_FILE, diagnostics, held)
         participants = _ParticipantsReader(study, table).read() if table is not None else ()
     return ParticipantsLoad(participants, diagnostics.sorted())
 

@@ -51,6 +51,7 @@ def plan_study(
     participants: Sequence[Participant] = (),
     *,
     again: str | None = None,
+    anyway: str = "",
 ) -> MadePlan:
     """Make the plan of a study, or say that there is one.
 
@@ -61,10 +62,12 @@ def plan_study(
     :param scenarios: those that it names, by their absolute folder: the log says their hashes.
     :param participants: of participants.csv, which may exclude somebody.
     :param again: why there is to be a new plan; None: there is to be the first one.
+    :param anyway: why it is made although sessions have problems; empty: none is known.
     :raises PlanError: there is another plan, or none can be made; a sentence for each problem.
     :raises rise_engine.study.study_log.StudyLogError: the log cannot be read or written.
     """
     folder = Path(study.folder)
+    why = {"anyway": anyway} if anyway else {}
     with LockedLog(folder) as log:
         entries = log.entries()
         planned = last_planned(entries)
@@ -73,10 +76,10 @@ def plan_study(
                 study, "The plan was made, and now it is in its place: an earlier command had been ended before."
             )
         if again is not None:
-            return _plan_again(study, scenarios, participants, log, again)
+            return _plan_again(study, scenarios, participants, log, {"reason": again, **why})
         if planned is not None:
             return _keep(study, planned)
-        return _plan_first(study, scenarios, log)
+        return _plan_first(study, scenarios, log, why)
 
 
 def last_planned(entries: Sequence[LogEntry]) -> LogEntry | None:
@@ -97,7 +100,7 @@ def scenario_hashes(study: Study, scenarios: Mapping[str, Scenario]) -> dict[str
     return {name: scenario.hash for name, scenario in found.items() if scenario is not None}
 
 
-def _plan_first(study: Study, scenarios: Mapping[str, Scenario], log: LockedLog) -> MadePlan:
+def _plan_first(study: Study, scenarios: Mapping[str, Scenario], log: LockedLog, why: Mapping[str, Json]) -> MadePlan:
     folder = Path(study.folder)
     is_list = study.assignment.between == "list"
     present = plan_hash(folder)
@@ -105,7 +108,7 @@ def _plan_first(study: Study, scenarios: Mapping[str, Scenario], log: LockedLog)
         if not present:
             raise PlanError(f'with between = "list" you write {PLAN_FILE} yourself, and there is none in {folder}')
         made = _read(study, f"Your {PLAN_FILE} is the plan now.")
-        log.append("planned", **_entry_fields(study, scenarios, made.slots, present))
+        log.append("planned", **_entry_fields(study, scenarios, made.slots, present), **why)
         return made
     slots = make_plan(study)
     text = plan_text(study, slots)
@@ -116,14 +119,18 @@ def _plan_first(study: Study, scenarios: Mapping[str, Scenario], log: LockedLog)
         )
     if not present:
         write_new_plan(folder, text)
-    log.append("planned", **_entry_fields(study, scenarios, slots, text_hash(text)))
+    log.append("planned", **_entry_fields(study, scenarios, slots, text_hash(text)), **why)
     if not present:
         put_new_plan(folder)
     return MadePlan(slots, prove_balance(study, slots), f"Made {folder / PLAN_FILE}.")
 
 
 def _plan_again(
-    study: Study, scenarios: Mapping[str, Scenario], participants: Sequence[Participant], log: LockedLog, reason: str
+    study: Study,
+    scenarios: Mapping[str, Scenario],
+    participants: Sequence[Participant],
+    log: LockedLog,
+    why: Mapping[str, Json],
 ) -> MadePlan:
     folder, entries = Path(study.folder), log.entries()
     planned = last_planned(entries)
@@ -131,16 +138,16 @@ def _plan_again(
         raise PlanError("there is no plan yet that could be made again; leave --again away")
     holders = held_slots(entries, participants)
     if study.assignment.between == "list":
-        return _take_list_again(study, scenarios, log, holders, reason)
+        return _take_list_again(study, scenarios, log, holders, why)
     if planned.get("design_hash") == study.design_hash and plan_hash(folder) == planned.get("plan_hash"):
-        return _take_scenarios(study, scenarios, log, planned, reason)
+        return _take_scenarios(study, scenarios, log, planned, why)
     held = _held_rows(study, planned, holders)
     taken = [int(each.get("slot") or 0) for each in entries if each.kind == "taken"]
     slots = make_plan(study, held, max(taken, default=0) + 1)
     text = plan_text(study, slots)
     write_new_plan(folder, text)
     fields = _entry_fields(study, scenarios, slots, text_hash(text))
-    log.append("planned", **fields, reason=reason, kept=[slot.slot for slot in held])
+    log.append("planned", **fields, **why, kept=[slot.slot for slot in held])
     aside = _put_in_place(folder)
     changed = changed_parts(planned.get("design") or {}, study)
     sentence = f"Made a new {folder / PLAN_FILE}; changed in study.toml: {', '.join(changed) or 'nothing'}."
@@ -154,7 +161,7 @@ def _plan_again(
 
 
 def _take_scenarios(
-    study: Study, scenarios: Mapping[str, Scenario], log: LockedLog, planned: LogEntry, reason: str
+    study: Study, scenarios: Mapping[str, Scenario], log: LockedLog, planned: LogEntry, why: Mapping[str, Json]
 ) -> MadePlan:
     """The same plan, with what its scenarios are now: somebody has mended one, and says why."""
     hashes, before = scenario_hashes(study, scenarios), dict(planned.get("scenarios") or {})
@@ -164,20 +171,20 @@ def _take_scenarios(
     what = f"The plan stays as it is; from now on {in_backquotes(changed)} counts as it is now, with this robot"
     made = _read(study, f"{what}. Sessions before ran what it was before: each has a copy of it.")
     fields = _entry_fields(study, scenarios, made.slots, plan_hash(Path(study.folder)))
-    log.append("planned", **fields, reason=reason)
+    log.append("planned", **fields, **why)
     return made
 
 
 def _take_list_again(
-    study: Study, scenarios: Mapping[str, Scenario], log: LockedLog, holders: Mapping[int, str], reason: str
+    study: Study, scenarios: Mapping[str, Scenario], log: LockedLog, holders: Mapping[int, str], why: Mapping[str, Json]
 ) -> MadePlan:
     made = _read(study, f"Your {PLAN_FILE} is the plan now.")
     present = plan_hash(Path(study.folder))
     if (planned := last_planned(log.entries())) is not None and planned.get("plan_hash") == present:
-        return _take_scenarios(study, scenarios, log, planned, reason)
+        return _take_scenarios(study, scenarios, log, planned, why)
     _refuse_lost(holders, made.slots)
     fields = _entry_fields(study, scenarios, made.slots, present)
-    log.append("planned", **fields, reason=reason, kept=list(holders))
+    log.append("planned", **fields, **why, kept=list(holders))
     return made
 
 

@@ -25,6 +25,8 @@ class ProvedSession(Struct, frozen=True):
     """Its replay; None: it cannot be replayed."""
     problems: tuple[str, ...] = ()
     """Why it cannot be, and what says something else of it than its journal, in sentences."""
+    note: str = ""
+    """That the log has reassigned it, which is no problem."""
 
     @property
     def proved(self) -> bool:
@@ -63,12 +65,14 @@ def prove_sessions(
         elif state is not None and session is not None:
             problems += [] if name in named else [f"{LOG_FILE} does not name this session"]
             problems += _plan_differences(state, session)
+        moved = session.reassigned if session is not None else None
+        note = moved.sentence if moved is not None else ""
         try:
             comparison = compare_replay(there[name])
         except SessionError as error:
-            yield ProvedSession(name, None, tuple(problems) or (str(error),))
+            yield ProvedSession(name, None, tuple(problems) or (str(error),), note)
         else:
-            yield ProvedSession(name, comparison, tuple(problems))
+            yield ProvedSession(name, comparison, tuple(problems), note)
 
 
 def _named_in_log(folder: Path) -> set[str]:

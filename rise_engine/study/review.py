@@ -10,15 +10,21 @@ from msgspec import Struct
 
 from rise_engine.scenario.diagnostics import Diagnostic, Diagnostics
 from rise_engine.scenario.model import Scenario, SourceLocation
+from rise_engine.scenario.tree import Held
+from rise_engine.study.balance import block_problems
+from rise_engine.study.design import runs
 from rise_engine.study.labels import session_differences
 from rise_engine.study.language_checks import check_languages
 from rise_engine.study.model import Participant, Slot, Study
 from rise_engine.study.participants import PARTICIPANTS_FILE, ParticipantsLoad, load_participants
+from rise_engine.study.plan import make_plan
 from rise_engine.study.plan_file import NEW_PLAN_FILE, PLAN_FILE, PlanLoad, plan_hash, read_plan
 from rise_engine.study.planning import held_slots, last_planned, plan_problem, scenario_hashes
+from rise_engine.study.questionnaires import find_missing, load_questionnaire
 from rise_engine.study.sessions import SESSIONS, session_folders
 from rise_engine.study.study_log import LOG_FILE, LogEntry, StudyLogError, read_log
-from rise_engine.study.study_toml import StudyLoad, load_study
+from rise_engine.study.study_toml import STUDY_FILE, StudyLoad, load_study
+from rise_engine.study.withdrawn import is_withdrawn
 
 _OF_PARTICIPANTS = frozenset({"strata", "consent", "participants"})
 _OF_PLAN = frozenset({"strata", "factors", "assignment"})
@@ -33,6 +39,8 @@ class StudyReview(Struct, frozen=True):
     diagnostics: list[Diagnostic]
     """Of study.toml, the scenarios, the participants, the plan and the log, each in reading order."""
     participants: tuple[Participant, ...] = ()
+    scenarios: Mapping[str, Scenario] = {}
+    """Those without errors, by their absolute folder."""
     slots: tuple[Slot, ...] = ()
     is_planned: bool = False
     """Whether study.jsonl knows a plan."""
@@ -72,14 +80,53 @@ def review_study(folder: str | os.PathLike[str]) -> StudyReview:
         found += plan.diagnostics
     entries, of_log = _review_log(loaded, people, plan, left_out)
     found += of_log
+    if not loaded.unsure & (_OF_PARTICIPANTS | {"questionnaire"}):
+        found += _review_questionnaires(study, people, entries)
     return StudyReview(
         study=loaded.study,
         diagnostics=found,
         participants=people.participants,
+        scenarios=loaded.scenarios,
         slots=plan.slots or (),
         is_planned=last_planned(entries) is not None,
         left_out=tuple(left_out),
     )
+
+
+def _review_questionnaires(study: Study, people: ParticipantsLoad, entries: list[LogEntry]) -> list[Diagnostic]:
+    """What the survey tools gave, and who took part and is not in it."""
+    found: list[Diagnostic] = []
+    took_part = [
+        (str(each.get("participant")), int(each.get("run") or 0))
+        for each in entries
+        if each.kind == "session" and each.get("purpose") == "counted"
+    ]
+    for settings in study.questionnaires:
+        read = load_questionnaire(
+            study,
+            settings,
+            people.participants,
+            runs=len(runs(study)),
+            has_withdrawn=lambda name: is_withdrawn(name, entries),
+        )
+        found += read.diagnostics
+        if read.items:
+            found += find_missing(read, took_part, people.participants)
+    return found
+
+
+def findings_of_files(folder: Path, files: Held) -> list[Diagnostic]:
+    """What is wrong with study.toml and participants.csv as an editor holds them; nothing where there is no study.
+
+    :param folder: the study's.
+    :param files: contents by their names.
+    """
+    if STUDY_FILE not in files:
+        return []
+    loaded = load_study(folder, check_scenarios=False, held=files)
+    if loaded.draft is None or loaded.unsure & _OF_PARTICIPANTS:
+        return list(loaded.diagnostics)
+    return [*loaded.diagnostics, *load_participants(loaded.draft, files).diagnostics]
 
 
 def _review_log(
@@ -97,6 +144,9 @@ def _review_log(
     planned = last_planned(entries)
     if not loaded.unsure & _OF_PLAN:
         _check_plan(study, planned, plan, diagnostics)
+    if planned is None and loaded.study is not None and study.assignment.between == "blocks":
+        for problem in block_problems(study, make_plan(study)):
+            diagnostics.warning("uneven-blocks", SourceLocation(STUDY_FILE), problem)
     if planned is not None:
         _check_scenarios(study, loaded.scenarios, planned, diagnostics)
     if PARTICIPANTS_FILE not in left_out and not people.errors:

@@ -8,7 +8,7 @@ what is missing, under the log's lock, so that a kill at any moment costs nothin
 from __future__ import annotations
 
 import os
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Collection, Iterable, Iterator, Sequence
 from contextlib import suppress
 from datetime import datetime
 from pathlib import Path
@@ -17,7 +17,7 @@ from typing import Any, BinaryIO, NamedTuple
 from msgspec import Struct
 from msgspec.structs import replace
 
-from rise_engine.kernel.inputs import OutcomeReport
+from rise_engine.kernel.inputs import AnyInput, CheckReport, OutcomeReport
 from rise_engine.scenario.model import Json
 from rise_engine.session.folder import (
     JOURNAL,
@@ -30,7 +30,7 @@ from rise_engine.session.folder import (
 )
 from rise_engine.session.journal_format import InputLine, JournalHeader, LineError, read_line
 from rise_engine.session.lock import JournalLock, is_journal_locked
-from rise_engine.study.labels import session_differences
+from rise_engine.study.labels import Reassignment, reassignments, session_differences
 from rise_engine.study.model import SessionEntry
 from rise_engine.study.study_log import EntryKind, LogEntry
 
@@ -39,7 +39,7 @@ SESSIONS = "sessions"
 GIVEN_UP = "its engine had gone, and it was given up"
 """Why a session was aborted that nobody went on with."""
 _BLOCK = 1 << 20
-_OUTCOME = b'"input":"outcome"'
+_OUTCOME, _CHECK = b'"input":"outcome"', b'"input":"check"'
 _BEFORE_INPUT = 64
 """Bytes of an input's line before that, at most."""
 
@@ -64,6 +64,8 @@ class StudySession(Struct, frozen=True):
     """Whether somebody has chosen not to go on with it."""
     left_open: bool = False
     """Whether its engine has gone without ending it, however it was judged since."""
+    reassigned: Reassignment | None = None
+    """Whose it is, where that is not what its journal says."""
     differences: tuple[str, ...] = ()
     """What session.toml or the log says of it otherwise than its journal, which counts, in sentences."""
 
@@ -91,6 +93,7 @@ def read_sessions(folder: Path, study_id: str, log: Sequence[LogEntry]) -> list[
     :param log: what the study's log says; an outcome there is what counts.
     """
     outcomes = {_text(each, "session"): each for each in log if each.kind == "outcome"}
+    moved = reassignments(log)
     about: dict[str, list[LogEntry]] = {}
     for each in log:
         about.setdefault(_text(each, "folder") or _text(each, "session"), []).append(each)
@@ -104,17 +107,24 @@ def read_sessions(folder: Path, study_id: str, log: Sequence[LogEntry]) -> list[
                 passed_over.add(path.name)
             else:
                 differences = session_differences(path, about.get(path.name, ()))
-                found[path.name] = replace(session, differences=tuple(differences))
+                session = replace(session, differences=tuple(differences))
+                found[path.name] = _reassign(session, moved.get(path.name))
     for each in log:
         name = _text(each, "folder")
         if each.kind == "session" and name not in found and name not in passed_over:
-            found[name] = _from_log(folder, each, outcomes.get(name))
+            found[name] = _reassign(_from_log(folder, each, outcomes.get(name)), moved.get(name))
     begun = [_text(each, "folder") for each in log if each.kind == "session"]
     places = {name: place for place, name in enumerate(begun)}  # all that tells the order where no dates are told
     return sorted(
         found.values(),
         key=lambda each: (_timestamp(each.entry.started), places.get(each.name, len(places)), each.name),
     )
+
+
+def _reassign(session: StudySession, moved: Reassignment | None) -> StudySession:
+    if moved is None:
+        return session
+    return replace(session, entry=replace(session.entry, **moved.labels), reassigned=moved)
 
 
 def _timestamp(started: str) -> float:
@@ -178,12 +188,16 @@ def _with_outcome(entry: SessionEntry, outcome: LogEntry | None) -> SessionEntry
     return replace(entry, status="ended", outcome=status, reason=reason, seconds=seconds)
 
 
-def missing_entries(sessions: Iterable[StudySession], log: Sequence[LogEntry]) -> list[MissingEntry]:
+def missing_entries(
+    sessions: Iterable[StudySession], log: Sequence[LogEntry], after: Collection[str] = ()
+) -> list[MissingEntry]:
     """What the log does not say although the folders do, in the order in which it happened: that a session began and
-    holds its slot, and how it was judged. A session that was judged before its engine went away is over.
+    holds its slot, what a program has said of checks after it, and how it was judged. A session that was judged before
+    its engine went away is over.
 
     :param sessions: as `read_sessions` gives them.
     :param log: all entries.
+    :param after: ids of the study's checks after sessions.
     """
     known = {_text(each, "folder") for each in log if each.kind == "session"}
     judged = {_text(each, "session") for each in log if each.kind == "outcome"}
@@ -195,13 +209,21 @@ def missing_entries(sessions: Iterable[StudySession], log: Sequence[LogEntry]) -
             continue
         if entry.slot is not None and (entry.participant, entry.slot) not in held:
             held.add((entry.participant, entry.slot))
-            missing.append(MissingEntry("taken", {"slot": entry.slot, "participant": entry.participant}))
+            moved = {"instead_of": session.reassigned.was} if session.reassigned is not None else {}
+            fields = {"slot": entry.slot, "participant": entry.participant, **moved}
+            missing.append(MissingEntry("taken", fields))
         if session.name not in known:
-            missing.append(MissingEntry("session", session_fields(session.name, info)))
+            labels = session.reassigned.labels if session.reassigned is not None else {}
+            missing.append(MissingEntry("session", {**session_fields(session.name, info), **labels}))
         if session.name in judged or entry.status == "running" or entry.purpose != "counted":
             continue
         verdict = read_verdict(session.path)
         report = verdict.report
+        told = read_checks(session.path, after) if after else {}
+        made = {_text(each, "id") for each in log if each.kind == "checked" and each.get("session") == session.name}
+        missing += [
+            MissingEntry("checked", checked_fields(entry, told[id])) for id in after if id in told.keys() - made
+        ]
         if report is None and session.abandoned and entry.status == "unfinished":
             report = OutcomeReport(status="aborted", reason=GIVEN_UP)
         if report is not None:
@@ -226,6 +248,23 @@ def session_fields(name: str, info: SessionInfo) -> dict[str, Json]:
         "folder": name,
         "started": info.started,
         "scenario_hash": info.scenario_hash,
+    }
+
+
+def checked_fields(entry: SessionEntry, report: CheckReport) -> dict[str, Json]:
+    """What the log says of a check after a session, which somebody has reported to the session itself."""
+    return {
+        "id": report.id,
+        "when": "after",
+        "text": report.text,
+        "result": report.result,
+        "value": report.value,
+        "reason": report.reason,
+        "source": report.source,
+        "purpose": entry.purpose,
+        "participant": entry.participant,
+        "run": entry.run,
+        "session": entry.folder,
     }
 
 
@@ -277,17 +316,35 @@ def read_verdict(path: Path) -> Verdict:
         return Verdict(None, 0.0)
 
 
+def read_checks(path: Path, ids: Collection[str]) -> dict[str, CheckReport]:
+    """What was reported of some checks while a session ran, by id; the last of each.
+
+    :param path: the session's folder.
+    :param ids: of the checks.
+    """
+    found: dict[str, CheckReport] = {}
+    with suppress(OSError), (path / JOURNAL).open("rb") as file:
+        for input in _inputs_from_end(file, _CHECK):
+            if isinstance(input, CheckReport) and input.id in ids:
+                found.setdefault(input.id, input)
+    return found
+
+
 def _last_outcome(file: BinaryIO) -> OutcomeReport | None:
-    for position in _positions_from_end(file, _OUTCOME):
+    return next((each for each in _inputs_from_end(file, _OUTCOME) if isinstance(each, OutcomeReport)), None)
+
+
+def _inputs_from_end(file: BinaryIO, wanted: bytes) -> Iterator[AnyInput]:
+    """The inputs in whose lines some bytes stand, the last first."""
+    for position in _positions_from_end(file, wanted):
         begin = max(0, position - _BEFORE_INPUT)
         file.seek(begin)
         begin += file.read(position - begin).rfind(b"\n") + 1
         file.seek(begin)
         with suppress(LineError):
             found = read_line(file.readline().removesuffix(b"\n"))
-            if isinstance(found, InputLine) and isinstance(found.input, OutcomeReport):
-                return found.input
-    return None
+            if isinstance(found, InputLine):
+                yield found.input
 
 
 def _last_time(file: BinaryIO) -> float:

@@ -15,6 +15,7 @@ from msgspec import Struct
 
 from rise_engine.study.checked import due_after_checks
 from rise_engine.study.design import runs as runs_of_design
+from rise_engine.study.labels import reassignments
 from rise_engine.study.model import (
     CellStanding,
     Participant,
@@ -79,10 +80,12 @@ def places_of(participants: Sequence[Participant], log: Sequence[LogEntry]) -> P
     for each in log:
         if each.kind == "excluded":
             excluded[str(each.get("participant"))] = str(each.get("reason") or "")
-    judged = {(each.get("participant"), each.get("session")): each for each in log if each.kind == "outcome"}
-    for each in judged.values():  # the last outcome of each session
+    judged = {each.get("session"): each for each in log if each.kind == "outcome"}
+    moved = reassignments(log)
+    for name, each in judged.items():  # the last outcome of each session
         if each.get("status") == "excluded":
-            excluded.setdefault(str(each.get("participant")), str(each.get("reason") or ""))
+            owner = moved[str(name)].participant if name in moved else str(each.get("participant"))
+            excluded.setdefault(owner, str(each.get("reason") or ""))
     last_taken: dict[str, int] = {}
     takers: dict[int, str] = {}
     levels: dict[int, dict[str, str]] = {}
@@ -90,6 +93,7 @@ def places_of(participants: Sequence[Participant], log: Sequence[LogEntry]) -> P
         if each.kind == "taken":
             slot, participant = int(each.get("slot") or 0), str(each.get("participant"))
             last_taken[participant], takers[slot] = slot, participant
+            last_taken.pop(str(each.get("instead_of")), None)  # their session was another one's
             levels[slot] = {str(name): str(level) for name, level in dict(each.get("levels") or {}).items()}
     for participant, slot in last_taken.items():
         if takers[slot] != participant and participant not in withdrawn:
@@ -255,7 +259,7 @@ def _cells(
         holder = by_slot.get(row.slot)
         if holder is not None:
             count[holder.state != "complete"] += 1
-        count[2] += rows[stratum] <= study.n and (not between or bool(row.levels))
+        count[2] += not row.strata and rows[stratum] <= study.n and (not between or bool(row.levels))
     return tuple(
         CellStanding(dict(strata), condition, complete, open, planned)
         for (strata, condition), (complete, open, planned) in counts.items()

@@ -162,7 +162,7 @@ class OpenStudy:
         """Write what the session folders say and the log does not."""
         entries = self.log.entries()
         sessions = read_sessions(self.folder, files.study.id, entries)
-        for missing in missing_entries(sessions, entries):
+        for missing in missing_entries(sessions, entries, _after(files.study)):
             self.log.append(missing.kind, **missing.fields)
         for session in sessions:  # judged while it was unfinished: nobody is to be asked about it any more
             if session.left_open and session.entry.outcome is not None and not session.abandoned:
@@ -173,7 +173,7 @@ class OpenStudy:
 def _state(files: StudyFiles, log: Sequence[LogEntry]) -> StudyStatus:
     study, folder = files.study, Path(files.study.folder)
     sessions = read_sessions(folder, study.id, log)
-    if missing := missing_entries(sessions, log):
+    if missing := missing_entries(sessions, log, _after(study)):
         log = [*log, *(_entry_of(each) for each in missing)]
         sessions = read_sessions(folder, study.id, log)
     problems = _plan_problems(files, log)
@@ -190,6 +190,11 @@ def _state(files: StudyFiles, log: Sequence[LogEntry]) -> StudyStatus:
         plan_hash=files.plan_hash,
         problems=tuple(problems),
     )
+
+
+def _after(study: Study) -> tuple[str, ...]:
+    """The ids of its checks after sessions."""
+    return tuple(check.id for check in study.checks if check.when == "after")
 
 
 def _entry_of(missing: MissingEntry) -> LogEntry:

@@ -34,7 +34,17 @@ SET_ASIDE_FILE = "study.jsonl.torn"
 WRITTEN = ("reason", "text", "value")
 """Fields that hold what somebody wrote."""
 EntryKind: TypeAlias = Literal[
-    "planned", "taken", "session", "checked", "outcome", "excluded", "withdrawn", "redacted", "exported", "written"
+    "planned",
+    "taken",
+    "session",
+    "checked",
+    "outcome",
+    "reassigned",
+    "excluded",
+    "withdrawn",
+    "redacted",
+    "exported",
+    "written",
 ]
 WAIT_SECONDS, TRY_SECONDS = 10.0, 0.01
 """How long somebody waits for another program that writes just now. That takes milliseconds."""

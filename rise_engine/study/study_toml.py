@@ -16,7 +16,7 @@ from rise_engine.scenario.model import Mode, Scenario, SourceLocation
 from rise_engine.scenario.source_files import MAX_TOML_BYTES, FileReader
 from rise_engine.scenario.toml_locations import TomlFile, read_toml
 from rise_engine.scenario.toml_tables import TomlTable, is_integer
-from rise_engine.scenario.tree import FileTree
+from rise_engine.scenario.tree import FileTree, Held
 from rise_engine.study.check_tables import read_checks
 from rise_engine.study.design import PLAN_COLUMNS, cells, runs, with_hashes
 from rise_engine.study.factor_tables import read_factors
@@ -25,6 +25,7 @@ from rise_engine.study.model import AssignmentSettings, BetweenMethod, Study, Wi
 from rise_engine.study.personal_data import WHY, personal_column
 from rise_engine.study.plan import rows_wanted
 from rise_engine.study.quantities import DAY, parse_length
+from rise_engine.study.questionnaires import read_questionnaires
 from rise_engine.study.recording_table import read_recording
 from rise_engine.study.report_table import read_report
 from rise_engine.study.study_scenarios import load_scenarios
@@ -47,6 +48,7 @@ TOP_KEYS = (
     "retention",
     "recording",
     "report",
+    "questionnaire",
 )
 _ASSIGNMENT_KEYS = ("between", "block", "strata", "within", "spare", "hidden")
 BETWEEN: tuple[BetweenMethod, ...] = ("blocks", "minimise", "random", "list")
@@ -86,29 +88,31 @@ def is_study(path: str | os.PathLike[str]) -> bool:
     return (Path(path) / STUDY_FILE).is_file()
 
 
-def load_study(folder: str | os.PathLike[str], *, check_scenarios: bool = True) -> StudyLoad:
+def load_study(folder: str | os.PathLike[str], *, check_scenarios: bool = True, held: Held | None = None) -> StudyLoad:
     """Read and check a study's design.
 
     :param folder: the study's, or the study.toml in it.
     :param check_scenarios: also load every scenario that it names, and compare its memory with the levels'. That takes
         up to half a second for each.
+    :param held: contents that are read instead of the disk, by the names of their files.
     :return: the checked study with its warnings, or no study and everything that is wrong, each with file, line,
         column and a sentence. Nothing that an author wrote raises an error, nor does a file that cannot be read.
     """
     path = Path(folder)
     path = path.parent if path.name == STUDY_FILE else path
     with limited_comparisons():
-        return _load(Path(os.path.abspath(path)), check_scenarios=check_scenarios)  # noqa: PTH100  # keeps symbolic links
+        path = Path(os.path.abspath(path))  # noqa: PTH100  # keeps symbolic links
+        return _load(path, held, check_scenarios=check_scenarios)
 
 
-def _load(folder: Path, *, check_scenarios: bool) -> StudyLoad:
+def _load(folder: Path, held: Held | None, *, check_scenarios: bool) -> StudyLoad:
     diagnostics = Diagnostics()
-    if not (folder / STUDY_FILE).exists():
+    if not (folder / STUDY_FILE).exists() and STUDY_FILE not in (held or {}):
         message = "there is no such folder" if not folder.is_dir() else f"there is no {STUDY_FILE} in this folder"
         message += "; `rise-engine study new` makes a study"
         diagnostics.error("unreadable", SourceLocation(str(folder)), message)
         return StudyLoad(None, diagnostics.sorted())
-    tree = FileTree(folder, closed=True)
+    tree = FileTree(folder, held, closed=True)
     source = FileReader(folder, diagnostics, tree).read(folder / STUDY_FILE, MAX_TOML_BYTES)
     file = read_toml(source, diagnostics) if source is not None else None
     if source is None or file is None:
@@ -181,6 +185,7 @@ class _StudyReader:
             retention=self.read_retention(),
             recording=read_recording(table, folder),
             report=read_report(table),
+            questionnaires=read_questionnaires(table, folder),
         )
         self.check_size(study)
         return study

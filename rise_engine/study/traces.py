@@ -12,16 +12,17 @@ from pathlib import Path
 
 from rise_engine.kernel.inputs import RecordingReport, SessionStarted
 from rise_engine.kernel.records import RecordingRecord, SessionRecord
+from rise_engine.scenario.file_names import PARTICIPANTS_FILE as PARTICIPANTS_FILE
 from rise_engine.scenario.file_names import STUDY_FILE as STUDY_FILE
 from rise_engine.session.errors import SessionError
 from rise_engine.session.folder import JOURNAL, read_info
 from rise_engine.session.journal_format import InputLine, JournalLine, LineError, read_line
 from rise_engine.session.media import MEDIA_FILE, MediaError, MediaFile, media_path, read_media
 from rise_engine.session.redaction import is_searched
+from rise_engine.study.labels import reassignment_of
 from rise_engine.study.sessions import SESSIONS
 from rise_engine.study.study_log import LOG_FILE
 
-PARTICIPANTS_FILE = "participants.csv"
 WORK_FOLDER = ".withdrawing"
 """In the study's folder, while somebody's data are being erased."""
 MANIFEST_FILE = "manifest-sha256.txt"
@@ -48,6 +49,17 @@ def wizard_names(study: Path | None) -> dict[str, str]:
     return {name: str(each) for name, each in found.items()} if isinstance(found, dict) else {}
 
 
+def questionnaire_files(study: Path) -> set[str]:
+    """The files of questionnaires, from the study's folder on, as study.toml names them; also when something else
+    there is wrong."""
+    try:
+        found = tomllib.loads((study / STUDY_FILE).read_text("utf-8")).get("questionnaire")
+    except (OSError, ValueError):
+        return set()
+    tables = found.values() if isinstance(found, dict) else ()
+    return {os.path.normpath(str(each["file"])) for each in tables if isinstance(each, dict) and "file" in each}
+
+
 def folders_in(sessions: Path) -> list[Path]:
     """The folders in a folder, in order; none where there is none."""
     try:
@@ -57,7 +69,10 @@ def folders_in(sessions: Path) -> list[Path]:
 
 
 def owner_of(folder: Path) -> str:
-    """Whose session it is: by its record, or its session.toml, or else its name; empty when nobody can know."""
+    """Whose session it is: by its study's log, where that has reassigned it, by its record, or its session.toml, or
+    else its name; empty when nobody can know."""
+    if (moved := reassignment_of(folder)) is not None:
+        return moved.participant
     try:
         return read_info(folder, compare=False).participant
     except SessionError:
@@ -145,6 +160,7 @@ def _readable_lines(folder: Path) -> Iterator[JournalLine]:
 def find_names(study: Path, participant: str) -> list[str]:
     """Where a pseudonym still stands in a study's folder, and what is to be done about it, in sentences."""
     found = []
+    theirs = {PARTICIPANTS_FILE, *questionnaire_files(study)}
     for path in sorted(study.rglob("*")):
         name = path.relative_to(study)
         if name.parts[0] == WORK_FOLDER:  # it goes, or whoever withdraws them is told why it cannot
@@ -159,13 +175,15 @@ def find_names(study: Path, participant: str) -> list[str]:
         if not lines:
             continue
         where = ", ".join(map(str, lines[:5])) + (f" and {len(lines) - 5} more" if len(lines) > 5 else "")
-        found.append(f"{name}, line{'s' if len(lines) > 1 else ''} {where}: {_advice(name, participant)}")
+        advice = _OF_PEOPLE if str(name) in theirs else _advice(name, participant)
+        found.append(f"{name}, line{'s' if len(lines) > 1 else ''} {where}: {advice}")
     return found
 
 
+_OF_PEOPLE = "delete the line yourself, because nothing but people writes in this file"
+
+
 def _advice(name: Path, participant: str) -> str:
-    if str(name) == PARTICIPANTS_FILE:
-        return "delete the line yourself, because nothing but people writes in this file"
     if name.parts[0] == SESSIONS and len(name.parts) == 3 and name.name == MEDIA_FILE:
         return f"give that file a name without it, then rise-engine media remove {name.parts[1]} and media add"
     if name.parts[0] == SESSIONS and len(name.parts) > 2:

@@ -17,11 +17,13 @@ from typing import Any
 
 from msgspec.structs import replace
 
+from rise_engine.nearest_name import did_you_mean
 from rise_engine.session.disk import Disk, error_message
 from rise_engine.session.erasure import erase_file
 from rise_engine.session.folder import JOURNAL, sessions_folder
 from rise_engine.session.lock import is_journal_locked, read_holder, running_message
 from rise_engine.study.erasable import Facts, why_not_export, why_not_recording
+from rise_engine.study.labels import reassignments
 from rise_engine.study.sessions import SESSIONS
 from rise_engine.study.study_log import LOG_FILE, SET_ASIDE_FILE, LockedLog, LogEntry, read_log
 from rise_engine.study.traces import (
@@ -52,6 +54,9 @@ from rise_engine.study.withdrawal_work import (
 )
 from rise_engine.study.withdrawn import PREFIX, hash_pseudonym, is_withdrawn, new_salt
 
+_NAMING = frozenset({"participant", "was", "instead_of"})
+"""Fields of the log's entries that name one."""
+
 
 def plan_withdrawal(study: Path, participant: str) -> WithdrawalPlan:
     """What withdrawing a participant would erase. Nothing is changed.
@@ -71,7 +76,9 @@ def plan_withdrawal(study: Path, participant: str) -> WithdrawalPlan:
         return plan
     if any(_concerns(each, participant, set()) for each in log) or lines_naming(study / PARTICIPANTS_FILE, participant):
         return plan
-    raise WithdrawalError(f"the study in {study} knows no participant {participant!r}; nothing was done")
+    known = {str(each.get("participant")) for each in log if each.get("participant")}
+    near = did_you_mean(participant, sorted(name for name in known if not name.startswith(PREFIX)), limit=0)
+    raise WithdrawalError(f"the study in {study} knows no participant {participant!r}{near}; nothing was done")
 
 
 def withdraw(
@@ -114,7 +121,7 @@ def _take_out(
     erased; None: there is nothing."""
     erase_unlisted(study, disk)
     erase_file(log.path.with_name(f"{LOG_FILE}.new"), disk)  # somebody was killed who wrote the log anew
-    entries = log.entries()
+    entries = _by_owner(log.entries(), participant)
     plan = _make_plan(study, participant, entries)
     plan.kept = list(keep)
     work = left_work(study, participant)
@@ -168,6 +175,18 @@ def _rewrite_log(log: LockedLog, entries: list[LogEntry], participant: str, own:
     _clear_set_aside(log.path.with_name(SET_ASIDE_FILE), participant, own, disk)
 
 
+def _by_owner(entries: Sequence[LogEntry], participant: str) -> list[LogEntry]:
+    """The log, in which sessions that were run as this participant and are another one's are that one's."""
+    owners = {name: each for name, each in reassignments(entries).items() if each.participant != participant}
+    found: list[LogEntry] = []
+    for entry in entries:
+        moved = owners.get(str(entry.get("folder") or entry.get("session")))
+        if moved is not None and entry.kind in ("session", "outcome") and entry.get("participant") == participant:
+            entry = replace(entry, fields={**entry.fields, **moved.labels})
+        found.append(entry)
+    return found
+
+
 def _is_about(entry: LogEntry, participant: str, own: set[str]) -> bool:
     """Whether an entry is about them; an export that holds them is erased, so it need not be known any more."""
     sessions = {str(entry.get("session")), str(entry.get("folder"))}
@@ -190,10 +209,9 @@ def _without_name(entry: LogEntry, participant: str, name: str) -> dict[str, Any
     in what somebody wrote."""
     if not participant.isdigit():
         entry = entry.with_written(partial(name_pattern(participant).sub, name))
-    fields = {**entry.fields}
-    if fields.get("participant") == participant:
-        fields["participant"] = name
-    return fields
+    return {
+        field: name if field in _NAMING and value == participant else value for field, value in entry.fields.items()
+    }
 
 
 def _clear_set_aside(path: Path, participant: str, own: set[str], disk: Disk) -> None:

@@ -11,6 +11,7 @@ import hashlib
 import secrets
 from collections.abc import Iterable, Sequence
 
+from msgspec import Struct
 from msgspec.structs import replace
 
 from rise_engine.study.study_log import LogEntry
@@ -39,6 +40,20 @@ def is_withdrawn(participant: str, log: Iterable[LogEntry]) -> bool:
         return True
     entries = [each for each in log if each.kind == "withdrawn"]
     return any(hash_pseudonym(participant, str(each.get("salt"))) == each.get("hash") for each in entries)
+
+
+class Withdrawn(Struct, frozen=True):
+    """How many have withdrawn; nothing else is known of them."""
+
+    count: int = 0
+    begun: int = 0
+    """Of these, who had begun."""
+
+
+def withdrawn_of(log: Iterable[LogEntry]) -> Withdrawn:
+    """How many have withdrawn, as the log has it."""
+    entries = [each for each in log if each.kind == "withdrawn"]
+    return Withdrawn(len(entries), sum(each.get("slot") is not None for each in entries))
 
 
 def without_salts(log: Sequence[LogEntry]) -> list[LogEntry]:

@@ -16,7 +16,7 @@ from msgspec.structs import replace
 from rise_engine.engine.clock import VirtualClock
 from rise_engine.engine.drivers import make_robot
 from rise_engine.engine.engine import Engine
-from rise_engine.kernel.inputs import Note, Submit
+from rise_engine.kernel.inputs import Note, SessionStarted, Submit
 from rise_engine.kernel.records import AnyRecord, TaskRecord
 from rise_engine.kernel.view import SessionView
 from rise_engine.protocol.session_options import SessionOptions
@@ -67,7 +67,13 @@ class Trial:
     """
 
     def __init__(
-        self, scenario: Scenario, *, seed: int = 1, condition: str = "", memory: dict[str, Any] | None = None
+        self,
+        scenario: Scenario,
+        *,
+        seed: int = 1,
+        condition: str = "",
+        memory: dict[str, Any] | None = None,
+        started: SessionStarted | None = None,
     ) -> None:
         """Begins at once, at time 0, with nothing started.
 
@@ -75,6 +81,7 @@ class Trial:
         :param seed: what is picked by chance follows from it.
         :param condition: one of the scenario's conditions, whose memory values it begins with.
         :param memory: values that it begins with instead of the start values, by key.
+        :param started: what it begins with instead, as a session of a study does.
         :raises ValueError: there is no such condition.
         :raises RobotOptionsError: the robot's profile has options that the simulated driver does not understand.
         """
@@ -84,6 +91,7 @@ class Trial:
         self.seed = seed
         self.condition = condition
         self.start_memory = dict(memory or {})
+        self._started = started or first_input(scenario, SessionOptions(scenario.folder, condition=condition))
         self.steps: list[TrialStep] = []
         """What was done, the last one last."""
         self.problem = ""
@@ -98,8 +106,7 @@ class Trial:
         self.records: list[AnyRecord] = []
         """All of it so far."""
         robot = make_robot(scenario.robot, "debug", self.clock, self.seed)
-        started = first_input(scenario, SessionOptions(scenario.folder, condition=self.condition))
-        started = replace(started, memory={**started.memory, **self.start_memory})
+        started = replace(self._started, memory={**self._started.memory, **self.start_memory})
         sinks = (self.records.append, self.view.apply)
         self._engine = Engine(scenario, robot, self.clock, self.seed, started=started, sinks=sinks)
         self._engine.start()

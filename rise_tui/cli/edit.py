@@ -16,7 +16,9 @@ from rise_engine.edit.workspace import Workspace
 from rise_engine.errors import RiseError
 from rise_engine.exit_status import REFUSED, USAGE
 from rise_engine.protocol.registry import RegistryError, ask_summary
+from rise_engine.scenario.file_names import PARTICIPANTS_FILE, SCENARIO_FILE, STUDY_FILE
 from rise_engine.session.folder import running_sessions
+from rise_engine.study.review import findings_of_files
 from rise_tui.cli.terminal import PlainTerminal
 from rise_tui.config.display import DisplayOptions, prepare_textual, with_detected_colors
 from rise_tui.config.paths import expand_home, key_file_path
@@ -68,8 +70,9 @@ def edit(folder: str, *, robot: str | None, keys: str | None, display: DisplayOp
         click.echo("the editor needs a terminal; `rise-engine edit` needs none", err=True)
         return USAGE
     path = expand_home(folder)
-    path = path.parent if path.name in ("scenario.toml", "study.toml") else path
-    below = scenarios_below(path)
+    of_study = path.name in (STUDY_FILE, PARTICIPANTS_FILE)
+    path = path.parent if of_study or path.name == SCENARIO_FILE else path
+    below = scenarios_below(path) if not of_study else []
     if len(below) > 1:
         click.echo(f"{folder} is a study of several scenarios. Which one? Type one of:", err=True)
         for each in below:
@@ -77,7 +80,7 @@ def edit(folder: str, *, robot: str | None, keys: str | None, display: DisplayOp
         return USAGE
     path = Path(os.path.normpath(below[0])) if below else path
     try:
-        workspace = Workspace(path, robot=robot)
+        workspace = Workspace(path, robot=robot, also_check=findings_of_files)
     except EditRefused as refused:
         click.echo(str(refused), err=True)
         return REFUSED

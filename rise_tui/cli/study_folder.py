@@ -24,7 +24,7 @@ from rise_engine.session.errors import SessionError
 from rise_engine.session.folder import JOURNAL
 from rise_engine.session.journal_format import InputLine, JournalHeader, LineError, read_line
 from rise_engine.session.lock import is_journal_locked, read_holder
-from rise_engine.study.begin import BeginRequest, CannotBegin, plan_session
+from rise_engine.study.begin import BeginRequest, CannotBegin, plan_session, turn_warning
 from rise_engine.study.judge import CannotJudge, judge_session
 from rise_engine.study.model import OutcomeStatus, SessionEntry, Study, StudyCheck, StudyStanding
 from rise_engine.study.participants import load_participants
@@ -155,6 +155,8 @@ class StudyFolder:
             recorded=str(self._root),
             recorders=recorders_text(recording.settings),
             unrecorded=recording.remark,
+            language=plan.language,
+            warning=turn_warning(state, plan),
             context=CheckContext(
                 study,
                 plan.participant,

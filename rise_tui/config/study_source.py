@@ -73,6 +73,10 @@ class SessionPreview(Struct, frozen=True):
     """Of the scenario."""
     recorders: str = ""
     """What records it besides: `camera (obs), bag (rosbag2)`; empty: nothing does."""
+    language: str = ""
+    """The participant's, as the study says it; empty: it does not."""
+    warning: str = ""
+    """That somebody else is next, as a sentence; empty: it is their turn."""
     unrecorded: str = ""
     """Why what the study has does not record it, or not all of it, as a sentence; empty: it does, or there is none."""
 

@@ -10,6 +10,7 @@ from textual.app import App
 
 from rise_engine.edit.plan import EditRefused
 from rise_engine.edit.workspace import Workspace
+from rise_engine.study.review import findings_of_files
 from rise_tui.editing.model.draft import StudyDraft, draft_of
 from rise_tui.editing.screen import EditScreen
 from rise_tui.editing.study import EditedStudy
@@ -21,7 +22,7 @@ async def open_editor(app: App[object], folder: str, refuse: Callable[[str], Non
     """`refuse` is told why it does not open. `runs`: whether a session runs here, so that the stop key must work."""
 
     def read() -> tuple[Workspace, StudyDraft]:
-        workspace = Workspace(Path(folder))
+        workspace = Workspace(Path(folder), also_check=findings_of_files)
         return workspace, draft_of(workspace)
 
     try:

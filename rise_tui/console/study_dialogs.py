@@ -69,8 +69,10 @@ def plan_lines(
         condition = HIDDEN
     real = plan.mode == "real"
     counts: StyledSpan = (f"yes, slot {plan.slot}", "plain") if counted else (f"no: {plan.request.purpose}", "wait")
-    lines: list[StyledLine] = [
-        _line("participant", (plan_title(plan), "strong")),
+    lines: list[StyledLine] = [_line("not in turn", (text, "wait")) for text in wrap(plan.warning, TEXT) if text]
+    language: StyledSpan = (f"   language {clean(plan.language)}" if plan.language else "", "strong")
+    lines += [
+        _line("participant", (plan_title(plan), "strong"), language),
         _line("condition", (condition, "muted" if condition == HIDDEN else "strong")),
         _line("mode", (plan.mode.upper(), "wait" if real else "accent"), ("  the robot moves" * real, "plain")),
         _line("robot", (plan.robot, "plain")),
@@ -187,9 +189,15 @@ def ask_outcome(
     gives_up: bool = False,
 ) -> None:
     """How a session that is over is to count. `gives_up`: it did not end, and nobody will go on with it."""
-    lines = entry_lines(entry)
-    lines += ["", "It is given up: nobody goes on with it." if gives_up else "It ended, and nobody said how it counts."]
-    app.push_screen(OutcomeDialog(f"How does it count? {entry_title(entry, conditions)}", lines, ends=False), take)
+    because = f": {clean(entry.reason)}" if entry.reason else ""
+    if entry.outcome is not None:
+        sentences = wrap(f"It counts as {entry.outcome}{because}. The study's log keeps that, too.", TEXT)
+    else:
+        how = "It is given up: nobody goes on with it." if gives_up else "It ended, and nobody said how it counts."
+        sentences = [how]
+    title = f"How does it count? {entry_title(entry, conditions)}"
+    lines = [*entry_lines(entry), "", *sentences]
+    app.push_screen(OutcomeDialog(title, lines, ends=False, corrects=entry.outcome is not None), take)
 
 
 def ask_about_unfinished(

@@ -19,6 +19,7 @@ from textual.message import Message
 from textual.screen import Screen
 
 from rise_engine.kernel.inputs import CheckReport
+from rise_engine.nearest_name import did_you_mean
 from rise_engine.study.model import ParticipantStanding, SessionEntry
 from rise_tui.actions import ON_STUDY_SCREEN, bindings_in, bindings_of
 from rise_tui.config.keymap import KeyFile, how_to_mend
@@ -142,6 +143,11 @@ class StudyScreen(Screen[None]):
         if standing is None or not (self._goes_to_next or self._select):
             return
         self.lists.select(self._select or standing.next)
+        names = [each.participant for each in standing.participants]
+        if self._select and self._select not in names:
+            near = did_you_mean(self._select, names)
+            self.say(f"there is no participant {self._select!r} in participants.csv{near}", "wait")
+            self.lists.select(standing.next)
         self._select = ""
         self._goes_to_next = not standing.next and any(running_people(standing))  # one is just ending: it comes then
 
@@ -205,6 +211,8 @@ class StudyScreen(Screen[None]):
             "study.open": self.open_selected,
             "study.rehearse": self.rehearse_selected,
             "study.report": self.report_selected,
+            "study.outcome": self.judge_selected,
+            "study.people": lambda: self._open_editor(self._source.folder),
             "study.wizard": lambda: self._ask_name(lambda: None),
             "study.reload": self._reload,
             "filter": self.lists.open_find,
@@ -220,7 +228,9 @@ class StudyScreen(Screen[None]):
             calls[action]()
 
     def _edit(self) -> None:
-        folder = str(Path(self._source.folder, self.loaded.study.scenario if self.loaded.study is not None else ""))
+        self._open_editor(str(Path(self._source.folder, self.loaded.study.scenario if self.loaded.study else "")))
+
+    def _open_editor(self, folder: str) -> None:
         self.run_worker(open_editor(self.app, folder, self.say, runs=self._running_entry() is not None))
 
     def _reload(self) -> None:
@@ -314,6 +324,19 @@ class StudyScreen(Screen[None]):
         else:
             who = each.participant if each is not None else "nobody is selected"
             self.say(f"{who}: no session has ended, so there is no report yet" if each is not None else who, "wait")
+
+    def judge_selected(self) -> None:
+        """Say anew how the last session of the participant under the cursor counts."""
+        each = self.lists.selected
+        entry = each.sessions[-1] if each is not None and each.sessions else None
+        if entry is None:
+            who = each.participant if each is not None else "the study"
+            self.say(f"{who} has no session yet, so there is no outcome to correct", "wait")
+        elif entry.status != "ended" or entry.outcome is None:
+            self.open_selected()  # it asks for the first one
+        else:
+            last = entry
+            self._named(lambda: study_dialogs.ask_outcome(self.app, last, self.conditions, partial(self._judge, last)))
 
     def show_report(self, title: str, folder: str) -> None:
         """The report of a session that has just ended here, over this screen."""

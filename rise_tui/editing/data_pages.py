@@ -14,6 +14,7 @@ from rise_engine.edit.plan import EditRefused
 from rise_tui.editing.form_page import FormPage
 from rise_tui.editing.model.data_fields import (
     SCENARIO_FILE,
+    STUDY_FILE,
     act_setting_choices,
     act_setting_edit,
     key_choices,
@@ -21,8 +22,9 @@ from rise_tui.editing.model.data_fields import (
     memory_fields,
     new_key_edits,
     setting_fields,
+    toml_values,
 )
-from rise_tui.editing.model.draft import FilePlace, count
+from rise_tui.editing.model.draft import FilePlace, count, is_study_alone
 from rise_tui.editing.model.fields import EditField
 from rise_tui.editing.page import EditFrame
 from rise_tui.rendering.text import StyledLine, crop
@@ -224,13 +226,17 @@ class SettingsPage(DataPage):
 
     @property
     def hints(self) -> Mapping[str, str]:
-        return {"edit.open": "change", "edit.add": "of an act", "edit.remove": "clear"}
+        add = "check" if is_study_alone(self.draft) else "of an act"
+        return {"edit.open": "change", "edit.add": add, "edit.remove": "clear"}
 
     def make_fields(self) -> Sequence[EditField]:
         return setting_fields(self.draft)
 
     def add(self) -> None:
-        """How the console and the scheduler treat an act."""
+        """How the console and the scheduler treat an act; of a study, a check that somebody confirms."""
+        if is_study_alone(self.draft):
+            self._add_check()
+            return
 
         def take(chosen: str) -> None:
             edit, id = act_setting_edit(chosen)
@@ -241,6 +247,17 @@ class SettingsPage(DataPage):
             self.frame.choose("How is an act treated?", choices, take)
         else:
             self.frame.say("there is no act yet whose treatment could be set", "wait")
+
+    def _add_check(self) -> None:
+        def take(asked: str) -> None:
+            given = toml_values(self.draft, STUDY_FILE).get("check", [])
+            number = len(given) if isinstance(given, list) else 0
+            path = ("check", str(number))
+            edit = SetSetting(path, {"id": f"check{number + 1}", "ask": asked, "when": "before"}, file=STUDY_FILE)
+            self.frame.make(edit, then=lambda: self.go_to("\0".join((STUDY_FILE, *path, "id"))))
+
+        hint = "What somebody confirms before a session: The door is closed"
+        self.frame.ask_text("A new check", "", take, hint=hint)
 
     @property
     def place(self) -> FilePlace | None:

@@ -26,7 +26,7 @@ from rise_tui.editing.bars import BannerLine, EditHints, EditTopLine, FindingLin
 from rise_tui.editing.chooser import AskText, Chooser, ManyChooser
 from rise_tui.editing.exploring import Explorer, ExploringBeside
 from rise_tui.editing.finding_list import choose_finding
-from rise_tui.editing.model.draft import StudyDraft, count
+from rise_tui.editing.model.draft import StudyDraft, count, is_study_alone
 from rise_tui.editing.model.explored import ExploredStudy
 from rise_tui.editing.model.fields import FieldChoice
 from rise_tui.editing.model.study_rows import row_id
@@ -117,7 +117,7 @@ class EditScreen(Screen[None]):
     def _explore(self) -> None:
         """Explore what is saved now, beside everything else; what an earlier one has not found yet is not wanted."""
         self.workers.cancel_group(self, "explore")
-        if self._exploring.ask(self.study.draft):
+        if not is_study_alone(self.study.draft) and self._exploring.ask(self.study.draft):
             self.run_worker(self._explore_saved(self.study.draft), group="explore")
 
     async def _explore_saved(self, draft: StudyDraft) -> None:

@@ -12,7 +12,7 @@ from textual.widget import Widget
 
 from rise_engine.edit.edits import AddAct, AddRule, AnyEdit, CopyAct, CopyRule, RemoveAct, RemoveRule, Rename
 from rise_tui.editing.model.act_rows import action_with
-from rise_tui.editing.model.draft import FilePlace
+from rise_tui.editing.model.draft import FilePlace, is_study_alone
 from rise_tui.editing.model.fields import FieldChoice
 from rise_tui.editing.model.study_rows import (
     act_preview,
@@ -66,6 +66,8 @@ class StudyPage(EditPage):
     @property
     def hints(self) -> Mapping[str, str]:
         kind, _ = self.current
+        if is_study_alone(self.draft):
+            return {"edit.open": "open"}
         also = {"edit.rename": "rename", "edit.copy": "copy"} if kind in ("act", "rule") else {}
         return {"edit.open": "open", "edit.add": "add", **also}
 
@@ -125,7 +127,7 @@ class StudyPage(EditPage):
             "edit.remove": lambda: self._remove(kind, name),
             "edit.uses": lambda: self._show_uses(kind, name),
         }
-        if action not in calls:
+        if action not in calls or (is_study_alone(self.draft) and action != "edit.open"):
             return False
         calls[action]()
         return True

@@ -13,10 +13,13 @@ from textual.geometry import Size
 from textual.message import Message
 from textual.widget import Widget
 
-from rise_engine.edit.edits import AnyEdit, RemoveRow
-from rise_engine.edit.tables import WrittenCells
+from rise_engine.edit.edits import AddRow, AnyEdit, RemoveRow
+from rise_engine.edit.plan import EditRefused
+from rise_engine.edit.tables import WrittenCells, table_names
+from rise_engine.scenario.file_names import PARTICIPANTS_FILE, STUDY_FILE
 from rise_engine.text import clean
-from rise_tui.editing.model.draft import FilePlace, count
+from rise_tui.editing.model.data_fields import toml_values
+from rise_tui.editing.model.draft import FilePlace, count, is_study_alone
 from rise_tui.editing.model.table_grid import (
     Grid,
     GridRow,
@@ -27,6 +30,9 @@ from rise_tui.editing.model.table_grid import (
     grid_of,
     hidden_columns,
     is_selectable,
+    new_column,
+    new_table,
+    next_pseudonym,
     row_at_line,
 )
 from rise_tui.editing.page import EditFrame
@@ -35,7 +41,7 @@ from rise_tui.rendering.text import ListRow, StyledLine, crop, plain_text, wrap
 from rise_tui.widgets.row_list import RowView
 from rise_tui.widgets.static_lines import StaticLines
 
-EMPTY = "this study has no tables (tables/NAME.csv)"
+EMPTY = "this study has no tables yet: n makes one"
 CELL_ROWS = 4
 """Rows for the cell under the cursor, whole."""
 
@@ -128,7 +134,15 @@ class TablesPage(SentencePage):
 
     @property
     def hints(self) -> Mapping[str, str]:
-        return {"edit.open": "change", "edit.add": "row", "edit.remove": "remove row"}
+        words = {"edit.open": "change", "edit.add": "row", "edit.behind": "column", "edit.remove": "remove row"}
+        if self.is_of_study:
+            return {**words, "edit.add": "participant"}
+        return {**(words if self.grid.current is not None else {}), "edit.new-state": "new table"}
+
+    @property
+    def is_of_study(self) -> bool:
+        """Whether the files are those of a study of participants, and of no scenario."""
+        return is_study_alone(self.draft)
 
     @property
     def own_hints(self) -> Sequence[tuple[str, str]]:
@@ -172,7 +186,8 @@ class TablesPage(SentencePage):
         self._begins_at = ""
         number = len(grid.tables) + len(grid.problems)
         note = EMPTY if not number else f"find {self._wanted}" if self._wanted else count(number, "table")
-        head: StyledLine = ((" TABLES", "strong"), (f"  {clean(note)}", "wait" if self._wanted else "muted"))
+        title = " PARTICIPANTS" if self.is_of_study else " TABLES"
+        head: StyledLine = ((title, "strong"), (f"  {clean(note)}", "wait" if self._wanted else "muted"))
         self.head.show(crop(head, max(20, self.size.width)))
         if self.is_typing and self.row is None:
             self.close_field()
@@ -234,13 +249,19 @@ class TablesPage(SentencePage):
             "edit.open": self.open_current,
             "edit.add": self.add,
             "edit.remove": self.remove_row,
+            "edit.behind": self.add_column,
+            "edit.new-state": self.add_table,
         }
-        if action not in calls:
+        if action not in calls or (action == "edit.new-state" and self.is_of_study):
             return False
-        if self.row is not None:
+        if self.row is not None or action == "edit.new-state":
             calls[action]()
         elif action == "edit.add" and self.grid.current is not None:
             self._add_to(self.grid.current.table, -1)
+        elif action == "edit.behind" and self.grid.current is not None:
+            self.add_column()
+        elif action == "edit.add" and not self.grid.grid.rows:
+            self.add_table()
         else:
             self.frame.say(EMPTY if not self.grid.grid.rows else "there is no row under the cursor", "wait")
         return True
@@ -286,14 +307,59 @@ class TablesPage(SentencePage):
 
     def _add_to(self, name: str, after: int) -> None:
         table = self.grid.grid.tables[name].cells
-        new = GridRow(name, after + 1)
+        if name == PARTICIPANTS_FILE:
+            end = len(table.rows)
+            self.frame.ask_text(
+                "A new participant", next_pseudonym(table),
+                lambda typed: self._make_row(AddRow(name, {"participant": typed.strip()}, end)),
+                hint="A pseudonym of letters and digits: P09.",
+            )  # fmt: skip
+        else:
+            self._make_row(copied_row(name, table, after))
+
+    def _make_row(self, edit: AddRow) -> None:
+        new = GridRow(edit.table, edit.at or 0)
 
         def go_to_new() -> None:
             self.grid.select(new)
             self._draw_cell()
             self.frame.draw_bars()
 
-        self.frame.make(copied_row(name, table, after), then=go_to_new)
+        self.frame.make(edit, then=go_to_new)
+
+    def add_column(self) -> None:
+        """A column behind the one under the cursor."""
+        current = self.grid.current
+        if current is None or current.table not in self.grid.grid.tables:
+            self.frame.say("there is no table under the cursor", "wait")
+            return
+        name, width = current.table, len(self.grid.grid.tables[current.table].cells.columns)
+        at = min(self.grid.column, width - 1) + 1
+        participants = toml_values(self.draft, STUDY_FILE).get("participants", {})
+        further = participants.get("columns", []) if isinstance(participants, dict) else []
+        self.frame.ask_text(
+            f"A new column of {name}", "",
+            lambda typed: self.frame.make(*new_column(name, typed, at, further), then=lambda: self._go_to_column(at)),
+            hint="Its name; a translation is called text.de.",
+        )  # fmt: skip
+
+    def add_table(self) -> None:
+        """A table with columns, in which rows are added then."""
+
+        def ask_columns(name: str) -> None:
+            def make(columns: str) -> None:
+                try:
+                    edit = new_table(table_names(self.draft.files), name, columns)
+                except EditRefused as refused:
+                    self.frame.say(str(refused), "wait")
+                    return
+                self.frame.make(edit, then=lambda: self.grid.select(GridRow(name, -1)))
+
+            self.frame.ask_text(f"The columns of {name}", "", make, hint="Names with commas between: id, text, text.de")
+
+        self.frame.ask_text(
+            "A new table", "", lambda typed: ask_columns(typed.strip()), hint="Its name, as texts call it: items."
+        )
 
     def remove_row(self) -> None:
         """The row under the cursor goes."""

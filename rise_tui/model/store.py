@@ -476,6 +476,10 @@ class Store:
                 self.notice = Notice(text)
         if record.status == "SUCCEEDED" and record.function == "raiseEventTopic":
             self._unhandled_events.expect(record)
+        elif record.status == "SUCCEEDED" and record.function == "markCue":
+            scenario = self.scenario
+            if scenario.cue_keep is None and CUE_EVENTS[record.function] in scenario.topics:
+                self._unhandled_events.expect_cue(record)
         if record.status == "ACTIVE" and record.function in ("startCommunicationRobotAct", "say"):
             self.shown_act = "" if record.function == "say" else record.behavior
         elif record.status == "ACTIVE" and record.function == "startInteractionRule" and not self.shown_rule:

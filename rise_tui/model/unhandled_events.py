@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from rise_engine.kernel.records import EventRecord, TaskRecord
+from rise_engine.kernel.records import ENGINE, EventRecord, TaskRecord
 from rise_engine.kernel.view import SessionView, TaskView
-from rise_engine.scenario.model import normal_topic
+from rise_engine.scenario.model import CUE_TOPICS, normal_topic
 from rise_tui.model.notice import Notice
 
 JUST_STARTED_SECONDS = 1.0
@@ -26,9 +26,13 @@ class UnhandledEvents:
         """A task has raised its event, or what it has kept comes to its end."""
         self._raised.setdefault((normal_topic(record.behavior), record.source), []).append(record.id)
 
+    def expect_cue(self, record: TaskRecord) -> None:
+        """A task has marked the participant's cue, for which rules of this scenario wait; it is not kept."""
+        self._raised.setdefault((CUE_TOPICS[0], ENGINE), []).append(record.id)
+
     def record_outcome(self, record: EventRecord, view: SessionView) -> Notice | None:
         """An event found its rule, or nobody; what to tell the wizard about it."""
-        event = normal_topic(record.topic), record.source
+        event = topic, source = normal_topic(record.topic), record.source
         ids = self._raised.get(event, [])
         task = ids.pop(0) if ids else None
         if not ids:
@@ -37,7 +41,11 @@ class UnhandledEvents:
             return None
         if task is not None:
             self._unhandled.append(task)
-        return Notice(f"{record.topic}: nobody was waiting for it", "wait") if _is_by_wizard(record, view) else None
+        if source == ENGINE and topic == CUE_TOPICS[0]:
+            is_by_wizard = view.cue is not None and view.cue.source.startswith("wizard:")
+        else:
+            is_by_wizard = _is_by_wizard(record, view)
+        return Notice(f"{record.topic}: nobody was waiting for it", "wait") if is_by_wizard else None
 
 
 def _is_by_wizard(record: EventRecord, view: SessionView) -> bool:

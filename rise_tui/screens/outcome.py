@@ -26,7 +26,7 @@ MEANINGS: dict[str, str] = {
     "excluded": "They do not count; their slot goes to the next participant.",
 }
 CHOOSE = "say how it is to count: complete, aborted or excluded (← →)"
-NEEDS_REASON = ("aborted", "excluded")
+NEEDS_REASON: tuple[OutcomeStatus, ...] = ("aborted", "excluded")
 
 
 class Outcome(NamedTuple):
@@ -73,12 +73,15 @@ class OutcomeDialog(SingleDismissModal[Outcome | None]):
     }
     """
 
-    def __init__(self, title: str, lines: Sequence[str], *, ends: bool) -> None:
-        """`ends`: a session is ended by this, which wants the word typed, as everywhere."""
+    def __init__(self, title: str, lines: Sequence[str], *, ends: bool, corrects: bool = False) -> None:
+        """`ends`: a session is ended by this, which wants the word typed, as everywhere. `corrects`: somebody has said
+        another outcome before, so that each needs a reason."""
         super().__init__()
         self._title, self._lines, self._ends = title, lines, ends
+        self._need_reason = OUTCOMES if corrects else NEEDS_REASON
         self.choice = OpenChoice(OUTCOMES, "", id="outcome")
-        self.reason = TextField(id="reason", placeholder="needed when it is aborted or excluded", select_on_focus=False)
+        hint = "why it is another one" if corrects else "needed when it is aborted or excluded"
+        self.reason = TextField(id="reason", placeholder=hint, select_on_focus=False)
         self.word = TextField(id="word", select_on_focus=False)
 
     def compose(self) -> ComposeResult:
@@ -137,7 +140,7 @@ class OutcomeDialog(SingleDismissModal[Outcome | None]):
         if not self.choice.value:
             self.set_focus(self.choice)
             return CHOOSE
-        if self.choice.value in NEEDS_REASON and not self.reason.value.strip():
+        if self.choice.value in self._need_reason and not self.reason.value.strip():
             self.set_focus(self.reason)
             return f"{self.choice.value}: say why, for the record"
         return ""

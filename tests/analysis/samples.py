@@ -243,7 +243,7 @@ def play_session(
         loaded.files,
         seed=seed,
         speed=1.0,
-        faults=(),
+        faults=first.injected_faults,
         begun=first,
         wizard="anna",
         versions=VERSIONS,

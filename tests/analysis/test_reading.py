@@ -239,8 +239,9 @@ def test_moments(data: SessionData) -> None:
 def test_repairs_are_counted(data: SessionData, tmp_path: Path) -> None:
     repairs = data.repairs
     assert (repairs.repeated, repairs.stepped_back, repairs.cues_undone, repairs.canceled, repairs.released) == (
-        *(1, 1, 1, 2, 1),
+        *(1, 1, 1, 1, 1),
     )
+    assert repairs.total == 4, "stopping everything, and releasing that, is no repair"
     script = [
         act("Ask", 1.0),
         act("Thanks", 1.5, calling="Interrupt"),  # by a wizard: counts

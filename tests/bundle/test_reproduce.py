@@ -348,6 +348,19 @@ def test_without_a_fault_the_same_robot_does_the_same(tmp_path: Path) -> None:
     assert kinds == [(each.seq, type(each).__name__, each.t) for each in recorded.records[:-1]]
 
 
+def test_what_the_end_of_the_session_stops_is_no_other_way(tmp_path: Path) -> None:
+    """The robot smiles when the session ends; the other robot has smiled by then."""
+    scenario = write_scenario(tmp_path / "scenario")
+    (scenario / "rules" / "look.xml").write_text(LOOK.replace("500ms", "5s"), "utf-8")
+    (scenario / "acts" / "smile.xml").write_text(SMILE, "utf-8")
+    script = [act("Nod", 1.0), act("Smile", 18.0)]
+    folder = play_session(tmp_path / "sessions", script, scenario=scenario, until=18.5)
+    (folder / "scenario" / "robots").mkdir(exist_ok=True)
+    (folder / "scenario" / "robots" / "quick.toml").write_text(QUICK, "utf-8")
+    comparison = compare_on_robot(folder, "quick")
+    assert (comparison.acts_differ, comparison.rules_differ, comparison.acts) == ([], [], 1)
+
+
 def test_tasks_about_tasks_find_theirs_although_numbers_differ(tmp_path: Path) -> None:
     """On the other robot, an act is not repeated after a failure, so every later task has another number."""
     script = [act("Point", 1.0), act("Answer", 20.0), (20.5, task("cancelTask", "3")), act("Nod", 30.0)]

@@ -164,6 +164,7 @@ class FakeStudy:
         self.started: list[tuple[SessionRequest, tuple[CheckReport, ...], str]] = []
         self.attached: list[SessionEntry] = []
         self.recovered: list[SessionEntry] = []
+        self.language, self.warning = "", ""
         self.judged: list[tuple[SessionEntry, OutcomeStatus, str, str]] = []
         self.clients: list[FakeClient] = []
         self.reported: list[str] = []
@@ -209,6 +210,8 @@ class FakeStudy:
             checks=() if mode == "debug" else pending("before", self.now.study.checks),
             keys=self.keys,
             recorders=self.recorders,
+            language=self.language,
+            warning=self.warning,
             unrecorded=self.unrecorded,
         )
 

@@ -270,7 +270,7 @@ def test_participants_and_sessions(dataset: Path) -> None:
         ("sub-P03", "n/a", "yes", "de"),
     ]
     sessions = table(dataset / "sub-P01" / "sub-P01_scans.tsv")
-    assert [(each["factor_noise"], each["run"], each["outcome"]) for each in sessions] == [
+    assert [(each["factor_noise"], each["rise_run"], each["outcome"]) for each in sessions] == [
         ("quiet", "1", "complete"),
         ("loud", "2", "complete"),
     ]
@@ -281,6 +281,18 @@ def test_participants_and_sessions(dataset: Path) -> None:
     text = "".join(path.read_text("utf-8") for path in dataset.rglob("*") if path.is_file())
     assert "a secret" not in text
     assert "consent" not in text
+
+
+def test_no_column_is_called_as_an_entity(dataset: Path) -> None:
+    """pybids takes what a sidecar says of `session` for the entity, and cannot count it."""
+    entities = {"subject", "session", "task", "acquisition", "run", "recording", "datatype", "suffix", "extension"}
+    for path in dataset.rglob("*.json"):
+        assert not entities & set(json.loads(path.read_text("utf-8"))), path
+
+
+def test_the_stimuli_have_no_code_that_is_no_address(dataset: Path) -> None:
+    described = json.loads((dataset / "task-hesitation_events.json").read_text("utf-8"))
+    assert "Code" not in described["StimulusPresentation"]
 
 
 def test_everything_is_private_to_its_owner(dataset: Path) -> None:

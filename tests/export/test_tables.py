@@ -15,10 +15,11 @@ import pytest
 from rise_engine.analysis.model import ActorKind, PointKind
 from rise_engine.analysis.reading import read_sessions
 from rise_engine.export import table_levels
+from rise_engine.export.course_tables import CODED
 from rise_engine.export.format import ExportError
 from rise_engine.export.tables import FORMAT, TABLES
 from rise_engine.export.writing import export_context, export_sessions
-from rise_engine.kernel.inputs import Submit
+from rise_engine.kernel.inputs import SessionStarted, Submit
 from rise_engine.kernel.records import (
     ActionStatus,
     CheckResult,
@@ -96,6 +97,13 @@ def test_frictionless_accepts_sessions_of_no_study(tmp_path: Path) -> None:
     (recovery,) = [row for row in rows(out, "events") if row["kind"] == "recovery"]
     assert (recovery["name"], recovery["outage_s"], recovery["duration"]) == ("recovered", "95", "0")
     assert any(row["outage_s"] for row in rows(out, "acts"))  # what was under way is lost, after the outage
+
+
+def test_a_simulated_robot_is_said_to_be_one_in_any_mode(tmp_path: Path) -> None:
+    begun = SessionStarted(participant="P01", injected_faults=("PointAt=fail@1", "Speech=slow"))
+    session = play_session(tmp_path / "sessions", [], started=begun, mode="real", until=1.0)
+    (row,) = rows(make_tables(tmp_path, [session]), "sessions")
+    assert (row["mode"], row["driver"], row["injected_faults"]) == ("real", "simulated", "PointAt=fail@1 ; Speech=slow")
 
 
 FIRST_TASK = "1"
@@ -188,7 +196,7 @@ def test_sessions_sum_up_their_acts(tables: Path) -> None:
         assert int(session["responses_over_2s"]) == sum(each > 2 for each in responses)
         assert int(session["mistakes"]) == sum(each["mark"] != "" for each in theirs)
         assert int(session["fillers"]) == sum(each["filler"] == "true" for each in theirs)
-        mended = ("acts_repeated", "steps_back", "cues_undone", "acts_stopped", "stops_released")
+        mended = ("acts_repeated", "steps_back", "cues_undone", "acts_stopped")
         assert int(session["repairs"]) == sum(int(session[name]) for name in mended)
 
 
@@ -307,7 +315,8 @@ def test_every_column_is_described_and_filled(tables: Path) -> None:
     assert [each["path"] for each in package["resources"]] == [schema.file for schema in TABLES]
     for each in package["resources"]:
         names = [field["name"] for field in each["schema"]["fields"]]
-        assert names == list(rows(tables, each["name"])[0]), "every column of the file, in its order"
+        header = (tables / each["path"]).read_text("utf-8").partition("\n")[0]
+        assert names == header.split(","), "every column of the file, in its order"
         assert len(names) == len(set(names)) and all(field["description"] for field in each["schema"]["fields"])
         for field in each["schema"]["fields"]:
             timed = field["name"].endswith(("_at", "_s")) or field["name"] in (
@@ -315,6 +324,7 @@ def test_every_column_is_described_and_filled(tables: Path) -> None:
                 "onset",
                 "duration",
                 "start",
+                "begin",
                 "end",
             )
             assert (field.get("unit") == "s") == timed, field["name"]
@@ -329,11 +339,13 @@ def test_every_column_is_described_and_filled(tables: Path) -> None:
             "within_s",
             "study_hash",
         ),  # of recordings; see above
-        "outcome_reason",
+        *("outcome_reason", "injected_faults"),
         *("outage_s", "wall_s", "response_outage_s"),  # of sessions that were recovered
     }
     for schema in TABLES:
         found = rows(tables, schema.name)
+        if schema is CODED:
+            continue  # nobody has annotated these; tests/export/test_coded.py has such tables
         empty = {name for name in found[0] if not any(row[name] for row in found)}
         assert empty <= never | {"value", "reason"}, (schema.name, empty)
 

@@ -14,6 +14,7 @@ from rise_engine.kernel.records import (
     ActionRecord,
     CueRecord,
     EventRecord,
+    KeptRecord,
     MistakeRecord,
     SessionRecord,
     TaskRecord,
@@ -223,6 +224,57 @@ def test_rules_wait_for_the_cue(tmp_path: Path) -> None:
     s.submit("undoCue")
     assert s.states == {"R": "a"}
     assert [record.source for record in of(s, EventRecord)] == ["engine", "engine"]
+
+
+CUE_RULE = (
+    '<InteractionRule name="R" initial="ask"><State id="ask"><transition eventTopic="/go" target="listen"/></State>'
+    '<State id="listen"><transition eventTopic="/cue" target="heard"><function startCommunicationRobotAct="Answer"/>'
+    '</transition></State><State id="heard"/></InteractionRule>'
+)
+
+
+def early_cue(folder: Path, toml: str) -> Session:
+    """A cue that is marked before the rule waits for it."""
+    s = Session(read(write(folder, acts=ACTS, rules=CUE_RULE, toml=toml)))
+    s.rule("R")
+    press(s, "markCue")
+    return s
+
+
+def test_a_cue_that_is_too_early_is_lost_unless_it_is_kept(tmp_path: Path) -> None:
+    s = early_cue(tmp_path / "lost", "")
+    s.submit("raiseEventTopic", "/go")
+    assert s.states == {"R": "listen"}
+    assert not of(s, KeptRecord)
+    s = early_cue(tmp_path / "kept", '[cue]\nkeep = "3s"')
+    s.wait(2.9)
+    s.submit("raiseEventTopic", "/go")
+    assert s.states == {}
+    assert [(kept.topic, kept.status) for kept in of(s, KeptRecord)] == [("/cue", "kept"), ("/cue", "taken")]
+    marked, raised, act = (
+        next(task for task in of(s, TaskRecord) if task.function == name)
+        for name in ("markCue", "raiseEventTopic", "startCommunicationRobotAct")
+    )
+    assert (raised.source, raised.behavior, raised.cause) == ("engine", "/cue", marked.id)
+    assert act.cause == raised.id
+
+
+@pytest.mark.parametrize(
+    ("function", "ended"),
+    [("undoCue", ["taken-back"]), ("stopAll", ["taken-back"]), ("markCue", ["taken-back", "kept", "expired"])],
+)
+def test_a_kept_cue_ends(tmp_path: Path, function: str, ended: list[str]) -> None:
+    s = early_cue(tmp_path, '[cue]\nkeep = "3s"')
+    s.wait(2)
+    press(s, function)
+    s.wait(3.1)
+    assert [kept.status for kept in of(s, KeptRecord)] == ["kept", *ended]
+
+
+def test_a_cue_for_which_no_rule_waits_is_not_kept(tmp_path: Path) -> None:
+    s = session(tmp_path, '[cue]\nkeep = "3s"')
+    press(s, "markCue")
+    assert [task.function for task in of(s, TaskRecord)] == ["markCue"]
 
 
 # --- fillers ---

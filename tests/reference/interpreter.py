@@ -121,7 +121,8 @@ class Interpreter:
 
     def _start(self, input: SessionStarted) -> None:
         told = ("participant", "condition", "study", "study_hash", "slot", "run", "attempt", "purpose", "factors")
-        self.told = {name: getattr(input, name) for name in told}
+        self.told = {name: getattr(input, name) for name in (*told, "driver")}
+        self.told["injected_faults"] = list(input.injected_faults)
         self._session_record("started")
         self.session.memory.begin()
         self.session.memory.set_by_condition(input.memory, "study" if input.study else "condition")

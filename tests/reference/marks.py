@@ -28,7 +28,13 @@ class Marks:
         session.tasks.record(task, "SUCCEEDED")
         self.cue_at = session.now
         session.put("cue", status="marked", source=task.source, text=task.behavior, task=None, since=None)
-        session.rules.raise_engine_event("cue")
+        keep = session.scenario.cue_keep
+        if keep is None or "cue" not in session.scenario.topics:
+            session.rules.raise_engine_event("cue")
+        else:
+            raised = session.tasks.numbered("raiseEventTopic", "/cue", "None", "engine")
+            raised.cause = task.id
+            session.kept.raise_event(raised, "cue", keep)
         self.nothing_by_itself()
         seconds = session.scenario.fillers.auto_after
         if seconds is not None and self._next() is not None:
@@ -43,6 +49,9 @@ class Marks:
         self.cue_at = None
         self.nothing_by_itself()
         session.put("cue", status="undone", source=task.source, text="", task=None, since=None)
+        for kept in list(session.kept.all):
+            if kept.topic == "cue":
+                session.kept.take_back(kept, "the cue was taken back")
         session.rules.raise_engine_event("cue_undone")
 
     def act_starts(self, task: Task) -> None:

@@ -254,6 +254,7 @@ class Author:
             },
             act_settings=settings,
             fillers=FillerSettings(auto_after=self.random.choice([None, 1.0, 3.0])),
+            cue_keep=self.random.choice([None, 1.5]) if self.turns else None,
             known_keys=frozenset({"k0", "k1", "k2", "name", "pause", "person", "missing4", *PARTS_AT_FIRST}),
             on_failure=self.random.choice(POLICIES) if self.going_on else "go_on",
             reads_session=self.turns,

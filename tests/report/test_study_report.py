@@ -20,6 +20,7 @@ from rise_engine.report.study_facts import study_figures
 from rise_engine.report.study_report import StudyReportInput, study_report
 from rise_engine.study.report_table import ITEM_NAMES, REPORT_ITEMS
 from rise_engine.study.state import read_state
+from rise_engine.study.withdrawn import Withdrawn
 from tests.analysis.samples import DESIGN, make_study, sessions_of
 from tests.report.pages import PageReader
 from tests.report.test_page import assert_harmless
@@ -210,7 +211,7 @@ def test_the_example_of_report_in_the_reference_is_whole():
 
 def test_withdrawn_people_are_counted_and_not_named(study):
     state = read_state(study)
-    given = StudyReportInput(state.study, state.standing, study_figures([]), withdrawn=2)
+    given = StudyReportInput(state.study, state.standing, study_figures([]), withdrawn=Withdrawn(2, 1))
     flow = next(block for section in study_report(given).sections for block in section.blocks)
     assert isinstance(flow, Facts) and ("Withdrawn", "2") in flow.rows
     assert "2 withdrawn" in " ".join(sentence for item in given.sheet for sentence in item.known)

@@ -76,4 +76,4 @@ def make_study(
     columns = {f"s{at}": tuple(f"v{value}" for value in range(size)) for at, size in enumerate(strata or [])}
     settings = AssignmentSettings(method, block, tuple(columns), orders, spare)
     study = Study("/nowhere", "Study", "study", seed, n, "scenario", "debug", factors, settings, columns)
-    return with_hashes(study, b"")
+    return with_hashes(study, {})

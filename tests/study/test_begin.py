@@ -7,8 +7,9 @@ from typing import Any
 
 import pytest
 
+from rise_engine.cli.study_status import next_json
 from rise_engine.kernel.inputs import CheckReport, OutcomeReport, SessionStarted
-from rise_engine.study.begin import BeginRequest, CannotBegin, SessionPlan, plan_session
+from rise_engine.study.begin import BeginRequest, CannotBegin, SessionPlan, plan_session, turn_warning
 from rise_engine.study.state import OpenStudy, StudyStatus, StudyUnusable, read_state
 from rise_engine.study.study_log import LockedLog
 
@@ -98,10 +99,14 @@ def test_the_second_run_is_the_rest_of_the_order_and_the_second_attempt_the_same
             ["'no+quiet' is not the condition of P01 in run 1: the plan gives it, so leave --condition away"],
         ),
         (BeginRequest("P1", seed=1), 2),
-        (BeginRequest("P 1", purpose="training"), ["'P 1' is no pseudonym: letters and digits"]),
+        (
+            BeginRequest("p07", mode="debug"),
+            ["there is no participant 'p07' in participants.csv; did you mean `P07`?"],
+        ),
+        (BeginRequest("P77", purpose="training"), 1),
         (BeginRequest("X1", purpose="pilot"), 1),
         (
-            BeginRequest("X1", purpose="training", condition="no+lou"),
+            BeginRequest("", purpose="training", condition="no+lou"),
             ["`noise` has no level `lou`; did you mean `loud`?"],
         ),
         (BeginRequest("", mode="debug", run=3), ["there is no run 3: every participant has 2"]),
@@ -194,7 +199,7 @@ def test_without_a_plan_only_a_named_condition_can_be_rehearsed(tmp_path: Path) 
     state = read_state(tmp_path)
     assert refusal(state, BeginRequest("P01")) == ["there is no plan yet: rise-engine study plan makes it"]
     assert "--condition" in refusal(state, BeginRequest("P01", mode="debug"))[0]
-    plan = begins(state, "T1", purpose="training", condition="no+loud", run=2)
+    plan = begins(state, "", purpose="training", condition="no+loud", run=2)
     assert (plan.run.run, plan.run.memory) == (2, {"hesitation": False, "noise": 3})
 
 
@@ -233,3 +238,15 @@ def test_what_is_wrong_with_its_files_is_said_with_their_lines(tmp_path: Path) -
     with pytest.raises(StudyUnusable), OpenStudy(tmp_path / "nowhere"):
         pass
     assert not (tmp_path / "nowhere").exists()
+
+
+def test_somebody_who_is_not_next_is_named_with_their_language(tmp_path: Path) -> None:
+    people = "P01,2026-11-01,,,en\nP02,2026-11-02,,,de\nP03,2026-11-02,,,\n"
+    design = DESIGN.replace("n = 4", "n = 2") + '\n[participants]\ncolumns = ["language"]\n'
+    write_study(tmp_path, design, HEAD.strip() + ",language\n" + people)
+    state = read_state(tmp_path)
+    assert turn_warning(state, begins(state, "P01")) == ""
+    assert turn_warning(state, begins(state, "P02")) == "P01 (en) is next; you are about to open P02 (de)"
+    assert turn_warning(state, begins(state, "P03")) == "P01 (en) is next; you are about to open P03"
+    assert turn_warning(state, begins(state, "P02", mode="debug")) == ""
+    assert ", language en" in next_json(state)["sentence"]

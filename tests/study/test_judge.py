@@ -13,9 +13,10 @@ from rise_engine.protocol.session_options import SessionOptions
 from rise_engine.server.preparation import ServeRefused, SessionPreparation
 from rise_engine.session import lock
 from rise_engine.session.lock import HOLDER_FILE, LockHolder
-from rise_engine.study.judge import CannotJudge, exclude_participant, judge_session
+from rise_engine.study.judge import CannotJudge, exclude_participant, judge_session, reassign_session
 from rise_engine.study.state import OpenStudy, read_state
 from rise_engine.study.study_log import LockedLog, read_log
+from rise_engine.study.withdrawal import withdraw
 
 from .studies import ENDED, session_folder, write_journal, write_study
 
@@ -164,3 +165,116 @@ def test_sessions_are_in_the_order_of_their_moments_also_when_clocks_are_set_bac
         ]
         info.write_text("\n".join(lines))
     assert [each.entry.participant for each in read_state(folder).sessions] == ["P01", "P02"]
+
+
+# --- reassigned -------------------------------------------------------------------------------------------------------
+
+ABORTED = OutcomeReport(t=50.0, status="aborted", reason="the wrong participant")
+COMPLETE = OutcomeReport(t=50.0, status="complete")
+
+
+def reassign(folder: Path, session: Path, name: str, reason: str = "P02 sat there") -> str:
+    """Why it cannot be; empty: it was done."""
+    try:
+        with OpenStudy(folder) as open:
+            reassign_session(open, session.name, name, reason)
+    except CannotJudge as error:
+        return str(error)
+    return ""
+
+
+def test_a_session_goes_to_the_one_who_heard_it_and_its_row_with_it(folder: Path) -> None:
+    path = session(folder, "P01", ABORTED)
+    before = (path / "journal.jsonl").read_bytes(), (path / "session.toml").read_bytes()
+    assert reassign(folder, path, "P02") == ""
+    state = read_state(folder)
+    (moved,) = state.sessions
+    assert (moved.entry.participant, moved.entry.slot, moved.entry.attempt, moved.differences) == ("P02", 1, 1, ())
+    assert (state.state_of("P01"), state.state_of("P02")) == ("waiting", "aborted")
+    assert state.places.slots == {"P02": 1}
+    assert [each.participant for each in state.standing.participants if each.sessions] == ["P02"]
+    assert before == ((path / "journal.jsonl").read_bytes(), (path / "session.toml").read_bytes())
+    with OpenStudy(folder) as open:  # nothing is left for the next one to write
+        assert [each.kind for each in open.log.entries()] == [each.kind for each in read_log(folder)]
+    assert [each.kind for each in read_log(folder)][-2:] == ["reassigned", "taken"]
+
+
+def test_a_killed_command_leaves_nothing_half_done(folder: Path) -> None:
+    """Between the two lines of the log: the next one who opens the study writes the second."""
+    path = session(folder, "P01", ABORTED)
+    assert reassign(folder, path, "P02") == ""
+    log = folder / "study.jsonl"
+    log.write_bytes(b"".join(log.read_bytes().splitlines(keepends=True)[:-1]))
+    state = read_state(folder)
+    assert state.places.slots == {"P02": 1} and state.state_of("P01") == "waiting"
+
+
+def test_who_has_a_row_of_their_own_keeps_it(folder: Path) -> None:
+    session(folder, "P02", ABORTED, slot=2)
+    path = session(folder, "P01", ABORTED)
+    assert reassign(folder, path, "P02") == ""
+    state = read_state(folder)
+    assert state.places.slots == {"P02": 2, "P01": 1} and state.state_of("P01") == "waiting"
+    assert [(each.entry.participant, each.entry.slot, each.entry.attempt) for each in state.sessions] == [
+        ("P02", 2, 1),
+        ("P02", None, 2),
+    ]
+    assert judge(folder, "P02", "excluded", "gone home", path.name) == "excluded"
+    assert read_state(folder).sessions[-1].differences == ()
+
+
+def test_it_can_be_given_back(folder: Path) -> None:
+    path = session(folder, "P01", ABORTED)
+    assert (reassign(folder, path, "P02"), reassign(folder, path, "P01", "it was P01 after all")) == ("", "")
+    state = read_state(folder)
+    assert state.places.slots == {"P01": 1} and state.sessions[0].differences == ()
+    assert (state.state_of("P01"), state.state_of("P02")) == ("aborted", "waiting")
+
+
+def test_an_excluding_outcome_goes_with_it(folder: Path) -> None:
+    path = session(folder, "P01", OutcomeReport(t=50.0, status="excluded", reason="fell asleep"))
+    assert reassign(folder, path, "P02") == ""
+    assert read_state(folder).places.excluded == {"P02": "fell asleep"}
+
+
+@pytest.mark.parametrize(
+    ("outcome", "end", "name", "reason", "problem"),
+    [
+        (ABORTED, True, "P02", " ", "say why it is another participant's: --reason"),
+        (ABORTED, True, "P1", "x", "the study knows no participant 'P1'; did you mean"),
+        (ABORTED, True, "P01", "x", "is P01's already"),
+        (None, True, "P02", "x", "is not judged yet: say first how it counts"),
+        (None, False, "P02", "x", "has not ended: end it first, or give it up"),
+        (COMPLETE, True, "P03", "x", "is complete, and its row of the plan cannot go to P03"),
+    ],
+)
+def test_what_cannot_be_reassigned(
+    folder: Path, outcome: OutcomeReport | None, end: bool, name: str, reason: str, problem: str
+) -> None:
+    session(folder, "P03", ABORTED, slot=3)
+    path = session(folder, "P01", *([outcome] if outcome is not None else []), end=end)
+    with OpenStudy(folder):
+        before = read_log(folder)
+    assert problem in reassign(folder, path, name, reason)
+    assert read_log(folder) == before
+
+
+def test_a_complete_session_takes_its_row_along(folder: Path) -> None:
+    path = session(folder, "P01", COMPLETE)
+    assert reassign(folder, path, "P02") == ""
+    assert read_state(folder).state_of("P02") == "to-go-on"
+
+
+@pytest.mark.parametrize("gone", ["P01", "P02"])
+def test_withdrawal_follows_it(folder: Path, gone: str) -> None:
+    path = session(folder, "P01", ABORTED)
+    assert reassign(folder, path, "P02") == ""
+    withdraw(folder, gone)
+    state = read_state(folder)
+    assert path.exists() == (gone == "P01")
+    assert f'"{gone}"' not in (folder / "study.jsonl").read_text()
+    if gone == "P01":
+        assert state.places.slots == {"P02": 1} and state.sessions[0].differences == ()
+        assert (state.state_of("P02"), state.sessions[0].entry.outcome) == ("aborted", "aborted")
+    else:
+        assert state.places.slots == {} and state.state_of("P01") == "waiting"

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import csv
 import json
 import re
 import shutil
@@ -22,9 +23,9 @@ from rise_engine.kernel.inputs import SessionStarted
 from rise_engine.session.folder import INFO, read_info
 from rise_engine.session.journal_format import with_checksum
 from rise_engine.session.labels import RelabelledError, label_differences
-from rise_engine.study.sessions import SESSIONS
+from rise_engine.study.sessions import SESSIONS, read_verdict
 from rise_engine.study.state import read_state
-from rise_engine.study.study_log import LOG_FILE
+from rise_engine.study.study_log import LOG_FILE, read_log
 
 from ..analysis.samples import make_study, play_session, sessions_of, short
 
@@ -242,3 +243,49 @@ def test_what_is_not_proved_is_named(study: Path, damage: Callable[[Path, Path],
     about = [line for line in lines if line.startswith(f"{folder.name}: ")]
     assert any(told in line for line in about), lines
     assert any(re.match(r"\d of 8 sessions proved", line) for line in lines)
+
+
+# --- reassigned -------------------------------------------------------------------------------------------------------
+
+
+@pytest.fixture
+def moved(study: Path) -> Path:
+    """P02's first session, which was aborted: P04 sat there."""
+    folder = next(each for each in sessions_of(study) if read_verdict(each).report and "P02" in each.name)
+    said = run("study", "reassign", study, folder.name, "P04", "--reason", "P04 sat there")
+    assert said == (0, f"{folder.name} is P04's session now, and not P02's\n")
+    return folder
+
+
+def test_a_reassigned_session_is_its_new_participants_everywhere(moved: Path, study: Path, tmp_path: Path) -> None:
+    facts = read_session(moved).facts
+    assert (facts.participant, facts.slot, facts.attempt, facts.outcome) == ("P04", None, 1, "aborted")
+    assert run("export", study, "--format", "tables", "-o", tmp_path / "tables")[0] == 0
+    with (tmp_path / "tables" / "sessions.csv").open(encoding="utf-8") as file:
+        rows = {each["session"]: each["participant"] for each in csv.DictReader(file)}
+    assert rows[moved.name] == "P04" and list(rows.values()).count("P02") == 2
+    exported = [each for each in read_log(study) if each.kind == "exported"][-1]
+    assert "P04" in exported.get("participants")
+    assert re.search(rf"P04 .*aborted .*{moved.name}", run("sessions", study)[1])
+    assert re.search(r"P04 .*aborted", run("study", "status", study)[1])
+    assert "P04" in run("report", study)[1]
+
+
+def test_the_proof_accepts_just_this_difference_and_names_it(moved: Path, study: Path) -> None:
+    status, said = run("study", "check", "--sessions", study)
+    assert status == 0 and f"{moved.name}: run as P02, and reassigned to P04: P04 sat there" in said
+    (row,) = [
+        each
+        for each in json.loads(run("study", "check", "--sessions", "--json", study)[1])["sessions"]
+        if each["session"] == moved.name
+    ]
+    assert row["proved"] and row["problems"] == [] and row["note"].startswith("run as P02")
+    edit(study / LOG_FILE, '"was":"P02"', '"was":"P03"')
+    status, said = run("study", "check", "--sessions", study)
+    assert status == 1 and 'says participant = "P03", but journal.jsonl says participant = "P02"' in said
+
+
+def test_a_bundle_keeps_it(moved: Path, study: Path, tmp_path: Path) -> None:
+    make_bundle(read_state(study), sessions_of(study), tmp_path / "bundle", BundleOptions("shared"))
+    folder = next(each for each in sessions_of(tmp_path / "bundle") if read_session(each).facts.outcome == "aborted")
+    assert read_session(folder).facts.participant == "P04"

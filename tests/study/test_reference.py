@@ -25,7 +25,7 @@ from tests.study.designs import SCENARIO
 
 PAGE = (Path(__file__).parents[2] / "docs" / "reference" / "study.md").read_text(encoding="utf-8")
 BLOCKS = re.findall(r"^```(\w*)\n(.*?)^```", PAGE, re.MULTILINE | re.DOTALL)
-(TOML,) = [text for kind, text in BLOCKS if kind == "toml"]
+TOML = "\n".join(text for kind, text in BLOCKS if kind == "toml")
 (PYTHON,) = [text for kind, text in BLOCKS if kind == "python"]
 
 

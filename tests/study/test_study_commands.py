@@ -6,6 +6,7 @@ import json
 import os
 import pty
 import select
+import shutil
 import sys
 from collections.abc import Iterator
 from pathlib import Path
@@ -13,6 +14,7 @@ from pathlib import Path
 import pytest
 from click.testing import CliRunner, Result
 
+from rise_engine.checks import kinds
 from rise_engine.cli import main
 from rise_engine.cli import study_answers as answers
 from rise_engine.cli.study_commands import STUDY
@@ -27,6 +29,12 @@ TWO_FACTORS = (
     *("--level", "hesitation.no=hesitation = false", "--factor", "noise=w", "--level", "noise.quiet="),
     *("--level", "noise.loud=distraction = true, pause_ms = 300", "--stratum", "language=de,en"),
 )
+
+
+@pytest.fixture(autouse=True)
+def nothing_is_explored(monkeypatch: pytest.MonkeyPatch) -> None:
+    """What exploring and playing finds is in test_kinds.py."""
+    monkeypatch.setattr(kinds, "QUICK_SECONDS", 0.0)
 
 
 def study(*arguments: str) -> Result:
@@ -73,7 +81,12 @@ def test_a_study_by_options(tmp_path: Path) -> None:
     header = (folder / "participants.csv").read_text()
     assert header == "participant,language,consent_study,consent_video,status,comment\n"
     assert "#   language       de or en" in (folder / "study.toml").read_text()
-    assert sorted(path.name for path in folder.iterdir()) == ["participants.csv", "scenario", "study.toml"]
+    assert sorted(path.name for path in folder.iterdir()) == [
+        ".kinds.json",
+        "participants.csv",
+        "scenario",
+        "study.toml",
+    ]
     assert study("check", str(folder)).output.startswith("no findings (2 factors, 2 cells, 2 runs each, 8 wanted")
 
 
@@ -213,7 +226,10 @@ class Terminal:
         self.pid, self.descriptor = pty.fork()
         if self.pid == 0:
             os.environ.update(COLUMNS="80", LINES="24")
-            os.execv(sys.executable, [sys.executable, "-m", "rise_engine", "study", "new", str(folder)])
+            program = (
+                "from rise_engine.checks import kinds; kinds.QUICK_SECONDS = 0.0; from rise_engine.cli import main"
+            )
+            os.execv(sys.executable, [sys.executable, "-c", f"{program}; main()", "study", "new", str(folder)])
         self.text = ""
         self.answered = 0
         """How far the text is that was there before the question that is to be answered."""
@@ -392,7 +408,7 @@ def test_plan_prints_the_proof(tmp_path: Path) -> None:
     study_folder(tmp_path)
     result = study("plan", str(tmp_path))
     assert result.exit_code == 0
-    assert result.output.startswith(f"Made {tmp_path}/plan.csv.\n\n")
+    assert f"\n\nMade {tmp_path}/plan.csv.\n\n" in result.output
     assert "language=de: " in result.output
     assert "every run is equally often at every place" in result.output
 
@@ -425,6 +441,16 @@ def test_a_study_is_no_scenario(tmp_path: Path) -> None:
     result = CliRunner().invoke(main, ["check", str(study_folder(tmp_path))])
     assert result.exit_code == 2
     assert "is a study, not a scenario: its commands are those of `rise-engine study`" in result.output
+
+
+def test_it_says_that_the_scenario_is_a_copy(tmp_path: Path) -> None:
+    folder, source = tmp_path / "new", tmp_path / "mine" / "greeting"
+    shutil.copytree(Path(__file__).parents[2] / "scenarios" / "greeting", source)
+    result = study("new", str(folder), "--yes", "--scenario", str(source))
+    assert f"{folder / 'scenario'} is a copy: later changes of {source} have no effect here." in result.output
+    text = (folder / "study.toml").read_text("utf-8")
+    assert "# scenario is a copy: later changes of greeting have no effect here. Change the copy." in text
+    assert str(tmp_path) not in text, "a study is given to others"
 
 
 def test_every_command_is_in_the_reference() -> None:

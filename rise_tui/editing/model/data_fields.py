@@ -14,7 +14,7 @@ from rise_engine.edit.plan import EditRefused
 from rise_engine.scenario.model import Json
 from rise_engine.scenario.robot_profiles import robot_names
 from rise_tui.editing.model.act_rows import said_text
-from rise_tui.editing.model.draft import StudyDraft, count
+from rise_tui.editing.model.draft import StudyDraft, count, is_study_alone
 from rise_tui.editing.model.fields import EditField, FieldChoice, no_edits
 from rise_tui.rendering.text import format_value, json_type_name, parse_typed_value
 
@@ -132,6 +132,8 @@ def _key_edits(key: str, entry: Mapping[str, Any], text: str | None) -> tuple[An
 
 def setting_fields(draft: StudyDraft) -> list[EditField]:
     """What scenario.toml, and study.toml where there is one, say besides the keys."""
+    if is_study_alone(draft):
+        return list(_leaves(STUDY_FILE, toml_values(draft, STUDY_FILE)))
     values = toml_values(draft, SCENARIO_FILE)
     fields = []
     for name, help, options in USUAL_SETTINGS:
@@ -143,14 +145,40 @@ def setting_fields(draft: StudyDraft) -> list[EditField]:
                       note=help, choices=choices, is_free=name in ("robot", "on_failure"),
                       edits=partial(_setting, SCENARIO_FILE, (name,), str))
         )  # fmt: skip
-    usual = {name for name, _, _ in USUAL_SETTINGS}
-    rest = {name: value for name, value in values.items() if name not in usual and name != "keys"}
-    fields += _leaves(SCENARIO_FILE, rest)
+    fields += [_private_field(values.get("private")), *_keep_fields(values.get("keys"))]
+    usual = {*(name for name, _, _ in USUAL_SETTINGS), "keys", "private"}
+    fields += _leaves(SCENARIO_FILE, {name: value for name, value in values.items() if name not in usual})
     if STUDY_FILE in draft.files:
         fields += _leaves(STUDY_FILE, toml_values(draft, STUDY_FILE))
     for path, data in draft.above.items():
         fields += _shown_only(path, data)
     return fields
+
+
+def _private_field(given: Any) -> EditField:
+    """The memory keys that are about a person, with commas between."""
+
+    def edits(text: str | None) -> tuple[AnyEdit, ...]:
+        keys = [each.strip() for each in (text or "").split(",") if each.strip()]
+        return (SetSetting(("private",), keys or None),)
+
+    shown = ", ".join(map(str, given)) if isinstance(given, list) else None
+    return EditField("private", "private", "text", shown, note="memory keys about a person: name, age", edits=edits)
+
+
+def _keep_fields(keys: Any) -> Iterator[EditField]:
+    """How long the event of each key is kept until a rule waits for it."""
+    for key, entry in keys.items() if isinstance(keys, dict) else ():
+        if isinstance(entry, dict) and "event" in entry:
+            keep = entry.get("keep")
+            yield EditField(
+                f"keep\0{key}", f"keep of {key}", "text", None if keep is None else _shown(keep),
+                note=f"how long {entry['event']} waits for a rule: 3s", edits=partial(_keep, key),
+            )  # fmt: skip
+
+
+def _keep(key: str, text: str | None) -> tuple[AnyEdit, ...]:
+    return (SetSetting(("keys", key, "keep"), text or None),)
 
 
 def _shown_only(path: str, data: bytes) -> Iterator[EditField]:
@@ -189,6 +217,9 @@ def _leaves(file: str, values: Mapping[str, Any], path: tuple[str, ...] = ()) ->
         at = (*path, name)
         if isinstance(value, dict) and value:
             yield from _leaves(file, value, at)
+        elif isinstance(value, list) and value and all(isinstance(each, dict) for each in value):
+            for number, each in enumerate(value):
+                yield from _leaves(file, each, (*at, str(number)))
         elif _is_plain(value):
             yield EditField(
                 f"{file}\0" + "\0".join(at), ".".join(at), "text", _shown(value),

@@ -16,7 +16,7 @@ from rise_engine.edit.waiting import Outlook
 from rise_engine.edit.workspace import Change, Workspace
 from rise_engine.scenario import LoadResult
 from rise_engine.scenario.diagnostics import Diagnostic
-from rise_engine.scenario.file_names import SCENARIO_FILE
+from rise_engine.scenario.file_names import SCENARIO_FILE, STUDY_FILE
 from rise_engine.scenario.uses import Uses
 
 
@@ -52,6 +52,8 @@ class StudyDraft(Struct, frozen=True):
         """What the study is called."""
         scenario = self.checked.scenario
         title = scenario.title if scenario is not None else written_title(self.files.get(SCENARIO_FILE, b""))
+        if is_study_alone(self):
+            title = written_title(self.files[STUDY_FILE])
         return title or self.folder.rstrip("/").rpartition("/")[2]
 
     @property
@@ -64,6 +66,11 @@ class StudyDraft(Struct, frozen=True):
         """Names of files that differ from what is saved."""
         names = {*self.files, *self.saved}
         return sorted(name for name in names if self.files.get(name) != self.saved.get(name))
+
+
+def is_study_alone(draft: StudyDraft) -> bool:
+    """Whether the files are those of a study of participants whose scenarios are edited apart."""
+    return STUDY_FILE in draft.files and SCENARIO_FILE not in draft.files
 
 
 def first_new_finding(draft: StudyDraft, checked: LoadResult, *, but: Sequence[str] = ()) -> Diagnostic | None:

@@ -6,10 +6,11 @@ import re
 from collections.abc import Sequence
 
 from rise_engine.edit.outline import WrittenAct
+from rise_engine.scenario.file_names import PARTICIPANTS_FILE
 from rise_engine.scenario.model import KeyBinding
 from rise_tui.editing.model.act_rows import action_type, all_texts, what_text, when_text
 from rise_tui.editing.model.act_times import act_seconds
-from rise_tui.editing.model.draft import StudyDraft, count
+from rise_tui.editing.model.draft import StudyDraft, count, is_study_alone
 from rise_tui.editing.model.text_rows import find_text
 from rise_tui.rendering.text import ListRow, StyledLine, StyledSpan, clean, crop, fixed_span, format_seconds, wrap
 
@@ -21,6 +22,11 @@ ALSO = (
     ("tables", "Tables", "lists of items"),
 )
 """Pages besides acts and rules, by their kinds."""
+OF_STUDY = (
+    ("tables", "People", "participants.csv: who takes part"),
+    ("settings", "Design", "study.toml: factors, plan, checks"),
+)
+"""The pages of a study of participants, whose scenarios are edited apart."""
 NAME = 4
 """Cells around a name: the key before it, the mark behind it."""
 
@@ -61,6 +67,9 @@ def study_rows(draft: StudyDraft, width: int, wanted: str = "") -> list[ListRow]
         return ListRow("", line, selectable=False)
 
     rows = [ListRow("", ((f" find {wanted}: esc shows all", "wait"),), selectable=False)] if wanted else []
+    if is_study_alone(draft):
+        of_study = [each for each in OF_STUDY if fits(*each[1:])]
+        return [*rows, *(ListRow(row_id(kind), _also_line(title, help, width)) for kind, title, help in of_study)]
     acts = [act for act in draft.outline.acts if fits(act.name, *(all_texts(action) for action in act.actions))]
     rows.append(heading("ACTS", len(acts)))
     for act in acts:
@@ -159,7 +168,7 @@ def find_at(draft: StudyDraft, file: str, line: int) -> tuple[str, str] | None:
             return "rule", rule.name
     if (view := find_text(draft, file, line)) is not None:
         return "texts", view.name
-    if file.startswith("tables/") and file.lower().endswith(".csv"):
+    if (file.startswith("tables/") and file.lower().endswith(".csv")) or file == PARTICIPANTS_FILE:
         return "tables", f"{file}:{line}"
     by_file = {"memory.json": "memory", "scenario.toml": "settings"}
     return (by_file[file], "") if file in by_file else None

@@ -7,9 +7,12 @@ from functools import lru_cache
 from itertools import accumulate
 from typing import NamedTuple
 
-from rise_engine.edit.edits import AddRow, AnyEdit, SetCell
+from rise_engine.edit.edits import AddColumn, AddRow, AnyEdit, ReplaceFile, SetCell, SetSetting
 from rise_engine.edit.plan import EditRefused
 from rise_engine.edit.tables import WrittenCells, table_names, written_cells
+from rise_engine.scenario.file_names import PARTICIPANTS_FILE, STUDY_FILE
+from rise_engine.scenario.memory import is_writable_key
+from rise_engine.scenario.tables import TABLES_FOLDER
 from rise_engine.text import pluralize
 from rise_tui.editing.model.draft import StudyDraft
 from rise_tui.rendering.text import StyledLine, StyledSpan, cell_width, clean, crop, fixed_span
@@ -87,6 +90,8 @@ def _cells(draft: StudyDraft, name: str) -> GridTable | str:
 
 
 def _is_of(file: str, name: str) -> bool:
+    if name == PARTICIPANTS_FILE:
+        return file in (PARTICIPANTS_FILE, STUDY_FILE)
     folder, _, rest = file.rpartition("/")
     return folder == "tables" and rest.rpartition(".")[0] == name
 
@@ -205,3 +210,41 @@ def copied_row(name: str, table: WrittenCells, after: int) -> AddRow:
     """A row that begins as the one before it: a table has rows without values nowhere."""
     values: Sequence[str] = table.rows[min(after, len(table.rows) - 1)] if table.rows else ["…"] * len(table.columns)
     return AddRow(name, dict(zip(table.columns, values, strict=False)), after + 1)
+
+
+def new_table(names: Sequence[str], name: str, columns: str) -> ReplaceFile:
+    """A table that has columns and no rows yet.
+
+    :param names: those that there are. :param columns: what somebody typed, with commas between.
+    :raises EditRefused: it cannot be called so, or is there, or has no columns, or one twice.
+    """
+    if not is_writable_key(name) or "." in name:
+        raise EditRefused(f"a table's name has letters, digits and _, and begins with a letter; not “{name}”")
+    if name.casefold() in (each.casefold() for each in names):
+        raise EditRefused(f"there is a table {name} already")
+    given = [each.strip() for each in columns.split(",")]
+    if not all(given) or len({*given}) < len(given):
+        raise EditRefused("each column has a name, and no two have the same: id, text, condition")
+    if odd := next((each for each in given if any(sign in each for sign in '";\t')), ""):
+        raise EditRefused(f"a column cannot be called “{odd}” here")
+    return ReplaceFile(f"{TABLES_FOLDER}/{name}.csv", ",".join(given) + "\n")
+
+
+def new_column(table: str, column: str, at: int, further: Sequence[str]) -> tuple[AnyEdit, ...]:
+    """A column, empty in all rows; one of participants.csv stands in study.toml, too.
+
+    :param further: the columns that `[participants]` names.
+    """
+    column = column.strip()
+    if table != PARTICIPANTS_FILE or column.startswith("consent_"):
+        return (AddColumn(table, column, at),)
+    named = SetSetting(("participants", "columns"), [*further, column], file=STUDY_FILE)
+    return AddColumn(table, column, at), *(() if column in further else (named,))
+
+
+def next_pseudonym(cells: WrittenCells) -> str:
+    """What the next participant may be called: P09 after P08; empty where nobody can say."""
+    at = cells.columns.index("participant") if "participant" in cells.columns else -1
+    last = cells.rows[-1][at] if cells.rows and at >= 0 else "P00"
+    digits = last[len(last.rstrip("0123456789")) :]
+    return f"{last[: len(last) - len(digits)]}{int(digits) + 1:0{len(digits)}}" if digits else ""

@@ -9,7 +9,7 @@ from msgspec.structs import replace
 from textual.widgets import Input
 
 from rise_engine.drawing.rule_text import engine_raises_text
-from rise_engine.kernel.records import EventRecord, MemoryRecord
+from rise_engine.kernel.records import CueRecord, EventRecord, MemoryRecord
 from rise_engine.scenario.model import Rule, Scenario, State, Transition
 from rise_tui.panes.memory import MemoryPane
 from rise_tui.rendering.text import fit_end, format_value, heading_line, plain_text
@@ -56,6 +56,20 @@ async def test_an_event_that_nobody_waited_for_is_told_and_stands_in_the_log() -
         it.client.emit(event("wizard:anna"))
         await it.until(lambda: "/next: nobody was waiting for it" in it.notice)
         assert "not taken" in last() and "done" in plain_text(log.row_at(0).line)
+
+
+async def test_a_cue_that_nobody_waited_for_is_told_and_stands_in_the_log() -> None:
+    waits = Rule("Listen", "a", {"a": State("a", transitions=(Transition(event="cue", target="a"),))})
+    scenario = demo()
+    scenario = replace(scenario, rules={**scenario.rules, "Listen": waits}, topics=scenario.topics | {"cue"})
+    async with console(client=FakeClient(scenario), size=(200, 50)) as it:
+        log = it.pane("log").row_view
+        await it.press("space")
+        await it.until(lambda: log.count == 1)
+        it.client.emit(CueRecord(0, 0.0, "", "marked", "wizard:anna"))
+        it.client.emit(event("engine", topic="/cue"))
+        await it.until(lambda: "/cue: nobody was waiting for it" in it.notice)
+        assert "not taken" in plain_text(log.row_at(0).line)
 
 
 async def test_whose_lost_events_are_told() -> None:

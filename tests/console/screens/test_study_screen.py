@@ -1120,3 +1120,41 @@ async def test_the_console_can_be_left_from_a_report() -> None:
         await at.press("ctrl+c")
         await at.until(lambda: at.app.return_code == 0)
         assert "to come back to the study" in at.app.exit_message
+
+
+# --- whose turn it is, and what was said wrongly ----------------------------------------------------------------------
+
+
+async def test_somebody_who_is_not_next_is_named_with_their_language() -> None:
+    source = FakeStudy()
+    source.language, source.warning = "de", "P07 (en) is next; you are about to open P08 (de)"
+    async with day(source) as at:
+        await at.select("P08")
+        await at.press("enter")
+        shown = await at.shows(ChecksScreen)
+        assert "not in turn  P07 (en) is next; you are about to open P08 (de)" in shown.list.text
+        assert "P08 · run 2 of 2   language de" in shown.list.text
+
+
+async def test_an_outcome_is_corrected_with_a_reason() -> None:
+    async with day() as at:
+        await at.select("P08")
+        await at.press("o")
+        shown = await at.shows(OutcomeDialog)
+        assert "It counts as aborted" in str(shown.query_one("#lines", Static).render())
+        await at.press("right", "enter", "enter")
+        assert "say why" in str(shown.query_one("#answer", Static).render()) and at.source.judged == []
+        await at.type("heard all of it")
+        await at.press("enter")
+        await at.until(lambda: bool(at.source.judged))
+        found, status, reason, wizard = at.source.judged[0]
+        assert (found.participant, status, reason, wizard) == ("P08", "complete", "heard all of it", "anna")
+        await at.select("P10")
+        await at.press("o")
+        assert "P10 has no session yet" in at.notice
+
+
+async def test_an_unknown_participant_is_named_with_the_nearest() -> None:
+    async with day(participant="p07") as at:
+        await at.until(lambda: at.screen.is_read)
+        assert "there is no participant 'p07' in participants.csv; did you mean `P07`?" in at.notice

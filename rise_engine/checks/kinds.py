@@ -1,0 +1,270 @@
+"""Every kind of session of a study, explored and played through: what is wrong in one condition, in one language.
+
+What came of it is kept beside the study, so that a study that has not changed is looked at once.
+"""
+
+from __future__ import annotations
+
+import re
+import time
+from collections.abc import Callable, Iterable, Sequence
+from contextlib import suppress
+from functools import cache, partial
+from hashlib import sha256
+from pathlib import Path
+from typing import Any
+
+import msgspec
+from msgspec import Struct
+
+from rise_engine import __version__
+from rise_engine.explore.bounds import Bounds
+from rise_engine.explore.exploration import QUICK_SECONDS, Exploration, explore, main_rule, quick_bounds
+from rise_engine.explore.finding import FindingLevel
+from rise_engine.explore.playthrough import PlayedThrough, play_through
+from rise_engine.explore.space import Space
+from rise_engine.json_codec import encode
+from rise_engine.scenario import load
+from rise_engine.scenario.model import Scenario
+from rise_engine.session.disk import write_private_file
+from rise_engine.study.model import Study
+from rise_engine.study.session_kinds import SessionKind
+from rise_engine.text import pluralize
+
+KEPT = ".kinds.json"
+"""In the study's folder; hidden, so that it is no part of what is published."""
+_EVERYWHERE = frozenset(
+    {"never-started", "never-entered", "never-taken", "never-done", "not-met", "idle-key", "failure-alike"}
+)
+"""Findings that hold only if they hold in every kind of session that runs the scenario."""
+_LEVELS: tuple[FindingLevel, ...] = ("problem", "warning", "remark")
+_NAMED = 3
+"""So many kinds of session are named beside a finding."""
+
+
+class KindFinding(Struct, frozen=True):
+    """What was found in a kind of session."""
+
+    level: FindingLevel
+    kind: str
+    """As `ExploreFinding.kind`, or `play-failed`."""
+    text: str
+    place: str
+    """`scenario/rules/quiz.xml:75:3`, from the study's folder on; empty: there is none."""
+
+
+class KindLook(Struct, frozen=True):
+    """One kind of session, looked at."""
+
+    situations: int
+    is_complete: bool
+    """Whether all situations within the bounds were looked at."""
+    acts: tuple[str, ...]
+    """Those that began when it was played."""
+    findings: tuple[KindFinding, ...]
+
+
+class MergedFinding(Struct, frozen=True):
+    """The same finding in one or several kinds of session."""
+
+    finding: KindFinding
+    """As it is in the first of them."""
+    kinds: tuple[str, ...]
+    """The names of these kinds."""
+    of: int
+    """How many kinds there are."""
+    first: tuple[int, int]
+    """Where it was met first: the number of the kind, and of the finding in it."""
+
+    @property
+    def where(self) -> str:
+        """`(in 2 of 8 kinds of session: polite (de), direct (de))`; empty: in all."""
+        if len(self.kinds) == self.of:
+            return ""
+        more = ", ..." if len(self.kinds) > _NAMED else ""
+        return f"(in {len(self.kinds)} of {self.of} kinds of session: {', '.join(self.kinds[:_NAMED])}{more})"
+
+    def row(self) -> dict[str, Any]:
+        """As programs read it (`--json`)."""
+        return {**msgspec.structs.asdict(self.finding), "kinds": self.kinds}
+
+
+class StudyLook(Struct, frozen=True):
+    """All kinds of session of a study, looked at."""
+
+    kinds: tuple[SessionKind, ...]
+    looks: tuple[KindLook, ...]
+    findings: tuple[MergedFinding, ...]
+    """Problems first."""
+    acts: int
+    """How many acts the scenarios of these kinds have."""
+
+    @property
+    def problems(self) -> int:
+        return sum(each.finding.level == "problem" for each in self.findings)
+
+    @property
+    def sentence(self) -> str:
+        """What was looked at, in one line with numbers."""
+        conditions = dict.fromkeys(kind.run.condition for kind in self.kinds)
+        languages = [*filter(None, dict.fromkeys(kind.language for kind in self.kinds))]
+        made_of = [pluralize(len(conditions), "condition")] if len(conditions) > 1 else []
+        made_of += [f"in {' and '.join(languages)}"] if languages else []
+        what = pluralize(len(self.kinds), "kind") + " of session" + (f" ({', '.join(made_of)})" if made_of else "")
+        situations = sum(look.situations for look in self.looks)
+        begun = {
+            (kind.run.scenario, act) for kind, look in zip(self.kinds, self.looks, strict=True) for act in look.acts
+        }
+        counts = (pluralize(sum(each.finding.level == level for each in self.findings), level) for level in _LEVELS[:2])
+        text = f"explored and played {what}: {situations:,} situations, {len(begun)} of {self.acts} acts began; "
+        text += ", ".join(counts)
+        if broken_off := sum(not look.is_complete for look in self.looks):
+            text += (
+                f"; {broken_off} of them {'was' if broken_off == 1 else 'were'} broken off after {QUICK_SECONDS:g} s, "
+                "and `rise-engine explore STUDY` looks at more"
+            )
+        return text
+
+    def row(self) -> dict[str, Any]:
+        """As programs read it (`--json`)."""
+        return {
+            "kinds": [
+                {
+                    "condition": kind.run.condition,
+                    "language": kind.language,
+                    "situations": look.situations,
+                    "complete": look.is_complete,
+                    "acts": look.acts,
+                }
+                for kind, look in zip(self.kinds, self.looks, strict=True)
+            ],
+            "findings": [each.row() for each in self.findings],
+        }
+
+
+def look_at_kinds(
+    study: Study, kinds: Sequence[SessionKind], say: Callable[[str], None] = lambda sentence: None
+) -> StudyLook:
+    """Explore and play each kind of session, a few seconds each at most. What is kept of an unchanged one is taken.
+
+    :param study: the study, in whose folder the answers are kept.
+    :param kinds: of `rise_engine.study.session_kinds`.
+    :param say: is told which one is being looked at, when there is something to wait for.
+    """
+    folder = Path(study.folder)
+    before = _read_kept(folder)
+    kept: dict[str, KindLook] = {}
+    looked: list[tuple[SessionKind, KindLook]] = []
+    acts: set[tuple[str, str]] = set()
+    loaded = cache(partial(load_for, study))
+    for number, kind in enumerate(kinds, start=1):
+        scenario = loaded(kind.run.scenario, kind.language)
+        if scenario is None:
+            continue  # `study check` says what is wrong with it
+        acts.update((kind.run.scenario, act) for act in scenario.acts)
+        key = _digest(study, kind, scenario)
+        if key not in kept:
+            if key not in before:
+                say(f"looking at {kind.name or 'the sessions'} ({number} of {len(kinds)})")
+            kept[key] = before[key] if key in before else _look(study, kind, scenario)
+        looked.append((kind, kept[key]))
+    if kept.keys() != before.keys():
+        with suppress(OSError):  # what cannot be kept is looked at again
+            new = folder / f"{KEPT}.new"
+            write_private_file(new, encode(kept))
+            new.replace(folder / KEPT)
+    found = merge([(kind, look.is_complete, look.findings) for kind, look in looked])
+    return StudyLook(tuple(kind for kind, _ in looked), tuple(look for _, look in looked), tuple(found), len(acts))
+
+
+def load_for(study: Study, folder: str, language: str) -> Scenario | None:
+    """A scenario as a kind of session runs it; None: it has errors."""
+    return load(folder, robot=study.robot or None, mode=study.mode, language=language or None).scenario
+
+
+def explore_kind(
+    study: Study,
+    kind: SessionKind,
+    scenario: Scenario,
+    bounds: Bounds,
+    *,
+    cores: int = 1,
+    go_on: Callable[[Space], bool] = lambda space: True,
+) -> tuple[Exploration, PlayedThrough]:
+    """Explore and play one kind of session; the arguments are those of `explore`."""
+    started = kind.first_input(study)
+    exploration = explore(scenario, bounds, sessions=[started], cores=cores, go_on=go_on)
+    until = time.monotonic() + QUICK_SECONDS
+    return exploration, play_through(scenario, started, main_rule(scenario), lambda: time.monotonic() < until)
+
+
+def findings_of(
+    study: Study, kind: SessionKind, exploration: Exploration, played: PlayedThrough
+) -> tuple[KindFinding, ...]:
+    """What exploring has found, in its order, and then what failed when it was played."""
+    prefix = Path(kind.run.scenario)
+    prefix = prefix.relative_to(study.folder) if prefix.is_relative_to(study.folder) else prefix
+    found = [
+        KindFinding(each.level, each.kind, each.text, "" if each.location is None else f"{prefix / str(each.location)}")
+        for each in exploration.findings
+    ]
+    told = {each.place for each in found if each.kind == "missing-part"}
+    for failure in played.failures:
+        place = f"{prefix / str(failure.location)}"
+        if place not in told:
+            text = f"{failure.act} failed at action {failure.action} when it was played: {failure.reason}"
+            level: FindingLevel = "warning" if failure.by_hand else "problem"
+            found.append(KindFinding(level, "play-failed", text, place))
+    return tuple(found)
+
+
+def merge(looks: Iterable[tuple[SessionKind, bool, Sequence[KindFinding]]]) -> list[MergedFinding]:
+    """The findings of all kinds, each once, problems first.
+
+    What "never" comes in one kind of session is a finding only when it comes in none, and all were looked at whole.
+
+    :param looks: of each kind, whether all of it was looked at, and its findings.
+    """
+    looks = list(looks)
+    same: dict[tuple[str, str, str], list[tuple[int, int]]] = {}
+    for number, (_, _, findings) in enumerate(looks):
+        for at, finding in enumerate(findings):
+            places = same.setdefault((finding.kind, finding.place, _NUMBERS.sub("#", finding.text)), [])
+            if not places or places[-1][0] != number:
+                places.append((number, at))
+    merged: list[MergedFinding] = []
+    for (code, _, _), places in same.items():
+        first = places[0]
+        if code in _EVERYWHERE:
+            alike = [n for n, look in enumerate(looks) if look[0].run.scenario == looks[first[0]][0].run.scenario]
+            if len(places) < len(alike) or not all(looks[n][1] for n in alike):
+                continue
+        names = tuple(looks[number][0].name for number, _ in places)
+        merged.append(MergedFinding(looks[first[0]][2][first[1]], names, len(looks), first))
+    return sorted(merged, key=lambda each: _LEVELS.index(each.finding.level))
+
+
+_NUMBERS = re.compile(r"[0-9][0-9,.]*")
+"""How many situations it is in differs between kinds of session."""
+
+
+def _look(study: Study, kind: SessionKind, scenario: Scenario) -> KindLook:
+    until = time.monotonic() + QUICK_SECONDS
+    exploration, played = explore_kind(
+        study, kind, scenario, quick_bounds(scenario), go_on=lambda space: time.monotonic() < until
+    )
+    findings = findings_of(study, kind, exploration, played)
+    return KindLook(exploration.situations, exploration.is_complete, tuple(sorted(played.acts)), findings)
+
+
+def _digest(study: Study, kind: SessionKind, scenario: Scenario) -> str:
+    """What decides what comes of it."""
+    parts = [__version__, scenario.hash, kind.language, kind.run.memory, QUICK_SECONDS, study.id]
+    return sha256(encode([*parts, kind.run.factors if scenario.reads_session else None])).hexdigest()
+
+
+def _read_kept(folder: Path) -> dict[str, KindLook]:
+    try:
+        return msgspec.json.decode((folder / KEPT).read_bytes(), type=dict[str, KindLook])
+    except (OSError, msgspec.DecodeError):
+        return {}

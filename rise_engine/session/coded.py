@@ -1,0 +1,222 @@
+"""`coded.json` and `coded/` in a session's folder: what people have annotated of it, in ELAN or BORIS, and given back.
+
+The files lie in `coded/` as they were given; `coded.json` says how their time comes from the session's, and what of
+them is told. Annotations are read from the files each time.
+"""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Callable
+from pathlib import Path
+from typing import Literal, TypeAlias
+
+from msgspec import Struct
+from msgspec.structs import replace
+
+from rise_engine.session.coded_formats import (
+    CodedClock,
+    CodedError,
+    CodedSpan,
+    read_coded_document,
+    replace_words,
+)
+from rise_engine.session.disk import make_private_folder, write_private_file
+from rise_engine.session.levels import LevelFilter
+from rise_engine.session.listed_files import change_list, list_bytes, read_list
+
+CODED_FILE, CODED_FOLDER = "coded.json", "coded"
+MAX_BYTES = 200_000_000
+ClockSource: TypeAlias = Literal["file", "media", "given"]
+"""How an annotation file was laid against the session's clock. file: it says so itself, as this program wrote it;
+media: by the recording that it was made with; given: somebody said it."""
+
+
+class CodedFile(Struct, frozen=True, kw_only=True):
+    """One annotation file of a session."""
+
+    name: str
+    """In `coded/`."""
+    sha256: str
+    clock: CodedClock
+    clock_by: ClockSource
+    tiers: tuple[str, ...]
+    """Those that are told."""
+    speech: tuple[str, ...] = ()
+    """Of them, those that hold what the participant said."""
+    annotator: str = ""
+    """Who annotated, where a tier does not say it."""
+    observation: str = ""
+    """Of a file of BORIS: which one is the session's."""
+    added: str = ""
+    """ISO 8601 with offset."""
+    spans: tuple[CodedSpan, ...] = ()
+    """In a session that was given to others: the annotations, in session seconds, in the place of the file."""
+
+
+def read_coded(folder: Path) -> tuple[CodedFile, ...]:
+    """The annotation files of a session, in the order in which they were added.
+
+    :param folder: the session's.
+    :raises CodedError: coded.json cannot be read.
+    """
+    return read_list(folder / CODED_FILE, CodedFile, CodedError)
+
+
+def read_spans(folder: Path, file: CodedFile) -> list[CodedSpan]:
+    """The annotations of a session's file, in session seconds.
+
+    :param folder: the session's.
+    :param file: as coded.json has it.
+    :raises CodedError: it cannot be read, or is another one than was added.
+    """
+    if not file.sha256:
+        return list(file.spans)
+    path = folder / CODED_FOLDER / file.name
+    data = read_bytes(path)
+    if hashlib.sha256(data).hexdigest() != file.sha256:
+        raise CodedError(f"{path} was changed since it was added: rise-engine coded add {folder.name} {path}")
+    document = read_coded_document(file.name, data, file.observation, folder.name)
+    to_session = file.clock.to_session
+    return [
+        replace(
+            each, begin=to_session(each.begin), end=to_session(each.end), annotator=each.annotator or file.annotator
+        )
+        for each in document.spans
+        if each.tier in file.tiers
+    ]
+
+
+def read_bytes(path: Path) -> bytes:
+    """An annotation file. Raises CodedError."""
+    try:
+        if path.stat().st_size > MAX_BYTES:
+            raise CodedError(f"{path} is larger than {MAX_BYTES // 1_000_000} MB, which no annotation file is")
+        return path.read_bytes()
+    except OSError as error:
+        raise CodedError(f"{path} cannot be read: {error.strerror or error}") from None
+
+
+def add_coded(folder: Path, file: CodedFile, data: bytes) -> bool:
+    """Keep an annotation file in a session's folder, in the place of one of the same name.
+
+    :param folder: the session's.
+    :param file: what is said of it.
+    :param data: what it holds.
+    :return: whether there was one of that name.
+    :raises CodedError: it cannot be written.
+    """
+    before: list[CodedFile] = []
+
+    def put(files: list[CodedFile]) -> list[CodedFile]:
+        before.extend(each for each in files if each.name == file.name)
+        make_private_folder(folder / CODED_FOLDER)
+        write_private_file(folder / CODED_FOLDER / file.name, data)
+        return [file if each.name == file.name else each for each in files] if before else [*files, file]
+
+    change_list(folder / CODED_FILE, CodedFile, CodedError, put)
+    return bool(before)
+
+
+def remove_coded(folder: Path, name: str) -> None:
+    """Delete an annotation file of a session.
+
+    :param folder: the session's.
+    :param name: the file's.
+    :raises CodedError: there is none of that name, or it cannot be deleted.
+    """
+
+    def take_out(files: list[CodedFile]) -> list[CodedFile]:
+        if not any(each.name == name for each in files):
+            listed = ", ".join(each.name for each in files) or "none"
+            raise CodedError(f"{folder.name} has no annotation file {name}; it has {listed}")
+        (folder / CODED_FOLDER / name).unlink(missing_ok=True)
+        return [each for each in files if each.name != name]
+
+    change_list(folder / CODED_FILE, CodedFile, CodedError, take_out)
+
+
+def coded_paths(folder: Path) -> list[Path]:
+    """coded.json and the files of which it tells; none where there is none."""
+    try:
+        files = read_coded(folder)
+    except CodedError:
+        return []
+    theirs = (folder / CODED_FOLDER / each.name for each in files if each.sha256)
+    return [folder / CODED_FILE, *theirs] if files else []
+
+
+def told_coded(folder: Path, level: LevelFilter) -> list[CodedFile]:
+    """The annotations of a session as a level below full tells them, for coded.json of a session that is given to
+    others: without the files. What cannot be read is left out.
+
+    :param folder: the session's.
+    :param level: which.
+    """
+    told: list[CodedFile] = []
+    try:
+        for number, file in enumerate(read_coded(folder), 1):
+            spans = tuple(told_span(each, file, level) for each in read_spans(folder, file))
+            told.append(
+                CodedFile(
+                    name=str(number),
+                    sha256="",
+                    clock=CodedClock(),
+                    clock_by=file.clock_by,
+                    tiers=file.tiers,
+                    speech=file.speech,
+                    spans=spans,
+                )
+            )
+    except CodedError:
+        return []
+    return told
+
+
+def told_span(span: CodedSpan, file: CodedFile, level: LevelFilter) -> CodedSpan:
+    """An annotation as a level tells it: of what the participant said, and of comments, how many words it had."""
+    return replace(
+        span,
+        annotator=level.name_of_coder(span.annotator),
+        value=level.count_typed_words(span.value) if span.tier in file.speech else span.value,
+        comment=level.count_typed_words(span.comment),
+    )
+
+
+def redacted_files(folder: Path, change: Callable[[str], str]) -> dict[Path, bytes]:
+    """A session's annotation files and coded.json, as far as they are others without some words.
+
+    :param folder: the session's.
+    :param change: from a text to another one.
+    :raises CodedError: one cannot be read.
+    """
+    found: dict[Path, bytes] = {}
+    files: list[CodedFile] = []
+    before = read_coded(folder)
+    for file in before:
+        path = folder / CODED_FOLDER / file.name
+        if not file.sha256:
+            files.append(_redacted(file, None, change))
+            continue
+        data = read_bytes(path)
+        if (new := replace_words(file.name, data, change)) != data:
+            found[path] = new
+        files.append(_redacted(file, found.get(path), change))
+    if files != list(before):
+        found[folder / CODED_FILE] = list_bytes(files)
+    return found
+
+
+def _redacted(file: CodedFile, data: bytes | None, change: Callable[[str], str]) -> CodedFile:
+    return replace(
+        file,
+        tiers=tuple(map(change, file.tiers)),
+        speech=tuple(map(change, file.speech)),
+        annotator=change(file.annotator),
+        observation=change(file.observation),
+        spans=tuple(
+            replace(each, tier=change(each.tier), value=change(each.value), comment=change(each.comment))
+            for each in file.spans
+        ),
+        sha256=file.sha256 if data is None else hashlib.sha256(data).hexdigest(),
+    )

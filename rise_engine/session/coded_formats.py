@@ -1,0 +1,423 @@
+"""Annotation files as people give them back: ELAN's `.eaf`, projects of BORIS, and the tables of events that BORIS
+exports.
+
+What this program wrote into such a file itself (`rise-engine export`) is passed over; how the file's time comes from
+the session's is read back from it.
+"""
+
+from __future__ import annotations
+
+import csv
+import io
+import re
+from collections.abc import Callable, Iterable, Iterator
+from itertools import pairwise
+from pathlib import PurePath
+from typing import Any
+
+import msgspec
+from lxml import etree
+from msgspec import Struct
+
+from rise_engine.nearest_name import did_you_mean
+from rise_engine.session.errors import SessionError
+
+OWN_ANNOTATOR, OWN_TYPE = "rise-tui", "rise"
+"""Who made a tier of ELAN that this program wrote, and its linguistic type."""
+OWN_PROJECT = "Made by rise-tui from what the sessions recorded."
+"""What a project of BORIS that this program wrote says of itself."""
+OWN_CATEGORIES = ("acts", "robot", "rules", "session")
+"""Of the behaviours that this program writes for BORIS."""
+CLOCK, SESSION = "rise time", "rise session"
+"""What an exported file calls its clock, and the session that it is of."""
+SUFFIXES = (".eaf", ".boris", ".csv", ".tsv")
+_NUMBER = r"(-?\d+(?:\.\d+)?)"
+_CLOCK_TEXT = re.compile(rf"annotation seconds = {_NUMBER} \+ {_NUMBER} \* session seconds")
+_GAP_TEXT = re.compile(rf"{_NUMBER} s more from session second {_NUMBER} on")
+_BORIS_STATE = "state event"
+
+
+class CodedError(SessionError):
+    """An annotation file cannot be read, or is not what was meant; the text says why."""
+
+
+class CodedClock(Struct, frozen=True):
+    """annotation time = shift + rate * (session time + the gaps before it), in seconds."""
+
+    shift: float = 0.0
+    rate: float = 1.0
+    gaps: tuple[tuple[float, float], ...] = ()
+    """Session times at which the session had no engine, and for how long."""
+
+    def to_session(self, at: float) -> float:
+        """The session time of an annotation time. What happened without an engine is when that began."""
+        passed, away = (at - self.shift) / self.rate, 0.0
+        for begin, seconds in self.gaps:
+            if passed < begin + away:
+                break
+            if passed < begin + away + seconds:
+                return round(begin, 6)
+            away += seconds
+        return round(passed - away, 6)
+
+    def text(self) -> str:
+        """As a file tells it."""
+        gaps = (f"; {seconds:.6f} s more from session second {at:.6f} on" for at, seconds in self.gaps)
+        return f"annotation seconds = {self.shift:.6f} + {self.rate:.9f} * session seconds" + "".join(gaps)
+
+
+class CodedSpan(Struct, frozen=True):
+    """One annotation, in annotation seconds."""
+
+    tier: str
+    annotator: str
+    begin: float
+    end: float
+    value: str
+    modifiers: str = ""
+    comment: str = ""
+
+
+class CodedDocument(Struct):
+    """What an annotation file holds."""
+
+    spans: list[CodedSpan]
+    tiers: list[str]
+    """Those that people have made, also empty ones."""
+    clock: CodedClock | None = None
+    """How its time comes from the session's; None: it does not say."""
+    session: str = ""
+    """The session that it is of; empty: it does not say."""
+    media: tuple[tuple[str, float], ...] = ()
+    """The names of the recordings that it was made with, and their own seconds where annotations are at 0."""
+    problems: list[str] = []
+    """What could not be read, in sentences."""
+
+
+def read_coded_document(name: str, data: bytes, observation: str = "", session: str = "") -> CodedDocument:
+    """Read an annotation file.
+
+    :param name: the file's; its end says what it is.
+    :param data: what it holds.
+    :param observation: which of several in a file of BORIS; empty: that of the session, or the only one.
+    :param session: the session's name.
+    :raises CodedError: it cannot be read.
+    """
+    match PurePath(name).suffix.lower():
+        case ".eaf":
+            return _read_eaf(name, data)
+        case ".boris":
+            return _read_project(name, data, observation, session)
+        case ".csv" | ".tsv":
+            return _read_table(name, data, observation, session)
+    raise CodedError(f"{name} is no annotation file: it ends in {', '.join(SUFFIXES)}")
+
+
+def replace_words(name: str, data: bytes, replace: Callable[[str], str]) -> bytes:
+    """An annotation file in which what people wrote is replaced. What cannot be read stays as it is.
+
+    :param name: the file's.
+    :param data: what it holds.
+    :param replace: from a text to another one.
+    """
+    try:
+        match PurePath(name).suffix.lower():
+            case ".eaf":
+                root = _parse_xml(name, data)
+                for element in root.iter(etree.Element):
+                    element.text = replace(element.text) if element.text else element.text
+                    for key, value in element.attrib.items():
+                        element.set(str(key), replace(str(value)))
+                changed: bytes = etree.tostring(root, xml_declaration=True, encoding="UTF-8")
+            case ".boris":
+                changed = msgspec.json.encode(_replaced(msgspec.json.decode(data), replace))
+            case _:
+                changed = replace(_decode(name, data)).encode()
+    except (CodedError, msgspec.DecodeError):
+        return data
+    return changed if replace(data.decode("utf-8", "replace")) != data.decode("utf-8", "replace") else data
+
+
+def _replaced(value: Any, replace: Callable[[str], str]) -> Any:
+    if isinstance(value, dict):
+        return {key: _replaced(each, replace) for key, each in value.items()}
+    if isinstance(value, list):
+        return [_replaced(each, replace) for each in value]
+    return replace(value) if isinstance(value, str) else value
+
+
+# --- ELAN -------------------------------------------------------------------------------------------------------------
+
+
+def _parse_xml(name: str, data: bytes) -> etree._Element:
+    parser = etree.XMLParser(resolve_entities=False, no_network=True, huge_tree=True, remove_comments=True)
+    try:
+        return etree.fromstring(data, parser)
+    except etree.XMLSyntaxError as error:
+        raise CodedError(f"{name}:{error.lineno or 1}: this is no XML: {error.msg}") from None
+
+
+def _read_eaf(name: str, data: bytes) -> CodedDocument:
+    root = _parse_xml(name, data)
+    if root.tag != "ANNOTATION_DOCUMENT":
+        raise CodedError(f"{name}:1: this is no file of ELAN: it begins with <{root.tag}>, not <ANNOTATION_DOCUMENT>")
+    header = root.find("HEADER")
+    unit = 1.0 if header is None or header.get("TIME_UNITS", "milliseconds") == "milliseconds" else None
+    if unit is None:
+        raise CodedError(f"{name}: its times are in {header.get('TIME_UNITS')}, not in milliseconds")  # type: ignore[union-attr]
+    told = {each.get("NAME", ""): (each.text or "").strip() for each in root.iter("PROPERTY")}
+    document = CodedDocument([], [], parse_clock(told.get(CLOCK, "")), told.get(SESSION, ""), problems=[])
+    document.media = tuple(
+        (PurePath(each.get("RELATIVE_MEDIA_URL") or each.get("MEDIA_URL") or "").name, _origin(each))
+        for each in root.iter("MEDIA_DESCRIPTOR")
+    )
+    slots = {each.get("TIME_SLOT_ID"): each.get("TIME_VALUE") for each in root.iter("TIME_SLOT")}
+    times = {key: int(value) / 1000 for key, value in slots.items() if key and value and value.isdigit()}
+    placed: dict[str, tuple[float, float]] = {}
+    waiting: list[tuple[etree._Element, str, str]] = []
+    for tier in root.iter("TIER"):
+        _place_unaligned(tier, times)
+        if tier.get("ANNOTATOR") == OWN_ANNOTATOR and tier.get("LINGUISTIC_TYPE_REF") == OWN_TYPE:
+            _read_tier(name, tier, times, placed, CodedDocument([], []), waiting)
+            continue
+        document.tiers.append(tier.get("TIER_ID", ""))
+        _read_tier(name, tier, times, placed, document, waiting)
+    _read_dependents(name, waiting, placed, document)
+    document.spans.sort(key=lambda each: (each.begin, document.tiers.index(each.tier)))
+    return document
+
+
+def _origin(descriptor: etree._Element) -> float:
+    text = descriptor.get("TIME_ORIGIN", "0")
+    return int(text) / 1000 if text.isdigit() else 0.0
+
+
+def _place_unaligned(tier: etree._Element, times: dict[str, float]) -> None:
+    """ELAN's subdivisions have slots without a time: they lie at equal distances between those that have one."""
+    order: list[str] = []
+    for each in tier.iter("ALIGNABLE_ANNOTATION"):
+        for slot in (each.get("TIME_SLOT_REF1", ""), each.get("TIME_SLOT_REF2", "")):
+            if not order or order[-1] != slot:
+                order.append(slot)
+    known = [at for at, slot in enumerate(order) if slot in times]
+    for left, right in pairwise(known):
+        begin, end = times[order[left]], times[order[right]]
+        for at in range(left + 1, right):
+            times[order[at]] = begin + (end - begin) * (at - left) / (right - left)
+
+
+def _read_tier(
+    name: str,
+    tier: etree._Element,
+    times: dict[str, float],
+    placed: dict[str, tuple[float, float]],
+    document: CodedDocument,
+    waiting: list[tuple[etree._Element, str, str]],
+) -> None:
+    called, annotator = tier.get("TIER_ID", ""), tier.get("ANNOTATOR", "")
+    for each in tier.iter("ALIGNABLE_ANNOTATION"):
+        begin, end = (times.get(each.get(key, "")) for key in ("TIME_SLOT_REF1", "TIME_SLOT_REF2"))
+        if begin is None or end is None or end < begin:
+            document.problems.append(
+                f"{name}:{each.sourceline}: an annotation of the tier {called!r} has no time, or ends before it begins"
+            )
+            continue
+        placed[each.get("ANNOTATION_ID", "")] = (begin, end)
+        document.spans.append(CodedSpan(called, annotator, begin, end, _value(each)))
+    waiting += [(each, called, annotator) for each in tier.iter("REF_ANNOTATION")]
+
+
+def _read_dependents(
+    name: str,
+    waiting: list[tuple[etree._Element, str, str]],
+    placed: dict[str, tuple[float, float]],
+    document: CodedDocument,
+) -> None:
+    """Annotations without times of their own have those of the one that they belong to, however deep that is."""
+    while waiting:
+        later = []
+        for each, tier, annotator in waiting:
+            if (times := placed.get(each.get("ANNOTATION_REF", ""))) is None:
+                later.append((each, tier, annotator))
+                continue
+            placed[each.get("ANNOTATION_ID", "")] = times
+            if tier in document.tiers:
+                document.spans.append(CodedSpan(tier, annotator, *times, _value(each)))
+        if len(later) == len(waiting):
+            for each, tier, _ in later:
+                document.problems.append(
+                    f"{name}:{each.sourceline}: an annotation of the tier {tier!r} belongs to none that has a time"
+                )
+            return
+        waiting = later
+
+
+def _value(annotation: etree._Element) -> str:
+    return " ".join((annotation.findtext("ANNOTATION_VALUE") or "").split())
+
+
+def parse_clock(text: str) -> CodedClock | None:
+    """How a file says that its time comes from the session's (`CodedClock.text`); None: it does not say.
+
+    >>> parse_clock(CodedClock(-1.5, 1.00005, ((12.0, 3.25),)).text())
+    CodedClock(shift=-1.5, rate=1.00005, gaps=((12.0, 3.25),))
+    """
+    if (found := _CLOCK_TEXT.search(" ".join(text.split()))) is None:
+        return None
+    gaps = tuple((float(at), float(seconds)) for seconds, at in _GAP_TEXT.findall(" ".join(text.split())))
+    return CodedClock(float(found[1]), float(found[2]), gaps)
+
+
+# --- BORIS ------------------------------------------------------------------------------------------------------------
+
+
+def _read_project(name: str, data: bytes, observation: str, session: str) -> CodedDocument:
+    try:
+        project = msgspec.json.decode(data)
+        observations = project["observations"]
+        ethogram = {each["code"]: each for each in project["behaviors_conf"].values()}
+        found = observations[_observation(name, list(observations), observation, session)]
+        is_own = OWN_PROJECT in str(project.get("project_description", ""))
+        document = CodedDocument([], [], parse_clock(str(found.get("description", ""))), problems=[])
+        files = found.get("file") or {}
+        document.media = tuple((PurePath(paths[0].replace("\\", "/")).name, 0.0) for paths in files.values() if paths)
+        offset = float(found.get("time offset") or 0)
+        rows = []
+        for at, subject, code, modifiers, comment, *_ in found["events"]:
+            behavior = ethogram.get(code, {})
+            if is_own and behavior.get("category") in OWN_CATEGORIES:
+                continue
+            kind = "" if _BORIS_STATE in str(behavior.get("type", "")).lower() else "POINT"
+            rows.append((float(at) - offset, str(subject), str(code), str(modifiers), str(comment), kind))
+    except (msgspec.DecodeError, KeyError, TypeError, ValueError, AttributeError) as error:
+        raise CodedError(f"{name}: this is no project of BORIS that can be read: {error!r}") from None
+    _pair(name, rows, document)
+    return document
+
+
+def _observation(name: str, known: list[str], wanted: str, session: str) -> str:
+    """Which observation of a file is the session's. Raises CodedError."""
+    for each in filter(None, (wanted, session)):
+        if each in known:
+            return each
+    if not wanted and len(known) == 1:
+        return known[0]
+    near = did_you_mean(wanted or session, known, limit=0)
+    raise CodedError(
+        f"{name} has no observation {wanted or session!r}; it has {', '.join(known) or 'none'}{near}. Say which one is "
+        "the session's: --observation NAME"
+    )
+
+
+def _pair(name: str, rows: Iterable[tuple[float, str, str, str, str, str]], document: CodedDocument) -> None:
+    """Begin and end of states: of one subject, behaviour and modifiers they come in turn."""
+    begun: dict[tuple[str, str, str], tuple[float, str]] = {}
+    for at, subject, code, modifiers, comment, kind in sorted(rows, key=lambda row: row[0]):
+        tier = f"{subject}: {code}" if subject else code
+        modifiers = "" if modifiers in ("None", "nan") else modifiers
+        key = (subject, code, modifiers)
+        if kind == "POINT":
+            document.spans.append(CodedSpan(tier, "", at, at, code, modifiers, comment))
+        elif key in begun and kind != "START":
+            begin, said = begun.pop(key)
+            said = "; ".join(filter(None, (said, comment)))
+            document.spans.append(CodedSpan(tier, "", begin, at, code, modifiers, said))
+        else:
+            begun[key] = (at, comment)
+        if tier not in document.tiers:
+            document.tiers.append(tier)
+    for (subject, code, _), (at, _) in begun.items():
+        document.problems.append(f"{name}: {code!r} of {subject or 'nobody'} begins at {at:.3f} s and never ends")
+    document.spans.sort(key=lambda each: each.begin)
+
+
+def _decode(name: str, data: bytes) -> str:
+    try:
+        return data.decode("utf-8-sig")
+    except UnicodeDecodeError as error:
+        line = data[: error.start].count(b"\n") + 1
+        raise CodedError(f"{name}:{line}: this is not UTF-8; export it from BORIS again, or save it as UTF-8") from None
+
+
+def _read_table(name: str, data: bytes, observation: str, session: str) -> CodedDocument:
+    """*Export events > Tabular events* or *Aggregated events* of BORIS: comma or tab, a row for each event."""
+    text = _decode(name, data)
+    lines = csv.reader(io.StringIO(text, newline=""), delimiter="\t" if "\t" in text.partition("\n")[0] else ",")
+    header: list[str] = []
+    rows: list[tuple[int, dict[str, str]]] = []
+    for cells in lines:
+        if not header and {"Behavior", "Subject"} <= set(cells):
+            header = cells
+        elif header and any(cells):
+            rows.append((lines.line_num, dict(zip(header, cells, strict=False))))
+    if not header or not ({"Time", "Start (s)"} & set(header)):
+        raise CodedError(
+            f"{name}: this is no table of events of BORIS: one row has to be Subject, Behavior and Time, or Start (s)"
+        )
+    known = list(dict.fromkeys(row["Observation id"] for _, row in rows if "Observation id" in row))
+    if known:
+        chosen = _observation(name, known, observation, session)
+        rows = [(line, row) for line, row in rows if row["Observation id"] == chosen]
+    described = next((row.get("Description", "") for _, row in rows), "")
+    clock = parse_clock(described)
+    document = CodedDocument([], [], clock, problems=[])
+    names = dict.fromkeys(_media_names(row) for _, row in rows)
+    document.media = tuple((each, 0.0) for each in names if each)
+    kept = [each for each in rows if clock is None or each[1].get("Behavioral category") not in OWN_CATEGORIES]
+    if "Start (s)" in header:
+        for line, row in kept:
+            begin, end = (_seconds(name, line, row, column) for column in ("Start (s)", "Stop (s)"))
+            subject, code = _subject(row), row["Behavior"]
+            tier = f"{subject}: {code}" if subject else code
+            comment = "; ".join(filter(None, (row.get("Comment start", ""), row.get("Comment stop", ""))))
+            document.spans.append(CodedSpan(tier, "", begin, end, code, _modifiers(row), comment))
+            document.tiers += [tier] if tier not in document.tiers else []
+        document.spans.sort(key=lambda each: each.begin)
+        return document
+    events = [
+        (
+            _seconds(name, line, row, "Time"),
+            _subject(row),
+            row["Behavior"],
+            _modifiers(row),
+            row.get("Comment", ""),
+            (row.get("Status") or row.get("Behavior type") or "").strip().upper(),
+        )
+        for line, row in kept
+    ]
+    _pair(name, events, document)
+    return document
+
+
+def _subject(row: dict[str, str]) -> str:
+    return "" if row["Subject"] in ("No focal subject", "nan") else row["Subject"]
+
+
+def _modifiers(row: dict[str, str]) -> str:
+    told = [value for column, value in row.items() if column.startswith("Modifier") and value not in ("", "None")]
+    return "|".join(told)
+
+
+def _media_names(row: dict[str, str]) -> str:
+    path = row.get("Media file name") or row.get("Media file path") or ""
+    return PurePath(path.replace("\\", "/").removeprefix("player #1:")).name
+
+
+def _seconds(name: str, line: int, row: dict[str, str], column: str) -> float:
+    text = row.get(column, "")
+    try:
+        return float(text)
+    except ValueError:
+        raise CodedError(f"{name}:{line}: {column!r} is a number of seconds, not {text!r}") from None
+
+
+def tiers_taken(document: CodedDocument, wanted: Iterable[str]) -> Iterator[str]:
+    """The tiers that somebody means, by their names; all without any. Raises CodedError for an unknown one."""
+    for each in wanted:
+        if each not in document.tiers:
+            near = did_you_mean(each, document.tiers, limit=0)
+            listed = ", ".join(document.tiers) or "none"
+            raise CodedError(f"the file has no tier {each!r}{near or '.'} Its tiers of yours are: {listed}")
+        yield each
+    if not wanted:
+        yield from document.tiers

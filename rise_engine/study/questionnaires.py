@@ -1,0 +1,306 @@
+"""Questionnaires: `[questionnaire.NAME]` of study.toml, and the file that a survey tool gave (docs/reference/study.md).
+
+The file is people's: nothing here writes it. What it says is joined to the sessions by the participant's pseudonym, and
+where a questionnaire is asked after each run, by the run.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable, Iterable, Mapping
+from pathlib import Path
+
+from msgspec import Struct
+
+from rise_engine.nearest_name import did_you_mean, in_backquotes, limited_comparisons
+from rise_engine.scenario.diagnostics import Diagnostic, Diagnostics
+from rise_engine.scenario.model import SourceLocation
+from rise_engine.scenario.study_paths import why_no_name, why_not_read
+from rise_engine.scenario.toml_tables import TomlTable
+from rise_engine.study.csv_table import CsvRow, CsvTable, read_csv
+from rise_engine.study.model import ItemDescription, Participant, QuestionnaireSettings, Study
+from rise_engine.study.personal_data import WHY, mail_address_in, personal_column
+
+SUFFIXES = (".csv", ".tsv", ".txt")
+COLUMNS_OF_TABLES = ("session", "participant", "run", "condition", "mode", "purpose", "outcome")
+"""What tables call something else: no item is called so."""
+FACTOR_PREFIX = "factor_"
+_NAME = re.compile(r"[A-Za-z][A-Za-z0-9_]*\Z")
+_NUMBER = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?\Z", re.ASCII)
+_KEYS = ("about", "file", "key", "run", "columns", "leave_out")
+_OF_ITEM = ("about", "levels")
+_QUALTRICS = '{"ImportId"'
+"""With this begins every cell of the third line of a file of Qualtrics; its second line holds the questions."""
+
+
+class Item(Struct, frozen=True):
+    """One column of a questionnaire that is told."""
+
+    name: str
+    about: str
+    levels: Mapping[str, str]
+    type: str
+    """`integer`, `number` or `string`, as the file's values are."""
+
+
+class Answers(Struct, frozen=True):
+    """One row: what a participant answered."""
+
+    participant: str
+    run: int | None
+    """None: the questionnaire is not asked after each run."""
+    values: dict[str, str]
+    """By item; empty: no answer."""
+    line: int
+
+
+class Questionnaire(Struct, frozen=True):
+    """What came of reading a questionnaire's file."""
+
+    settings: QuestionnaireSettings
+    items: tuple[Item, ...]
+    rows: tuple[Answers, ...]
+    """Those of the study's participants, in the order of the file."""
+    diagnostics: list[Diagnostic]
+
+    @property
+    def errors(self) -> list[Diagnostic]:
+        return [each for each in self.diagnostics if each.severity == "error"]
+
+
+def read_questionnaires(study: TomlTable, folder: Path) -> tuple[QuestionnaireSettings, ...]:
+    """What study.toml says of questionnaires.
+
+    :param study: the whole study.toml.
+    :param folder: the study's.
+    """
+    table = study.section("questionnaire")
+    return tuple(found for name in table.values if (found := _read_settings(table, name, folder)) is not None)
+
+
+def _read_settings(all_tables: TomlTable, name: str, folder: Path) -> QuestionnaireSettings | None:
+    table = all_tables.subtable(name, f"a questionnaire is a table: [questionnaire.{name}]")
+    if table is None:
+        return None
+    if not _NAME.match(name):
+        message = f"a questionnaire is called with letters, digits and `_`, beginning with a letter, not `{name}`"
+        all_tables.report_key("bad-name", message, name)
+    table.report_unknown_keys(_KEYS)
+    file = table.read("file", str, "", form=f': file = "questionnaires/{name}.csv"').strip()
+    if not file:
+        table.report_key("missing-value", f'`file` is missing; write file = "questionnaires/{name}.csv"')
+    elif problem := why_no_name(file, SUFFIXES):
+        table.report_value("bad-name", "file", problem)
+    elif problem := why_not_read(folder, file):
+        table.report_value("outside-study", "file", problem)
+    key = table.read("key", str, "participant", form=': the column that names the participant: key = "participant"')
+    return QuestionnaireSettings(
+        name=name,
+        file=file,
+        key=key,
+        run=table.read("run", str, "", form=': the column that says which run: run = "session"'),
+        columns=_read_columns(table),
+        leave_out=table.read_texts("leave_out", ()),
+        about=table.read("about", str, "", form=': about = "Godspeed Questionnaire Series"').strip(),
+    )
+
+
+def _read_columns(table: TomlTable) -> dict[str, ItemDescription]:
+    columns = table.section("columns")
+    found: dict[str, ItemDescription] = {}
+    for name, value in columns.values.items():
+        if isinstance(value, str):
+            found[name] = ItemDescription(value)
+            continue
+        item = columns.subtable(name, f'`{name}` is a text, or a table: {name} = {{ about = "...", levels = {{ }} }}')
+        if item is None:
+            continue
+        item.report_unknown_keys(_OF_ITEM)
+        levels = item.section("levels")
+        told = {level: levels.read(level, str, "", form=f': {level} = "not at all"') for level in levels.values}
+        found[name] = ItemDescription(item.read("about", str, "", form=': about = "..."'), told)
+    return found
+
+
+def load_questionnaire(
+    study: Study,
+    settings: QuestionnaireSettings,
+    people: Iterable[Participant],
+    *,
+    runs: int = 0,
+    has_withdrawn: Callable[[str], bool] = lambda name: False,
+) -> Questionnaire:
+    """Read and check the file of a questionnaire.
+
+    :param study: whose.
+    :param settings: the questionnaire.
+    :param people: participants.csv.
+    :param runs: how many runs a participant has; 0: any number.
+    :param has_withdrawn: whether somebody who is in participants.csv no more has withdrawn.
+    :return: its rows, and everything that is wrong. A file that is not there yet is a warning.
+    """
+    diagnostics = Diagnostics()
+    folder = Path(study.folder)
+    if not settings.file or not (folder / settings.file).exists():
+        message = f"there is no such file yet; put what the survey tool gave there: [questionnaire.{settings.name}]"
+        diagnostics.warning("no-questionnaire", SourceLocation(settings.file), message)
+        return Questionnaire(settings, (), (), diagnostics.sorted())
+    with limited_comparisons():
+        table = read_csv(folder, settings.file, diagnostics, most_columns=2_000)
+        if table is None:
+            return Questionnaire(settings, (), (), diagnostics.sorted())
+        names = {each.participant for each in people}
+        reader = _AnswersReader(settings, table, names, has_withdrawn, runs, study)
+        items, rows = reader.read()
+    return Questionnaire(settings, items, rows, diagnostics.sorted())
+
+
+def find_missing(
+    questionnaire: Questionnaire, took_part: Iterable[tuple[str, int]], people: Iterable[Participant]
+) -> list[Diagnostic]:
+    """Who took part and has no row, as warnings by their line of participants.csv.
+
+    :param questionnaire: as it was read.
+    :param took_part: participants with their runs.
+    :param people: participants.csv.
+    """
+    diagnostics = Diagnostics()
+    settings = questionnaire.settings
+    there = {(each.participant, each.run) for each in questionnaire.rows}
+    lines = {each.participant: each.line for each in people}
+    wanted = dict.fromkeys((name, run if settings.run else None) for name, run in took_part)
+    for name, run in wanted:
+        if name in lines and (name, run) not in there:
+            of_run = f" for run {run}" if run is not None else ""
+            message = f"`{name}` has no row{of_run} in {settings.file} (questionnaire {settings.name})"
+            diagnostics.warning("no-answers", SourceLocation("participants.csv", lines[name]), message)
+    return diagnostics.sorted()
+
+
+class _AnswersReader:
+    """One file."""
+
+    def __init__(
+        self,
+        settings: QuestionnaireSettings,
+        table: CsvTable,
+        names: set[str],
+        has_withdrawn: Callable[[str], bool],
+        runs: int,
+        study: Study,
+    ) -> None:
+        self.settings = settings
+        self.table = table
+        self.diagnostics = table.diagnostics
+        self.names = names
+        self.has_withdrawn = has_withdrawn
+        self.runs = runs
+        self.study_factors = [each.name for each in study.factors]
+        self.questions: dict[str, str] = {}
+        """What each item asks, where the file itself says it."""
+
+    def read(self) -> tuple[tuple[Item, ...], tuple[Answers, ...]]:
+        rows = self.rows_of_people()
+        names = self.item_names()
+        if self.diagnostics.errors:
+            return (), ()
+        answers = tuple(found for row in rows if (found := self.read_row(row, names)) is not None)
+        self.report_doubles(answers, rows)
+        return tuple(self.item(name, answers) for name in names), answers
+
+    def rows_of_people(self) -> list[CsvRow]:
+        """Without the two lines behind the header in which Qualtrics says what its columns are."""
+        rows = self.table.rows
+        if len(rows) > 1 and any(each.startswith(_QUALTRICS) for each in rows[1].values.values()):
+            self.questions = {name: " ".join(text.split()) for name, text in rows[0].values.items()}
+            return rows[2:]
+        return rows
+
+    def item_names(self) -> list[str]:
+        """The columns that are told; what is wrong with columns is a finding."""
+        settings, table = self.settings, self.table
+        here = f"[questionnaire.{settings.name}]"
+        wanted = [settings.key, *([settings.run] if settings.run else [])]
+        for column in wanted:
+            if column not in table.columns:
+                near = did_you_mean(column, table.columns, limit=0)
+                of = "run" if column == settings.run and column != settings.key else "key"
+                message = f"there is no column `{column}`, which {here} {of} names{near}"
+                self.diagnostics.error("missing-column", table.column_location(column), message)
+        for column in (*settings.leave_out, *settings.columns):
+            if column not in table.columns:
+                near = did_you_mean(column, table.columns, limit=0)
+                if column in settings.leave_out and not near:
+                    continue
+                message = f"there is no column `{column}`, which {here} names{near}"
+                self.diagnostics.warning("unknown-column", table.column_location(column), message)
+        items = [each for each in table.columns if each not in wanted and each not in settings.leave_out]
+        for column in table.columns:
+            if column != settings.key and (kind := personal_column(column)):
+                message = f"the column `{column}` seems to hold {kind}: {WHY}. Delete it from the file, or rename it"
+                self.diagnostics.error("personal-data", table.column_location(column), message)
+        taken = {*COLUMNS_OF_TABLES, *(f"{FACTOR_PREFIX}{name}" for name in self.study_factors)}
+        for column in items:
+            if column.casefold() in taken:
+                message = f"tables have a column `{column.casefold()}` of another meaning: rename it in the file, or "
+                message += f'leave it out: {here} leave_out = ["{column}"]'
+                self.diagnostics.error("bad-name", table.column_location(column), message)
+        return items
+
+    def read_row(self, row: CsvRow, items: Iterable[str]) -> Answers | None:
+        """A participant's answers; None, after a finding, for a row that is nobody's."""
+        settings, table = self.settings, self.table
+        name = row.values[settings.key]
+        for column, value in row.values.items():
+            if mail := mail_address_in(value):
+                table.report(row, column, "personal-data", f"`{mail}` looks like a mail address: {WHY}")
+        if name not in self.names or self.has_withdrawn(name):
+            table.report(row, settings.key, "unknown-participant", self.unknown(name))
+            return None
+        run = self.read_run(row) if settings.run else None
+        if settings.run and run is None:
+            return None
+        values = {item: row.values[item] for item in items}
+        for item, value in values.items():
+            described = settings.columns.get(item)
+            if described is not None and described.levels and value and value not in described.levels:
+                levels = in_backquotes(described.levels)
+                message = f"`{item}` is one of {levels}, not `{value}`{did_you_mean(value, described.levels, limit=0)}"
+                table.report(row, item, "wrong-value", message)
+        return Answers(name, run, values, table.location(row, settings.key).line)
+
+    def unknown(self, name: str) -> str:
+        if not name:
+            return "this row names no participant: delete it, or write the pseudonym there"
+        if self.has_withdrawn(name):
+            return f"`{name}` has withdrawn: delete this row yourself, because nothing but people writes in this file"
+        near = did_you_mean(name, sorted(self.names), limit=0)
+        return f"participants.csv has no `{name}`, so this row is left out of exports{near}"
+
+    def read_run(self, row: CsvRow) -> int | None:
+        text = row.values[self.settings.run]
+        most = self.runs or 10_000
+        if text.isascii() and text.isdigit() and 1 <= int(text) <= most:
+            return int(text)
+        limit = f" to {self.runs}" if self.runs else ""
+        message = f"`{self.settings.run}` says which run it was, a whole number from 1{limit}, not `{text}`"
+        self.table.report(row, self.settings.run, "wrong-value", message)
+        return None
+
+    def report_doubles(self, answers: Iterable[Answers], rows: Iterable[CsvRow]) -> None:
+        by_line = {self.table.location(row, self.settings.key).line: row for row in rows}
+        first: dict[tuple[str, int | None], int] = {}
+        for each in answers:
+            before = first.setdefault((each.participant, each.run), each.line)
+            if before != each.line:
+                what = f"`{each.participant}`" + (f", run {each.run}," if each.run is not None else "")
+                message = f"{what} stands in line {before} already: delete the row that does not count"
+                self.table.report(by_line[each.line], self.settings.key, "duplicate-name", message)
+
+    def item(self, name: str, answers: Iterable[Answers]) -> Item:
+        described = self.settings.columns.get(name, ItemDescription())
+        values = [each.values[name] for each in answers if each.values[name]]
+        kind = "string"
+        if values and all(_NUMBER.match(each) for each in values):
+            kind = "number" if any(not each.lstrip("+-").isdigit() for each in values) else "integer"
+        return Item(name, described.about or self.questions.get(name, ""), described.levels, kind)
