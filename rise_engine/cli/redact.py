@@ -60,7 +60,10 @@ def redact_session(
     within longer words. Refused, and nothing changed, when the words decide what happened: then the session would not
     replay. The old journal is overwritten. Words of the scenario are the scenario's, and stay; that is said.
 
-    Exit status: 0 done; 1 refused, or the words still stand somewhere; 2 wrong usage.
+    In a study the words go from study.jsonl, too, where it is about this session. Exports that were made before are
+    named, not changed.
+
+    Exit status: 0 done; 1 refused, the words still stand somewhere, or older exports are there; 2 wrong usage.
     """
     try:
         folder = find_session(session)

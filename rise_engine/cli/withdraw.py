@@ -15,8 +15,9 @@ from rise_engine.session.errors import SessionError
 from rise_engine.study.kept_rows import FILE as KEPT_FILE
 from rise_engine.study.study_log import LOG_FILE, StudyLogError, read_log
 from rise_engine.study.traces import STUDY_FILE
-from rise_engine.study.withdrawal import WithdrawalError, WithdrawalPlan, plan_withdrawal
+from rise_engine.study.withdrawal import plan_withdrawal
 from rise_engine.study.withdrawal import withdraw as withdraw_participant
+from rise_engine.study.withdrawal_work import WithdrawalError, WithdrawalPlan
 from rise_engine.text import clean, pluralize
 
 

@@ -150,7 +150,7 @@ def media_path(folder: Path, file: MediaFile) -> Path:
 
 def stored_path(folder: Path, path: str) -> str:
     """A path as media.json has it: relative for what lies in the session's folder, else absolute."""
-    absolute = Path(os.path.normpath(Path(path).expanduser().absolute()))
+    absolute = Path(os.path.normpath(Path(os.path.expanduser(path)).absolute()))  # noqa: PTH111  # no RuntimeError
     root = Path(os.path.normpath(folder.absolute()))
     if Path(path).is_absolute() or absolute.exists() or not (root / path).exists():
         return str(absolute.relative_to(root)) if absolute.is_relative_to(root) else str(absolute)

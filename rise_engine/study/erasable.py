@@ -13,6 +13,7 @@ from pathlib import Path
 
 from msgspec import Struct
 
+from rise_engine.scenario.file_names import SCENARIO_FILE
 from rise_engine.session.disk import tree_hash
 from rise_engine.session.errors import SessionError
 from rise_engine.session.folder import INFO, JOURNAL, read_info
@@ -20,7 +21,7 @@ from rise_engine.study.kept_rows import FILE as KEPT_FILE
 from rise_engine.study.plan_file import PLAN_FILE
 from rise_engine.study.sessions import SESSIONS
 from rise_engine.study.study_log import LOG_FILE, SET_ASIDE_FILE
-from rise_engine.study.traces import PARTICIPANTS_FILE, STUDY_FILE
+from rise_engine.study.traces import MANIFEST_FILE, PARTICIPANTS_FILE, STUDY_FILE
 
 _STUDYS_OWN = frozenset({SESSIONS, STUDY_FILE, PARTICIPANTS_FILE, PLAN_FILE, LOG_FILE, SET_ASIDE_FILE, KEPT_FILE})
 _OF_SOMEBODY = (INFO, JOURNAL, STUDY_FILE, LOG_FILE)
@@ -49,7 +50,7 @@ def why_not_export(study: Path, export: str) -> str:
     if root not in real.parents:
         return f"{path} was exported of them, and lies outside of the study's folder: erase it yourself"
     first = real.relative_to(root).parts[0]
-    if first in _STUDYS_OWN or first.startswith("."):
+    if first in _STUDYS_OWN or first.startswith(".") or path.is_symlink() or _is_of_scenario(real, root):
         return f"{path} is named as an export of them, and is a part of the study: look what it is"
     return ""
 
@@ -105,6 +106,13 @@ def why_other(path: Path, hashes: Collection[str]) -> str:
 def _real_place(path: Path) -> Path:
     """Without links on the way; of a link, the link itself."""
     return Path(os.path.normpath(Path(os.path.realpath(path.parent), path.name)))
+
+
+def _is_of_scenario(path: Path, root: Path) -> bool:
+    """Whether a scenario of the study lies there, or around it. Those in a bundle are the bundle's."""
+    if any((each / SCENARIO_FILE).exists() for each in (path, *path.parents) if root in each.parents):
+        return True
+    return not (path / MANIFEST_FILE).is_file() and any(path.rglob(SCENARIO_FILE))
 
 
 def _size(path: Path) -> int:

@@ -23,6 +23,8 @@ from rise_engine.study.labels import reassignment_of
 from rise_engine.study.sessions import SESSIONS
 from rise_engine.study.study_log import LOG_FILE
 
+WORK_FOLDER = ".withdrawing"
+"""In the study's folder, while somebody's data are being erased."""
 MANIFEST_FILE = "manifest-sha256.txt"
 """The check sums of a bundle (`rise_engine.bundle`): a study's folder that has them is nobody's to write into."""
 
@@ -161,6 +163,8 @@ def find_names(study: Path, participant: str) -> list[str]:
     theirs = {PARTICIPANTS_FILE, *questionnaire_files(study)}
     for path in sorted(study.rglob("*")):
         name = path.relative_to(study)
+        if name.parts[0] == WORK_FOLDER:  # it goes, or whoever withdraws them is told why it cannot
+            continue
         if path.is_symlink() or not path.is_file():
             if has_name(path.name, participant):
                 found.append(f"the name of {name}: erase it, or give it another name")

@@ -15,24 +15,20 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-import msgspec
-from msgspec import Struct, field
 from msgspec.structs import replace
 
-from rise_engine.errors import RiseError
 from rise_engine.nearest_name import did_you_mean
 from rise_engine.session.disk import Disk, error_message
-from rise_engine.session.erasure import erase_file, erase_folder, has_other_names
+from rise_engine.session.erasure import erase_file
 from rise_engine.session.folder import JOURNAL, sessions_folder
 from rise_engine.session.lock import is_journal_locked, read_holder, running_message
-from rise_engine.session.unfinished_files import erase_all_unfinished
-from rise_engine.study.erasable import Facts, why_not_export, why_not_place, why_not_recording, why_other
-from rise_engine.study.kept_rows import add_rows
+from rise_engine.study.erasable import Facts, why_not_export, why_not_recording
 from rise_engine.study.labels import reassignments
 from rise_engine.study.sessions import SESSIONS
 from rise_engine.study.study_log import LOG_FILE, SET_ASIDE_FILE, LockedLog, LogEntry, read_log
 from rise_engine.study.traces import (
     PARTICIPANTS_FILE,
+    WORK_FOLDER,
     find_names,
     folders_in,
     has_name,
@@ -43,53 +39,23 @@ from rise_engine.study.traces import (
     registered_recordings,
     why_media_unknown,
 )
+from rise_engine.study.withdrawal_work import (
+    Erasing,
+    WithdrawalError,
+    WithdrawalPlan,
+    WithdrawalReport,
+    erase_leftovers,
+    erase_unlisted,
+    join_plans,
+    left_work,
+    new_work,
+    read_list,
+    write_list,
+)
 from rise_engine.study.withdrawn import PREFIX, hash_pseudonym, is_withdrawn, new_salt
 
-WORK_FOLDER = ".withdrawing"
-"""In the study's folder, while somebody's data are being erased."""
-_LIST = "list.json"
 _NAMING = frozenset({"participant", "was", "instead_of"})
 """Fields of the log's entries that name one."""
-
-
-class WithdrawalError(RiseError):
-    """Nobody was withdrawn; the text says why."""
-
-
-class WithdrawalPlan(Struct):
-    """What is to be erased."""
-
-    participant: str
-    sessions: list[str] = field(default_factory=list)
-    """Names of their folders in the study's sessions."""
-    recordings: list[str] = field(default_factory=list)
-    """Files, and folders of bags, that their sessions have registered; absolute."""
-    exports: dict[str, list[str]] = field(default_factory=dict)
-    """What was exported of their sessions into the study's folder, from there on, and who else is in each."""
-    unreachable: list[str] = field(default_factory=list)
-    """What their sessions have registered and cannot be erased, in sentences."""
-    export_folders: list[str] = field(default_factory=list)
-    """Those of `exports` that were written as folders: they are erased with everything in them."""
-    kept: list[dict[str, str]] = field(default_factory=list)
-    """Rows that stay in the study's `anonymous.csv`."""
-    hashes: dict[str, list[str]] = field(default_factory=dict)
-    """Of exports and recordings, by their paths: what was written there."""
-    begun: list[str] = field(default_factory=list)
-    """Those that were found to be what was written, and are being erased."""
-
-
-class WithdrawalReport(Struct):
-    """What was done, and what is left for people."""
-
-    erased: list[str] = field(default_factory=list)
-    make_again: list[str] = field(default_factory=list)
-    """Exports that held others, too."""
-    remains: list[str] = field(default_factory=list)
-    """Where they are still named in the study's folder, in sentences."""
-    unreached: list[str] = field(default_factory=list)
-    """What is known of and was not erased, and why, in sentences."""
-    beyond: list[str] = field(default_factory=list)
-    """What nobody can reach or know of from here, in sentences."""
 
 
 def plan_withdrawal(study: Path, participant: str) -> WithdrawalPlan:
@@ -103,7 +69,7 @@ def plan_withdrawal(study: Path, participant: str) -> WithdrawalPlan:
     log = read_log(study)
     try:
         plan = _make_plan(study, participant, log)
-        left = _left_work(study, participant)
+        left = left_work(study, participant)
     except OSError as error:
         raise WithdrawalError(f"{error.filename or study} cannot be read: {error_message(error)}") from None
     if plan.sessions or left or is_withdrawn(participant, log):
@@ -133,8 +99,8 @@ def withdraw(
     try:
         with LockedLog(study, disk=disk) as log:
             work = _take_out(study, participant, log, disk, keep)
-        report = _Erasing(study, work, disk).run() if work is not None else WithdrawalReport()
-        _erase_unfinished(study, report, disk)
+        report = Erasing(study, work, disk).run() if work is not None else WithdrawalReport()
+        erase_leftovers(study, report, disk)
     except OSError as error:
         raise WithdrawalError(
             f"not everything could be erased: {error.filename or study}: {error_message(error)}. Say it again when "
@@ -153,14 +119,14 @@ def _take_out(
 ) -> Path | None:
     """Make the list, move the folders out of the study's sessions, write the log anew. The folder of what is to be
     erased; None: there is nothing."""
-    _erase_unlisted(study, disk)
+    erase_unlisted(study, disk)
     erase_file(log.path.with_name(f"{LOG_FILE}.new"), disk)  # somebody was killed who wrote the log anew
     entries = _by_owner(log.entries(), participant)
     plan = _make_plan(study, participant, entries)
     plan.kept = list(keep)
-    work = _left_work(study, participant)
+    work = left_work(study, participant)
     if work is not None:
-        plan = _join(_read_list(work), plan)
+        plan = join_plans(read_list(work), plan)
     own = set(plan.sessions)
     _clear_set_aside(study / SET_ASIDE_FILE, participant, own, disk)
     known = any(_concerns(each, participant, own) for each in entries)
@@ -168,8 +134,8 @@ def _take_out(
         with suppress(OSError):
             (study / WORK_FOLDER).rmdir()
         return None
-    work = work or _new_work(study)
-    _write_list(work, plan, disk)
+    work = work or new_work(study)
+    write_list(work, plan, disk)
     for name in plan.sessions:
         _move_out(study / SESSIONS / name, work / name)
     if (study / SESSIONS).is_dir():
@@ -356,160 +322,6 @@ def _why_elsewhere(study: Path, export: str) -> str:
     if Path(os.path.realpath(study)) in real.parents:
         return ""
     return f"{path} was exported of them, and lies outside of the study's folder: erase it yourself"
-
-
-# --- the list of what is to go --------------------------------------------------------------------------------------
-
-
-def _left_work(study: Path, participant: str) -> Path | None:
-    """What an earlier run has left."""
-    for folder in folders_in(study / WORK_FOLDER):
-        try:
-            if _read_list(folder).participant == participant:
-                return folder
-        except (FileNotFoundError, msgspec.DecodeError):
-            continue
-    return None
-
-
-def _erase_unlisted(study: Path, disk: Disk) -> None:
-    """What was left by a run that was ended before its list was written, or while that was erased, as the last of all.
-
-    The list is written in one step, so one that cannot be read is half erased.
-    """
-    for folder in folders_in(study / WORK_FOLDER):
-        try:
-            _read_list(folder)
-        except (FileNotFoundError, msgspec.DecodeError):
-            erase_folder(folder, disk)
-
-
-def _new_work(study: Path) -> Path:
-    root = study / WORK_FOLDER
-    root.mkdir(0o700, exist_ok=True)
-    for number in range(1, 10_000):
-        try:
-            (root / str(number)).mkdir(0o700)
-        except FileExistsError:
-            continue
-        return root / str(number)
-    raise WithdrawalError(f"{root} is full")
-
-
-def _read_list(work: Path) -> WithdrawalPlan:
-    return msgspec.json.decode((work / _LIST).read_bytes(), type=WithdrawalPlan)
-
-
-def _write_list(work: Path, plan: WithdrawalPlan, disk: Disk) -> None:
-    new = work / f"{_LIST}.new"
-    new.unlink(missing_ok=True)
-    descriptor = disk.open(new, create=True)
-    try:
-        disk.write(descriptor, msgspec.json.encode(plan), 0)
-        disk.sync(descriptor)
-    finally:
-        disk.close(descriptor)
-    new.replace(work / _LIST)
-    disk.sync_folder(work)
-
-
-def _join(before: WithdrawalPlan, now: WithdrawalPlan) -> WithdrawalPlan:
-    """What an earlier run has left, and what has come since."""
-    moved = tuple(f"session {name} " for name in before.sessions)  # the log says that these are not there any more
-    unreachable = [*before.unreachable, *(each for each in now.unreachable if not each.startswith(moved))]
-    return WithdrawalPlan(
-        now.participant,
-        list(dict.fromkeys([*before.sessions, *now.sessions])),
-        list(dict.fromkeys([*before.recordings, *now.recordings])),
-        {**before.exports, **now.exports},
-        list(dict.fromkeys(unreachable)),
-        list(dict.fromkeys([*before.export_folders, *now.export_folders])),
-        [*before.kept, *now.kept],
-        {**before.hashes, **now.hashes},
-        before.begun,
-    )
-
-
-# --- erasing --------------------------------------------------------------------------------------------------------
-
-
-class _Erasing:
-    """Erases what a list names. What cannot be erased is told, and stays on the list for the next time."""
-
-    def __init__(self, study: Path, work: Path, disk: Disk) -> None:
-        self._study = study
-        self._work = work
-        self._disk = disk
-        self._plan = _read_list(work)
-        self._failed = False
-        self.report = WithdrawalReport(unreached=list(self._plan.unreachable))
-
-    def run(self) -> WithdrawalReport:
-        plan, report = self._plan, self.report
-        add_rows(self._study, plan.kept, self._disk)  # first: from here on they stand nowhere else
-        for text in plan.recordings:
-            self._erase_if_same(text, why_not_place(self._study, Path(text)), proved=text in plan.hashes)
-        for text, others in plan.exports.items():
-            if self._erase_if_same(text, why_not_export(self._study, text)) and others:
-                report.make_again.append(f"{self._study / text} (with {', '.join(others)})")
-        for name in plan.sessions:
-            report.unreached += [
-                f"{each} had another name on this disk (a hard link, as backups make them): it is there still"
-                for each in _linked_files(self._work / name)
-            ]
-            self._erase(self._work / name, f"{SESSIONS}/{name}")
-        if not self._failed:
-            erase_folder(self._work, self._disk)  # with the list: from here on nothing is left to do
-            with suppress(OSError):  # somebody else's are being erased, too
-                (self._study / WORK_FOLDER).rmdir()
-        self._disk.sync_folder(self._study)
-        return report
-
-    def _erase_if_same(self, text: str, why: str, *, proved: bool = True) -> bool:
-        path, plan = self._study / text, self._plan
-        if not why and text not in plan.begun:
-            if not os.path.lexists(path):
-                return False
-            try:
-                why = why_other(path, plan.hashes.get(text, [])) if proved else ""
-            except OSError as error:
-                return self._fail(path, error)
-        if why:
-            self.report.unreached += [why] if why not in self.report.unreached else []
-            return False
-        if text not in plan.begun:
-            plan.begun.append(text)
-            _write_list(self._work, plan, self._disk)
-        return self._erase(path, str(path))
-
-    def _erase(self, path: Path, name: str) -> bool:
-        try:
-            if path.is_dir() and not path.is_symlink():
-                erase_folder(path, self._disk)
-            else:
-                erase_file(path, self._disk)
-        except OSError as error:
-            return self._fail(path, error)
-        self.report.erased.append(name)
-        return True
-
-    def _fail(self, path: Path, error: OSError) -> bool:
-        self._failed = True
-        where = error.filename or path
-        self.report.unreached.append(
-            f"{where} could not be erased: {error_message(error)}. Say it again when it can be"
-        )
-        return False
-
-
-def _linked_files(folder: Path) -> list[Path]:
-    return [each for each in sorted(folder.rglob("*")) if not each.is_dir() and has_other_names(each)]
-
-
-def _erase_unfinished(study: Path, report: WithdrawalReport, disk: Disk) -> None:
-    """What killed exports have left, of whomever."""
-    busy = erase_all_unfinished(study, lambda folder: erase_folder(folder, disk))
-    report.unreached += [f"{each} is being written just now: erase what becomes of it" for each in busy]
 
 
 # --- what is left ---------------------------------------------------------------------------------------------------

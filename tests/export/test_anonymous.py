@@ -12,7 +12,8 @@ from rise_engine.cli.withdraw import withdraw
 from rise_engine.export.anonymous import NothingToKeep, rows_to_keep
 from rise_engine.session.disk import Disk
 from rise_engine.study.kept_rows import FILE, add_rows
-from rise_engine.study.withdrawal import WORK_FOLDER, plan_withdrawal
+from rise_engine.study.traces import WORK_FOLDER
+from rise_engine.study.withdrawal import plan_withdrawal
 from rise_engine.study.withdrawal import withdraw as withdraw_participant
 
 from ..analysis.samples import make_study

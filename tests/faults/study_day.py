@@ -4,12 +4,14 @@
 
 Each engine is a real process (forked from this one) that serves a session of a real study. After every kill: no slot is
 held by two, none was passed over, every session is what the plan says (`tests.study.invariants`), no session that had
-begun is lost, and every outcome that was acknowledged counts.
+begun is lost, and every outcome that was acknowledged counts. In between, people withdraw and words are taken out
+while exports run (`tests.faults.study_privacy`); then every byte is searched.
 """
 
 from __future__ import annotations
 
 import argparse
+import json
 import os
 import random
 import shutil
@@ -20,18 +22,21 @@ from collections import Counter
 from pathlib import Path
 
 from rise_engine.exit_status import UNFINISHED
-from rise_engine.kernel.inputs import OutcomeReport
+from rise_engine.kernel.inputs import Note, OutcomeReport, Submit
 from rise_engine.kernel.records import OutcomeStatus
 from rise_engine.protocol import messages
 from rise_engine.protocol.session_options import SessionOptions
 from rise_engine.server.spawn import EngineRefused
 from rise_engine.study.judge import CannotJudge, judge_session
 from rise_engine.study.model import ParticipantStanding
+from rise_engine.study.planning import plan_study
 from rise_engine.study.standing import BEGINNABLE
 from rise_engine.study.state import OpenStudy, StudyStatus, read_state
+from rise_engine.study.study_toml import load_study
 from tests.faults.soak import Child, Mistake, SoakConnection
+from tests.faults.study_privacy import PRIVATE, Leak, Privacy, word
 from tests.study.invariants import check_day, first_input
-from tests.study.studies import HEAD, PEOPLE, write_study
+from tests.study.studies import HEAD, MEMORY, PEOPLE, SCENARIO, write_study
 
 OUTCOMES: tuple[OutcomeStatus, ...] = ("complete", "complete", "complete", "aborted", "excluded")
 
@@ -39,9 +44,21 @@ OUTCOMES: tuple[OutcomeStatus, ...] = ("complete", "complete", "complete", "abor
 class StudyConnection(SoakConnection):
     """A program that ends sessions."""
 
-    def judge(self, status: OutcomeStatus) -> bool:
+    def tell(self, participant: str) -> None:
+        """What only this participant says, does and is called."""
+        inputs = [
+            Note(text=f"a {word(participant, 'note')} remark"),
+            Submit(function="say", behavior=f"Good day, {word(participant, 'said')}"),
+            Submit(function="assignValue", behavior=json.dumps({PRIVATE: word(participant, "value")})),
+            Submit(function="assignValue", behavior=json.dumps({word(participant, "key"): 1})),
+        ]
+        for number, each in enumerate(inputs, 10):
+            self._put(messages.SendMessage(id=number, message=each))
+
+    def judge(self, status: OutcomeStatus, participant: str = "") -> bool:
         """Whether the outcome was acknowledged."""
-        self._put(messages.SendMessage(id=1, message=OutcomeReport(status=status, reason="by the soak")))
+        report = OutcomeReport(status=status, reason=f"by {word(participant, 'reason')}")
+        self._put(messages.SendMessage(id=1, message=report))
         while 1 not in self.acknowledged:
             if not self.read(5.0):
                 return False
@@ -80,9 +97,15 @@ class StudyDays:
     def begin_study(self) -> None:
         self.counts["studies"] += 1
         self.folder = self.scratch / f"study-{self.counts['studies']}"
-        write_study(self.folder, people=HEAD + PEOPLE)
+        study = write_study(self.folder, people=HEAD + PEOPLE, plan=False)
+        (self.folder / "scenario" / "scenario.toml").write_text(SCENARIO + f'private = ["{PRIVATE}"]\n', "utf-8")
+        memory = MEMORY.replace('"noise": 1', f'"noise": 1, "{PRIVATE}": "nobody yet"')
+        (self.folder / "scenario" / "memory.json").write_text(memory, "utf-8")
+        plan_study(study, load_study(self.folder).scenarios)
         self.served.clear()
         self.judged.clear()
+        outside = self.scratch / f"outside-{self.counts['studies']}"
+        self.privacy = Privacy(self.folder, outside, self.dice, self.counts)
 
     def step(self) -> bool:
         """Something happens in the study; False when everybody is done."""
@@ -101,7 +124,25 @@ class StudyDays:
         else:
             self.session(participant)
         self.check()
+        if self.dice.random() < 0.35:
+            self.keep_private()
+            self.check()
         return True
+
+    def keep_private(self) -> None:
+        """Exports, redactions and withdrawals beside each other."""
+        owners: dict[str, list[str]] = {}
+        for each in read_state(self.folder).sessions:
+            if each.info is not None and each.entry.status != "running":
+                owners.setdefault(each.entry.participant, []).append(each.name)
+        try:
+            self.privacy.go(owners)
+        except Leak as leak:
+            raise Mistake(f"{self.folder}: {leak}") from leak
+        for participant in self.privacy.withdrawn & owners.keys():
+            self.served -= {*owners[participant]}
+            for name in owners[participant]:
+                self.judged.pop(name, None)
 
     def session(self, participant: ParticipantStanding) -> None:
         dice = self.dice
@@ -122,6 +163,7 @@ class StudyDays:
         name = Path(outcome.folder).name
         self.counts["recovered"] += outcome.recovered
         connection = StudyConnection(self.scratch / "run" / "day.sock")
+        connection.tell(participant.participant)
         if dice.random() < 0.3:
             time.sleep(dice.random() * 0.02)
             begun = first_input(Path(outcome.folder)) is not None  # else nothing has gone out yet
@@ -134,12 +176,12 @@ class StudyDays:
             self.counts["ended without outcome"] += 1
             self.served.add(name)
         else:
-            self.end_with_outcome(child, connection, name)
+            self.end_with_outcome(child, connection, name, participant.participant)
         connection.close()
 
-    def end_with_outcome(self, child: Child, connection: StudyConnection, name: str) -> None:
+    def end_with_outcome(self, child: Child, connection: StudyConnection, name: str, participant: str) -> None:
         status = self.dice.choice(OUTCOMES)
-        if not connection.judge(status):
+        if not connection.judge(status, participant):
             raise Mistake("the engine ended by itself")
         self.judged[name] = status
         self.served.add(name)

@@ -34,7 +34,8 @@ from rise_engine.session.journal_format import encode_header, encode_input, enco
 from rise_engine.study import judge, state, study_log
 from rise_engine.study.judge import CannotJudge, exclude_participant, judge_session
 from rise_engine.study.state import OpenStudy, read_state
-from rise_engine.study.withdrawal import WithdrawalError, withdraw
+from rise_engine.study.withdrawal import withdraw
+from rise_engine.study.withdrawal_work import WithdrawalError
 from tests.chance import examples
 
 from .invariants import check_day

@@ -25,8 +25,9 @@ from rise_engine.session.unfinished_files import private_folder
 from rise_engine.study.retention import due_retention
 from rise_engine.study.state import OpenStudy, read_state
 from rise_engine.study.study_log import LOG_FILE, SET_ASIDE_FILE, LockedLog, StudyLogError, read_log
-from rise_engine.study.traces import find_names
-from rise_engine.study.withdrawal import WORK_FOLDER, WithdrawalError, WithdrawalPlan, plan_withdrawal, withdraw
+from rise_engine.study.traces import WORK_FOLDER, find_names
+from rise_engine.study.withdrawal import plan_withdrawal, withdraw
+from rise_engine.study.withdrawal_work import WithdrawalError, WithdrawalPlan
 from rise_engine.study.withdrawn import is_withdrawn, without_salts
 from rise_engine.words import Words, parse_replacement
 
@@ -426,7 +427,7 @@ def test_what_was_added_later_is_erased_too(made: Folder, tmp_path: Path) -> Non
     first, _, second, *_ = made.sessions
     inside = second / "room.wav"
     inside.write_bytes(b"sound")
-    register_media(first, MediaFile(path=str(own), kind="video"))
+    register_media(first, MediaFile(path=str(own), kind="video", bytes=own.stat().st_size))
     register_media(second, MediaFile(path=str(others), kind="video"))
     for session_of in (first, second):
         register_media(session_of, MediaFile(path=str(shared), kind="video"))
