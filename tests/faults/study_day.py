@@ -46,7 +46,7 @@ class StudyConnection(SoakConnection):
 
     def tell(self, participant: str) -> None:
         """What only this participant says, does and is called."""
-        inputs = [
+        inputs: list[Note | Submit] = [
             Note(text=f"a {word(participant, 'note')} remark"),
             Submit(function="say", behavior=f"Good day, {word(participant, 'said')}"),
             Submit(function="assignValue", behavior=json.dumps({PRIVATE: word(participant, "value")})),
