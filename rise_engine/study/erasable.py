@@ -21,7 +21,7 @@ from rise_engine.study.kept_rows import FILE as KEPT_FILE
 from rise_engine.study.plan_file import PLAN_FILE
 from rise_engine.study.sessions import SESSIONS
 from rise_engine.study.study_log import LOG_FILE, SET_ASIDE_FILE
-from rise_engine.study.traces import MANIFEST_FILE, PARTICIPANTS_FILE, STUDY_FILE
+from rise_engine.study.traces import MANIFEST_FILE, PARTICIPANTS_FILE, STUDY_FILE, questionnaire_files
 
 _STUDYS_OWN = frozenset({SESSIONS, STUDY_FILE, PARTICIPANTS_FILE, PLAN_FILE, LOG_FILE, SET_ASIDE_FILE, KEPT_FILE})
 _OF_SOMEBODY = (INFO, JOURNAL, STUDY_FILE, LOG_FILE)
@@ -50,7 +50,8 @@ def why_not_export(study: Path, export: str) -> str:
     if root not in real.parents:
         return f"{path} was exported of them, and lies outside of the study's folder: erase it yourself"
     first = real.relative_to(root).parts[0]
-    if first in _STUDYS_OWN or first.startswith(".") or path.is_symlink() or _is_of_scenario(real, root):
+    own = first in _STUDYS_OWN or first.startswith(".") or str(real.relative_to(root)) in questionnaire_files(study)
+    if own or path.is_symlink() or _is_of_scenario(real, root):
         return f"{path} is named as an export of them, and is a part of the study: look what it is"
     return ""
 

@@ -46,7 +46,7 @@ class StudyConnection(SoakConnection):
 
     def tell(self, participant: str) -> None:
         """What only this participant says, does and is called."""
-        inputs = [
+        inputs: list[Note | Submit] = [
             Note(text=f"a {word(participant, 'note')} remark"),
             Submit(function="say", behavior=f"Good day, {word(participant, 'said')}"),
             Submit(function="assignValue", behavior=json.dumps({PRIVATE: word(participant, "value")})),
@@ -76,7 +76,9 @@ class StudyConnection(SoakConnection):
 class StudyDays:
     """One run: as many studies as it takes."""
 
-    def __init__(self, seed: int, scratch: Path) -> None:
+    def __init__(self, seed: int, scratch: Path, exports: float = 0.35) -> None:
+        """:param exports: how often exports, redactions and withdrawals run after a step."""
+        self.exports = exports
         self.dice = random.Random(seed)
         self.scratch = scratch
         os.environ["RISE_SESSIONS"] = str(scratch / "sessions")
@@ -124,7 +126,7 @@ class StudyDays:
         else:
             self.session(participant)
         self.check()
-        if self.dice.random() < 0.35:
+        if self.exports and self.dice.random() < self.exports:
             self.keep_private()
             self.check()
         return True
@@ -250,13 +252,14 @@ def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--kills", type=int, default=1_000)
     parser.add_argument("--seed", type=int, default=None)
+    parser.add_argument("--exports", type=float, default=0.35, help="how often people withdraw while exports run")
     options = parser.parse_args()
     seed = options.seed if options.seed is not None else random.SystemRandom().randrange(10**6)
     print(f"seed {seed}", flush=True)
     scratch = Path(tempfile.mkdtemp(prefix="day-", dir="/tmp"))
     (scratch / "run").mkdir(0o700)
     began = time.monotonic()
-    days = StudyDays(seed, scratch)
+    days = StudyDays(seed, scratch, options.exports)
     try:
         days.run(options.kills)
     except Mistake as mistake:

@@ -71,73 +71,52 @@ def test_a_log_that_names_what_is_no_export_has_nothing_erased(made: Folder) -> 
         assert any(path in each for each in report.unreached), path
 
 
-@pytest.mark.parametrize("kind", ["changed", "added to", "not noted", "deleted"])
-def test_an_export_that_is_not_what_was_written_is_told(made: Folder, kind: str) -> None:
-    path = made.study / "tables"
-    path.mkdir()
-    (path / "acts.csv").write_text("P01")
-    exported(made, "tables", noted=kind != "not noted")
-    if kind == "changed":
-        (path / "acts.csv").write_text("mine")
-    elif kind == "added to":
-        (path / "mine.txt").write_text("mine")
-    elif kind == "deleted":
-        shutil.rmtree(path)
+def test_an_export_that_is_not_what_was_written_is_told(made: Folder) -> None:
+    kinds = ("changed", "added to", "not noted", "deleted")
+    for kind in kinds:
+        path = made.study / kind
+        path.mkdir()
+        (path / "acts.csv").write_text("P01")
+        exported(made, kind, noted=kind != "not noted")
+    (made.study / "changed" / "acts.csv").write_text("mine")
+    (made.study / "added to" / "mine.txt").write_text("mine")
+    shutil.rmtree(made.study / "deleted")
     result = CliRunner().invoke(main, ["study", "withdraw", str(made.study), "P01", "--yes"])
     assert result.exit_code == 1
     told = result.output.partition("not erased, and somebody has to see to it:")[2]
-    assert f"  {path}" in told, result.output
-    assert path.exists() == (kind != "deleted")
+    for kind in kinds:
+        assert f"  {made.study / kind}" in told, result.output
+        assert (made.study / kind).exists() == (kind != "deleted")
 
 
-RECORDINGS = [
-    "study.toml",
-    "journal",
-    "link",
-    "other study",
-    "older",
-    "grown",
-    "unknown size",
-    "around",
-    "no home",
-]
+def test_what_a_session_calls_its_recording_and_is_none_is_told(made: Folder) -> None:
+    root = made.root
+    films = {kind: root / f"{kind}.mp4" for kind in ("older", "grown", "unknown size", "linked")}
+    (root / "other").mkdir()
+    (root / "other" / "session.toml").touch()
+    films["of another study"] = root / "other" / "film.mp4"
+    for film in films.values():
+        film.write_bytes(b"film")
+    os.utime(films["older"], (10**9, 10**9))
+    (root / "link.mp4").symlink_to(films["linked"])
+    (root / "metadata.yaml").touch()
+    theirs = made.sessions[0] / ".." / made.sessions[2].name / "journal.jsonl"
+    named = [*(films[kind] for kind in films if kind != "linked"), root / "link.mp4", root]
+    named += [made.study / "study.toml", theirs, Path("~nobody-of-this-name/film.mp4")]
+    for path in named:
+        size = None if path == films["unknown size"] else path.stat().st_size if path.is_file() else 1
+        register_media(made.sessions[0], MediaFile(path=str(path), kind="video", bytes=size))
+    films["grown"].write_bytes(b"longer film")
 
+    def kept() -> dict[str, bytes]:
+        toml = {"study.toml": (made.study / "study.toml").read_bytes()}
+        return contents(made.sessions[2]) | toml | {str(film): film.read_bytes() for film in films.values()}
 
-@pytest.mark.parametrize("kind", RECORDINGS)
-def test_what_a_session_calls_its_recording_and_is_none_is_told(made: Folder, kind: str) -> None:
-    film = made.root / "film.mp4"
-    film.write_bytes(b"film")
-    path, size = film, film.stat().st_size
-    if kind == "study.toml":
-        path = made.study / "study.toml"
-    elif kind == "journal":
-        path = made.sessions[0] / ".." / made.sessions[2].name / "journal.jsonl"
-    elif kind == "link":
-        path = made.root / "link.mp4"
-        path.symlink_to(film)
-    elif kind == "other study":
-        (made.root / "other").mkdir()
-        (made.root / "other" / "session.toml").touch()
-        path = Path(shutil.copy(film, made.root / "other" / "film.mp4"))
-    elif kind == "older":
-        os.utime(film, (10**9, 10**9))
-    elif kind == "grown":
-        film.write_bytes(b"longer film")
-    elif kind == "around":
-        (made.root / "metadata.yaml").touch()
-        path = made.root
-    elif kind == "no home":
-        path = Path("~nobody-of-this-name/film.mp4")
-    if path.is_file() and kind not in ("grown", "link"):
-        size = path.stat().st_size
-    file = MediaFile(path=str(path), kind="video", bytes=None if kind == "unknown size" else size)
-    before = {**contents(made.sessions[2]), "film": film.read_bytes(), "toml": (made.study / "study.toml").read_bytes()}
-    register_media(made.sessions[0], file)
+    before = kept()
     report = withdraw(made.study, "P01")
-    after = {**contents(made.sessions[2]), "film": film.read_bytes(), "toml": (made.study / "study.toml").read_bytes()}
-    assert after == before and made.root.exists() and Path(os.path.normpath(path)).exists() == (kind != "no home")
-    named = os.path.normpath(path).removeprefix("~")
-    assert any(named in each for each in report.unreached), report.unreached
+    assert kept() == before
+    for path in named:
+        assert any(os.path.normpath(path) in each for each in report.unreached), path
 
 
 def test_a_recording_whose_hash_is_another_is_told(made: Folder) -> None:
