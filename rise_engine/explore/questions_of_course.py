@@ -46,13 +46,15 @@ def find_lost_ends(explored: Explored) -> Iterator[ExploreFinding]:
             rule=end.name,
         )
         return
+    if all(explored.state_of(end.name, number) is None for number in range(len(explored.situations))):
+        return  # something outside begins it: `never-started` says so
     able = explored.reaching(explored.ends | explored.unknown, is_planned)
     stuck = set(explored.stuck(end.name))  # of these it is said already
     lost = [number for number in range(len(explored.situations)) if number not in able and number not in stuck]
     if lost:
         states = {explored.state_of(end.name, number): None for number in lost}
         known = [state for state in states if state is not None]
-        place = f"while {end.name} stands in {some_states(known)}" if known else f"while {end.name} does not run"
+        place = f"while {end.name} is in {some_states(known)}" if known else f"while {end.name} does not run"
         yield ExploreFinding(
             kind="end-lost",
             level="problem",

@@ -22,7 +22,7 @@ WHOLE = "all"
 """The condition of sessions that have none."""
 
 
-class _Person(Struct):
+class _WideRow(Struct):
     """A participant's trials so far."""
 
     sessions: int = 0
@@ -31,7 +31,7 @@ class _Person(Struct):
     """By condition, of each trial."""
 
 
-_PersonRow: TypeAlias = tuple[str, _Person]
+_PersonRow: TypeAlias = tuple[str, _WideRow]
 
 
 class WideTable:
@@ -40,7 +40,7 @@ class WideTable:
     def __init__(self, context: ExportContext) -> None:
         self._context = context
         self._study = context.study
-        self._people: dict[str, _Person] = {}
+        self._people: dict[str, _WideRow] = {}
         self._measures: dict[str, None] = {}
 
     def add(self, data: SessionData) -> None:
@@ -53,7 +53,7 @@ class WideTable:
         between = self._between()
         within = [str(level) for name, level in facts.factors.items() if name not in between]
         condition = "+".join(within) if facts.factors else facts.condition
-        person = self._people.setdefault(facts.participant, _Person())
+        person = self._people.setdefault(facts.participant, _WideRow())
         person.sessions += 1
         person.between |= {name: level for name, level in facts.factors.items() if name in between}
         values = person.measures.setdefault(condition or WHOLE, [])

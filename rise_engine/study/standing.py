@@ -80,7 +80,7 @@ def places_of(participants: Sequence[Participant], log: Sequence[LogEntry]) -> P
     for each in log:
         if each.kind == "excluded":
             excluded[str(each.get("participant"))] = str(each.get("reason") or "")
-    judged = {each.get("session"): each for each in log if each.kind == "outcome"}
+    judged = {each.get("session") or each.get("participant"): each for each in log if each.kind == "outcome"}
     moved = reassignments(log)
     for name, each in judged.items():  # the last outcome of each session
         if each.get("status") == "excluded":

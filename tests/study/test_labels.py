@@ -187,7 +187,7 @@ def check_sessions(study: Path) -> tuple[int, list[str]]:
 
 def test_a_whole_study_is_proved(study: Path) -> None:
     status, lines = check_sessions(study)
-    assert status == 0
+    assert status == 0, lines
     assert sum(": identical (" in line for line in lines) == 8
     assert any(line.startswith("8 of 8 sessions proved: ") for line in lines)
     document = json.loads(run("study", "check", "--sessions", "--json", study)[1])
