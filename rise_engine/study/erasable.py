@@ -27,7 +27,7 @@ _STUDYS_OWN = frozenset({SESSIONS, STUDY_FILE, PARTICIPANTS_FILE, PLAN_FILE, LOG
 _OF_SOMEBODY = (INFO, JOURNAL, STUDY_FILE, LOG_FILE)
 
 
-class RecordedFile(Struct):
+class KnownBy(Struct):
     """What a recording is known by: files of these sizes and check sums."""
 
     sizes: list[int] = []
@@ -56,7 +56,7 @@ def why_not_export(study: Path, export: str) -> str:
     return ""
 
 
-def why_not_recording(study: Path, session: Path, path: Path, facts: RecordedFile) -> str:
+def why_not_recording(study: Path, session: Path, path: Path, facts: KnownBy) -> str:
     """Why something that a session has registered as its recording is left to people, or empty.
 
     :param study: the study's folder.

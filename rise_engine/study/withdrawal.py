@@ -22,7 +22,7 @@ from rise_engine.session.disk import Disk, error_message
 from rise_engine.session.erasure import erase_file
 from rise_engine.session.folder import JOURNAL, sessions_folder
 from rise_engine.session.lock import is_journal_locked, read_holder, running_message
-from rise_engine.study.erasable import RecordedFile, why_not_export, why_not_recording
+from rise_engine.study.erasable import KnownBy, why_not_export, why_not_recording
 from rise_engine.study.labels import reassignments
 from rise_engine.study.sessions import SESSIONS
 from rise_engine.study.study_log import LOG_FILE, SET_ASIDE_FILE, LockedLog, LogEntry, read_log
@@ -254,9 +254,9 @@ def _make_plan(study: Path, participant: str, log: Sequence[LogEntry]) -> Withdr
     return plan
 
 
-def _recording_facts(folders: Sequence[Path], path: str) -> RecordedFile:
+def _recording_facts(folders: Sequence[Path], path: str) -> KnownBy:
     found = [recording_facts(folder, path) for folder in folders]
-    return RecordedFile(
+    return KnownBy(
         [size for sizes, _ in found for size in sizes], [each for _, hashes in found for each in hashes]
     )
 

@@ -25,7 +25,7 @@ def test_a_problem_is_shown_with_its_way() -> None:
     assert "PROBLEM: Praise can come to a stand in Praise" in result.output
     assert "1. the wizard presses b (begin)" in result.output
     assert "x: it does something there" in result.output
-    assert "1 problem, 6 warnings, 2 remarks" in result.output
+    assert "1 problem, 6 warnings, 4 remarks" in result.output
 
 
 def test_as_json() -> None:
