@@ -255,7 +255,12 @@ class Privacy:
         """Every file of the study and outside of it that is nobody's who withdraws, and no export; with its hash."""
         own = {str(study / "sessions" / name) for name in (*owners[participant], session)}
         kept = {**hashes(study), **hashes(self.outside)}
-        legitimate = (str(study / LOG_FILE), str(study / "out-"), str(study / ".out-"), str(self.outside / "said-"))
+        legitimate: tuple[str, ...] = (
+            str(study / LOG_FILE),
+            str(study / "out-"),
+            str(study / ".out-"),
+            str(self.outside / "said-"),
+        )
         legitimate += (str(self.outside / "."), str(study / f"{LOG_FILE}."))
         return {
             path: digest
