@@ -92,6 +92,10 @@ class ActCollector:
         """What wizards asked for."""
         return self._causes.keys(tuple(self._acts))
 
+    def raised(self) -> tuple[tuple[float, str], ...]:
+        """Which events wizards raised, and when."""
+        return self._causes.raised()
+
     def cues(self, acts: Iterable[PlayedAct]) -> tuple[Cue, ...]:
         """Every cue, with what `acts` answered and bridged it."""
         by_task = {act.task: act for act in acts}

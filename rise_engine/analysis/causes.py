@@ -10,10 +10,12 @@ from __future__ import annotations
 from msgspec import Struct
 
 from rise_engine.analysis.model import ActorKind, WizardKey
-from rise_engine.kernel.records import AnyRecord, Mark, MistakeRecord, TaskRecord, TimingRecord
+from rise_engine.kernel.behaviors import started_rule
+from rise_engine.kernel.records import AnyRecord, EventRecord, Mark, MistakeRecord, TaskRecord, TimingRecord
 from rise_engine.kernel.wizard_marks import UNMARKABLE
 
 CUE = "markCue"
+START_RULE = "startInteractionRule"
 _COMMAND_LINE = "wizard:command-line"
 
 
@@ -53,16 +55,41 @@ class CauseCollector:
         """By task, when the key was pressed that it came of."""
         self._origins: dict[int, Origin] = {}
         self._marks: dict[int, Mark] = {}
+        self._started: dict[str, tuple[float, int]] = {}
+        """By rule, when which task started it last."""
+        self._raised: list[tuple[float, str, int | None]] = []
+        """Events: when, which, and the task that had started the rule at that moment; None: a wizard raised it."""
 
     def add(self, record: AnyRecord) -> None:
         """Take in the next record."""
         if isinstance(record, TaskRecord):
             self._tasks.setdefault(record.id, record)
+            if record.function == START_RULE and record.status == "ACTIVE":
+                self._started[started_rule(record.behavior)] = (record.t, record.id)
+        elif isinstance(record, EventRecord):
+            self._add_event(record)
         elif isinstance(record, TimingRecord):
             if record.key_at is not None:
                 self._pressed[record.task] = record.key_at
         elif isinstance(record, MistakeRecord):
             self._marks[record.task] = record.mark
+
+    def _add_event(self, record: EventRecord) -> None:
+        kind = actor_of(record.source)
+        started, task = (
+            self._started.get(record.source.removeprefix("rule:"), (None, 0)) if kind == "rule" else (None, 0)
+        )
+        if kind == "wizard" or started == record.t:
+            self._raised.append((record.t, record.topic, None if kind == "wizard" else task))
+
+    def raised(self) -> tuple[tuple[float, str], ...]:
+        """When which event was raised by a wizard, or by a rule at the moment at which a wizard's key started it."""
+        by_wizards = (
+            (at, topic)
+            for at, topic, task in self._raised
+            if task is None or actor_of(self.origin_of(task).by) == "wizard"
+        )
+        return tuple(by_wizards)
 
     def origin_of(self, task: int) -> Origin:
         """Where a task comes from. Once all records are taken in."""
@@ -119,6 +146,7 @@ class CauseCollector:
                 at=self._pressed.get(task, self._pressed.get(caused.get(task, task), record.t)),
                 source=record.source,
                 function=record.function,
+                asked=record.behavior,
                 act=caused.get(task),
                 mark=marks.get(task),
             )

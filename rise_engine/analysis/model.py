@@ -23,7 +23,7 @@ from rise_engine.kernel.records import (
     SyncRecord,
     TaskStatus,
 )
-from rise_engine.scenario.model import SIMULATED
+from rise_engine.scenario.model import SIMULATED, Scenario
 from rise_engine.session.levels import ExportLevel
 from rise_engine.session.media import MediaFile
 
@@ -143,6 +143,11 @@ class PlayedAct(Struct, frozen=True, kw_only=True):
     """Whether one of its actions takes the voice."""
 
     @property
+    def words(self) -> str:
+        """What it says."""
+        return " ".join(part.text for part in self.parts if "speech" in part.channels and part.text)
+
+    @property
     def before_cue(self) -> bool:
         """Whether it was asked for before the cue came, and only had its turn after it. Nobody reacted to the cue then:
         the time of the wizard and of the way is not told, and the queue is counted from the cue."""
@@ -198,6 +203,8 @@ class WizardKey(Struct, frozen=True, kw_only=True):
     """When the key was pressed, as far as the record holds that; else when the engine took it."""
     source: str
     function: str
+    asked: str = ""
+    """The act, rule, topic, assignment or words, as the record has it."""
     act: int | None = None
     """The first act that it caused."""
     mark: Mark | None = None
@@ -297,6 +304,8 @@ class SessionData(Struct, frozen=True, kw_only=True):
     cues: tuple[Cue, ...] = ()
     keys: tuple[WizardKey, ...] = ()
     """What wizards asked for, in its order."""
+    raised: tuple[tuple[float, str], ...] = ()
+    """When which event was raised by a wizard, or by a rule at the moment at which a wizard's key started it."""
     phases: tuple[Phase, ...] = ()
     """Also those of no length."""
     outages: tuple[Outage, ...] = ()
@@ -310,6 +319,8 @@ class SessionData(Struct, frozen=True, kw_only=True):
     media: tuple[MediaFile, ...] = ()
     """Files that belong to the session; only at the level `full`."""
     repairs: Repairs = Repairs()
+    scenario: Scenario | None = None
+    """The one that it ran; None: it cannot be loaded."""
     problems: tuple[str, ...] = ()
     """What could not be read, in sentences."""
 

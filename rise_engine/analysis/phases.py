@@ -201,12 +201,12 @@ def count_repairs(records: Iterable[AnyRecord], acts: Iterable[PlayedAct], stepp
         repeated=counts[FailureRecord, "repeated"],
         stepped_back=stepped_back,
         cues_undone=counts[CueRecord, "undone"],
-        canceled=sum(_was_stopped_by_wizard(act, by_task) for act in by_task.values()),
+        canceled=sum(was_stopped_by_wizard(act, by_task) for act in by_task.values()),
         released=counts[StopRecord, "released"],
     )
 
 
-def _was_stopped_by_wizard(act: PlayedAct, acts: Mapping[int, PlayedAct]) -> bool:
+def was_stopped_by_wizard(act: PlayedAct, acts: Mapping[int, PlayedAct]) -> bool:
     """Whether a wizard stopped it after it had begun, or began another act in its place."""
     if act.status != "CANCELED" or act.started_at is None:
         return False

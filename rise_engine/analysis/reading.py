@@ -146,6 +146,7 @@ def _read(
         acts=played,
         cues=acts.cues(played),
         keys=acts.keys(),
+        raised=acts.raised(),
         phases=phases.phases(end),
         outages=tuple(away.outages),
         points=points.points(),
@@ -153,6 +154,7 @@ def _read(
         recordings=tuple({each.name: each for each in few if isinstance(each, RecordingRecord)}.values()),
         syncs=tuple(each for each in few if isinstance(each, SyncRecord)),
         media=media,
+        scenario=scenario,
         repairs=count_repairs(few, played, phases.stepped_back),
         problems=tuple(problems),
     )

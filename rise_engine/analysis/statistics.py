@@ -82,6 +82,25 @@ def summarise(values: Iterable[float]) -> Summary | None:
     return Summary(len(ordered), ordered[0], lower, middle, upper, p95, ordered[-1])
 
 
+def median_interval(values: Iterable[float]) -> tuple[float, float] | None:
+    """The 95 % interval of a median by order statistics: of n values in order, from the k-th to the k-th from the end,
+    with the largest k for which a binomial of n and 1/2 is below k with at most 2.5 %. It holds for every distribution,
+    with at least 95 %.
+
+    :return: from and to; None of fewer than 6 values, whose range is no such interval.
+
+    >>> median_interval([1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0, 8.0, 9.0, 10.0]), median_interval([1.0, 2.0])
+    ((2.0, 9.0), None)
+    """
+    ordered = sorted(values)
+    n, k, ways, below = len(ordered), 0, 1, 1  # of 2 ** n ways, those in which fewer than k + 1 lie below the median
+    while below * 40 <= 2**n:
+        k += 1
+        ways = ways * (n - k + 1) // k
+        below += ways
+    return (ordered[k - 1], ordered[n - k]) if k else None
+
+
 def share_over(values: Iterable[float], limit: float) -> Share:
     """How many values lie above the limit; one that is equal to it does not.
 

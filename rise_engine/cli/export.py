@@ -48,6 +48,8 @@ class ExportRequest(Struct, frozen=True):
     private: tuple[str, ...] = ()
     all: bool = False
     """Of a study, also sessions that do not count or did not end."""
+    wide: bool = False
+    """Tables: also one with a row for each participant."""
 
 
 class Selection(Struct):
@@ -98,6 +100,7 @@ class _ExportCommand(click.Command):
 )
 @click.option("--private", metavar="KEY", multiple=True, help="A memory key that is private, too. Repeatable.")
 @click.option("--all", "all_sessions", is_flag=True, help="Of a study, also what does not count or did not end.")
+@click.option("--wide", is_flag=True, help="Of tables, also wide.csv: a row for each participant, with their trials.")
 def export(
     named: tuple[str, ...],
     format: str,
@@ -105,6 +108,7 @@ def export(
     level: ExportLevel,
     private: tuple[str, ...],
     all_sessions: bool,
+    wide: bool,
 ) -> None:
     """Write what happened in sessions for other programs: of a STUDY, those that count and have ended; and each
     SESSION, also one that is running, torn or damaged.
@@ -115,12 +119,14 @@ def export(
 
     Exit status: 0; 1 when something could not be read, and the rest was exported; 2 when nothing was.
     """
-    sys.exit(export_report(ExportRequest(named, format, output, level, private, all_sessions)))
+    sys.exit(export_report(ExportRequest(named, format, output, level, private, all_sessions, wide)))
 
 
 def export_report(request: ExportRequest) -> int:
     """Export what is asked for, and say on standard error what of it is to be said; the exit status."""
     try:
+        if request.wide and request.format != "tables":
+            raise ExportError("--wide is a table more of --format tables; the other formats have none")
         selection = select_sessions(request.named, all=request.all)
         if request.format in RECORD_FORMATS and not selection.several:
             return _export_records(selection.folders[0], request)
@@ -203,6 +209,7 @@ def _export(selection: Selection, format: ExportFormat, request: ExportRequest) 
     folders = selection.folders
     context = export_context(folders, request.level)
     context.standing = selection.standing
+    context.wide = request.wide
     out = Path(request.out)
     report = export_sessions(format, out, folders, context, private=request.private, several=selection.several)
     for sentence in (*selection.remarks, *report.warnings):

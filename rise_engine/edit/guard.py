@@ -81,6 +81,7 @@ _SETTINGS = (
     "languages",
     "explore",
     "properties",
+    "trials",
 )
 
 

@@ -35,6 +35,7 @@ from rise_engine.export.bids_tables import (
     session_columns,
     sidecar,
     table_text,
+    trial_columns,
 )
 from rise_engine.export.course_tables import ACTS
 from rise_engine.export.format import ExportContext, ExportError, ExportFormat
@@ -74,6 +75,8 @@ class _Dataset:
         self._tasks: dict[str, list[SessionFacts]] = {}
         self._factors: list[str] = []
         self._media = False
+        further = trial_columns(context.trial_columns) if context.trial_columns is not None else {}
+        self._event_columns: Columns = {**EVENT_COLUMNS, **further}
 
     def add(self, data: SessionData) -> None:
         """Write a session's own files."""
@@ -86,7 +89,7 @@ class _Dataset:
             facts_of_task.append(facts)
         name = self._file_name(facts, label, task, len(person.rows) + 1)
         folder = self._root / f"sub-{label}"
-        self._write_table(folder / "beh" / f"{name}_events.tsv", EVENT_COLUMNS, event_rows(data))
+        self._write_table(folder / "beh" / f"{name}_events.tsv", self._event_columns, event_rows(data))
         self._write_table(folder / "beh" / f"{name}_beh.tsv", ACT_COLUMNS, ACTS.rows(data))
         columns = self._session_columns(facts.factors)
         row = Row(data, len(person.rows) + 1, facts, f"beh/{name}_events.tsv")
@@ -108,7 +111,7 @@ class _Dataset:
             self._write_json(stem.with_suffix(".json"), sidecar(columns))
         for task, facts in sorted(self._tasks.items()):
             about = self._task_description(task, facts)
-            self._write_json(self._root / f"task-{task}_events.json", {**about, **sidecar(EVENT_COLUMNS)})
+            self._write_json(self._root / f"task-{task}_events.json", {**about, **sidecar(self._event_columns)})
             self._write_json(self._root / f"task-{task}_beh.json", {**about, **sidecar(ACT_COLUMNS)})
         self._write_participants()
         self._write_json(self._root / "dataset_description.json", self._description())

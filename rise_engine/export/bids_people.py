@@ -110,7 +110,7 @@ def _column_of(column: str, name: str, levels: tuple[str, ...]) -> Column:
     described = _COLUMNS.get(column, Column(name, f"{name}, as participants.csv has it."))
     return replace(
         described,
-        value=lambda person: person.said and _cut_age(name, _value(person.said, name)),
+        value=lambda person: person.said and cut_age(name, _value(person.said, name)),
         levels={level: level for level in levels},
     )
 
@@ -130,7 +130,7 @@ def _fits(name: str, values: list[str]) -> bool:
     return True
 
 
-def _cut_age(name: str, value: str) -> str:
+def cut_age(name: str, value: str) -> str:
     years = _number(value) if name == "age" else None
     return str(OLDEST) if years is not None and years > OLDEST else value
 

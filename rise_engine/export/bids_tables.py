@@ -19,7 +19,8 @@ from rise_engine.analysis.outages import seconds_without_engine
 from rise_engine.export.course_tables import ACTS
 from rise_engine.export.session_tables import FACTS, SESSIONS
 from rise_engine.export.table_levels import MARKS
-from rise_engine.export.table_schema import Column, Row, TableSchema, between, seconds
+from rise_engine.export.table_schema import Column, Row, TableSchema, Value, between, seconds
+from rise_engine.export.trial_tables import TRIALS, declared_column
 
 Columns: TypeAlias = Mapping[str, Column]
 """By the name that each has in BIDS, in their order."""
@@ -32,6 +33,7 @@ _TRIAL_TYPES = {
     "robot_action": "One action of an act, from the robot's confirmation to its end.",
     "cue": "The participant's turn ended; it lasts until the robot began to answer, or until it was taken back.",
     "rule_state": "A rule of the scenario was in a state.",
+    "trial": "A trial, as the scenario says where each begins. Only these rows have the columns of trials.",
     "event": "An event that rules can react to.",
     "memory": "A value of the scenario's memory changed.",
     "note": "A remark for the record.",
@@ -45,6 +47,10 @@ _TRIAL_TYPES = {
     "recovery": "Another engine went on with the session; outage_s says for how long it had none.",
 }
 """What the rows of `_events.tsv` are."""
+_OF_TRIALS = (
+    "trial robot_said asked_at asked_end cue_at participant_s key_at wizard_key wizard_asked wizard_s key_s "
+    "robot_next_at prompts repairs events marks failures"
+)
 
 
 def sidecar(columns: Columns) -> dict[str, dict[str, Any]]:
@@ -188,7 +194,10 @@ EVENT_COLUMNS: Columns = {
             "Who did it: wizard:NAME, rule:NAME, a program; of a robot_act, whose key, event or rule caused it, "
             "through any number of rules; of a robot_action: robot.",
         ),
-        Column("name", "The act, the type of the action, RULE.STATE, the event's topic, the memory key, the check."),
+        Column(
+            "name",
+            "The act, the type of the action, RULE.STATE, the event's topic, the memory key, the check, the trial.",
+        ),
         Column("value", "What was said or written, as the export's level tells it."),
         Column(
             "channel",
@@ -209,11 +218,34 @@ EVENT_COLUMNS: Columns = {
 """Of `_events.tsv`."""
 
 
+def trial_columns(declared: Iterable[str]) -> Columns:
+    """Further ones of `_events.tsv`, of rows that are trials.
+
+    :param declared: what the scenarios declare as columns of trials.
+    """
+    columns = _picked(TRIALS, _OF_TRIALS) | {column.name: column for column in map(declared_column, declared)}
+    return {
+        (f"trial_{name}" if name in EVENT_COLUMNS else name): replace(column, value=_of_trial(column))
+        for name, column in columns.items()
+    }
+
+
+def _of_trial(column: Column) -> Value:
+    return lambda row: None if row.beside is None else column.of(row.beside)
+
+
 def event_rows(data: SessionData) -> list[Row]:
     """Everything of a session that has a time, by its onset."""
     kinds = {name: number for number, name in enumerate(_TRIAL_TYPES)}
-    events = sorted(_events(data), key=lambda event: (event.onset, kinds[event.trial_type]))
-    return [Row(data, number, event) for number, event in enumerate(events, 1)]
+    events: list[tuple[_Event, Row | None]] = [(event, None) for event in _events(data)]
+    events += [(_event_of_trial(row), row) for row in TRIALS.rows(data)]
+    events.sort(key=lambda each: (each[0].onset, kinds[each[0].trial_type]))
+    return [Row(data, number, event, trial) for number, (event, trial) in enumerate(events, 1)]
+
+
+def _event_of_trial(row: Row) -> _Event:
+    trial = row.of
+    return _Event(onset=trial.start, end=trial.end, trial_type="trial", name=str(row.number), status=trial.ended_by)
 
 
 def _events(data: SessionData) -> Iterator[_Event]:

@@ -34,11 +34,6 @@ from rise_engine.export.table_schema import (
 )
 
 
-def spoken_words(act: PlayedAct) -> str:
-    """What an act says."""
-    return " ".join(part.text for part in act.parts if "speech" in part.channels and part.text)
-
-
 def _act_rows(data: SessionData) -> Iterator[Row]:
     numbers = {cue.at: number for number, cue in enumerate(data.cues, 1)}
     for number, act in enumerate(data.acts, 1):
@@ -74,7 +69,7 @@ ACTS = TableSchema(
         Column("reason", "Why it did not succeed, or what it repeats."),
         Column("filler", "Whether it bridged the time of a cue. It is no answer then.", type="boolean", required=True),
         Column("speaks", "Whether one of its actions takes the voice.", type="boolean", required=True),
-        Column("text", "What it says, its speech actions joined by a blank.", lambda row: spoken_words(row.of)),
+        Column("text", "What it says, its speech actions joined by a blank.", lambda row: row.of.words),
         Column("mark", "What was said to be wrong about it, or the key that caused it; empty: nothing.", levels=MARKS),
         Column(
             "cue",

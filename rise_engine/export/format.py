@@ -29,6 +29,11 @@ class ExportContext(Struct):
     """The folder in which the files of the export will lie when it is whole; None: where they are written."""
     factors: tuple[str, ...] = ()
     """The factors of all sessions of the export, in their order: columns of tables."""
+    trial_columns: tuple[str, ...] | None = None
+    """What the scenarios of all sessions declare as columns of trials (`[trials]`), in their order; None: no scenario
+    says what a trial is."""
+    wide: bool = False
+    """Whether the tables have a row for each participant besides."""
     warnings: list[str] = field(default_factory=list)
     """Sentences for whoever exports; a format appends to it."""
 

@@ -50,6 +50,12 @@ CUE_STATES = {
     "undone": "it was taken back",
     "open": "nothing answered it",
 }
+TRIAL_ENDS = {
+    "trial": "the next one began",
+    "rule": "the rule ended, whose state had begun it",
+    "key": "the memory key that had begun it is gone or null",
+    "record": "the record ended",
+}
 PHASE_ENDS = {
     "ended": "the rule came to its end in it",
     "stopped": "the rule was stopped in it",

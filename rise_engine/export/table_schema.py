@@ -12,7 +12,7 @@ from msgspec import Struct
 from rise_engine.analysis.model import SessionData
 from rise_engine.analysis.outages import seconds_without_engine
 
-ColumnType: TypeAlias = Literal["string", "number", "integer", "boolean", "datetime", "object"]
+ColumnType: TypeAlias = Literal["string", "number", "integer", "boolean", "datetime", "object", "any"]
 
 
 class Row(Struct, frozen=True):
@@ -222,6 +222,6 @@ def cell(value: Any) -> str:
         return "0" if text == "-0" else text
     if isinstance(value, tuple):
         return " ".join(map(str, value))
-    if isinstance(value, dict):
+    if isinstance(value, dict | list):
         return msgspec.json.encode(value).decode()
     return str(value)

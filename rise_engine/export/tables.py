@@ -12,14 +12,19 @@ import os
 import re
 from collections.abc import Iterable
 from pathlib import Path
+from typing import Any
+
+from msgspec.structs import replace
 
 from rise_engine.analysis.model import SessionData
 from rise_engine.export.course_tables import ACTIONS, ACTS, CUES, EVENTS, PHASES
 from rise_engine.export.format import ExportContext, ExportError, ExportFormat
 from rise_engine.export.session_tables import CHECKS, FACTS, RECORDINGS, SESSIONS, factor_column
 from rise_engine.export.table_schema import Column, Row, TableSchema, cell, data_package, resource
+from rise_engine.export.trial_tables import TRIALS, declared_column
+from rise_engine.export.wide_table import WideTable
 
-TABLES = (SESSIONS, ACTS, ACTIONS, CUES, PHASES, EVENTS, CHECKS, RECORDINGS)
+TABLES = (SESSIONS, ACTS, ACTIONS, CUES, PHASES, EVENTS, TRIALS, CHECKS, RECORDINGS)
 
 PACKAGE = "datapackage.json"
 _ABOUT = (
@@ -32,7 +37,7 @@ _ABOUT = (
 class _OpenTable:
     """A table that is being written."""
 
-    def __init__(self, folder: Path, schema: TableSchema, facts: list[Column]) -> None:
+    def __init__(self, folder: Path, schema: TableSchema, facts: Iterable[Column] = ()) -> None:
         self.schema = schema
         self.columns = [*facts, *schema.columns]
         self.path = folder / schema.file
@@ -41,8 +46,8 @@ class _OpenTable:
         self._rows = csv.writer(self.file, lineterminator="\n")
         self._rows.writerow([column.name for column in self.columns])
 
-    def add(self, data: SessionData, facts: list[str]) -> None:
-        for row in self.schema.rows(data):
+    def add(self, rows: Iterable[Any], facts: Iterable[str] = ()) -> None:
+        for row in rows:
             self._rows.writerow([*facts, *(cell(column.of(row)) for column in self.schema.columns)])
 
     def described(self) -> dict[str, object]:
@@ -55,10 +60,13 @@ class _OpenTable:
 def _write(path: Path, sessions: Iterable[SessionData], context: ExportContext) -> None:
     path.mkdir(0o700)
     facts = [*FACTS, *(factor_column(name, context.study) for name in context.factors)]
+    trials = replace(TRIALS, columns=(*TRIALS.columns, *map(declared_column, context.trial_columns or ())))
+    wide = WideTable(context) if context.wide else None
     tables: list[_OpenTable] = []
     count = 0
     try:
-        tables += [_OpenTable(path, schema, facts) for schema in TABLES]
+        for schema in TABLES:
+            tables.append(_OpenTable(path, trials if schema is TRIALS else schema, facts))
         for data in sessions:
             count += 1
             if unknown := data.facts.factors.keys() - set(context.factors):
@@ -66,7 +74,12 @@ def _write(path: Path, sessions: Iterable[SessionData], context: ExportContext) 
                 raise ExportError(f"{data.facts.session} has the factors {named}, which are not those of this export")
             values = [cell(column.of(Row(data, 1, data.facts))) for column in facts]
             for table in tables:
-                table.add(data, values)
+                table.add(table.schema.rows(data), values)
+            if wide is not None:
+                wide.add(data)
+        if wide is not None:
+            tables.append(_OpenTable(path, wide.schema()))
+            tables[-1].add(wide.rows())
     finally:
         for table in tables:
             table.file.close()
@@ -81,7 +94,7 @@ def _write(path: Path, sessions: Iterable[SessionData], context: ExportContext) 
 
 FORMAT = ExportFormat(
     name="tables",
-    about="acts, cues, phases, events, checks, sessions as CSV, described in datapackage.json",
+    about="acts, cues, phases, events, trials, checks, sessions as CSV, described in datapackage.json",
     shape="folder",
     suffix="",
     write=_write,

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import tomllib
 from collections.abc import Iterable, Iterator, Sequence
 from contextlib import ExitStack, contextmanager, suppress
 from pathlib import Path
@@ -12,9 +13,10 @@ from rise_engine.analysis.model import SessionData
 from rise_engine.analysis.reading import read_sessions
 from rise_engine.analysis.session_records import SessionRecords
 from rise_engine.export.format import ExportContext, ExportError, ExportFormat
+from rise_engine.scenario.file_names import SCENARIO_FILE
 from rise_engine.session.disk import error_message
 from rise_engine.session.errors import SessionError
-from rise_engine.session.folder import read_info
+from rise_engine.session.folder import SCENARIO_COPY, read_info
 from rise_engine.session.levels import ExportLevel
 from rise_engine.session.unfinished_files import unfinished
 from rise_engine.study.study_log import LockedLog, StudyLogError
@@ -83,14 +85,19 @@ def export_context(folders: Iterable[Path], level: ExportLevel) -> ExportContext
     :param level: how much is told.
     """
     studies: dict[Path | None, None] = {}
+    columns: dict[str, None] | None = None
     factors: dict[str, None] = {}
     for folder in folders:
         studies[study_of_session(folder)] = None
         factors.update(dict.fromkeys(_factors_of(folder)))
+        declared = _trial_columns_of(folder)
+        columns = columns if declared is None else (columns or {}) | dict.fromkeys(declared)
     where = next(iter(studies)) if len(studies) == 1 else None
     study = load_study(where, check_scenarios=False).study if where is not None else None
     planned = dict.fromkeys(factor.name for factor in study.factors) if study is not None else {}
-    return ExportContext(level, study, factors=tuple(planned | factors))
+    return ExportContext(
+        level, study, factors=tuple(planned | factors), trial_columns=None if columns is None else tuple(columns)
+    )
 
 
 def _factors_of(folder: Path) -> Iterable[str]:
@@ -102,6 +109,15 @@ def _factors_of(folder: Path) -> Iterable[str]:
             begun = SessionRecords(folder).begun
             return begun.factors if begun is not None else ()
         return ()
+
+
+def _trial_columns_of(folder: Path) -> list[str] | None:
+    """What the scenario of a session declares as columns of trials; None: it has no trials, or cannot be read."""
+    try:
+        said = tomllib.loads((folder / SCENARIO_COPY / SCENARIO_FILE).read_text("utf-8"))["trials"]
+        return [text for text in said.get("columns", ()) if isinstance(text, str)]
+    except (OSError, ValueError, KeyError, AttributeError, TypeError):  # whoever reads the session is told
+        return None
 
 
 @contextmanager

@@ -17,6 +17,7 @@ from rise_engine.scenario.explore_tables import EVENTUALLY_KEYS, EXPLORE_KEYS, P
 from rise_engine.scenario.model import ActionSpec, SourceLocation
 from rise_engine.scenario.parameters import listed_names
 from rise_engine.scenario.source_files import SourceFile
+from rise_engine.scenario.trial_settings import MEASURES, TRIAL_KEYS
 
 _TAG = re.compile(r"<!--.*?-->|<!\[CDATA\[.*?\]\]>|<(/?)([\w.:-]+)((?:[^<>\"']|\"[^\"]*\"|'[^']*')*?)(/?)>", re.DOTALL)
 _NAME = re.compile(r"""\s(?:name|id)\s*=\s*["']([^"']*)["']""")
@@ -99,6 +100,8 @@ def _in_toml(checked: LoadResult, before: str) -> tuple[int, list[Proposal]]:
     if table.partition(".")[0] in ("explore", *PROPERTY_TABLES):
         return _in_explored(checked, table, line, len(before))
     found = _TOML_TEXT.search(line)
+    if found is None and table == "trials" and (entry := _TOML_KEY.search(line)) is not None and entry.start() == 0:
+        return len(before) - len(entry.group(1)), [Proposal(each, "value", note) for each, note in TRIAL_KEYS.items()]
     if found is None:
         return len(before), []
     key, written = found.groups()
@@ -110,12 +113,16 @@ def _in_toml(checked: LoadResult, before: str) -> tuple[int, list[Proposal]]:
             return start, _named(checked.draft.rules, "rule")
         case "event":
             return start, _events(checked)
+        case "measure" if table == "trials":
+            return start, [Proposal(each, "value") for each in MEASURES]
+        case "state" if table == "trials":
+            return start, [each for rule in checked.draft.rules for each in _states(checked, rule)]
         case "state":
             rule = _TOML_RULE.search(line)
             return start, _states(checked, rule.group(1) if rule else "")
         case "set":
             return len(before) - len(_word(written)), _keys(checked)
-        case "private" | "key":
+        case "private" | "key" | "columns":
             return start, _keys(checked)
     return len(before), []
 

@@ -1,4 +1,4 @@
-"""What is told about `[explore]`, `[always]`, `[reachable]` and `[eventually]` of scenario.toml."""
+"""What is told about `[trials]`, `[explore]`, `[always]`, `[reachable]` and `[eventually]` of scenario.toml."""
 
 from __future__ import annotations
 
@@ -9,6 +9,7 @@ from rise_engine.expression import Expression, ExpressionError
 from rise_engine.expression.signatures import SITUATION_SIGNATURES
 from rise_engine.lsp.toml_lines import opened_text, table_at
 from rise_engine.scenario.explore_tables import EVENTUALLY_KEYS, EXPLORE_KEYS, PROPERTY_MEANINGS, PROPERTY_TABLES
+from rise_engine.scenario.trial_settings import TRIAL_KEYS
 
 _HEADER = re.compile(r"\s*\[\s*([\w-]+)[^\]]*\]")
 _ENTRY = re.compile(r"([\w-]+)\s*=")
@@ -16,6 +17,7 @@ _CALL = re.compile(r"\b(in|rule|runs|waits)\s*\(")
 _TEXT = re.compile(r""""([^"\\]*)"|'([^']*)'""")
 _MEANINGS: Mapping[str, str] = {
     "explore": "what `rise-engine explore` looks at",
+    "trials": "what a trial is: a row of trials.csv",
     **{str(kind): meaning for kind, meaning in PROPERTY_MEANINGS.items()},
 }
 
@@ -31,7 +33,7 @@ def explore_notes(text: str, offset: int) -> Iterator[str]:
     table, _ = table_at(text[:offset])
     opened = opened_text(line[:column])
     if opened is None:
-        known = {"explore": EXPLORE_KEYS, "eventually": EVENTUALLY_KEYS}.get(table, {})
+        known = {"explore": EXPLORE_KEYS, "eventually": EVENTUALLY_KEYS, "trials": TRIAL_KEYS}.get(table, {})
         for found in _ENTRY.finditer(line):
             if found.start() <= column <= found.end(1) and found.group(1) in known:
                 yield f"**{found.group(1)}**: {known[found.group(1)]}"

@@ -9,6 +9,7 @@ from msgspec import Struct
 
 from rise_engine.analysis.model import ActorKind, SessionData, SessionFacts
 from rise_engine.analysis.statistics import Share, Summary, summarise
+from rise_engine.analysis.trials import trials_of
 from rise_engine.report.bands import BANDS
 from rise_engine.report.latency import LatencyFacts, LatencyPart
 from rise_engine.report.session_facts import SessionFigures, session_figures
@@ -42,6 +43,10 @@ class SessionRow(Struct, frozen=True):
     channels: tuple[str, ...]
     """Of the robot, that it took."""
     problems: tuple[str, ...]
+    measure: str = ""
+    """The dependent variable of its trials; empty: its scenario does not say what a trial is."""
+    trials: tuple[float | None, ...] = ()
+    """What it is in each trial."""
 
     @property
     def is_complete(self) -> bool:
@@ -189,6 +194,7 @@ def session_row(data: SessionData) -> SessionRow:
 
     :param data: the session, at the report's level.
     """
+    settings = data.scenario.trials if data.scenario is not None else None
     parts = []
     for name in dict.fromkeys(key.source for key in data.keys):
         keys = [key for key in data.keys if key.source == name]
@@ -204,6 +210,8 @@ def session_row(data: SessionData) -> SessionRow:
         acts_used=tuple(dict.fromkeys(act.act for act in data.acts if act.started_at is not None)),
         channels=tuple(channels),
         problems=data.problems,
+        measure=settings.measure if settings is not None else "",
+        trials=tuple(trial.number(settings.measure) for trial in trials_of(data)) if settings is not None else (),
     )
 
 

@@ -34,6 +34,7 @@ from rise_engine.report.sheet import (
     still_to_say,
 )
 from rise_engine.report.study_facts import SessionRow, StudyFigures, WizardCourse
+from rise_engine.report.trials_section import TrialRow, trial_rows, trials_section, trials_summary
 from rise_engine.report.wording import interval_text, marks_text, per_hundred, source_name
 from rise_engine.session.levels import ExportLevel
 from rise_engine.study.model import ParticipantStanding, Study, StudyStanding
@@ -61,6 +62,13 @@ class StudyReportInput(Struct, frozen=True):
     """What could not be read, in sentences."""
 
     @property
+    def trials(self) -> list[TrialRow]:
+        """By condition, where that may be shown; else of all together."""
+        if self.shows_conditions:
+            return trial_rows(self.figures.conditions().items())
+        return trial_rows([("", self.figures.complete)])
+
+    @property
     def sheet(self) -> list[SheetItem]:
         """Its reporting sheet."""
         if self.shows_conditions:
@@ -76,6 +84,7 @@ def study_report(given: StudyReportInput) -> Document:
     """
     study, figures = given.study, given.figures
     sections = (
+        trials_section(given.trials, declared=not figures.rows or any(row.measure for row in figures.rows)),
         Section("Plan and participants", tuple(_plan(given))),
         Section("Conditions", tuple(_conditions(given))),
         latency_section(figures.latency, ()),
@@ -107,6 +116,7 @@ def _summary(given: StudyReportInput) -> str:
             f" In half of them, half of the answers came within {seconds_text(over.median)} "
             f"(middle half of the sessions {number_text(over.lower)}\u2013{seconds_text(over.upper)})."
         )
+    told = f"{trials_summary(given.trials)} {told}".lstrip()
     if missing := len(still_to_say(given.sheet)):
         told += f" {pluralize(missing, 'item')} of the reporting sheet {'is' if missing == 1 else 'are'} still to say."
     return told

@@ -14,6 +14,7 @@ from rise_engine.scenario.memory_paths import MemoryPaths
 from rise_engine.scenario.model import CUE_TOPICS, SESSION, result_topics
 from rise_engine.scenario.part_checks import check_parts
 from rise_engine.scenario.session_keys import add_session_keys, session_problem
+from rise_engine.scenario.trials import check_trials
 
 ACT_END_SUFFIXES = ("_succeeded", "_failed", "_stopped", "_end")
 """Events that the engine raises when an act ends (semantics.md 6.1)."""
@@ -29,6 +30,7 @@ def check_cross_references(draft: ScenarioDraft, diagnostics: Diagnostics) -> No
         _check_names(draft.rule_mentions, draft.rules, "rule", draft.acts, "act", diagnostics)
         _check_states(draft, diagnostics)
         _check_reachable(draft, diagnostics)
+        check_trials(draft, diagnostics)
     for name, rule in draft.rules.items():
         if name in draft.acts:
             diagnostics.warning(

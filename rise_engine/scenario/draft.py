@@ -88,6 +88,8 @@ class ScenarioDraft:
         self.state_mentions: list[StateMention] = []
         self.asked_states: list[StateMention] = []
         """States that properties of the study ask for; no rule begins there because of it."""
+        self.trial_states: list[Mention] = []
+        """States that begin a trial, as `[trials]` writes them."""
         self.awaited_topics: list[Mention] = []
         """Topics without their slash."""
         self.raised_topics: list[Mention] = []

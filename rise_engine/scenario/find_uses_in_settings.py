@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from typing import Any
 
 from msgspec.structs import replace
@@ -12,10 +12,11 @@ from rise_engine.expression.key_places import keys_in_assignment, keys_in_expres
 from rise_engine.json_codec import JsonError, JsonObject, read_json
 from rise_engine.scenario.explore_tables import PROPERTY_TABLES
 from rise_engine.scenario.memory import LIST_KEY
-from rise_engine.scenario.model import normal_topic
+from rise_engine.scenario.model import Rule, normal_topic
 from rise_engine.scenario.source_files import SourceFile
 from rise_engine.scenario.toml_locations import KeyPath, TomlFile
 from rise_engine.scenario.toml_texts import WrittenText
+from rise_engine.scenario.trials import states_named
 from rise_engine.scenario.uses import Use, UsedKind
 from rise_engine.text import match_end
 
@@ -33,6 +34,15 @@ _WILDCARD = re.compile(r"\[[^\]]*\]|[*?]")
 def uses_in_settings(file: TomlFile) -> list[Use]:
     """The uses in scenario.toml."""
     return list(_SettingsUses(file).find())
+
+
+def uses_in_trials(file: TomlFile, rules: Mapping[str, Rule]) -> list[Use]:
+    """The uses in `[trials]` of scenario.toml.
+
+    :param file: scenario.toml.
+    :param rules: those of the scenario: which of them has the state is not written where only one has it.
+    """
+    return list(_SettingsUses(file).find_in_trials(rules))
 
 
 class _SettingsUses:
@@ -79,6 +89,24 @@ class _SettingsUses:
             yield self.text_use("rule", name, "end of exploring", ("explore", "end"), end, end.index(name))
         for key in self.table("explore", "tries"):
             yield self.key_use("key", key, "tried when exploring", "explore", "tries", key)
+
+    def find_in_trials(self, rules: Mapping[str, Rule]) -> Iterator[Use]:
+        table = self.table("trials")
+        columns = table.get("columns")
+        texts = [
+            (("columns", str(index)), text) for index, text in enumerate(columns if isinstance(columns, list) else [])
+        ]
+        for path, text in (*texts, (("key",), table.get("key"))):
+            for key in keys_in_expression(text) if isinstance(text, str) else ():
+                yield self.text_use("key", key.key, "trials", ("trials", *path), text, key.start)
+        state = table.get("state")
+        if not isinstance(state, str) or "*" in state:
+            return
+        for rule, name in states_named(state.strip(), rules):
+            path, at = ("trials", "state"), state.rindex(name)
+            yield replace(self.text_use("state", name, "trials", path, state, at), name=f"{rule}/{name}")
+            if state.strip() != name:
+                yield self.text_use("rule", rule, "trials", path, state, state.index(rule))
 
     def find_in_property(self, name: str, path: KeyPath, text: str) -> Iterator[Use]:
         where = f"property {name}"

@@ -24,7 +24,7 @@ from rise_engine.scenario.expansion import expand_files
 from rise_engine.scenario.failure_checks import check_failures
 from rise_engine.scenario.file_names import DEFAULT_PATHS, LEXICON_FILE, SCENARIO_FILE, TEXTS_FOLDER
 from rise_engine.scenario.find_uses import uses_in_acts, uses_in_rules
-from rise_engine.scenario.find_uses_in_settings import uses_in_memory, uses_in_settings
+from rise_engine.scenario.find_uses_in_settings import uses_in_memory, uses_in_settings, uses_in_trials
 from rise_engine.scenario.finding_ends import with_ends
 from rise_engine.scenario.interrupted_save import contents_of_interrupted_save
 from rise_engine.scenario.lexicon import read_lexicon
@@ -236,6 +236,7 @@ class ScenarioLoader:
             on_failure=settings.on_failure,
             explore=settings.explore,
             properties=settings.properties,
+            trials=settings.trials,
             paths=paths,
             known_keys=frozenset(draft.settable_keys),
             reads_session=bool(draft.session_keys),
@@ -264,6 +265,7 @@ class ScenarioLoader:
         draft, memo = self.draft, self.memo
         sources = {source.name: source for source in self.files.sources}
         lists = [memo.get(("uses", self.file), partial(uses_in_settings, self.file))]
+        lists.append(uses_in_trials(self.file, draft.rules))
         if self.memory_source is not None:
             lists.append(memo.get(("uses", self.memory_source), partial(uses_in_memory, self.memory_source)))
         for file in files["acts"]:

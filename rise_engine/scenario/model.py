@@ -19,6 +19,7 @@ from rise_engine.scenario.explore_settings import ExploreSettings, StudyProperty
 from rise_engine.scenario.source_location import SourceLocation as SourceLocation
 from rise_engine.scenario.source_location import TemplateLocation as TemplateLocation
 from rise_engine.scenario.template import Template
+from rise_engine.scenario.trial_settings import TrialSettings
 from rise_engine.text import pluralize
 
 Json: TypeAlias = Any
@@ -442,6 +443,8 @@ class Scenario(Struct, frozen=True):
     """What `rise-engine explore` looks at; a session asks neither for this nor for the properties."""
     properties: tuple[StudyProperty, ...] = ()
     """What the author says of all situations of the study, in file order."""
+    trials: TrialSettings | None = None
+    """What a trial is; None: scenario.toml does not say. A session does not ask for it, its exports do."""
 
     @property
     def table_memory(self) -> dict[str, Json]:

@@ -29,6 +29,7 @@ from rise_engine.scenario.model import (
 from rise_engine.scenario.suppressions import check_warning_code
 from rise_engine.scenario.toml_locations import TomlFile
 from rise_engine.scenario.toml_tables import TomlTable, quote_toml_key, read_seconds
+from rise_engine.scenario.trials import read_trials
 
 TOP_KEYS = (
     "title",
@@ -51,6 +52,7 @@ TOP_KEYS = (
     "places",
     "check",
     "explore",
+    "trials",
     *PROPERTY_TABLES,
 )
 BINDINGS: dict[str, tuple[FunctionName, str]] = {
@@ -100,6 +102,7 @@ class ScenarioSettings:
         self.may_release = self.read_control()
         self.explore = read_explore(self.table, draft)
         self.properties = read_properties(self.table, draft)
+        self.trials = read_trials(self.table, draft)
         self.suppressions = self.read_suppressions()
         """Warnings about keys of the memory file that are meant: location, code, key, reason."""
 

@@ -58,6 +58,10 @@ title = "Tea"
 robot = "generic"
 private = ["person_name"]
 
+[trials]
+state = "Visit/*"
+columns = ["visits", "person_name"]
+
 [act.Hm]
 filler = true
 calling_type = "None"
@@ -216,6 +220,7 @@ def play_session(
     seed: int = 7,
     until: float = 120.0,
     ends: bool = True,
+    faults: tuple[str, ...] = ("PointAt=fail@1",),
 ) -> Path:
     """Play a session and keep it; its folder.
 
@@ -228,6 +233,7 @@ def play_session(
     :param seed: of the session.
     :param until: session seconds when it is ended.
     :param ends: False: the engine vanishes then.
+    :param faults: what the simulated robot does wrong.
     """
     if scenario is None:
         scenario = root.parent / "scenario"
@@ -254,7 +260,7 @@ def play_session(
     journal = _FileJournal(folder / JOURNAL)
     journal.append(encode_header("rise-tui test"))
     clock = _LabClock(began)
-    robot = make_robot(loaded.scenario.robot, "debug", clock, seed, ("PointAt=fail@1",))
+    robot = make_robot(loaded.scenario.robot, "debug", clock, seed, faults)
     engine = Engine(loaded.scenario, robot, clock, seed, started=first, journal=journal)  # type: ignore[arg-type]
     _play(engine, clock, journal, script if script is not None else everything(), until, ends, engine.start)
     return folder

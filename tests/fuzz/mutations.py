@@ -107,7 +107,7 @@ VALUES = (
 )
 KEYS = (
     *("title", "robot", "mode", "acts", "rules", "memory", "keys", "act", "fillers", "study", "actions", "conditions"),
-    *("explore", "always", "reachable", "eventually"),
+    *("trials", "explore", "always", "reachable", "eventually"),
     *(
         "hold",
         "debounce",
