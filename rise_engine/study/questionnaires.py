@@ -255,7 +255,7 @@ class _AnswersReader:
             if mail := mail_address_in(value):
                 table.report(row, column, "personal-data", f"`{mail}` looks like a mail address: {WHY}")
         if name not in self.names or self.has_withdrawn(name):
-            table.report(row, settings.key, "unknown-participant", self.unknown(name))
+            self.diagnostics.error("unknown-participant", table.location(row, settings.key), self.unknown(name))
             return None
         run = self.read_run(row) if settings.run else None
         if settings.run and run is None:
