@@ -149,7 +149,7 @@ def test_who_withdraws_is_taken_out_of_every_export(study: Path) -> None:
     kept.write_text("mine")
     for name in ("tables", "jsonl", "csv"):
         assert export("study", "--format", name, "-o", f"study/{name}").exit_code == 0
-    left = Path("study/.tables.unfinished-left")  # as a kill leaves it
+    left = Path("study/.tables.unfinished-leftover")  # as a kill leaves it
     left.mkdir()
     (left / "acts.csv").write_text("P01")
     plan = plan_withdrawal(study.resolve(), "P01")
