@@ -101,7 +101,7 @@ SESSIONS = TableSchema(
     "One row is one session.",
     (
         Column("study", "The study's id; empty: the session is of no study."),
-        Column("study_hash", "SHA-256 of study.toml when the session began.", pattern=_HASH),
+        Column("study_hash", "SHA-256 of what study.toml said about sessions when the session began.", pattern=_HASH),
         Column("slot", "The row of the study's plan; empty: it takes none.", type="integer", minimum=1),
         Column("attempt", "The how-manieth session of this run, from 1.", _fact("attempt"), "integer", minimum=1),
         Column("outcome_reason", "Why it is aborted or excluded, as somebody wrote it."),

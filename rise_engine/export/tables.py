@@ -115,13 +115,14 @@ def _write(path: Path, sessions: Iterable[SessionData], context: ExportContext) 
             if wide is not None:
                 wide.add(data)
         cells = {each.session: values for each, values in told}
-        for answers in told_answers(context.study, context.level, (each for each, _ in told), context.warnings):
+        answered = told_answers(context.study, context.level, (each for each, _ in told), context.warnings)
+        for answers in answered:
             schema, shared = _questionnaire_table(answers, facts)
             table = open_table(schema, shared)
             _add_answers(table, answers, cells, [facts.index(column) for column in shared])
             tables.append(table)
         if wide is not None:
-            tables.append(open_table(wide.schema(), ()))
+            tables.append(open_table(wide.schema(answered), ()))
             tables[-1].add(wide.rows())
     title = context.study.title if context.study is not None else "Sessions of rise-tui"
     name = re.sub(r"[^a-z0-9]+", "-", context.study.id.lower()).strip("-") if context.study is not None else "sessions"

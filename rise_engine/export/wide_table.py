@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from statistics import fmean
 from typing import Any, TypeAlias
 
@@ -13,6 +13,7 @@ from rise_engine.analysis.statistics import median
 from rise_engine.analysis.trials import trials_of
 from rise_engine.export.bids_people import cut_age
 from rise_engine.export.format import ExportContext
+from rise_engine.export.questionnaire_tables import ToldAnswers
 from rise_engine.export.session_tables import factor_column
 from rise_engine.export.table_schema import Column, TableSchema, count
 from rise_engine.study.model import Participant
@@ -31,7 +32,7 @@ class _WideRow(Struct):
     """By condition, of each trial."""
 
 
-_PersonRow: TypeAlias = tuple[str, _WideRow]
+_WideRowRow: TypeAlias = tuple[str, _WideRow]
 
 
 class WideTable:
@@ -71,8 +72,11 @@ class WideTable:
         """What is measured; `measure`: several scenarios say several."""
         return next(iter(self._measures)) if len(self._measures) == 1 else "measure"
 
-    def schema(self) -> TableSchema:
-        """Its columns. Each takes its value from a participant's name and trials."""
+    def schema(self, answered: Iterable[ToldAnswers] = ()) -> TableSchema:
+        """Its columns. Each takes its value from a participant's name and trials.
+
+        :param answered: the questionnaires of the export.
+        """
         conditions = sorted({name for person in self._people.values() for name in person.measures})
         columns = [
             Column("participant", "The participant's pseudonym; empty: nobody was named.", lambda row: row[0]),
@@ -82,11 +86,13 @@ class WideTable:
         ]
         for condition in conditions:
             columns += self._columns_of(condition)
+        for answers in answered:
+            columns += _columns_of_answers(answers)
         key = ("participant",) if all(self._people) else ()  # somebody without a name cannot be told by it
         about = "One row is one participant: their trials in sessions that are complete, or of no study."
         return TableSchema("wide", about, tuple(columns), key, lambda data: iter(()))
 
-    def rows(self) -> list[_PersonRow]:
+    def rows(self) -> list[_WideRowRow]:
         """What its columns take their values from: a row each."""
         return sorted(self._people.items(), key=lambda item: item[0])
 
@@ -99,7 +105,7 @@ class WideTable:
         is_full = self._context.level == "full"
         for name in dict.fromkeys([*self._study.strata, *self._study.columns]):
 
-            def value(row: _PersonRow, name: str = name) -> str:
+            def value(row: _WideRowRow, name: str = name) -> str:
                 person = known.get(row[0])
                 told = (person.strata.get(name) or person.columns.get(name, "")) if person is not None else ""
                 return told if is_full else cut_age(name, told)
@@ -111,11 +117,11 @@ class WideTable:
         return Column(described.name, described.about, lambda row: row[1].between.get(name), levels=described.levels)
 
     def _columns_of(self, condition: str) -> Iterator[Column]:
-        def all_of(row: _PersonRow) -> Sequence[float | None]:
+        def all_of(row: _WideRowRow) -> Sequence[float | None]:
             values: Sequence[float | None] = row[1].measures.get(condition, ())
             return values
 
-        def known(row: _PersonRow) -> list[float]:
+        def known(row: _WideRowRow) -> list[float]:
             return [each for each in all_of(row) if each is not None]
 
         measure, where = self.measure, f"in the condition {condition}"
@@ -129,9 +135,24 @@ class WideTable:
         most = max((len(person.measures.get(condition, ())) for person in self._people.values()), default=0)
         for at in range(most):
 
-            def one(row: _PersonRow, at: int = at) -> float | None:
+            def one(row: _WideRowRow, at: int = at) -> float | None:
                 found = all_of(row)
                 return found[at] if at < len(found) else None
 
             told = f"{measure} of trial {at + 1} {where}, in their order over the participant's sessions."
             yield Column(f"{measure}.{condition}.t{at + 1:02}", told, one, "number", unit)
+
+
+def _columns_of_answers(answers: ToldAnswers) -> Iterator[Column]:
+    """The columns of a questionnaire: `NAME.ITEM`, and `NAME.ITEM.run1`, ... where it is asked after each run."""
+    rows = {(row.participant, row.run): row for _, row in answers.rows}
+    for run in sorted({row.run for _, row in answers.rows}, key=lambda run: run or 0):
+        of_run, after = (f".run{run}", f" After run {run}.") if run is not None else ("", "")
+        for column in answers.columns:
+
+            def value(row: _WideRowRow, column: Column = column, run: int | None = run) -> Any:
+                found = rows.get((row[0], run))
+                return column.of(found) if found is not None else None
+
+            name, about = f"{answers.name}.{column.name}{of_run}", f"{column.about.rstrip('.')}.{after}"
+            yield Column(name, about, value, column.type, levels=column.levels)

@@ -172,7 +172,7 @@ class Text:
 
     def is_stopped_by_wizard(self, record: TaskRecord) -> bool:
         if not record.reason.startswith("interrupted by "):
-            return re.search(r"\bby wizard:", record.reason) is not None
+            return re.search(r"\bby wizard:", record.reason) is not None and not record.reason.startswith("stop-all ")
         name = record.reason.removeprefix("interrupted by ")
         later = [
             (n, each)

@@ -282,9 +282,10 @@ def test_of_a_study_the_log_knows_what_was_written(tmp_path: Path) -> None:
     result = agree(study, "-o", study / "agreement.txt")
     assert result.exit_code == 0, result.stderr
     assert "without a second wizard" in result.stderr
-    last = json.loads((study / "study.jsonl").read_text().splitlines()[-1])
-    assert last["kind"] == "exported" and last["path"] == "agreement.txt" and last["format"] == "agree text"
-    assert set(last["sessions"]) == {each.name for each in folders[1:3]}
+    noted, written = map(json.loads, (study / "study.jsonl").read_text().splitlines()[-2:])
+    assert written["kind"] == "written"
+    assert noted["kind"] == "exported" and noted["path"] == "agreement.txt" and noted["format"] == "agree text"
+    assert set(noted["sessions"]) == {each.name for each in folders[1:3]}
 
 
 def test_a_shadow_stays_what_it_is(folder: Path) -> None:

@@ -168,3 +168,14 @@ def test_what_a_bundle_has_of_them_gives_the_same_again(study: Path) -> None:
 def test_a_withdrawal_names_the_lines_that_people_have_to_delete(study: Path) -> None:
     (found,) = [each for each in find_names(study, "P01") if each.startswith("answers/after.csv")]
     assert found.startswith("answers/after.csv, lines 2, 3: delete the line yourself")
+
+
+def test_the_wide_form_has_the_answers_of_each_participant(study: Path, tmp_path: Path) -> None:
+    sessions = first_sessions(study)
+    context = export_context(sessions, "full")
+    context.wide = True
+    export_sessions(FORMAT, tmp_path / "out", sessions, context)
+    first, second = rows(tmp_path / "out" / "wide.csv")
+    named = ("participant", "godspeed.q1", "after.load.run1", "after.load.run2")
+    assert [first[name] for name in named] == ["P01", "5", "2", "3.5"]
+    assert [second[name] for name in named] == ["P02", "1", "4", ""]
