@@ -89,7 +89,7 @@ def study_report(given: StudyReportInput) -> Document:
     """
     study, figures = given.study, given.figures
     sections = (
-        trials_section(given.trials, declared=any(row.measure for row in figures.rows)),
+        trials_section(given.trials, declared=not figures.rows or any(row.measure for row in figures.rows)),
         Section("Plan and participants", tuple(_plan(given))),
         Section("Conditions", tuple(_conditions(given))),
         latency_section(figures.latency, ()),

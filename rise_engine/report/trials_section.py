@@ -15,8 +15,8 @@ from rise_engine.text import clean, pluralize
 
 UNDECLARED = (
     "No scenario of this study says what a trial is. Write [trials] in scenario.toml, with the state of a rule that "
-    'begins one: state = "Ask". Then the dependent variable stands here by condition, and trials.csv has a row for '
-    "each trial, also of sessions that were recorded with it."
+    'begins one: state = "Ask". In sessions from then on, the dependent variable is shown here by condition, and '
+    "trials.csv has a row for each trial."
 )
 _INTERVAL = "95 % interval of the median by order statistics (at least 95 %, exact; none of fewer than 6 trials)"
 

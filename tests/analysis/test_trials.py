@@ -167,8 +167,20 @@ class Text:
         found += [each.t for each in back if (each.trigger or "").startswith("stepped back")]
         begun = {each.id for each in self.records if isinstance(each, TaskRecord) and each.status == "ACTIVE"}
         ended = [e for e in self.records if isinstance(e, TaskRecord) and e.status == "CANCELED" and e.function in ACTS]
-        found += [each.t for each in ended if each.id in begun and re.search(r"\bby wizard:", each.reason)]
+        found += [each.t for each in ended if each.id in begun and self.is_stopped_by_wizard(each)]
         return found
+
+    def is_stopped_by_wizard(self, record: TaskRecord) -> bool:
+        if not record.reason.startswith("interrupted by "):
+            return re.search(r"(?<!stop-all )\bby wizard:", record.reason) is not None
+        name = record.reason.removeprefix("interrupted by ")
+        later = [
+            (n, each)
+            for n, each in self.tasks.items()
+            if n > record.id and each.function in ACTS and each.t <= record.t
+        ]
+        by = max((n for n, each in later if name == ("say" if each.function == "say" else each.behavior)), default=None)
+        return by is not None and self.tasks[self.root(by)].source == WIZARD
 
     def is_failure(self, record: AnyRecord) -> bool:
         if isinstance(record, TaskRecord):

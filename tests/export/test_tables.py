@@ -326,6 +326,7 @@ def test_every_column_is_described_and_filled(tables: Path) -> None:
                 "start",
                 "begin",
                 "end",
+                "asked_end",
             )
             assert (field.get("unit") == "s") == timed, field["name"]
     never = {
@@ -339,7 +340,7 @@ def test_every_column_is_described_and_filled(tables: Path) -> None:
             "within_s",
             "study_hash",
         ),  # of recordings; see above
-        *("outcome_reason", "injected_faults"),
+        *("outcome_reason", "injected_faults", "wizard_key"),
         *("outage_s", "wall_s", "response_outage_s"),  # of sessions that were recovered
     }
     for schema in TABLES:
@@ -363,3 +364,28 @@ def test_factors_that_the_export_does_not_know_are_refused(study: Path, tmp_path
     context = export_context([], "full")
     with pytest.raises(ExportError, match="has the factors hesitation, noise"):
         FORMAT.write(tmp_path / "tables", read_sessions(sessions), context)
+
+
+# --- trials -----------------------------------------------------------------------------------------------------------
+
+
+def test_wide_has_a_row_for_each_participant(study: Path, tables: Path, tmp_path: Path) -> None:
+    sessions = sessions_of(study)
+    context = export_context(sessions, "full")
+    context.wide = True
+    export_sessions(FORMAT, tmp_path / "wide", sessions, context)
+    assert findings(tmp_path / "wide") == []
+    wide, trials = rows(tmp_path / "wide", "wide"), rows(tables, "trials")
+    assert [row["participant"] for row in wide] == ["P01", "P02", "P03"]
+    for row in wide:
+        theirs = [each for each in trials if each["participant"] == row["participant"]]
+        theirs = [each for each in theirs if (each["purpose"], each["outcome"]) == ("counted", "complete")]
+        for level in ("quiet", "loud"):
+            of_level = [each["participant_s"] for each in theirs if each["factor_noise"] == level]
+            told = [value for name, value in row.items() if name.startswith(f"participant_s.{level}.t")]
+            assert told[: len(of_level)] == of_level and not any(told[len(of_level) :])
+            known = [float(value) for value in of_level if value]
+            assert row[f"trials.{level}"] == str(len(of_level)) and row[f"measured.{level}"] == str(len(known))
+            if known:
+                assert float(row[f"participant_s.{level}.median"]) == pytest.approx(statistics.median(known), abs=2e-6)
+                assert float(row[f"participant_s.{level}.mean"]) == pytest.approx(statistics.fmean(known), abs=2e-6)
