@@ -207,11 +207,12 @@ def _lost(explored: Explored, pressed: Move, what: str, topic: str) -> Iterator[
         return
     (name, state), first = next(iter(early.items()))
     states = dict.fromkeys(state for rule, state in early if rule == name)
+    remedy = 'keep = "3s" at the key' if pressed.kind == "key" else 'keep = "3s" under [cue] in scenario.toml'
     yield ExploreFinding(
         kind="lost-key" if pressed.kind == "key" else "lost-cue",
         level="remark" if pressed.kind == "key" else "warning",
         text=f"{what} is lost when it comes a moment too early: while {name} is in {some_states(states)}, no rule "
-        f"waits for /{topic} yet, and nothing keeps it",
+        f"waits for /{topic} yet; {remedy} keeps it",
         location=explored.scenario.rules[name].states[state].location,
         rule=name,
         state=state,
