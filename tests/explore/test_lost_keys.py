@@ -27,6 +27,7 @@ def lost(folder: Path, event: str, toml: str) -> list[tuple[str, str, str]]:
 
 
 EARLY = "is lost when it comes a moment too early: while Ask is in Asks, no rule waits for"
+KEEP_CUE = 'keep = "3s" under [cue] in scenario.toml keeps it'
 
 
 @pytest.mark.parametrize(
@@ -35,11 +36,11 @@ EARLY = "is lost when it comes a moment too early: while Ask is in Asks, no rule
         (
             "yes",
             f'{BEGIN}y = {{ event = "/yes", label = "says yes" }}',
-            [("lost-key", "remark", f"the key y (says yes) {EARLY} /yes yet, and nothing keeps it")],
+            [("lost-key", "remark", f'the key y (says yes) {EARLY} /yes yet; keep = "3s" at the key keeps it')],
         ),
         ("yes", f'{BEGIN}y = {{ event = "/yes", keep = "2s" }}', []),
         ("yes", BEGIN, []),
-        ("cue", BEGIN, [("lost-cue", "warning", f"the participant's cue {EARLY} /cue yet, and nothing keeps it")]),
+        ("cue", BEGIN, [("lost-cue", "warning", f"the participant's cue {EARLY} /cue yet; {KEEP_CUE}")]),
         ("cue", f'{BEGIN}[cue]\nkeep = "2s"', []),
     ],
     ids=["a key", "a kept key", "no key", "a cue", "a kept cue"],
