@@ -46,6 +46,8 @@ class SessionRow(Struct, frozen=True):
     """The dependent variable of its trials; empty: its scenario does not say what a trial is."""
     trials: tuple[float | None, ...] = ()
     """What it is in each trial."""
+    interrupted: frozenset[int] = frozenset()
+    """The numbers of the trials in which there was no engine for a while."""
 
     @property
     def is_complete(self) -> bool:
@@ -201,6 +203,7 @@ def session_row(data: SessionData, checked: Mapping[str, str] | None = None) -> 
     :param checked: what the study's log says of checks after it: results by id.
     """
     settings = data.scenario.trials if data.scenario is not None else None
+    trials = trials_of(data)
     parts = []
     for name in dict.fromkeys(key.source for key in data.keys):
         keys = [key for key in data.keys if key.source == name]
@@ -217,7 +220,8 @@ def session_row(data: SessionData, checked: Mapping[str, str] | None = None) -> 
         channels=tuple(channels),
         problems=data.problems,
         measure=settings.measure if settings is not None else "",
-        trials=tuple(trial.number(settings.measure) for trial in trials_of(data)) if settings is not None else (),
+        trials=tuple(trial.number(settings.measure) for trial in trials) if settings is not None else (),
+        interrupted=frozenset(number for number, trial in enumerate(trials, 1) if trial.outage_s is not None),
     )
 
 

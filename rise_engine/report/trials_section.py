@@ -32,6 +32,8 @@ class TrialRow(Struct, frozen=True):
     trials: int
     """All, also those without a value."""
     people: int
+    interrupted: tuple[str, ...] = ()
+    """Those in which there was no engine for a while."""
 
     @property
     def interval(self) -> tuple[float, float] | None:
@@ -58,7 +60,12 @@ def trial_rows(conditions: Iterable[tuple[str, Sequence[SessionRow]]]) -> list[T
             if trials := sum(len(row.trials) for row in theirs):
                 people = len({row.facts.participant for row in theirs})
                 values, hovers = tuple(value for value, _ in pairs), tuple(hover for _, hover in pairs)
-                found.append(TrialRow(name, measure, values, hovers, trials, people))
+                interrupted = tuple(
+                    f"{row.facts.participant or row.facts.session}, trial {number}"
+                    for row in theirs
+                    for number in sorted(row.interrupted)
+                )
+                found.append(TrialRow(name, measure, values, hovers, trials, people, interrupted))
     return found
 
 
@@ -117,13 +124,15 @@ def _table(measure: str, rows: Sequence[TrialRow]) -> ReportTable:
                 f"{number_text(summary.lower)}\u2013{number_text(summary.upper)}" if summary is not None else "",
             )
         )
+    interrupted = "; ".join(each for row in rows for each in row.interrupted)
+    outage = f" The engine was away for a while in {interrupted}: `outage_s` in trials.csv." if interrupted else ""
     return ReportTable(
         caption=f"Trials of complete sessions by condition: {measure}{' in seconds' if _unit(measure) else ''}",
         head=("condition", "people", "trials", "measured", "median", "95 % interval", "middle half"),
         rows=tuple(table),
         numbers=frozenset({1, 2, 3, 4, 5, 6}),
         note=f"{_INTERVAL}. It takes the trials as independent, which those of one participant are not: this "
-        "describes, and tests nothing.",
+        f"describes, and tests nothing.{outage}",
     )
 
 
