@@ -256,9 +256,7 @@ def _make_plan(study: Path, participant: str, log: Sequence[LogEntry]) -> Withdr
 
 def _recording_facts(folders: Sequence[Path], path: str) -> KnownBy:
     found = [recording_facts(folder, path) for folder in folders]
-    return KnownBy(
-        [size for sizes, _ in found for size in sizes], [each for _, hashes in found for each in hashes]
-    )
+    return KnownBy([size for sizes, _ in found for size in sizes], [each for _, hashes in found for each in hashes])
 
 
 def _plan_exports(plan: WithdrawalPlan, study: Path, log: Sequence[LogEntry]) -> None:
