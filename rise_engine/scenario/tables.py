@@ -154,7 +154,11 @@ class _TableReader(CsvReader):
             base, _, tag = name.rpartition(".")
             if at not in translated and kinds.get(base) == "text" and (language := meant_language(tag)):
                 self.report_other_language(header, at, name, language)
-        by_column = {name: self.read_column(name, columns.index(name), rows, kind) for name, kind in kinds.items()}
+        by_column = {
+            name: self.read_column(name, at, rows, kinds[name])
+            for at, name in enumerate(columns)
+            if at not in translated
+        }
         translations: dict[str, dict[str, TranslatedColumn]] = {}
         for at, (base, language) in translated.items():
             values = self.read_column(columns[at], at, rows, kinds[base])
@@ -167,11 +171,11 @@ class _TableReader(CsvReader):
 
     def find_translations(self, header: TableRecord, columns: Sequence[str]) -> Mapping[int, tuple[str, str]]:
         """Which columns are translations: of which column, and into which language."""
-        known = {each.lower(): each for each in self.languages.others}
+        known, names = {each.lower(): each for each in self.languages.others}, set(columns)
         found: dict[int, tuple[str, str]] = {}
         for at, name in enumerate(columns):
             base, _, tag = name.rpartition(".")
-            language, is_beside = known.get(tag.lower(), ""), base in columns
+            language, is_beside = known.get(tag.lower(), ""), base in names
             if language and not is_beside and base:
                 near = did_you_mean(base, [each for each in columns if each != name]) or "; call it as the one beside"
                 message = f"`{name}` is in the language `{language}`, but there is no column `{base}`{near}"
