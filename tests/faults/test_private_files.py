@@ -69,7 +69,7 @@ def test_a_study_is_for_its_owner_alone(root: Path, open_umask: None) -> None:
     (session,) = (study / "sessions").iterdir()
     out = study / "out.jsonl"
     assert command("export", session, "--format", "jsonl", "--level", "shared", "-o", out).returncode == 0
-    assert read_log(study)[-1].kind == "exported"
+    assert [each.kind for each in read_log(study)[-2:]] == ["exported", "written"]
     assert {"plan.csv", "study.jsonl", "out.jsonl"} <= {path.name for path in study.iterdir()}
     assert open_to_others(study, but=people) == []
     withdrawn = command("study", "withdraw", study, "P01", "--yes")
