@@ -134,6 +134,8 @@ TABLES = {
     "[check]\nallow = [{ code = 'unset-key', key = 'k', reason = 'r', resaon = 'r' }]": "reason",
     "[languages]\nalos = ['de']": "also",
     "[explore]\nfault = 2": "faults",
+    "[cue]\nkep = '3s'": "keep",
+    "[trials]\nstate = 'S'\ncolumn = ['k']": "columns",
     "[eventually]\nit_ends = { then = 'true', afer = 'true' }": "after",
     "[actions.Drive]\nchanels = ['base']": "channels",
     "[actions.Drive]\nchannels = ['base']\nparameters.place = { type = 'text', requird = true }": "required",
