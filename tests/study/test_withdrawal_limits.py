@@ -52,7 +52,7 @@ def test_a_log_that_names_what_is_no_export_has_nothing_erased(made: Folder) -> 
     (made.study / "link").symlink_to(elsewhere)
     theirs = f"sessions/{made.sessions[2].name}"
     named = [theirs, f"{theirs}/journal.jsonl", "study.toml", "participants.csv", "plan.csv", "study.jsonl", "sessions"]
-    named += [f"scenario/../{theirs}", "link/mine.csv", "..", "/etc/hostname", str(elsewhere)]
+    named += [f"scenario/../{theirs}", "scenario/scenario.toml", "link/mine.csv", "..", "/etc/hostname", str(elsewhere)]
     before = {**contents(made.sessions[2]), **contents(elsewhere), **contents(made.study / "scenario")}
     for path in named:
         exported(made, path, noted=path != "/etc/hostname" and (made.study / path).is_file())
