@@ -163,7 +163,7 @@ class PlayedAct(Struct, frozen=True, kw_only=True):
     @property
     def wizard_s(self) -> float | None:
         """Cue to key: the wizard."""
-        return None if self.before_cue else _between(self.cue_at, self.key_at)
+        return None if self.before_cue else seconds_between(self.cue_at, self.key_at)
 
     @property
     def way_s(self) -> float | None:
@@ -171,28 +171,28 @@ class PlayedAct(Struct, frozen=True, kw_only=True):
         return (
             None
             if self.before_cue
-            else _between(self.key_at if self.key_at is not None else self.cue_at, self.accepted_at)
+            else seconds_between(self.key_at if self.key_at is not None else self.cue_at, self.accepted_at)
         )
 
     @property
     def queue_s(self) -> float | None:
         """In the queue; after the cue, if it was in there when that came."""
-        return _between(self.cue_at if self.before_cue else self.accepted_at, self.started_at)
+        return seconds_between(self.cue_at if self.before_cue else self.accepted_at, self.started_at)
 
     @property
     def robot_s(self) -> float | None:
         """From its turn until the robot confirms."""
-        return _between(self.started_at, self.robot_at)
+        return seconds_between(self.started_at, self.robot_at)
 
     @property
     def voice_s(self) -> float | None:
         """From the first confirmed action to the first that takes the voice."""
-        return _between(self.robot_at, self.voice_at)
+        return seconds_between(self.robot_at, self.voice_at)
 
     @property
     def response_s(self) -> float | None:
         """Cue to answer: to the voice, of an act that speaks, else to the first action. The parts add up to it."""
-        return _between(self.cue_at, self.voice_at if self.speaks else self.robot_at)
+        return seconds_between(self.cue_at, self.voice_at if self.speaks else self.robot_at)
 
 
 class WizardKey(Struct, frozen=True, kw_only=True):
@@ -349,7 +349,8 @@ class SessionData(Struct, frozen=True, kw_only=True):
     """What could not be read, in sentences."""
 
 
-def _between(earlier: float | None, later: float | None) -> float | None:
+def seconds_between(earlier: float | None, later: float | None) -> float | None:
+    """From one moment to another, to the microsecond; None: one of them is not known."""
     if earlier is None or later is None:
         return None
     return round(later - earlier, 6)

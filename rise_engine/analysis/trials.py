@@ -9,7 +9,7 @@ from typing import Any, Literal, TypeAlias, TypeVar
 
 from msgspec import Struct
 
-from rise_engine.analysis.model import PlayedAct, SessionData, WizardKey
+from rise_engine.analysis.model import PlayedAct, SessionData, WizardKey, seconds_between
 from rise_engine.analysis.outages import seconds_without_engine
 from rise_engine.analysis.phases import was_stopped_by_wizard
 from rise_engine.expression import EvaluationError, Expression
@@ -60,17 +60,17 @@ class PlayedTrial(Struct, frozen=True, kw_only=True):
     @property
     def participant_s(self) -> float | None:
         """From the end of what the robot said to the cue; below 0: the cue came while it still spoke."""
-        return _between(self.asked_end, self.cue_at)
+        return seconds_between(self.asked_end, self.cue_at)
 
     @property
     def wizard_s(self) -> float | None:
         """From the cue to the wizard's key."""
-        return _between(self.cue_at, self.key_at)
+        return seconds_between(self.cue_at, self.key_at)
 
     @property
     def key_s(self) -> float | None:
         """From the end of what the robot said to the wizard's key."""
-        return _between(self.asked_end, self.key_at)
+        return seconds_between(self.asked_end, self.key_at)
 
     def number(self, name: str) -> float | None:
         """A column as a number, which can be the dependent variable; None: there is none."""
@@ -299,7 +299,3 @@ def _within(pairs: Sequence[tuple[float, _Each]], start: float, end: float) -> l
 def _until(pairs: Sequence[tuple[float, _Each]], start: float, end: float) -> list[_Each]:
     """Those after `start`, up to `end`: what ends a trial belongs to it."""
     return [each for _, each in pairs[bisect_right(pairs, start, key=_time) : bisect_right(pairs, end, key=_time)]]
-
-
-def _between(earlier: float | None, later: float | None) -> float | None:
-    return None if earlier is None or later is None else round(later - earlier, 6)

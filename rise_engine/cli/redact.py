@@ -48,7 +48,7 @@ def redact_session(
     here: bool,
     as_json: bool,
 ) -> None:
-    """Take words out of the record of SESSION, for ever, such that it still replays.
+    """Remove words from the record of SESSION permanently. The session still replays.
 
     SESSION is a session's folder, or its name in the sessions folder ($RISE_SESSIONS, or ~/rise-sessions).
 

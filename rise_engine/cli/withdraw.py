@@ -84,7 +84,7 @@ def _slot_afterwards(study: Path, participant: str) -> str:
 
 
 def _plan_lines(plan: WithdrawalPlan) -> list[str]:
-    lines = [f"of {plan.participant} these are erased, for ever:"]
+    lines = [f"this is erased of {plan.participant}, and cannot be brought back:"]
     lines += _indent([f"session {name}" for name in plan.sessions])
     lines += _indent([f"recording {path}" for path in plan.recordings])
     for path, others in plan.exports.items():

@@ -22,7 +22,7 @@ def find_dead_ends(explored: Explored) -> Iterator[ExploreFinding]:
         yield ExploreFinding(
             kind="dead-end",
             level="problem",
-            text=f"{rule.name} can come to a stand in {some_states(states)}{_after_mishaps(explored, stuck)}: no key, "
+            text=f"{rule.name} can get stuck in {some_states(states)}{_after_mishaps(explored, stuck)}: no key, "
             f"no event and no time takes it any further ({_share(explored, stuck)})",
             location=rule.states[first].location,
             rule=rule.name,

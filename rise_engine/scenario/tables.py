@@ -194,7 +194,7 @@ class _TableReader(CsvReader):
             message = f"the column `{base}` is in `{language}` itself; `{name}` is read as a column of its own"
         elif tag.lower() == language.lower():
             message = f"the study has no language `{language}`, so `{name}` is read as a column of its own; if it "
-            message += f'translates `{base}`, write also = ["{language}"] under [languages] in scenario.toml'
+            message += f'translates `{base}`, add "{language}" to `also` under [languages] in scenario.toml'
         else:
             message = f"`{name}` is read as a column of its own; if it translates `{base}`, call it `{base}.{language}`"
         self.draft.memory_key_locations[f"{self.name}.{name}"] = location

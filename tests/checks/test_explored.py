@@ -36,7 +36,7 @@ async def test_a_scenario_that_gets_stuck_fails_and_one_that_is_repaired_passes(
     check, of = StudyCheck("explored", auto="explored"), context(study(tmp_path), mode="debug")
     outcome = await run_check(check, of)
     assert outcome.result == "failed"
-    assert outcome.reason.startswith("Praise can come to a stand in Praise")
+    assert outcome.reason.startswith("Praise can get stuck in Praise")
     repair(scenario)
     outcome = await run_check(check, of)
     assert outcome.result == "passed", outcome

@@ -22,7 +22,7 @@ def run(*arguments: str) -> Result:
 def test_a_problem_is_shown_with_its_way() -> None:
     result = run("explore", str(QUIZ), *QUICK, "--show", "1", "--keys")
     assert result.exit_code == 1
-    assert "PROBLEM: Praise can come to a stand in Praise" in result.output
+    assert "PROBLEM: Praise can get stuck in Praise" in result.output
     assert "1. the wizard presses b (begin)" in result.output
     assert "x: it does something there" in result.output
     assert "1 problem, 6 warnings, 4 remarks" in result.output
@@ -68,7 +68,7 @@ def test_a_pace_that_is_none(pace: str) -> None:
 def test_the_check_looks_deeper() -> None:
     result = run("check", str(QUIZ), "--deep")
     assert result.exit_code == 1
-    assert "rules/quiz.xml:75:3: problem dead-end: Praise can come to a stand" in result.output
+    assert "rules/quiz.xml:75:3: problem dead-end: Praise can get stuck" in result.output
     assert run("check", str(QUIZ)).exit_code == 0
 
 

@@ -103,7 +103,7 @@ def test_in_shipped_studies_nothing_gets_stuck_and_the_end_can_be_reached(name: 
 def test_the_quiz() -> None:
     exploration = quickly_explored(f"{FAULTY}/quiz")
     texts = {finding.kind: finding.text for finding in exploration.findings}
-    assert texts["dead-end"].startswith("Praise can come to a stand in Praise: no key, no event and no time")
+    assert texts["dead-end"].startswith("Praise can get stuck in Praise: no key, no event and no time")
     assert texts["idle-key"].startswith("the key h (one more hint) never does anything")
     assert "Quiz never comes to Hint" in texts["never-entered"]
     assert exploration.count("problem") == 1

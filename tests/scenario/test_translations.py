@@ -276,7 +276,7 @@ def test_what_a_table_does_not_translate_refuses_the_session_unless_it_is_allowe
         ("text,text.de,text.DE\ncup,a,b\n", ALSO, "1:14 table-form", "another column has `text` in the language `de`"),
         ("id,text,text.de\n1,,Tasse\n", ALSO, "2:4 table-value", "nothing in `text` that this could translate"),
         ("n,n.de,text,text.de\n1,eins,a,b\n", ALSO, "2:3 table-value", "`n.de` is a number"),
-        ("text,text.fr,text.de\ncup,a,b\n", ALSO, "1:6 language-column", 'write also = ["fr"] under [languages]'),
+        ("text,text.fr,text.de\ncup,a,b\n", ALSO, "1:6 language-column", 'add "fr" to `also` under [languages]'),
         ("text,text.german,text.de\ncup,a,b\n", ALSO, "1:6 language-column", "call it `text.de`"),
         ("text,text.en,text.de\ncup,a,b\n", ALSO, "1:6 language-column", "is in `en` itself"),
     ],

@@ -31,7 +31,7 @@ QUIZ = Path(__file__).parents[2] / "explore" / "studies" / "quiz"
 RULE = "rules/greeting.xml"
 STUCK = ExploredPlace(
     "problem",
-    "Greeting can come to a stand in Nobody",
+    "Greeting can get stuck in Nobody",
     RULE,
     14,
     3,
@@ -128,8 +128,8 @@ async def test_a_finding_stands_beside_its_state_and_its_way(study: Path) -> Non
         marked = [row for row in graph.splitlines() if row[0] in "✗▲"]
         assert [row[0] for row in marked] == ["✗", "▲"]
         assert "Nobody" in marked[0] and "W_close" in marked[1]
-        assert heading.startswith("── Nobody ──  ✗ explored: Greeting can come to a stand")
-        assert bottom(it).startswith(" ✗ explored: Greeting can come to a stand")
+        assert heading.startswith("── Nobody ──  ✗ explored: Greeting can get stuck")
+        assert bottom(it).startswith(" ✗ explored: Greeting can get stuck")
         await it.open("rule", "Gaze")
         assert not any(row[0] in "✗▲" for row in shown_rule(it)[0].splitlines())
         assert bottom(it).startswith(" explored 1,266 situations")
@@ -211,13 +211,13 @@ async def test_it_says_of_when_it_is_until_the_change_is_undone(study: Path) -> 
         await it.until(lambda: it.screen.explored.at)
         await add_a_state(it)
         await it.open("rule", "Greeting\0Nobody")
-        await it.until(lambda: "explored (as saved at 14:05): Greeting can come to a stand" in shown_rule(it)[1])
+        await it.until(lambda: "explored (as saved at 14:05): Greeting can get stuck" in shown_rule(it)[1])
         listed = await open_list(it)
         assert listed.query_one("#box").border_title == (
             " What is wrong · explored 1,266 situations (as saved at 14:05) "
         )
         await it.press("escape", "ctrl+u")
-        await it.until(lambda: "explored: Greeting can come to a stand" in shown_rule(it)[1])
+        await it.until(lambda: "explored: Greeting can get stuck" in shown_rule(it)[1])
 
 
 async def test_after_saving_it_is_explored_again_and_until_then_says_so(study: Path) -> None:
@@ -318,7 +318,7 @@ async def test_a_process_of_its_own_explores_what_is_saved(tmp_path: Path) -> No
     found = await explore_saved(str(folder), after=0)
     assert found is not None
     assert found.complete
-    assert found.findings[0].text.startswith("Praise can come to a stand")
+    assert found.findings[0].text.startswith("Praise can get stuck")
     assert found.findings[0].way[0].startswith("the wizard presses b")
 
 
