@@ -61,10 +61,12 @@ class RclpySubscription(RclpyEntity):
         more = {"callback": take, "raw": pause > 0}  # raw: the executor leaves it alone (`SpinningNode`)
         super().__init__(node, "subscription", topic, converter.type, type, qos, event_callbacks=events, **more)
         if pause:
-            self._poll = partial(self._read_newest, pause, type, lambda message: on_message(converter.read(message)))
+            self._poll = partial(
+                self._read_newest, pause, qos.depth, type, lambda each: on_message(converter.read(each))
+            )
             node.loop.call_later(pause, self._poll)
 
-    def _read_newest(self, pause: float, type: Any, read: Callable[[Any], None]) -> None:
+    def _read_newest(self, pause: float, depth: int, type: Any, read: Callable[[Any], None]) -> None:
         """On the loop: read what the middleware has kept, and look again after the pause.
 
         rclpy's executor would take each message that comes; what the middleware drops costs nothing.
@@ -73,7 +75,9 @@ class RclpySubscription(RclpyEntity):
             return
         self._node.loop.call_later(pause, self._poll)
         with self._entity.handle:
-            while (taken := self._entity.handle.take_message(type, False)) is not None:
+            for _ in range(max(depth, 1)):  # not as long as more come: the loop has other work
+                if (taken := self._entity.handle.take_message(type, False)) is None:
+                    break
                 read(taken[0])
 
     def count_publishers(self) -> int:
