@@ -25,11 +25,13 @@ PROFILE = "https://w3id.org/ro/wfrun/process/0.5"
 PROGRAM = "#rise-tui"
 Entity: TypeAlias = dict[str, Any]
 _FORMATS = {
+    ".R": "text/x-r",
     ".csv": "text/csv",
     ".html": "text/html",
     ".json": "application/json",
     ".jsonl": "application/jsonl",
     ".md": "text/markdown",
+    ".sps": "text/plain",
     ".toml": "application/toml",
     ".tsv": "text/tab-separated-values",
     ".txt": "text/plain",
