@@ -7,12 +7,11 @@ whatever the profile says: no robot moves.
 
 from __future__ import annotations
 
-import sys
-from functools import cache
-from importlib.metadata import EntryPoint, entry_points
+from importlib.metadata import EntryPoint
 from typing import Any, cast
 
 from rise_engine.errors import RiseError
+from rise_engine.plugins import find_plugin, installed_plugins
 from rise_engine.ports.bridge import (
     Bridge,
     BridgeError,
@@ -43,18 +42,7 @@ class RobotOptionsError(RiseError):
 
 def driver_names() -> set[str]:
     """What a profile's `driver` can name here: the installed drivers, and those that a bridge is."""
-    return entry_points(group=DRIVERS).names | entry_points(group=BRIDGES).names
-
-
-def _find_plugin(group: str, name: str) -> EntryPoint | None:
-    """The installed entry point of that name; of two, the one that Python finds first."""
-    return _find_plugin_on(tuple(sys.path), group, name)
-
-
-@cache
-def _find_plugin_on(path: tuple[str, ...], group: str, name: str) -> EntryPoint | None:
-    """Looked up once for each path: playing a scenario asks for the simulated robot again and again."""
-    return next(iter(entry_points(group=group, name=name)), None)
+    return installed_plugins(DRIVERS).names | installed_plugins(BRIDGES).names
 
 
 def _load_plugin(entry: EntryPoint, what: str) -> Any:
@@ -67,9 +55,9 @@ def _load_plugin(entry: EntryPoint, what: str) -> Any:
 
 def find_driver(name: str) -> Driver:
     """The driver of that name. Raises DriverError when it is not installed or cannot be loaded."""
-    entry = _find_plugin(DRIVERS, name)
+    entry = find_plugin(DRIVERS, name)
     if entry is None:
-        installed = ", ".join(sorted(entry_points(group=DRIVERS).names)) or "none"
+        installed = ", ".join(sorted(installed_plugins(DRIVERS).names)) or "none"
         raise DriverError(
             f"the robot driver {name!r} is not installed (installed: {installed}); "
             f"a driver is a Python package with an entry point of that name in the group {DRIVERS!r}"
@@ -102,7 +90,7 @@ def make_robot(
     try:
         driver = find_driver(name)
     except DriverError:
-        if _find_plugin(BRIDGES, name) is None:
+        if find_plugin(BRIDGES, name) is None:
             raise
         raise DriverError(
             f"{profile.title} is reached over ROS 2, which this session does without; "
@@ -135,7 +123,7 @@ async def open_bridge(connection: RosConnection, profile: RobotProfile, mode: Mo
 
 def profile_findings(profile: RobotProfile) -> list[ProfileFinding]:
     """What the driver that the profile names has to say about it, whatever the mode."""
-    entry = _find_plugin(CHECKS, profile.driver)
+    entry = find_plugin(CHECKS, profile.driver)
     if entry is None:
         return []
     try:
@@ -148,7 +136,7 @@ def profile_findings(profile: RobotProfile) -> list[ProfileFinding]:
 def load_ros_plugin(group: str) -> Any:
     """What the ROS 2 bridge offers in a group of entry points (BRIDGES: a `BridgeOpener`, DOCTORS: an `Examiner`,
     PARAMETERS: a `ParameterReader`). Raises DriverError."""
-    entry = _find_plugin(group, ROS_BRIDGE)
+    entry = find_plugin(group, ROS_BRIDGE)
     if entry is None:
         raise DriverError(f"no ROS 2 bridge is installed: no entry point {ROS_BRIDGE!r} in the group {group!r}")
     return _load_plugin(entry, "the ROS 2 bridge")

@@ -6,9 +6,9 @@ A format of ours is a module in this package with a constant `FORMAT`, and a lin
 from __future__ import annotations
 
 from importlib import import_module
-from importlib.metadata import entry_points
 
 from rise_engine.export.format import ExportError, ExportFormat
+from rise_engine.plugins import find_plugin, installed_plugins
 
 _OWN = {
     "tables": "rise_engine.export.tables:FORMAT",
@@ -28,7 +28,7 @@ ENTRY_POINTS = "rise.exports"
 
 def format_names() -> list[str]:
     """What can be asked for here. Nothing is loaded."""
-    others = sorted(entry_points(group=ENTRY_POINTS).names - _OWN.keys())
+    others = sorted(installed_plugins(ENTRY_POINTS).names - _OWN.keys())
     return [*_OWN, *others]
 
 
@@ -38,7 +38,7 @@ def load_format(name: str) -> ExportFormat:
         module, _, constant = _OWN[name].partition(":")
         found: ExportFormat = getattr(import_module(module), constant)
         return found
-    entry = next(iter(entry_points(group=ENTRY_POINTS, name=name)), None)
+    entry = find_plugin(ENTRY_POINTS, name)
     if entry is None:
         raise ExportError(f"there is no format {name!r} here: {', '.join(format_names())}")
     try:

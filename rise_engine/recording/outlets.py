@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from importlib.metadata import entry_points
-
+from rise_engine.plugins import find_plugin
 from rise_engine.ports.outlet import OutletError, OutletRunner
 
 OUTLETS = "rise.outlets"
@@ -11,7 +10,7 @@ OUTLETS = "rise.outlets"
 
 def find_outlet(name: str) -> OutletRunner:
     """The outlet of that name. Raises OutletError when it is not installed or cannot be loaded."""
-    entry = next(iter(entry_points(group=OUTLETS, name=name)), None)
+    entry = find_plugin(OUTLETS, name)
     if entry is None:
         raise OutletError(f"there is no outlet {name!r}: no entry point of that name in the group {OUTLETS!r}")
     try:

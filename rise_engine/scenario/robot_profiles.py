@@ -5,13 +5,13 @@ from __future__ import annotations
 import os
 import sys
 from collections.abc import Iterator, Sequence
-from importlib.metadata import entry_points
 from importlib.util import find_spec
 from pathlib import Path
 
 from msgspec.structs import replace
 
 from rise_engine.nearest_name import did_you_mean
+from rise_engine.plugins import installed_plugins
 from rise_engine.scenario.action_declarations import apply_declarations, core_actions, name_places, read_places
 from rise_engine.scenario.diagnostics import Diagnostics
 from rise_engine.scenario.file_names import SCENARIO_FILE
@@ -131,7 +131,7 @@ def profile_folders(folder: Path, packages: Sequence[Path] | None = None) -> Ite
 
 def package_folders() -> Iterator[Path]:
     """The folders of the packages that installed distributions name in the entry-point group."""
-    for package in dict.fromkeys(entry.module for entry in entry_points(group=ENTRY_POINT_GROUP)):
+    for package in dict.fromkeys(entry.module for entry in installed_plugins(ENTRY_POINT_GROUP)):
         yield from _package_folder(package)
 
 

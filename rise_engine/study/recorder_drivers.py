@@ -3,20 +3,18 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from functools import lru_cache
-from importlib.metadata import entry_points
 from typing import cast
 
+from rise_engine.plugins import find_plugin, installed_plugins
 from rise_engine.ports.recorder import Recorder, RecorderError, RecorderOpener
 from rise_engine.scenario.model import Json
 
 RECORDERS = "rise.recorders"
 
 
-@lru_cache(maxsize=1)
 def recorder_drivers() -> tuple[str, ...]:
     """What `by` can name here: the installed drivers, in order."""
-    return tuple(sorted(entry_points(group=RECORDERS).names))
+    return tuple(sorted(installed_plugins(RECORDERS).names))
 
 
 def open_recorder(driver: str, name: str, options: Mapping[str, Json]) -> Recorder:
@@ -27,7 +25,7 @@ def open_recorder(driver: str, name: str, options: Mapping[str, Json]) -> Record
     :param options: as study.toml has them.
     :raises RecorderError: it is not installed, cannot be loaded, or finds fault with an option (a line for each).
     """
-    entry = next(iter(entry_points(group=RECORDERS, name=driver)), None)
+    entry = find_plugin(RECORDERS, driver)
     if entry is None:
         raise RecorderError(
             f"there is no recorder {driver!r} here; there are {', '.join(recorder_drivers()) or 'none'}"

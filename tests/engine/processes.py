@@ -6,15 +6,15 @@ import json
 import os
 import signal
 import subprocess
-import sys
 import threading
 from pathlib import Path
 from types import TracebackType
 from typing import Any
 
+from tests.forked import ENGINE as ENGINE
+from tests.forked import Forked, run_engine
 from tests.patience import PATIENCE
 
-ENGINE = str(Path(sys.executable).with_name("rise-engine"))
 FAST = ("--speed", "max", "--json")
 
 GREET = """<Dialog name="Greet">
@@ -62,15 +62,7 @@ def folder(path: Path, toml: str = "", memory: dict[str, Any] | None = None, **a
 
 def engine(*arguments: object, stdin: str | None = None) -> subprocess.CompletedProcess[str]:
     """Run to the end."""
-    return subprocess.run(
-        [ENGINE, *map(str, arguments)],
-        capture_output=True,
-        text=True,
-        input=stdin,
-        stdin=subprocess.DEVNULL if stdin is None else None,
-        timeout=PATIENCE,
-        check=False,
-    )
+    return run_engine(*arguments, stdin=stdin, timeout=PATIENCE)
 
 
 def task(function: str, behavior: object = "", **more: object) -> str:
@@ -94,15 +86,7 @@ class Live:
     """A process that runs while the test talks to it."""
 
     def __init__(self, *arguments: object) -> None:
-        self.process = subprocess.Popen(
-            [ENGINE, *map(str, arguments)],
-            stdin=subprocess.PIPE,
-            stdout=subprocess.PIPE,
-            stderr=subprocess.PIPE,
-            text=True,
-            bufsize=1,
-            env={**os.environ, "PYTHONUNBUFFERED": "1"},
-        )
+        self.process = Forked(*arguments, stdin=subprocess.PIPE, env={**os.environ, "PYTHONUNBUFFERED": "1"})
         self.records: list[dict[str, Any]] = []
 
     def __enter__(self) -> Live:

@@ -6,6 +6,7 @@ from importlib.metadata import EntryPoint, EntryPoints
 
 import pytest
 
+from rise_engine import plugins
 from rise_engine.export import formats
 from rise_engine.export.format import ExportError, ExportFormat
 from rise_engine.export.formats import format_names, load_format
@@ -27,7 +28,7 @@ def test_formats_of_other_packages(monkeypatch: pytest.MonkeyPatch) -> None:
         EntryPoint("other", "rise_engine.export.records:COLUMNS", formats.ENTRY_POINTS),
         EntryPoint("csv", "rise_engine.export.nothing:FORMAT", formats.ENTRY_POINTS),
     ]
-    monkeypatch.setattr(formats, "entry_points", lambda **wanted: EntryPoints(brought).select(**wanted))
+    monkeypatch.setattr(plugins, "_all_on", lambda path: EntryPoints(brought))
     assert format_names()[-3:] == ["again", "broken", "other"]
     assert load_format("again").name == "csv" and load_format("csv").name == "csv"
     with pytest.raises(ExportError, match=r"the format 'broken' .* cannot be loaded: No module named"):

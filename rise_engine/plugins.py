@@ -1,0 +1,22 @@
+"""What installed packages bring as entry points: drivers, bridges, profiles, recorders, outlets, export formats."""
+
+from __future__ import annotations
+
+import sys
+from functools import cache
+from importlib.metadata import EntryPoint, EntryPoints, entry_points
+
+
+def installed_plugins(group: str) -> EntryPoints:
+    """The entry points of a group. All packages are looked through once for each path, because that takes a while."""
+    return _all_on(tuple(sys.path)).select(group=group)
+
+
+def find_plugin(group: str, name: str) -> EntryPoint | None:
+    """The entry point of that name; of two, the one that Python finds first."""
+    return next(iter(installed_plugins(group).select(name=name)), None)
+
+
+@cache
+def _all_on(path: tuple[str, ...]) -> EntryPoints:
+    return entry_points()
