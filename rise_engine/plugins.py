@@ -9,7 +9,7 @@ from importlib.metadata import EntryPoint, EntryPoints, entry_points
 
 def installed_plugins(group: str) -> EntryPoints:
     """The entry points of a group. All packages are looked through once for each path, because that takes a while."""
-    return _all_on(tuple(sys.path)).select(group=group)
+    return _installed_on(tuple(sys.path), group)
 
 
 def find_plugin(group: str, name: str) -> EntryPoint | None:
@@ -18,5 +18,5 @@ def find_plugin(group: str, name: str) -> EntryPoint | None:
 
 
 @cache
-def _all_on(path: tuple[str, ...]) -> EntryPoints:
-    return entry_points()
+def _installed_on(path: tuple[str, ...], group: str) -> EntryPoints:
+    return entry_points(group=group)

@@ -24,6 +24,8 @@ from importlib import import_module
 from pathlib import Path
 from typing import IO, Any
 
+from tests.patience import PATIENCE
+
 ENGINE = str(Path(sys.executable).with_name("rise-engine"))
 PIPE, DEVNULL = subprocess.PIPE, subprocess.DEVNULL
 
@@ -143,12 +145,11 @@ class Forked:
 def run_engine(
     *arguments: object,
     stdin: str | None = None,
-    timeout: float | None = None,
-    env: Mapping[str, str] | None = None,
-    cwd: str | os.PathLike[str] | None = None,
+    timeout: float | None = PATIENCE,
+    **more: Any,
 ) -> subprocess.CompletedProcess[str]:
-    """`rise-engine`, run to its end."""
-    process = Forked(*arguments, stdin=DEVNULL if stdin is None else PIPE, env=env, cwd=cwd)
+    """`rise-engine`, run to its end. `more` is for `Forked`."""
+    process = Forked(*arguments, stdin=DEVNULL if stdin is None else PIPE, **more)
     try:
         out, err = process.communicate(stdin, timeout)
     except BaseException:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import shutil
-import subprocess
 import sys
 from pathlib import Path
 from typing import Any
@@ -13,6 +12,7 @@ import pytest
 
 from rise_engine.edit.edits import SetParameter
 from rise_engine.edit.workspace import Workspace
+from tests.forked import Forked, run_engine
 
 LABLINKING = Path(__file__).parents[2] / "scenarios" / "lablinking"
 ENGINE = str(Path(sys.executable).parent / "rise-engine")
@@ -33,9 +33,9 @@ def told(records: list[dict[str, Any]]) -> list[dict[str, Any]]:
 
 
 def run(study: Path, *arguments: str) -> list[dict[str, Any]]:
-    command = [ENGINE, "run", str(study), "--json", "--seed", "3", *arguments]
-    lines = subprocess.run(command, capture_output=True, text=True, check=True).stdout.splitlines()
-    return [json.loads(line) for line in lines]
+    done = run_engine("run", study, "--json", "--seed", "3", *arguments)
+    done.check_returncode()
+    return [json.loads(line) for line in done.stdout.splitlines()]
 
 
 @pytest.mark.slow
@@ -48,8 +48,7 @@ def test_a_running_session_is_not_changed_and_the_next_one_speaks_the_new_text(
     tasks.write_text("".join(json.dumps(TASK | {"at": at}) + "\n" for at in (0, 8)))
     undisturbed = run(study, "--tasks", str(tasks), "--speed", "4")
 
-    command = [ENGINE, "run", str(study), "--json", "--seed", "3", "--tasks", str(tasks), "--speed", "2"]
-    with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as session:
+    with Forked("run", study, "--json", "--seed", "3", "--tasks", tasks, "--speed", "2") as session:
         assert session.stdout is not None
         records = []
         for line in session.stdout:

@@ -62,7 +62,7 @@ def folder(path: Path, toml: str = "", memory: dict[str, Any] | None = None, **a
 
 def engine(*arguments: object, stdin: str | None = None) -> subprocess.CompletedProcess[str]:
     """Run to the end."""
-    return run_engine(*arguments, stdin=stdin, timeout=PATIENCE)
+    return run_engine(*arguments, stdin=stdin)
 
 
 def task(function: str, behavior: object = "", **more: object) -> str:

@@ -26,6 +26,7 @@ from rise_engine.kernel.inputs import ActionReport, AnyInput, RobotChanged, Stop
 from rise_engine.kernel.records import AnyRecord, MemoryRecord, NoteRecord
 from rise_engine.ports.robot import ReportCallback
 from rise_engine.protocol.session_options import SessionOptions
+from tests.forked import Forked, run_engine
 from tests.patience import PATIENCE
 
 from .processes import ENGINE, FAST, Live, engine, records
@@ -98,13 +99,12 @@ def test_a_second_interrupt_ends_at_once(study: Path) -> None:
 
 def test_a_reader_that_goes_away_ends_the_session_quietly(study: Path) -> None:
     for speed in ("50", "max"):
-        command = [ENGINE, "run", str(study), "--rule", "Clock", "--until", "40000", "--speed", speed, "--json"]
-        process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, stdin=subprocess.DEVNULL)
+        process = Forked("run", study, "--rule", "Clock", "--until", "40000", "--speed", speed, "--json")
         assert process.stdout is not None and process.stderr is not None
         process.stdout.readline()
         process.stdout.close()
         assert process.wait(PATIENCE) == 141
-        assert process.stderr.read() == b""
+        assert process.stderr.read() == ""
         process.stderr.close()
 
 
@@ -112,14 +112,11 @@ def test_a_reader_that_goes_away_ends_the_session_quietly(study: Path) -> None:
 @pytest.mark.parametrize("speed", ["max", "1"])
 def test_a_full_disk_ends_the_session(study: Path, speed: str) -> None:
     for options in ((), ("--json",)):
-        command = [ENGINE, "run", str(study), "--act", "Greet", "--rule", "Clock", "--until", "1000", "--speed", speed]
+        command = ["run", study, "--act", "Greet", "--rule", "Clock", "--until", "1000", "--speed", speed]
         with Path("/dev/full").open("wb") as full:
-            done = subprocess.run(
-                [*command, *options], stdout=full, stderr=subprocess.PIPE, stdin=subprocess.DEVNULL, timeout=60,
-                check=False,
-            )  # fmt: skip
+            done = run_engine(*command, *options, stdout=full)
         assert done.returncode == 70
-        (line,) = done.stderr.decode().splitlines()
+        (line,) = done.stderr.splitlines()
         assert line.startswith("error: a record could not be written (OSError: ")
 
 

@@ -24,8 +24,9 @@ from rise_engine.protocol.messages import SessionSummary
 from rise_engine.scenario.diagnostics import Diagnostic
 from rise_engine.scenario.model import SourceLocation
 from rise_engine.text import UNSEEN, character_name, clean, escape_surrogates, find_unseen, restore_surrogates
+from tests.forked import run_engine
 
-from .processes import ENGINE, engine, folder
+from .processes import engine, folder
 
 FULL = Path("/dev/full")
 EVIL = "\x1b]0;owned\x07\x1b[2Jgone\x9b31m\u202eback\u061c\u206a\ufff9\U000e0041\u3164\u115f\r\nerror: not mine"
@@ -53,7 +54,7 @@ def test_a_full_disk_is_a_sentence(tmp_path: Path, command: tuple[str, ...]) -> 
     study = str(folder(tmp_path / "s"))
     words = [study if word == "DIR" else word for word in command]
     with FULL.open("wb") as full:
-        done = subprocess.run([ENGINE, *words], stdout=full, stderr=subprocess.PIPE, text=True, timeout=60, check=False)
+        done = run_engine(*words, stdout=full)
     assert (done.returncode, done.stderr) == (
         NOT_WRITTEN,
         "error: standard output cannot be written: the disk is full\n",
@@ -66,7 +67,7 @@ def test_standard_error_that_cannot_be_written(tmp_path: Path) -> None:
     with FULL.open("wb") as full:
         for words, code in ((["check", study], 0), (["check", tmp_path / "nowhere"], 2), (["run", study], 2)):
             words = [*map(str, words), *(["--rule", "none"] if code == 2 and words[0] == "run" else [])]
-            done = subprocess.run([ENGINE, *words], stdout=subprocess.PIPE, stderr=full, timeout=60, check=False)
+            done = run_engine(*words, stderr=full)
             assert done.returncode == code
 
 

@@ -28,7 +28,7 @@ def test_formats_of_other_packages(monkeypatch: pytest.MonkeyPatch) -> None:
         EntryPoint("other", "rise_engine.export.records:COLUMNS", formats.ENTRY_POINTS),
         EntryPoint("csv", "rise_engine.export.nothing:FORMAT", formats.ENTRY_POINTS),
     ]
-    monkeypatch.setattr(plugins, "_all_on", lambda path: EntryPoints(brought))
+    monkeypatch.setattr(plugins, "_installed_on", lambda path, group: EntryPoints(brought).select(group=group))
     assert format_names()[-3:] == ["again", "broken", "other"]
     assert load_format("again").name == "csv" and load_format("csv").name == "csv"
     with pytest.raises(ExportError, match=r"the format 'broken' .* cannot be loaded: No module named"):

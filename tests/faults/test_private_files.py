@@ -7,7 +7,6 @@ import os
 import platform
 import re
 import stat
-import subprocess
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -18,7 +17,7 @@ from rise_engine.session.lock import HOLDER_FILE
 from rise_engine.study.study_log import read_log
 from tests.study.studies import DESIGN, write_study
 
-from ..engine.processes import ENGINE, folder
+from ..engine.processes import engine, folder
 from .test_serve import Serving, root
 
 pytestmark = pytest.mark.slow
@@ -30,10 +29,6 @@ def open_umask() -> Iterator[None]:
     before = os.umask(0)
     yield
     os.umask(before)
-
-
-def command(*arguments: object) -> subprocess.CompletedProcess[str]:
-    return subprocess.run([ENGINE, *map(str, arguments)], capture_output=True, text=True, timeout=60, check=False)
 
 
 def open_to_others(*roots: Path, but: frozenset[Path] = frozenset()) -> list[str]:
@@ -55,8 +50,8 @@ def test_a_session_is_for_its_owner_alone(root: Path, open_umask: None) -> None:
     sessions = root / "sessions"
     (session,) = sessions.iterdir()
     out = root / "out.csv"
-    assert command("export", session, "--format", "csv", "-o", out).returncode == 0
-    assert command("redact", session, "--replace", "P07=P99").returncode == 1, "the folder's name still has it"
+    assert engine("export", session, "--format", "csv", "-o", out).returncode == 0
+    assert engine("redact", session, "--replace", "P07=P99").returncode == 1, "the folder's name still has it"
     assert open_to_others(sessions, out) == []
 
 
@@ -64,15 +59,15 @@ def test_a_study_is_for_its_owner_alone(root: Path, open_umask: None) -> None:
     study = root / "study"
     write_study(study, DESIGN, plan=False)
     people = frozenset({study, *study.rglob("*")})  # what people write is theirs to protect
-    assert command("study", "plan", study).returncode == 0
+    assert engine("study", "plan", study).returncode == 0
     serve_once("--study", study, "--participant", "P01", "--robot", "generic")
     (session,) = (study / "sessions").iterdir()
     out = study / "out.jsonl"
-    assert command("export", session, "--format", "jsonl", "--level", "shared", "-o", out).returncode == 0
+    assert engine("export", session, "--format", "jsonl", "--level", "shared", "-o", out).returncode == 0
     assert [each.kind for each in read_log(study)[-2:]] == ["exported", "written"]
     assert {"plan.csv", "study.jsonl", "out.jsonl"} <= {path.name for path in study.iterdir()}
     assert open_to_others(study, but=people) == []
-    withdrawn = command("study", "withdraw", study, "P01", "--yes")
+    withdrawn = engine("study", "withdraw", study, "P01", "--yes")
     assert withdrawn.returncode == 1 and "participants.csv, line 2" in withdrawn.stdout, withdrawn
     assert not session.exists() and not out.exists()
     assert open_to_others(study, but=people) == []
@@ -114,7 +109,7 @@ def test_who_had_an_abandoned_session_is_forgotten(root: Path) -> None:
 @pytest.mark.parametrize("name", ["Anna Müller", "anna@example.org", "P-07", "P07 ", "Ä"])
 def test_only_pseudonyms_take_part_in_real_sessions(root: Path, name: str) -> None:
     study = folder(root / "scenario")
-    refused = command("serve", study, "--mode", "real", "--robot", "generic", "--participant", name)
+    refused = engine("serve", study, "--mode", "real", "--robot", "generic", "--participant", name)
     assert refused.returncode == 2 and "is no pseudonym" in refused.stderr
     assert not (root / "sessions").exists() or not list((root / "sessions").iterdir())
     serve_once(study, "--mode", "debug", "--participant", name)

@@ -18,6 +18,7 @@ import pytest
 
 from rise_engine.protocol.registry import is_locked
 from rise_engine.session.folder import JOURNAL
+from tests.forked import Forked, run_engine
 from tests.patience import PATIENCE
 from tests.study.studies import DESIGN, write_study
 
@@ -55,14 +56,8 @@ class Serving:
     """`rise-engine serve --study` in debug mode, with everything that it says."""
 
     def __init__(self, study: Path, *arguments: str, participant: str = "P01") -> None:
-        command = [ENGINE, "serve", "--study", str(study), "--participant", participant, "--mode", "debug"]
-        self.process = subprocess.Popen(
-            [*command, *arguments],
-            stdin=subprocess.DEVNULL,
-            stdout=subprocess.DEVNULL,
-            stderr=subprocess.PIPE,
-            text=True,
-        )
+        command = ["serve", "--study", study, "--participant", participant, "--mode", "debug"]
+        self.process = Forked(*command, *arguments, stdout=subprocess.DEVNULL)
         self.said: list[str] = []
         assert self.process.stderr is not None
         while line := self.process.stderr.readline():
@@ -140,7 +135,7 @@ def test_a_session_is_the_same_with_recorders_and_ends_with_whole_files(study: P
     assert plain.end() == 0
     assert acts(plain) == acts(recorded) and plain.lines("recording") == []
     for each in (recorded, plain):
-        replayed = subprocess.run([ENGINE, "replay", str(each.folder)], capture_output=True, text=True)
+        replayed = run_engine("replay", each.folder)
         assert replayed.returncode == 0, replayed.stderr
 
 

@@ -26,6 +26,7 @@ from rise_engine.protocol.session_options import SessionOptions
 from rise_engine.server.spawn import EngineRefused, EngineStarted, start_engine
 from rise_engine.session.folder import JOURNAL, find_unfinished, read_info
 from rise_engine.session.journal_reader import read_journal
+from tests.forked import Forked
 from tests.patience import PATIENCE
 
 from ..engine.processes import ENGINE, engine, folder
@@ -52,13 +53,7 @@ class Serving:
     """`rise-engine serve` in the foreground, until it says that it serves."""
 
     def __init__(self, *arguments: object) -> None:
-        self.process = subprocess.Popen(
-            [ENGINE, "serve", *map(str, arguments)],
-            stdin=subprocess.DEVNULL,
-            stdout=subprocess.DEVNULL,
-            stderr=subprocess.PIPE,
-            text=True,
-        )
+        self.process = Forked("serve", *arguments, stdout=subprocess.DEVNULL)
         assert self.process.stderr is not None
         self.report = self.process.stderr.readline()
 

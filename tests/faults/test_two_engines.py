@@ -36,6 +36,7 @@ from rise_engine.session.lock import (
     read_holder,
 )
 from rise_engine.session.recovery import recover
+from tests.forked import Forked
 from tests.patience import PATIENCE
 
 from ..engine.processes import ENGINE, engine, folder
@@ -56,23 +57,16 @@ class Runtimes:
         self.root = tmp_path
         self.runs = [Path(tempfile.mkdtemp(prefix="r-", dir="/tmp")) for _ in range(2)]
         self._monkeypatch = monkeypatch
-        self._tried: list[subprocess.Popen[str]] = []
+        self._tried: list[Forked] = []
         monkeypatch.setenv("RISE_SESSIONS", str(tmp_path / "sessions"))
         self.use(0)
 
     def use(self, number: int) -> None:
         self._monkeypatch.setenv("RISE_RUNTIME", str(self.runs[number]))
 
-    def try_to_serve(self, study: Path, how: list[str], **environment: str) -> subprocess.Popen[str]:
+    def try_to_serve(self, study: Path, how: list[str], **environment: str) -> Forked:
         """An engine that may be refused. Whatever becomes of the test, it does not outlive it."""
-        tried = subprocess.Popen(
-            [ENGINE, "serve", str(study), *how],
-            env={**os.environ, **environment},
-            stdin=subprocess.DEVNULL,
-            stdout=subprocess.DEVNULL,
-            stderr=subprocess.PIPE,
-            text=True,
-        )
+        tried = Forked("serve", study, *how, stdout=subprocess.DEVNULL, env={**os.environ, **environment})
         self._tried.append(tried)
         return tried
 
@@ -210,7 +204,7 @@ def test_of_many_that_begin_at_once_one_does(runtimes: Runtimes, how: list[str])
     assert len(list((runtimes.root / "sessions").iterdir())) == 1
 
 
-def _end(tried: list[subprocess.Popen[str]], lines: list[str]) -> None:
+def _end(tried: list[Forked], lines: list[str]) -> None:
     for each, line in zip(tried, lines, strict=True):
         refused = RUNNING in line
         if not refused:

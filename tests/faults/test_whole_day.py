@@ -6,8 +6,6 @@ import csv
 import json
 import os
 import signal
-import subprocess
-import sys
 import tempfile
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -23,6 +21,7 @@ from rise_engine.session.journal_reader import read_journal
 from rise_engine.session.replay import compare_replay
 from tests.console.study_files import write_study
 from tests.console.terminals import Terminal, kill_engines, terminal
+from tests.forked import run_engine
 
 pytestmark = [pytest.mark.pty, pytest.mark.slow]
 
@@ -156,13 +155,9 @@ def planned_study() -> Iterator[tuple[Path, str]]:
 
 def command(it: Terminal, *arguments: str) -> str:
     """`rise-engine`, as typed in another window."""
-    return subprocess.run(
-        [sys.executable, "-m", "rise_engine", *arguments],
-        env=it.environment,
-        capture_output=True,
-        text=True,
-        check=True,
-    ).stdout
+    done = run_engine(*arguments, env=it.environment)
+    done.check_returncode()
+    return done.stdout
 
 
 def play_the_day(folder: Path, home: str) -> dict[str, Any]:
