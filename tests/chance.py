@@ -7,10 +7,15 @@ import os
 import random
 from typing import TypeVar
 
+import pytest
+
 T = TypeVar("T")
 SEARCH = int(os.environ.get("RISE_SEARCH", "0"))
 """How many examples a property gets of each hundred that it asks for; 0: the fixed ones, and few."""
 FIXED = 30
+
+searched = (pytest.mark.search, pytest.mark.skipif(not SEARCH, reason="takes minutes: ./dev soak --search"))
+"""Marks of tests that `./dev test` leaves to a search."""
 
 
 def examples(usual: int) -> int:

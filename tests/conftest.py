@@ -32,6 +32,13 @@ settings.register_profile("search", settings.get_profile("fixed"), derandomize=F
 settings.load_profile("search" if chance.SEARCH else "fixed")
 
 
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """What is explored is kept for the other tests of exploring, so one process runs them all."""
+    for item in items:
+        if item.path.parent.name == "explore":
+            item.add_marker(pytest.mark.xdist_group("explore"))
+
+
 def pytest_collection_finish() -> None:
     """What has been imported stays: looking through it for garbage again and again was a tenth of the whole run."""
     gc.collect()

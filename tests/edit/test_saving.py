@@ -15,7 +15,10 @@ from rise_engine.edit.plan import EditRefused
 from rise_engine.edit.saving import finish_interrupted, write_files
 from rise_engine.edit.study_folder import read_study_files
 from rise_engine.scenario.interrupted_save import NOTE
+from tests.chance import examples
 from tests.edit.samples import SCENARIOS
+
+KILLS = examples(200)
 
 
 class Killed(BaseException):
@@ -34,12 +37,12 @@ def _changed(folder: Path) -> tuple[dict[str, bytes], dict[str, bytes]]:
     return before, {name: data.replace(b"old", b"new") for name, data in before.items()}
 
 
-def test_200_kills_leave_the_old_files_or_the_new_ones(tmp_path: Path) -> None:
+def test_kills_leave_the_old_files_or_the_new_ones(tmp_path: Path) -> None:
     folder = tmp_path / "greeting"
     shutil.copytree(SCENARIOS / "greeting", folder)
     environment = {**os.environ, "XDG_STATE_HOME": str(tmp_path / "state")}
     ran = subprocess.run(
-        [sys.executable, "-m", "tests.edit.kill_saves", str(folder), "200"],
+        [sys.executable, "-m", "tests.edit.kill_saves", str(folder), str(KILLS)],
         capture_output=True,
         env=environment,
         cwd=SCENARIOS.parent,
@@ -47,7 +50,7 @@ def test_200_kills_leave_the_old_files_or_the_new_ones(tmp_path: Path) -> None:
     )
     assert ran.returncode == 0, ran.stderr.decode()
     found = json.loads(ran.stdout)
-    assert len(found) == 200
+    assert len(found) == KILLS
     for each in found:
         assert each["read"] == each["loaded"] == each["finished"] != "mixed", each
         assert each["hidden"] == [], each

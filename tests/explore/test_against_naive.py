@@ -23,14 +23,14 @@ MOST_SITUATIONS = 1_500
 """What the naive explorer is asked to look at, at most: it is slow."""
 RELEASES = ("leave", "enter")
 SHIPPED = [
-    ("greeting", World(by_hand=False, line=0, beside=1)),
     ("lab_opening", World(by_hand=False, line=0, beside=1, faults=1)),
 ]
 LARGE = [
+    ("greeting", World(by_hand=False, line=0, beside=1)),
     ("lablinking", World(by_hand=False, line=1, beside=1, faults=1)),
     ("lab_opening", World(by_hand=False, line=0, beside=0, faults=1, stop=True, robot=True, releases=RELEASES)),
 ]
-"""Which take half a minute and more: only in a search."""
+"""Which take long: only in a search."""
 
 
 @pytest.fixture(autouse=True)

@@ -13,6 +13,7 @@ import rise_engine.kernel.rules as kernel_rules
 from rise_engine.kernel import Kernel
 from rise_engine.kernel.inputs import SessionStarted, Submit
 from rise_engine.scenario.model import Scenario
+from tests.chance import examples
 from tests.explore.naive import NaiveResult, Timers, explore_naively
 from tests.explore.projection import difference, phase_of, project
 from tests.explore.random_runs import random_run
@@ -227,7 +228,7 @@ def test_an_act_that_is_one_thing_is_projected_too() -> None:
 
 # --- random studies and runs ---
 
-SEEDS = range(40)
+SEEDS = range(examples(40))
 
 
 def explored(seed: int, **more: Any) -> tuple[RandomStudy, World, NaiveResult]:
