@@ -17,10 +17,11 @@ import signal
 import sys
 import tempfile
 import time
-from collections.abc import Awaitable, Callable
+from collections.abc import Awaitable, Callable, Sequence
 from contextlib import suppress
 from itertools import pairwise, product
 from pathlib import Path
+from typing import Any
 
 import msgspec
 from rise_adapters.ros2.actions.client import ABORTED
@@ -61,22 +62,21 @@ GOALS = {
 class Case(Records):
     """One session with one robot, and everything that was said and done."""
 
-    def __init__(self, transport: Transport, robot: Process) -> None:
+    def __init__(self, transport: Transport, robot: Any) -> None:
+        """:param robot: a `Process`, or what has its events, too."""
         self.records = []
         self.clock = RealClock(asyncio.get_running_loop())
         self.began = time.monotonic() - self.clock.now()
         self.transport = transport
         self.process = robot
-        whole = profile(server=3.0)
-        self.profile = msgspec.structs.replace(
-            whole, actions={name: spec for name, spec in whole.actions.items() if name in ("Speech", "Wait")}
-        )
         self.engine = self.make_engine()
 
     def make_engine(self) -> Engine:
-        mappings = read_mappings(self.profile, self.transport.fields)
-        robot = Ros2Robot(self.profile, self.clock, self.transport, mappings)
-        return Engine(scenario(self.profile), robot, self.clock, 1, sinks=[self.records.append])
+        whole = profile(server=3.0)
+        only = {name: spec for name, spec in whole.actions.items() if name in ("Speech", "Wait")}
+        which = msgspec.structs.replace(whole, actions=only)
+        robot = Ros2Robot(which, self.clock, self.transport, read_mappings(which, self.transport.fields))
+        return Engine(scenario(which), robot, self.clock, 1, sinks=[self.records.append])
 
     async def begin(self) -> None:
         self.engine.start()
@@ -176,16 +176,16 @@ async def play(goal: str, moment: str, robot: str, transport: str) -> list[str]:
         await MOMENTS[moment](case)
         case.engine.end("over")
         await until(lambda: case.engine.ended, 30)
-        ended = time.monotonic()
-        await asyncio.sleep(AFTER)
-        return find_lies(case, ended)
+        return await find_lies(case, PART)
     finally:
         await process.end()
         opened.close()
 
 
-def find_lies(case: Case, ended: float) -> list[str]:
-    """Where what the session said is not what the robot did."""
+async def find_lies(case: Case, part: str) -> list[str]:
+    """Where what the session said of that part is not what the robot did. The session has just ended."""
+    ended = time.monotonic()
+    await asyncio.sleep(AFTER)
     found = []
     events = case.process.events
     spans = []
@@ -197,7 +197,7 @@ def find_lies(case: Case, ended: float) -> list[str]:
     asked = [each["at"] for each in events if each["event"] == "goal"]
     for stop in case.stops():
         at = case.began + stop.t
-        if PART not in stop.confirmed:
+        if part not in stop.confirmed:
             continue
         if any(begin < at - TOLERANCE and at + TOLERANCE < over for begin, over in spans) and not killed:
             found.append(f"confirmed at {stop.t:.2f} s while it moved")
@@ -218,22 +218,27 @@ def find_lies(case: Case, ended: float) -> list[str]:
     return found
 
 
-def open_transport(kind: str, loop: asyncio.AbstractEventLoop) -> Transport:
+def open_transport(kind: str, loop: asyncio.AbstractEventLoop, share: Sequence[Path] = ()) -> Transport:
     if kind == "dds":
         from rise_adapters.ros2.transport.dds import DdsTransport
 
-        return DdsTransport(loop, node="engine", environment=environment())
+        return DdsTransport(loop, node="engine", environment=environment(), share=share)
     from rise_adapters.ros2.transport.rclpy import RclpyTransport
 
     return RclpyTransport(loop, node="engine", arguments=())
 
 
-async def main(arguments: argparse.Namespace) -> int:
+async def play_cases(
+    cases: list[tuple[str, str]],
+    play: Callable[[str, str, str, str], Awaitable[list[str]]],
+    arguments: argparse.Namespace,
+) -> int:
+    """All of them, or the part that was asked for, a line for each; the exit status."""
     os.environ.update(environment())
     if arguments.fast:
         os.environ.update(fast_dds(Path(tempfile.mkdtemp(prefix="rise-matrix-"))))
     number, parts = map(int, arguments.part.split("/"))
-    cases = list(product(GOALS, MOMENTS))[number - 1 :: parts]
+    cases = cases[number - 1 :: parts]
     wrong = 0
     for goal, moment in cases:
         try:
@@ -246,10 +251,14 @@ async def main(arguments: argparse.Namespace) -> int:
     return 1 if wrong else 0
 
 
-if __name__ == "__main__":
+def read_arguments() -> argparse.Namespace:
     parser = argparse.ArgumentParser()
     parser.add_argument("--robot", choices=("dds", "rclpy"), default="dds")
     parser.add_argument("--transport", choices=("dds", "rclpy"), default="dds")
     parser.add_argument("--fast", action="store_true", help="rclpy on Fast DDS instead of Cyclone DDS, on both sides")
     parser.add_argument("--part", default="1/1", help="the first of four quarters: 1/4")
-    sys.exit(asyncio.run(main(parser.parse_args())))
+    return parser.parse_args()
+
+
+if __name__ == "__main__":
+    sys.exit(asyncio.run(play_cases(list(product(GOALS, MOMENTS)), play, read_arguments())))

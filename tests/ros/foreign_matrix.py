@@ -1,0 +1,154 @@
+"""Every fault that the simulated robot knows, on a robot that knows nothing of RISE: Zora (tests/ros/data/zora), whose
+speech is a service, and which drives as in Nav2 and moves its arm as in ros2_control.
+
+    python -m tests.ros.foreign_matrix --robot dds --transport dds --part 1/4
+
+Moments and truth are those of `fault_matrix`. With rclpy, its package `zora_interfaces` has to be built and sourced.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import json
+import os
+import shutil
+import sys
+import tempfile
+from functools import cache
+from itertools import product
+from pathlib import Path
+from typing import Any
+
+from msgspec.structs import replace
+from rise_adapters.ros2.mapping import read_mappings
+from rise_adapters.ros2.robot import Ros2Robot
+from rise_adapters.simulated.faults import FAULT_KINDS
+
+from rise_engine.engine.engine import Engine
+from rise_engine.scenario import load
+from rise_engine.scenario.model import Scenario
+from tests.engine.samples import assert_one_ending_each
+from tests.ros.contract.peers import ROOT
+from tests.ros.fault_matrix import (
+    MOMENTS,
+    START_SECONDS,
+    Case,
+    find_lies,
+    open_transport,
+    play_cases,
+    read_arguments,
+)
+from tests.ros.test_faults_dds import until
+from tests.ros.zora import FOLDER
+
+ACTIONS = {
+    "Go": ("zora/navigate_to_pose", "<place>table</place>"),
+    "Arm": ("zora/follow_joint_trajectory", "<shoulder>90</shoulder><duration>3000</duration>"),
+    "Tts": ("zora/tts", f"<text>{'Hello, dear reader. ' * 3}</text>"),
+    "Speech": ("zora/say", f"<message>{'Hello, dear reader. ' * 3}</message>"),
+}
+"""The part that each is done by, and its parameters: three seconds and more of it."""
+AMOUNTS = {"slow": 2, "slow-accept": 2.5, "slow-reject": 2.5, "late-begin": 2, "slow-cancel": 1.5}
+OF_GOALS = ("lost-accept", "refuse-cancel", "ignore-cancel", "slow-cancel", "die-on-cancel")
+"""What cannot go wrong with a call of a service."""
+FAULTS = [
+    f"{action}={kind}{f':{AMOUNTS[kind]}' if kind in AMOUNTS else ''}@1"
+    for action, kind in product(ACTIONS, FAULT_KINDS)
+    if action != "Speech" or kind not in OF_GOALS
+]
+
+EVENTS = {"arrived": "goal", "begun": "begin", "ended": "end"}
+"""Of its log, in the words of `badrobot`."""
+
+
+@cache
+def study(action: str) -> tuple[Path, Scenario]:
+    """Its folder, and the scenario: one act of one action."""
+    folder = Path(tempfile.mkdtemp(prefix="rise-zora-")) / "zora"
+    shutil.copytree(FOLDER, folder)
+    act = f'<Dialog name="Greet"><{action}><actionID>1</actionID>{ACTIONS[action][1]}</{action}></Dialog>'
+    (folder / "acts").joinpath("greet.xml").write_text(act)
+    loaded, findings = load(folder)
+    assert loaded is not None, findings
+    return folder, loaded
+
+
+class SimulatedRobot:
+    """The simulated robot as a process, and the events of its log in the words of `badrobot`."""
+
+    def __init__(self, process: asyncio.subprocess.Process, log: Path) -> None:
+        self.process = process
+        self._log = log
+
+    @property
+    def events(self) -> list[dict[str, Any]]:
+        rows = [json.loads(line) for line in self._log.read_text().splitlines() if line.endswith("}")]
+        return [
+            {"event": EVENTS[row["event"]], "id": row["goal"], "at": row["t"]} for row in rows if row["event"] in EVENTS
+        ]
+
+    def said(self, event: str) -> list[str]:
+        return [each["id"] for each in self.events if each["event"] == event]
+
+    async def end(self) -> None:
+        if self.process.returncode is None:
+            self.process.kill()
+        await self.process.wait()
+
+
+class ForeignCase(Case):
+    """A session with Zora."""
+
+    def __init__(self, action: str, *more: Any) -> None:
+        self.action = action
+        super().__init__(*more)
+
+    def make_engine(self) -> Engine:
+        _, scenario = study(self.action)
+        mappings = read_mappings(scenario.robot, self.transport.fields)
+        robot = Ros2Robot(scenario.robot, self.clock, self.transport, mappings)
+        return Engine(replace(scenario, mode="real"), robot, self.clock, 1, sinks=[self.records.append])
+
+    def check(self) -> None:
+        assert self.engine.idle
+        assert_one_ending_each(self.records)
+
+
+async def play(fault: str, moment: str, robot: str, transport: str) -> list[str]:
+    """One case; what was wrong, in sentences."""
+    action = fault.partition("=")[0]
+    folder, _ = study(action)
+    opened = open_transport(transport, asyncio.get_running_loop(), share=[folder / "share"])
+    log = folder.parent / "did.jsonl"
+    log.write_text("")
+    command = ["-m", "rise_adapters.ros2.examples.simulated_robot", "--config", str(folder), "--ros", robot]
+    process = await asyncio.create_subprocess_exec(
+        *(sys.executable, *command, "--fault", fault, "--log", str(log)),
+        stdout=asyncio.subprocess.PIPE,
+        cwd=ROOT,
+        env=dict(os.environ),
+    )
+    made = SimulatedRobot(process, log)
+    try:
+        assert process.stdout is not None
+        async with asyncio.timeout(START_SECONDS):
+            while b"/cmd_vel" not in (line := await process.stdout.readline()):
+                assert line, "the simulated robot did not start"
+        drain = asyncio.ensure_future(process.stdout.read())
+        case = ForeignCase(action, opened, made)
+        await case.begin()
+        await MOMENTS[moment](case)
+        case.engine.end("over")
+        await until(lambda: case.engine.ended, 30)
+        found = await find_lies(case, ACTIONS[action][0])
+    finally:
+        await made.end()
+        opened.close()
+    await drain
+    return found
+
+
+if __name__ == "__main__":
+    os.environ["ZORA"] = str(FOLDER)
+    names = ("nothing", "stop_in_the_middle", "cancel_and_start_again", "kill")
+    sys.exit(asyncio.run(play_cases(list(product(FAULTS, names)), play, read_arguments())))
