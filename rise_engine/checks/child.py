@@ -20,6 +20,7 @@ from rise_engine.json_codec import encode
 from rise_engine.ports.bridge import RosConnection
 from rise_engine.scenario.model import Mode
 from rise_engine.study.model import RecordingSettings
+from rise_engine.study.session_kinds import SessionKind
 
 KINDS = frozenset({"robot", "sound", "replay", "recorder", "explored"})
 
@@ -36,7 +37,8 @@ class ChildRequest(Struct, frozen=True):
     sessions: str = ""
     """For `replay`: the study's folder of sessions."""
     study: str = ""
-    """For `explored`: the study's folder."""
+    session: SessionKind | None = None
+    """For `explored`: the study's folder, and which kind of session is about to begin; None: every kind counts."""
     recording: RecordingSettings | None = None
     """For `recorder`: what records."""
     task: str = ""

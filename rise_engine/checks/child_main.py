@@ -10,7 +10,7 @@ from pathlib import Path
 import msgspec
 
 from rise_engine.checks.child import ChildRequest
-from rise_engine.checks.explored import look_at_explored
+from rise_engine.checks.kinds import look_at_explored
 from rise_engine.checks.outcome import Finding
 from rise_engine.checks.recorder import look_at_recorders
 from rise_engine.checks.replay import look_at_last_session
@@ -36,7 +36,7 @@ def _look(request: ChildRequest) -> Finding:
     if request.kind == "replay":
         return look_at_last_session(Path(request.sessions))
     if request.kind == "explored":
-        return look_at_explored(Path(request.study), request.scenario, request.robot, request.mode)
+        return look_at_explored(Path(request.study), request.session, request.robot, request.mode)
     if request.kind == "recorder":
         return asyncio.run(look_at_recorders(request))
     return asyncio.run(say_word(request) if request.kind == "sound" else look_at_robot(request))

@@ -16,8 +16,10 @@ from typing import Any
 
 import msgspec
 from msgspec import Struct
+from msgspec.structs import replace
 
 from rise_engine import __version__
+from rise_engine.checks.outcome import Finding
 from rise_engine.explore.bounds import Bounds
 from rise_engine.explore.exploration import QUICK_SECONDS, Exploration, explore, main_rule, quick_bounds
 from rise_engine.explore.finding import FindingLevel
@@ -25,14 +27,16 @@ from rise_engine.explore.playthrough import PlayedThrough, play_through
 from rise_engine.explore.space import Space
 from rise_engine.json_codec import encode
 from rise_engine.scenario import load
-from rise_engine.scenario.model import Scenario
+from rise_engine.scenario.model import Mode, Scenario
 from rise_engine.session.disk import write_private_file
 from rise_engine.study.model import Study
-from rise_engine.study.session_kinds import SessionKind
+from rise_engine.study.review import review_study
+from rise_engine.study.session_kinds import SessionKind, session_kinds
 from rise_engine.text import pluralize
 
 KEPT = ".kinds.json"
 """In the study's folder; hidden, so that it is no part of what is published."""
+_MOST_KEPT = 200
 _EVERYWHERE = frozenset(
     {"never-started", "never-entered", "never-taken", "never-done", "not-met", "idle-key", "failure-alike"}
 )
@@ -168,13 +172,35 @@ def look_at_kinds(
                 say(f"looking at {kind.name or 'the sessions'} ({number} of {len(kinds)})")
             kept[key] = before[key] if key in before else _look(study, kind, scenario)
         looked.append((kind, kept[key]))
-    if kept.keys() != before.keys():
+    if kept.keys() - before.keys():
+        newest = dict([*kept.items(), *((key, look) for key, look in before.items() if key not in kept)][:_MOST_KEPT])
         with suppress(OSError):  # what cannot be kept is looked at again
             new = folder / f"{KEPT}.new"
-            write_private_file(new, encode(kept))
+            write_private_file(new, encode(newest))
             new.replace(folder / KEPT)
     found = merge([(kind, look.is_complete, look.findings) for kind, look in looked])
     return StudyLook(tuple(kind for kind, _ in looked), tuple(look for _, look in looked), tuple(found), len(acts))
+
+
+def look_at_explored(study_folder: Path, kind: SessionKind | None, robot: str | None, mode: Mode) -> Finding:
+    """Whether anything can get stuck or fail in a session that is about to begin (`auto = "explored"`; blocking).
+
+    :param study_folder: where the answer is kept.
+    :param kind: the session's; None: every kind of the study is looked at.
+    :param robot: another robot than the scenario's; None: its own.
+    :param mode: the session's.
+    """
+    review = review_study(study_folder)
+    if review.study is None or review.errors:
+        return Finding(False, reason="the study has errors; `rise-engine study check` says which")
+    study = replace(review.study, robot=robot or "", mode=mode)
+    kinds = session_kinds(study, review.participants, review.scenarios) if kind is None else (kind,)
+    look = look_at_kinds(study, kinds)
+    problems = [each.finding.text for each in look.findings if each.finding.level == "problem"]
+    if not problems:
+        return Finding(True, look.sentence)
+    more = f" (and {len(problems) - 1} more)" if len(problems) > 1 else ""
+    return Finding(False, look.sentence, f"{problems[0]}{more}; `rise-engine explore` shows the way there")
 
 
 def load_for(study: Study, folder: str, language: str) -> Scenario | None:

@@ -13,6 +13,7 @@ from rise_engine.ports.bridge import RosConnection
 from rise_engine.scenario.model import Mode
 from rise_engine.study.checked import PendingCheck, check_text
 from rise_engine.study.model import Purpose, Study, StudyCheck
+from rise_engine.study.session_kinds import SessionKind
 
 NO = "somebody answered no"
 """Why an asked check failed, when nobody said more."""
@@ -38,6 +39,8 @@ class CheckContext(Struct, frozen=True):
     wizard: str = ""
     """Who will hold control, as consoles name them (`anna`)."""
     ros: RosConnection = RosConnection()
+    kind: SessionKind | None = None
+    """What begins alike; None: no session is about to begin."""
     session: str = ""
     """Of a check after a session: the name of its folder."""
     now: Callable[[], datetime] = local_now

@@ -26,7 +26,7 @@ from rise_engine.study.study_log import LockedLog
 _LOG = logging.getLogger(__name__)
 
 PROGRAM_SECONDS = 30.0
-LIMITS = {"robot": 60.0, "sound": 90.0, "replay": 300.0, "recorder": 40.0, "explored": 120.0}
+LIMITS = {"robot": 60.0, "sound": 90.0, "replay": 300.0, "recorder": 40.0, "explored": 60.0}
 OTHER_SECONDS = 15.0
 """For what only looks at files."""
 
@@ -85,6 +85,7 @@ def _look(check: StudyCheck, context: CheckContext, limit: float, cancelled: Eve
             context.ros,
             sessions=str(sessions),
             study=study.folder,
+            session=context.kind,
             recording=study.recording,
             task=study.id,
         )

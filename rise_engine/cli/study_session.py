@@ -21,6 +21,7 @@ from rise_engine.protocol.session_options import SessionOptions
 from rise_engine.scenario import load
 from rise_engine.study.begin import BeginRequest, CannotBegin, SessionPlan, plan_session, to_give_up, turn_warning
 from rise_engine.study.recorded import decide_recording, recording_lines
+from rise_engine.study.session_kinds import SessionKind
 from rise_engine.study.sessions import given_up_fields
 from rise_engine.study.state import StudyStatus, StudyUnusable, read_state
 from rise_engine.study.study_log import StudyLogError
@@ -81,6 +82,7 @@ def _check_or_exit(
         robot=options.robot or state.study.robot or None,
         wizard=options.wizard,
         ros=options.ros,
+        kind=SessionKind(plan.run, plan.language),
     )
     try:
         return gather_check_reports(context, checks)

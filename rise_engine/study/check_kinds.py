@@ -13,7 +13,7 @@ AUTOMATIC: dict[str, str] = {
     "wizard": "the wizard has given a name",
     "recorder": "everything that records the session records, and its files grow",
     "replay": "the last session replays identically",
-    "explored": "all that can happen in the scenario was looked at, and nothing gets stuck",
+    "explored": "what can happen in this condition and language was looked at, and nothing gets stuck or fails",
 }
 """Each automatic check and what it looks at, in words that stand on screens and in records."""
 OF_THE_PARTICIPANT = frozenset({"consent", "participant"})

@@ -30,6 +30,7 @@ from rise_engine.study.model import OutcomeStatus, SessionEntry, Study, StudyChe
 from rise_engine.study.participants import load_participants
 from rise_engine.study.plan_file import read_plan
 from rise_engine.study.recorded import decide_recording, recorders_text
+from rise_engine.study.session_kinds import SessionKind
 from rise_engine.study.sessions import SESSIONS
 from rise_engine.study.state import OpenStudy, StudyStatus, StudyUnusable, read_state
 from rise_engine.study.study_log import LOG_FILE, StudyLogError
@@ -167,6 +168,7 @@ class StudyFolder:
                 robot,
                 wizard,
                 self._ros,
+                SessionKind(plan.run, plan.language),
             ),
             checks=() if plan.purpose == "debug" else pending_checks(study, "before", state.log, now),
             keys=scenario.keys,

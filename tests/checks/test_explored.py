@@ -1,68 +1,70 @@
-"""The check that a scenario was explored: once for each, and anew when it has changed."""
+"""The check `auto = "explored"`: nothing can get stuck or fail in the session that is about to begin."""
 
 from __future__ import annotations
 
 import shutil
 from pathlib import Path
 
-import msgspec
 import pytest
 
 from rise_engine.checks import run_check
-from rise_engine.checks.explored import KEPT, look_at_explored, read_kept
+from rise_engine.checks.kinds import KEPT, look_at_explored
 from rise_engine.study.model import StudyCheck
-from tests.checks.samples import context, study
+from rise_engine.study.plan import planned_run
+from rise_engine.study.session_kinds import SessionKind
+from rise_engine.study.study_toml import load_study
+from tests.checks.samples import context
 
-ROOT = Path(__file__).parents[2]
-QUIZ = ROOT / "tests" / "explore" / "studies" / "quiz"
+STUDY = Path(__file__).parents[1] / "study" / "kinds"
+"""In English, the direct condition asks for a column that the table does not have."""
 
 
 @pytest.fixture
-def scenario(tmp_path: Path) -> Path:
-    return Path(shutil.copytree(QUIZ, tmp_path / "scenario"))
+def folder(tmp_path: Path) -> Path:
+    return Path(shutil.copytree(STUDY, tmp_path / "study"))
 
 
-def repair(scenario: Path) -> None:
-    """*Praise* also goes on when it is stopped."""
-    rules = scenario / "rules" / "quiz.xml"
-    text = rules.read_text()
-    ways = text.replace('eventTopic="/R_Praise_failed"', 'eventTopic="/R_Praise_end"')
-    assert ways != text
-    rules.write_text(ways)
-
-
-@pytest.mark.slow
-async def test_a_scenario_that_gets_stuck_fails_and_one_that_is_repaired_passes(tmp_path: Path, scenario: Path) -> None:
-    check, of = StudyCheck("explored", auto="explored"), context(study(tmp_path), mode="debug")
-    outcome = await run_check(check, of)
-    assert outcome.result == "failed"
-    assert outcome.reason.startswith("Praise can get stuck in Praise")
-    repair(scenario)
-    outcome = await run_check(check, of)
-    assert outcome.result == "passed", outcome
-    assert outcome.value.startswith("the scenario has changed since it was explored on ")
-    assert outcome.value.endswith("none with a problem")
-
-
-def test_the_same_scenario_is_looked_at_once(tmp_path: Path, scenario: Path) -> None:
-    repair(scenario)
-    assert look_at_explored(tmp_path, str(scenario), None, "debug").passed
-    kept = read_kept(tmp_path)
-    assert kept is not None
-    (tmp_path / KEPT).write_bytes(msgspec.json.encode(msgspec.structs.replace(kept, situations=7)))
-    assert (
-        look_at_explored(tmp_path, str(scenario), None, "debug").value == "looked at 7 situations, none with a problem"
+def kind_of(folder: Path, condition: str, language: str) -> SessionKind:
+    study = load_study(folder).study
+    assert study is not None
+    levels = condition.split("+")
+    return SessionKind(
+        planned_run(study, dict(zip((each.name for each in study.factors), levels, strict=True))), language
     )
 
 
-def test_what_cannot_be_read_is_looked_at_anew(tmp_path: Path, scenario: Path) -> None:
-    (tmp_path / KEPT).write_text("{")
-    assert not look_at_explored(tmp_path, str(scenario), None, "debug").passed
-    kept = read_kept(tmp_path)
-    assert kept is not None
-    assert kept.problems
+@pytest.mark.slow
+async def test_it_is_about_the_session_that_is_to_begin(folder: Path) -> None:
+    study = load_study(folder).study
+    assert study is not None
+    check = StudyCheck("explored", auto="explored")
+    bad = context(study, mode="debug", kind=kind_of(folder, "direct+back", "en"))
+    outcome = await run_check(check, bad)
+    assert outcome.result == "failed"
+    assert outcome.reason.startswith("R_Ask failed at action 1 when it was played: "), outcome
+    good = context(study, mode="debug", kind=kind_of(folder, "direct+back", "de"))
+    outcome = await run_check(check, good)
+    assert outcome.result == "passed", outcome
+    assert outcome.value.startswith("explored and played 1 kind of session (in de): ")
 
 
-def test_a_scenario_with_errors_has_not_passed(tmp_path: Path, scenario: Path) -> None:
-    (scenario / "rules" / "quiz.xml").write_text("<InteractionRule")
-    assert "has errors" in look_at_explored(tmp_path, str(scenario), None, "debug").reason
+def test_of_no_session_every_kind_counts(folder: Path) -> None:
+    found = look_at_explored(folder, None, None, "debug")
+    assert not found.passed and found.reason.startswith("R_Ask failed at action 1")
+
+
+def test_what_has_not_changed_is_looked_at_once(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    english, german = (kind_of(folder, "polite+back", language) for language in ("en", "de"))
+    for kind in (english, german):
+        assert look_at_explored(folder, kind, None, "debug").passed
+    with monkeypatch.context() as patched:
+        patched.setattr("rise_engine.checks.kinds._look", None)
+        assert look_at_explored(folder, english, None, "debug").passed
+    (folder / KEPT).write_text("{")
+    assert look_at_explored(folder, english, None, "debug").passed
+
+
+def test_a_study_with_errors_has_not_passed(folder: Path) -> None:
+    kind = kind_of(folder, "polite+back", "de")
+    next((folder / "scenario" / "rules").iterdir()).write_text("<InteractionRule")
+    assert "has errors" in look_at_explored(folder, kind, None, "debug").reason
