@@ -63,6 +63,8 @@ class KindLook(Struct, frozen=True):
     situations: int
     is_complete: bool
     """Whether all situations within the bounds were looked at."""
+    is_played: bool
+    """Whether it was played until nothing new came of it."""
     acts: tuple[str, ...]
     """Those that began when it was played."""
     findings: tuple[KindFinding, ...]
@@ -122,11 +124,14 @@ class StudyLook(Struct, frozen=True):
         counts = (pluralize(sum(each.finding.level == level for each in self.findings), level) for level in _LEVELS[:2])
         text = f"explored and played {what}: {situations:,} situations, {len(begun)} of {self.acts} acts began; "
         text += ", ".join(counts)
-        if broken_off := sum(not look.is_complete for look in self.looks):
-            text += (
-                f"; {broken_off} of them {'was' if broken_off == 1 else 'were'} broken off after {QUICK_SECONDS:g} s, "
-                "and `rise-engine explore STUDY` looks at more"
-            )
+        for what, broken_off in (
+            ("exploring", sum(not look.is_complete for look in self.looks)),
+            ("playing", sum(not look.is_played for look in self.looks)),
+        ):
+            if broken_off:
+                text += f"; {what} {broken_off} of the kinds was broken off after {QUICK_SECONDS:g} s"
+        if not all(look.is_complete for look in self.looks):
+            text += ", and `rise-engine explore STUDY` looks at more"
         return text
 
     def row(self) -> dict[str, Any]:
@@ -138,6 +143,7 @@ class StudyLook(Struct, frozen=True):
                     "language": kind.language,
                     "situations": look.situations,
                     "complete": look.is_complete,
+                    "played": look.is_played,
                     "acts": look.acts,
                 }
                 for kind, look in zip(self.kinds, self.looks, strict=True)
@@ -280,7 +286,8 @@ def _look(study: Study, kind: SessionKind, scenario: Scenario) -> KindLook:
         study, kind, scenario, quick_bounds(scenario), go_on=lambda space: time.monotonic() < until
     )
     findings = findings_of(study, kind, exploration, played)
-    return KindLook(exploration.situations, exploration.is_complete, tuple(sorted(played.acts)), findings)
+    acts = tuple(sorted(played.acts))
+    return KindLook(exploration.situations, exploration.is_complete, played.is_complete, acts, findings)
 
 
 def _digest(study: Study, kind: SessionKind, scenario: Scenario) -> str:

@@ -46,6 +46,8 @@ class PlayedThrough(Struct, frozen=True):
     """Each once."""
     ended: bool
     """Whether the rule whose end is the study's has ended in one of the sessions."""
+    is_complete: bool
+    """Whether it was played until nothing new came of it, or as often as it is played at most."""
 
 
 def play_through(
@@ -59,14 +61,15 @@ def play_through(
     :param go_on: is asked before each step; when it says no, that is what is told.
     """
     player = _Player(scenario, started, end, go_on)
-    in_vain = 0
+    in_vain, is_complete = 0, True
     for seed in range(1, MOST_SESSIONS + 1):
         known = len(player.acts)
         player.play(seed)
         in_vain = 0 if len(player.acts) > known else in_vain + 1
-        if not go_on() or in_vain >= IN_VAIN:
+        is_complete = go_on()
+        if not is_complete or in_vain >= IN_VAIN:
             break
-    return PlayedThrough(frozenset(player.acts), tuple(player.failures.values()), player.ended)
+    return PlayedThrough(frozenset(player.acts), tuple(player.failures.values()), player.ended, is_complete)
 
 
 class _Player:

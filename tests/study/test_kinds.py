@@ -190,3 +190,12 @@ def test_findings_are_merged(
     looks: list[tuple[SessionKind, bool, list[KindFinding]]], expected: list[tuple[str, tuple[str, ...]]]
 ) -> None:
     assert [(each.finding.text, each.kinds) for each in merge(looks)] == expected
+
+
+def test_what_was_broken_off_is_said(right: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(kinds, "QUICK_SECONDS", 0.0)
+    result = run("study", "check", str(right))
+    assert (
+        "; exploring 8 of the kinds was broken off after 0 s; playing 8 of the kinds was broken off after 0 s, "
+        "and `rise-engine explore STUDY` looks at more"
+    ) in " ".join(result.output.split()), result.output
