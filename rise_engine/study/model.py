@@ -257,6 +257,8 @@ class SessionEntry(Struct, frozen=True):
     """Session time of its last record."""
     condition: str = ""
     slot: int | None = None
+    reassigned: str = ""
+    """Under whom it was run and why it was reassigned, in a sentence; empty: it was not."""
 
 
 ParticipantState: TypeAlias = Literal[

@@ -124,7 +124,8 @@ def read_sessions(folder: Path, study_id: str, log: Sequence[LogEntry]) -> list[
 def _reassign(session: StudySession, moved: Reassignment | None) -> StudySession:
     if moved is None:
         return session
-    return replace(session, entry=replace(session.entry, **moved.labels), reassigned=moved)
+    entry = replace(session.entry, **moved.labels, reassigned=moved.sentence)
+    return replace(session, entry=entry, reassigned=moved)
 
 
 def _timestamp(started: str) -> float:

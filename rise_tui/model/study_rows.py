@@ -116,6 +116,7 @@ def session_line(entry: SessionEntry, conditions: Conditions) -> str:
     what += f": {entry.reason}" if entry.reason else ""
     parts = [f"run {entry.run}{attempt}", what, conditions.shown(entry.condition), begun_text(entry.started)]
     parts += [format_seconds(round(entry.seconds))] if entry.status != "running" else []
+    parts.append(entry.reassigned)
     return " · ".join(filter(None, map(clean, parts)))
 
 
@@ -138,8 +139,13 @@ def plan_rows(standing: StudyStanding, conditions: Conditions, width: int) -> li
     rows: list[ListRow] = []
     if not cells:
         cells = [_Cell("all", standing.complete, 0, standing.wanted)]
-    names = min(max(cell_width(cell.name) for cell in cells), max(8, width - 36))
-    rows += [_row(_cell_line(cell, names), width) for cell in cells]
+    widest = max(cell_width(cell.name) for cell in cells)
+    for cell in cells:
+        if widest <= max(8, width - 36):
+            rows.append(_row(_cell_line(cell, widest), width))
+        else:  # cut, two cells could look alike
+            rows.append(_row(((f" {cell.name}", "plain"),), width))
+            rows.append(_row(_cell_line(cell._replace(name=""), 2), width))
     if conditions.hidden:
         rows.append(_row(((" conditions are hidden until a session begins", "muted"),), width))
     return rows
