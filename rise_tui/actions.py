@@ -395,9 +395,6 @@ ACTIONS: tuple[ConsoleAction, ...] = (
            "editor", _in_editor),
     ConsoleAction("edit.findings", "What is wrong", ("f",), "edit",
            "All errors and warnings; enter goes to one.", "findings", _in_editor),
-    ConsoleAction("edit.waiting", "Changes that wait", ("p",), "edit",
-           "Changes that were proposed, and changes of yours in whose way somebody else's stand: each is shown beside "
-           "what the files say now, and made or given up.", "what waits", _in_editor),
     ConsoleAction("edit.undo", "Undo a change of the files", ("ctrl+u",), "edit",
            "Takes back the last change, then the one before it, also when it has been saved.", "undo", _in_editor),
     ConsoleAction("edit.redo", "Make the change again", ("ctrl+r",), "edit",

@@ -9,7 +9,6 @@ import re
 import shutil
 import subprocess
 import sys
-from contextlib import closing
 from pathlib import Path
 
 import msgspec
@@ -115,44 +114,6 @@ def test_files_that_hold_no_edits(folder: Path, text: str, told: str) -> None:
     ran = CliRunner().invoke(main, ["edit", str(folder), "-"], input=text)
     assert ran.exit_code == 2
     assert told in ran.stderr
-
-
-def test_proposed_edits_are_kept_and_nothing_is_written(folder: Path) -> None:
-    before = _disk(folder)
-    bye = {"edit": "add_act", "name": "R_Bye", "text": "Bye!"}
-    see_you = {"edit": "add_action", "act": "R_Bye", "type": "Speech", "parameters": {"message": "See you."}}
-    with closing(Workspace(folder)) as editor:  # an open editor is in no one's way
-        done = _edit(folder, [bye, see_you], "--propose")
-        assert (done.exit_code, done.stderr) == (0, "")
-        assert done.stdout.splitlines()[:2] == [
-            "proposed: new act R_Bye, which says “Bye!”",
-            "proposed: R_Bye gets the action 2: Speech, message “See you.”",
-        ]
-        assert editor.notice_proposals() == 2
-    again = _edit(folder, [see_you | {"wait_for": ["1"]}, bye], "--propose")
-    assert again.exit_code == 1
-    assert "edit 1: there is no act `R_Bye`" in again.stderr
-    again = _edit(folder, [bye, see_you | {"wait_for": ["1"]}], "--propose", "--json")
-    assert len(json.loads(again.stdout)["proposed"]) == 1, "the first is proposed already"
-    again = _edit(folder, [bye], "--propose")
-    assert (again.exit_code, again.stdout) == (0, "")
-    assert "1 of them was proposed already" in again.stderr
-    assert _disk(folder) == before
-    with closing(Workspace(folder)) as editor:
-        assert [len(each.change.edits) for each in editor.waiting] == [1, 1, 1]
-
-
-def test_what_would_be_wrong_is_not_proposed(folder: Path) -> None:
-    wrong = {"edit": "replace_file", "file": "rules/new.xml", "text": "<InteractionRule"}
-    refused = _edit(folder, wrong, "--propose")
-    assert refused.exit_code == 1
-    assert "rules/new.xml:1" in refused.stderr and "nothing was written" in refused.stderr
-    nothing = _edit(folder, {"edit": "set_start_value", "key": "person_near", "value": False}, "--propose")
-    assert (nothing.exit_code, nothing.stdout) == (0, "")
-    assert "nothing was to be proposed" in nothing.stderr
-    assert _edit(folder, wrong, "--propose", "--dry-run").exit_code == 2
-    with closing(Workspace(folder)) as editor:
-        assert editor.waiting == ()
 
 
 def test_an_open_editor_and_its_draft_are_left_alone(folder: Path) -> None:
