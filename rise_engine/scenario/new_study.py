@@ -18,8 +18,9 @@ _AGENTS = """\
 
 This folder is a scenario of rise-tui: what a robot says and does with a participant while a wizard watches and helps.
 
-- `rise-engine guide .` prints the whole format on one page: files, elements, the actions of this robot, conditions, and
-  the changes that `rise-engine edit` makes. Read it first.
+- Read the reference pages of rise-tui's documentation first: the scenario folder (`scenario.md`), acts (`cra.md`),
+  rules (`rules.md`), conditions (`conditions.md`) and the changes that `rise-engine edit` makes (`edits.md`).
+- `rise-engine robots .` lists the robots and what each can do.
 - `rise-engine check . --json` says everything that is wrong: file, line, what was expected and the nearest right name.
   A study with errors does not run. Check after every change.
 - `rise-engine run . --rule NAME --speed max` plays a rule at once, without a robot; a file of tasks can be its wizard.
