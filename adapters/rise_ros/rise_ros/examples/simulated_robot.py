@@ -2,13 +2,13 @@
 each topic, as the profile says (quality of service, definitions, feedback). It takes believable time, says what a
 person would see, and does wrong on request. A whole study runs over the wire with it, on one computer.
 
-    python -m rise_adapters.ros2.examples.simulated_robot --robot pepper
-    python -m rise_adapters.ros2.examples.simulated_robot --config scenarios/greeting --fault Speech=fail@2
+    python -m rise_ros.examples.simulated_robot --robot pepper
+    python -m rise_ros.examples.simulated_robot --config scenarios/greeting --fault Speech=fail@2
 
 Faults are those of the simulated driver (rise_adapters.simulated.faults): ACTION=reject, =fail, =slow:FACTOR, =hang,
 =slow-accept:SECONDS and so on, each also with @N, and vanish@SECONDS[-SECONDS], counted from the node's start. While it
 has vanished it offers nothing, and when it comes back it knows of no earlier goal. `--log FILE` writes what it really
-does (rise_adapters.ros2.examples.robot_log).
+does (rise_ros.examples.robot_log).
 """
 
 from __future__ import annotations
@@ -23,15 +23,11 @@ from functools import partial
 from math import inf
 from pathlib import Path
 
-from rise_adapters.ros2.examples.goal_reader import GoalReader
-from rise_adapters.ros2.examples.robot_log import RobotLog
-from rise_adapters.ros2.examples.run_node import NodeError, node_parser, run_node, wait_forever
-from rise_adapters.ros2.examples.simulated_action import PrintLine, SimulatedAction, WhenBusy, describe_action
-from rise_adapters.ros2.examples.simulated_messages import is_same
 from rise_adapters.ros2.mapping import ActionMapping, MappingError, read_mappings, read_options, with_all_carriers
 from rise_adapters.ros2.robot.lifecycle import EVENT_TYPE, STATE_TYPE
 from rise_adapters.ros2.transport.port import Closable, Message, SendReply, Subscription, Transport
 from rise_adapters.simulated.faults import OF_CANCELS, ActionFault, LinkFault, parse_fault
+
 from rise_engine.engine.clock import RealClock
 from rise_engine.ports.robot import Clock, Timer
 from rise_engine.scenario.diagnostics import Diagnostics
@@ -39,6 +35,11 @@ from rise_engine.scenario.loader import load
 from rise_engine.scenario.model import RobotProfile, SourceLocation
 from rise_engine.scenario.robot_profiles import find_profile, read_profile, read_robot
 from rise_engine.scenario.source_files import FileReader
+from rise_ros.examples.goal_reader import GoalReader
+from rise_ros.examples.robot_log import RobotLog
+from rise_ros.examples.run_node import NodeError, node_parser, run_node, wait_forever
+from rise_ros.examples.simulated_action import PrintLine, SimulatedAction, WhenBusy, describe_action
+from rise_ros.examples.simulated_messages import is_same
 
 
 class RobotOnWire:

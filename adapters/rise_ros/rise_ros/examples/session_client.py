@@ -18,9 +18,9 @@ from typing import Any
 from uuid import uuid4
 
 from msgspec import Struct
-
 from rise_adapters.ros2.actions.client import ActionClient
 from rise_adapters.ros2.transport.port import Message, Transport
+
 from rise_engine.errors import RiseError
 
 _STATUS = {4: "SUCCEEDED", 5: "CANCELED", 6: "ABORTED"}

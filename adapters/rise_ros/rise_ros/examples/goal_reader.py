@@ -10,11 +10,11 @@ from collections.abc import Iterator, Mapping, Sequence
 from typing import Any, TypeAlias
 
 from msgspec.structs import replace
-
 from rise_adapters.ros2.mapping.action_mapping import field_at
 from rise_adapters.ros2.mapping.poses import pose_fields
 from rise_adapters.ros2.mapping.templates import Placeholder, parse_template, seconds_per_unit, unit_factors
 from rise_adapters.ros2.transport.port import Message
+
 from rise_engine.scenario.model import ActionSpec, Parameter
 from rise_engine.scenario.parameters import accepts_any_name, listed_names
 

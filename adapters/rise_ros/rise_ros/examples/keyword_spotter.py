@@ -1,7 +1,7 @@
 """Feature node: hears what was said as a text, writes it into the memory, and raises the event of the first key word in
 it. Arrows (1) to (3) of figure 8 of the RISE paper, after a speech recogniser.
 
-    python -m rise_adapters.ros2.examples.keyword_spotter --keyword "goodbye,bye bye=/H_goodbye" --otherwise /H_question
+    python -m rise_ros.examples.keyword_spotter --keyword "goodbye,bye bye=/H_goodbye" --otherwise /H_question
 
 Copy this file for a node of your own; all that it knows about RISE is `SessionClient`.
 """
@@ -12,10 +12,11 @@ import asyncio
 import re
 from argparse import ArgumentTypeError, Namespace
 
-from rise_adapters.ros2.examples.run_node import node_parser, run_node
-from rise_adapters.ros2.examples.session_client import SessionClient, SessionGoneError
-from rise_adapters.ros2.examples.topic_listener import TopicListener
 from rise_adapters.ros2.transport.port import Message, Transport
+
+from rise_ros.examples.run_node import node_parser, run_node
+from rise_ros.examples.session_client import SessionClient, SessionGoneError
+from rise_ros.examples.topic_listener import TopicListener
 
 
 class Keyword:

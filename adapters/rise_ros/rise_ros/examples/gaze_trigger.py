@@ -2,8 +2,8 @@
 `/gaze/nothing` when they have looked at nothing for longer. A blink or a glance elsewhere that is shorter than the gap
 does not end a look. (The gaze node of the RISE paper, section 5.1.2.)
 
-    python -m rise_adapters.ros2.examples.gaze_trigger --dwell 0.8                     # names, as std_msgs/String
-    python -m rise_adapters.ros2.examples.gaze_trigger --region robot=0,0,1.2,0.3      # points, as PointStamped
+    python -m rise_ros.examples.gaze_trigger --dwell 0.8                     # names, as std_msgs/String
+    python -m rise_ros.examples.gaze_trigger --region robot=0,0,1.2,0.3      # points, as PointStamped
 
 Copy this file for a node of your own; all that it knows about RISE is `SessionClient`.
 """
@@ -14,10 +14,11 @@ import asyncio
 from argparse import ArgumentTypeError, Namespace
 from math import dist, inf
 
-from rise_adapters.ros2.examples.run_node import node_parser, run_node
-from rise_adapters.ros2.examples.session_client import SessionClient, SessionGoneError
-from rise_adapters.ros2.examples.topic_listener import TopicListener
 from rise_adapters.ros2.transport.port import Message, Transport
+
+from rise_ros.examples.run_node import node_parser, run_node
+from rise_ros.examples.session_client import SessionClient, SessionGoneError
+from rise_ros.examples.topic_listener import TopicListener
 
 NOTHING = "nothing"
 _POLL_SECONDS = 0.02

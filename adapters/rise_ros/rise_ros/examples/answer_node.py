@@ -1,7 +1,7 @@
 """Feature node: when a rule enters a state, asks a language model for an answer to what the memory holds, writes it
 into the memory and starts the act that says it. Arrows (4) to (8) of figure 8 of the RISE paper.
 
-    python -m rise_adapters.ros2.examples.answer_node --rule Conversation --state Thinking --act R_Answer \\
+    python -m rise_ros.examples.answer_node --rule Conversation --state Thinking --act R_Answer \\
         --base-url http://localhost:8080/v1 --model local
 
 The model is any that speaks `POST BASE_URL/chat/completions` as OpenAI's does: llama.cpp, Ollama, vLLM, GPT4All, or a
@@ -21,9 +21,10 @@ from pathlib import Path
 from urllib.error import HTTPError
 from urllib.request import Request, urlopen
 
-from rise_adapters.ros2.examples.run_node import NodeError, node_parser, run_in_thread, run_node, wait_forever
-from rise_adapters.ros2.examples.session_client import SessionClient, SessionGoneError
 from rise_adapters.ros2.transport.port import Message, Transport
+
+from rise_ros.examples.run_node import NodeError, node_parser, run_in_thread, run_node, wait_forever
+from rise_ros.examples.session_client import SessionClient, SessionGoneError
 
 SYSTEM = "You are a robot that talks with a visitor. Answer in one or two short sentences that can be spoken aloud."
 LONGEST = 2_000_000

@@ -10,17 +10,18 @@ from typing import Any, Literal, TypeAlias
 
 from rise_adapters.ros2.actions.server import ActionServer, Decide
 from rise_adapters.ros2.actions.server_goal import ServerGoal
-from rise_adapters.ros2.examples.goal_reader import GoalReader, Places
-from rise_adapters.ros2.examples.robot_log import RobotLog
-from rise_adapters.ros2.examples.service_call import ServiceCall
-from rise_adapters.ros2.examples.simulated_messages import CANCELED, FAILED, ResultMaker, make_feedback
 from rise_adapters.ros2.mapping import ActionMapping
 from rise_adapters.ros2.transport.port import Closable, Message, SendReply, Transport
 from rise_adapters.simulated.faults import ActionFault, FaultKind
+
 from rise_engine.cli.transcript import parameters_text
 from rise_engine.ports.robot import Clock, Timer
 from rise_engine.scenario.durations import expected_seconds
 from rise_engine.scenario.model import ActionSpec
+from rise_ros.examples.goal_reader import GoalReader, Places
+from rise_ros.examples.robot_log import RobotLog
+from rise_ros.examples.service_call import ServiceCall
+from rise_ros.examples.simulated_messages import CANCELED, FAILED, ResultMaker, make_feedback
 
 WhenBusy: TypeAlias = Literal["wait", "reject"]
 """What becomes of a goal that comes while another one of its action runs."""

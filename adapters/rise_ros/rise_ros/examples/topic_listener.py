@@ -8,7 +8,6 @@ import asyncio
 from collections.abc import Callable, Sequence
 
 from msgspec.structs import replace
-
 from rise_adapters.ros2.graph_checks import describe_other_versions
 from rise_adapters.ros2.transport.port import RELIABLE, SENSOR, Message, QoS, Subscription, Transport
 
