@@ -38,7 +38,6 @@
       MissingValueError           A memory key without value was needed to fill a template
       NewStudyError               A study could not be made
       NoSuchPath                  The value has no such part
-      NodeError                   The node cannot do what it is for
       NotAdmitted                 Somebody cannot attach
       NotFlattenedError           A chart that cannot be flattened
       NotWoz4uError               The file is no configuration of WoZ4U
@@ -60,7 +59,6 @@
         RecorderEnded             What recorded has ended by itself
       RegistryError               The folder or the name under which a session is reached cannot be used
       Rejected                    The session did not accept what was asked for
-      Rise1RefusalError           RISE's own parser would refuse this condition
       RobotOptionsError           The driver cannot understand the profile's options or a fault
       ScenarioDecodeError         What was received is no scenario of this version
       ScriptRefusedError          A script
@@ -74,7 +72,6 @@
         RedactionRefused          Nothing was changed
         RelabelledError           Something says of a session what its journal does not say
         ShadowError               A shadow cannot be begun
-      SessionGoneError            No session answers
       SnapshotError               A snapshot does not fit the scenario that it is to go on with
       StudyCopyError              A study could not be copied
       StudyLogError               The study's log cannot be read or written
@@ -89,7 +86,6 @@
       UnreadableError             A file that cannot be read
       UnusableArgument            Something on the command line cannot be used
       UnusableMemoryError         `--memory` cannot be read
-      WebError                    Nothing is served
       WithdrawalError             Nobody was withdrawn
       WordError                   A word cannot be replaced like this
       XmlNameError                A character that no XML name can have

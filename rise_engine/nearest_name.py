@@ -5,7 +5,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterable, Iterator, Sized
+from collections.abc import Collection, Iterable, Iterator
 from contextlib import contextmanager
 from contextvars import ContextVar
 from difflib import get_close_matches
@@ -38,7 +38,7 @@ def nearest_name(word: str, known: Iterable[str]) -> str | None:
     if budget[0] <= 0 or len(word) > _LONGEST:
         return None
     folded: dict[str, str] = {}
-    for name in islice(known, budget[0]):
+    for name in islice(_in_order(known), budget[0]):
         if len(name) <= _LONGEST:
             folded.setdefault(_fold(name), name)
     budget[0] -= len(folded)
@@ -46,9 +46,16 @@ def nearest_name(word: str, known: Iterable[str]) -> str | None:
     return folded[matches[0]] if matches else None
 
 
+def _in_order(names: Iterable[str]) -> Collection[str]:
+    """Sets have no order of their own, and would name another one of two alike in each run."""
+    if isinstance(names, set | frozenset):
+        return sorted(names)
+    return names if isinstance(names, Collection) else list(names)
+
+
 def did_you_mean(word: str, known: Iterable[str], *, limit: int = 12) -> str:
     """The end of a message about an unknown name: the nearest right one, or all of them when they are few."""
-    names = known if isinstance(known, Sized) else list(known)
+    names = _in_order(known)
     near = nearest_name(word, names)
     if near is not None:
         return f"; did you mean `{near}`?{lookalike_note(word, near)}"

@@ -83,11 +83,6 @@ def _logged(store: Store) -> Obstacle:
     return None if store.log.all else "there is no row yet"
 
 
-def _savable(store: Store) -> Obstacle:
-    """Whoever has the address of a page writes nothing on the machine that serves it."""
-    return "this console is in a browser, which writes no files" if store.in_browser else _logged(store)
-
-
 def _blocks(
     deed: Deed, find: Callable[[Store], object] = lambda store: True, missing: str = ""
 ) -> Callable[[Store], Obstacle]:
@@ -155,9 +150,7 @@ def _in_editor(store: Store) -> Obstacle:
 
 
 def _editable(store: Store) -> Obstacle:
-    """Whoever has the address of a page, or looks at what is over, changes no files."""
-    if store.in_browser:
-        return "this console is in a browser, which writes no files"
+    """Whoever looks at what is over changes no files."""
     if store.attach_reply.shadow:
         return IN_SHADOW
     return _own_console(store) or (None if store.scenario.folder else "the scenario has no folder")
@@ -321,7 +314,7 @@ ACTIONS: tuple[ConsoleAction, ...] = (
            "Puts the rows that the filter leaves, or all, on the clipboard of your terminal, as a table.", "", _logged),
     ConsoleAction("log.save", "Save the rows shown", (), "log",
            "Writes the rows that the filter leaves, or all, to a file in the session's folder, or where its name says: "
-           "a table (.tsv) or JSON lines (.jsonl).", "", _savable),
+           "a table (.tsv) or JSON lines (.jsonl).", "", _logged),
     ConsoleAction("study.open", "Open the participant", ("enter",), "study",
            "Shows what would run for the selected participant and makes the checks before it; opens the session that "
            "runs; offers to recover one that did not end; asks for the outcome of one that has none.",
@@ -402,9 +395,6 @@ ACTIONS: tuple[ConsoleAction, ...] = (
            "editor", _in_editor),
     ConsoleAction("edit.findings", "What is wrong", ("f",), "edit",
            "All errors and warnings; enter goes to one.", "findings", _in_editor),
-    ConsoleAction("edit.waiting", "Changes that wait", ("p",), "edit",
-           "Changes that were proposed, and changes of yours in whose way somebody else's stand: each is shown beside "
-           "what the files say now, and made or given up.", "what waits", _in_editor),
     ConsoleAction("edit.undo", "Undo a change of the files", ("ctrl+u",), "edit",
            "Takes back the last change, then the one before it, also when it has been saved.", "undo", _in_editor),
     ConsoleAction("edit.redo", "Make the change again", ("ctrl+r",), "edit",

@@ -199,17 +199,25 @@ def _leads_somewhere(dotted: str) -> bool:
 
 
 def resolves(dotted: str) -> bool:
-    """A module of ours, or a name in one, or a member of a class in one."""
-    if dotted in modules():
+    """A module of ours, or a name in one, or a member of a class in one; also of the nodes to copy."""
+    known = {**modules(), **_nodes()}
+    if dotted in known:
         return True
     before, _, last = dotted.rpartition(".")
-    if before in modules():
-        return last in _defined(parsed(modules()[before]))
+    if before in known:
+        return last in _defined(parsed(known[before]))
     owner, _, name = before.rpartition(".")
-    return owner in modules() and any(
+    return owner in known and any(
         isinstance(node, ast.ClassDef) and node.name == name and last in _defined(node)
-        for node in ast.walk(parsed(modules()[owner]))
+        for node in ast.walk(parsed(known[owner]))
     )
+
+
+@cache
+def _nodes() -> dict[str, Path]:
+    """The modules of `adapters/rise_ros/rise_ros/examples`, which are in no wheel."""
+    folder = ROOT / "adapters" / "rise_ros" / "rise_ros" / "examples"
+    return {f"rise_ros.examples.{file.stem}": file for file in folder.glob("*.py")}
 
 
 def _defined(scope: ast.AST) -> set[str]:

@@ -127,7 +127,7 @@ def dead_places(text: str) -> Iterator[str]:
 
 
 def dead_modules(text: str) -> Iterator[str]:
-    """Modules and what is in them, also in examples; `rise_adapters.ros2.examples.NAME` means any."""
+    """Modules and what is in them, also in examples; `rise_ros.examples.NAME` means any."""
     for name in MODULE.findall(text):
         known = name.rpartition(".")[0] if name.rpartition(".")[2].isupper() and not resolves(name) else name
         if not resolves(known):

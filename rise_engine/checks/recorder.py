@@ -16,7 +16,7 @@ from rise_engine.checks.outcome import Finding
 from rise_engine.ports.recorder import CALL_SECONDS, Recorder, RecorderError, RecorderStatus, RecordingPlan
 from rise_engine.recording.calls import call_within
 from rise_engine.recording.one_recorder import recording_size
-from rise_engine.session.erasure import erase_file, erase_folder
+from rise_engine.session.erasure import erase_folder
 from rise_engine.study.model import RecorderSettings, RecordingSettings
 from rise_engine.study.recorder_drivers import open_recorder
 
@@ -122,7 +122,7 @@ def _erase(path: str) -> str:
         if place.is_dir():
             erase_folder(place)
         elif place.exists():
-            erase_file(place)
+            place.unlink()
         else:
             return path  # on another computer
         return ""

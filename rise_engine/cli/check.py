@@ -19,7 +19,6 @@ from rise_engine.engine.drivers import DOCTORS, DriverError, driver_names, load_
 from rise_engine.errors import RiseError
 from rise_engine.explore.exploration import Exploration, explore_quickly
 from rise_engine.expression import EvaluationError, Expression, ExpressionError
-from rise_engine.expression.rise1_compat import rise1_difference
 from rise_engine.expression.signatures import SIGNATURES
 from rise_engine.json_codec import JsonError, decode
 from rise_engine.nearest_name import did_you_mean
@@ -263,7 +262,6 @@ def eval_report(text: str, memory: Mapping[str, Any], *, as_json: bool) -> int:
         holds = str(expression.as_condition(memory, chance.random, None, chance.randrange)).lower()
     except EvaluationError as error:
         holds = f"error: {error}"
-    difference = rise1_difference(expression)
     if as_json:
         write_json(
             {
@@ -274,7 +272,6 @@ def eval_report(text: str, memory: Mapping[str, Any], *, as_json: bool) -> int:
                 "read_as": expression.with_all_brackets,
                 "keys": sorted(expression.keys),
                 "missing": sorted(missing),
-                "rise_differs": difference,
             }
         )
         return 0
@@ -285,8 +282,6 @@ def eval_report(text: str, memory: Mapping[str, Any], *, as_json: bool) -> int:
     print(f"read as    {expression.with_all_brackets}")
     for key in sorted(missing):
         print(f'missing    the memory has no {key}: it counts as false, 0 or ""')
-    if difference is not None:
-        print(f"differs    {difference}")
     return 0
 
 

@@ -13,10 +13,8 @@ from rise_engine import exit_status
 from rise_engine.cli.arguments import exit_with_usage, resolve_scenario
 from rise_engine.cli.options import FOLDER, JSON
 from rise_engine.cli.terminal import write_json
-from rise_engine.edit.drafts import DraftChange
 from rise_engine.edit.edits import AnyEdit, Edit
 from rise_engine.edit.plan import EditRefused, Files
-from rise_engine.edit.proposals import ProposalFiles
 from rise_engine.edit.workspace import Change, Refusal, Workspace, diff_of
 from rise_engine.errors import RiseError
 from rise_engine.json_codec import JsonError, decode
@@ -34,22 +32,15 @@ class BadEditsError(RiseError):
 @FOLDER
 @click.argument("edits", metavar="EDITS.json")
 @click.option("--dry-run", is_flag=True, help="Say what would change, and write nothing.")
-@click.option(
-    "--propose",
-    is_flag=True,
-    help="Write nothing; `rise-tui edit DIR` shows each, to be accepted or refused by a person.",
-)
 @JSON
-def edit(folder: str, edits: str, dry_run: bool, propose: bool, as_json: bool) -> None:
+def edit(folder: str, edits: str, dry_run: bool, as_json: bool) -> None:
     """Make the changes in EDITS.json in the study in DIR: all of them, or none. `-` reads them from standard input.
 
     It is a list of edits (docs/reference/edits.md); each is made on what the ones before it have left. Nothing is
-    written, or proposed, when one cannot be made, or the study would have errors then.
+    written when one cannot be made, or the study would have errors then.
 
     Exit status: 0; 1 refused; 2 no such folder, or EDITS.json cannot be read.
     """
-    if dry_run and propose:
-        exit_with_usage("--dry-run and --propose: give one of them")
     path = Path(resolve_scenario(folder))
     if not path.exists():
         exit_with_usage(f"there is no folder {folder}")
@@ -63,8 +54,6 @@ def edit(folder: str, edits: str, dry_run: bool, propose: bool, as_json: bool) -
         print(f"error: {error}", file=sys.stderr)
         sys.exit(exit_status.REFUSED)
     try:
-        if propose:
-            sys.exit(_propose(workspace, wanted, edits, as_json=as_json))
         sys.exit(_make(workspace, wanted, edits, dry_run=dry_run, as_json=as_json))
     finally:
         workspace.close()
@@ -163,38 +152,6 @@ def _make(workspace: Workspace, edits: list[AnyEdit], name: str, *, dry_run: boo
     if not as_json:
         _tell(change, refused, state.checked, name, problem)
     return exit_status.REFUSED if is_refused else exit_status.OK
-
-
-def _propose(workspace: Workspace, edits: list[AnyEdit], name: str, *, as_json: bool) -> int:
-    """Keep edits for the editor, without making them; the exit status."""
-    state, changes, refused = workspace.foresee_each(*edits)
-    change = Change((), tuple(sentence for each in changes for sentence in each.says))
-    errors, problem = state.checked.errors, ""
-    proposed: tuple[DraftChange, ...] = ()
-    if not refused and not errors:
-        drafts = [DraftChange(each.edits, each.says, each.noticed) for each in changes if each.says]
-        try:
-            proposed = ProposalFiles(workspace.folder).propose(drafts)
-        except OSError as error:
-            problem = f"the proposal cannot be kept: {error.strerror or error}"
-    is_refused = bool(refused or errors or problem)
-    if as_json:
-        before = workspace.files
-        found = _document(change, refused, state.checked, before, state.files, written=(), problem=problem)
-        write_json({**found, "proposed": [sentence for each in proposed for sentence in each.says]})
-        return exit_status.REFUSED if is_refused else exit_status.OK
-    for each in proposed:
-        print("proposed: " + "; ".join(each.says))
-    if is_refused:
-        _tell(change, refused, state.checked, name, problem)
-        return exit_status.REFUSED
-    if known := sum(bool(each.says) for each in changes) - len(proposed):
-        print(f"{known} of them {'was' if known == 1 else 'were'} proposed already", file=sys.stderr)
-    if proposed:
-        print(f"rise-tui edit {workspace.folder} shows them (p); nothing is written before a person accepts it there")
-    else:
-        print("nothing was to be proposed", file=sys.stderr)
-    return exit_status.OK
 
 
 def _tell(change: Change, refused: tuple[Refusal, ...], checked: LoadResult, name: str, problem: str) -> None:

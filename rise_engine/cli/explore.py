@@ -26,8 +26,7 @@ from rise_engine.exit_status import NOT_WRITTEN, REFUSED
 from rise_engine.explore.bounds import Bounds
 from rise_engine.explore.exploration import Exploration, bounds_of, explore
 from rise_engine.explore.finding import ExploreFinding
-from rise_engine.explore.path_file import task_file_of
-from rise_engine.explore.playing import find_times
+from rise_engine.explore.playing import find_times, task_file_of
 from rise_engine.explore.questions_of_use import NOT_RUNNING
 from rise_engine.explore.space import Space
 from rise_engine.explore.telling import tell_path

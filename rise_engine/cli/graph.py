@@ -14,7 +14,7 @@ from rise_engine import exit_status
 from rise_engine.cli.arguments import exit_with_usage, resolve_scenario
 from rise_engine.cli.check import print_findings
 from rise_engine.cli.options import FOLDER
-from rise_engine.drawing.diagrams import dot_of_acts, dot_of_rules, mermaid_of_acts, mermaid_of_rules
+from rise_engine.drawing.diagrams import mermaid_of_acts, mermaid_of_rules
 from rise_engine.drawing.pictures import picture_of_act, picture_of_rule, text_of
 from rise_engine.drawing.svg import svg_text
 from rise_engine.errors import RiseError
@@ -23,7 +23,7 @@ from rise_engine.scenario import load
 from rise_engine.scenario.model import Act, Rule, Scenario
 
 Named = TypeVar("Named", Act, Rule)
-FORMATS = ("text", "svg", "mermaid", "dot")
+FORMATS = ("text", "svg", "mermaid")
 WIDTH = 100
 """Cells of a picture when nothing else is said."""
 LEAST_WIDTH, MOST_WIDTH = 40, 400
@@ -46,14 +46,14 @@ def graph_text(scenario: Scenario, name: str, format: str, width: int, *, act: b
         acts = _chosen(scenario.acts, name, "act")
         if format in ("text", "svg"):
             return _drawn(scenario, acts, (), format, width)
-        return mermaid_of_acts(acts) if format == "mermaid" else dot_of_acts(acts)
+        return mermaid_of_acts(acts)
     if name and name not in scenario.rules:
         near = did_you_mean(name, [*scenario.rules, *scenario.acts])
         raise NothingToDrawError(f"there is no rule and no act `{name}`{near}")
     rules = _chosen(scenario.rules, name, "rule")
     if format in ("text", "svg"):
         return _drawn(scenario, (), rules, format, width)
-    return mermaid_of_rules(rules) if format == "mermaid" else dot_of_rules(rules)
+    return mermaid_of_rules(rules)
 
 
 def _chosen(among: dict[str, Named], name: str, what: str) -> list[Named]:
@@ -90,7 +90,7 @@ def _drawn(scenario: Scenario, acts: Sequence[Act], rules: Sequence[Rule], forma
 def graph(folder: str, name: str, format: str, act: bool, width: int | None, output: str | None) -> None:
     """Draw the rule or act NAME of the scenario in DIR, or all its rules: states, and what leads from one to another.
 
-    SVG goes into a paper or a browser; Mermaid and DOT into what draws them. The same scenario gives the same bytes.
+    SVG goes into a paper or a browser, Mermaid into a page that draws it. The same scenario gives the same bytes.
     Exit status: 0; 1 when the scenario has errors or the file cannot be written; 2 when there is no such rule or act.
     """
     loaded = load(resolve_scenario(folder))

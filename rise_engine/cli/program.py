@@ -34,7 +34,6 @@ _COMMANDS = {
     "graph": "rise_engine.cli.graph",
     **dict.fromkeys(("fmt", "rename", "uses"), "rise_engine.cli.edit_commands"),
     "edit": "rise_engine.cli.edit_file",
-    "guide": "rise_engine.cli.guide",
     "media": "rise_engine.cli.media",
     "new": "rise_engine.cli.new_scenario",
     "redact": "rise_engine.cli.redact",

@@ -58,7 +58,7 @@ def redact_session(
 
     A word goes from the inputs and the records of the journal and from session.toml, in upper and lower case and also
     within longer words. Refused, and nothing changed, when the words decide what happened: then the session would not
-    replay. The old journal is overwritten. Words of the scenario are the scenario's, and stay; that is said.
+    replay. Nothing of the old journal is kept. Words of the scenario are the scenario's, and stay; that is said.
 
     In a study the words go from study.jsonl, too, where it is about this session. Exports that were made before are
     named, not changed.
@@ -154,7 +154,7 @@ def redact_in_study(folder: Path, report: RedactionReport, words: Words, *, try_
             if try_only:
                 return []
             if report.log_lines:
-                log.rewrite_for_good(after)
+                log.rewrite(after)
             if report.changed:
                 log.append("redacted", session=name, lines=report.lines)
             return _older_exports(study, name, log.entries())

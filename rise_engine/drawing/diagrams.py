@@ -1,5 +1,4 @@
-"""Rules and acts in the languages of other programs: Mermaid (https://mermaid.js.org/syntax/stateDiagram.html) and
-Graphviz's DOT (https://graphviz.org/doc/info/lang.html)."""
+"""Rules and acts as Mermaid draws them (https://mermaid.js.org/syntax/stateDiagram.html)."""
 
 from __future__ import annotations
 
@@ -76,48 +75,3 @@ def action_text(action: Action) -> str:
 
 def _waits(action: Action, known: dict[str, str]) -> Iterator[str]:
     return (before for before in dict.fromkeys(action.wait_for) if before in known)
-
-
-def dot_of_rules(rules: Sequence[Rule]) -> str:
-    """A directed graph with a cluster for each rule."""
-    lines = ["digraph rules {", *_DOT_STYLE]
-    for number, rule in enumerate(rules):
-        ids = {name: f"r{number}s{index}" for index, name in enumerate(find_state_order(rule).states)}
-        lines += [f"  subgraph cluster_{number} {{", f"    label={_dot(rule.name)};"]
-        lines.append(f'    r{number} [shape=point, label=""];')
-        for name, id in ids.items():
-            final = ", peripheries=2" if not rule.states[name].transitions else ""
-            lines.append(f"    {id} [label={_dot(name)}{final}];")
-        lines.append(f"    r{number} -> {ids[rule.initial]};")
-        for name, id in ids.items():
-            for transition in rule.states[name].transitions:
-                target = name if transition.target is None else transition.target
-                dashed = ", style=dashed" if transition.target is None else ""
-                lines.append(f"    {id} -> {ids[target]} [label={_dot(way_label(transition))}{dashed}];")
-        lines.append("  }")
-    return "\n".join([*lines, "}"]) + "\n"
-
-
-def dot_of_acts(acts: Sequence[Act]) -> str:
-    """A directed graph with a cluster for each act: an arrow is "has to end before"."""
-    lines = ["digraph acts {", *_DOT_STYLE]
-    for number, act in enumerate(acts):
-        ids = {action.id: f"a{number}n{index}" for index, action in enumerate(act.actions)}
-        lines += [f"  subgraph cluster_{number} {{", f"    label={_dot(act.name)};"]
-        lines += [f"    {ids[action.id]} [label={_dot(action_text(action))}];" for action in act.actions]
-        for action in act.actions:
-            lines += [f"    {ids[before]} -> {ids[action.id]};" for before in _waits(action, ids)]
-        lines.append("  }")
-    return "\n".join([*lines, "}"]) + "\n"
-
-
-_DOT_STYLE = (
-    "  rankdir=TB;",
-    '  node [shape=box, style=rounded, fontname="Helvetica", fontsize=11];',
-    '  edge [fontname="Helvetica", fontsize=10];',
-)
-
-
-def _dot(text: str) -> str:
-    """A text in quotation marks, with line ends and backslashes as they are."""
-    return '"' + clean(text).replace("\\", "\\\\").replace('"', '\\"') + '"'

@@ -1,7 +1,7 @@
 """Drafts: what an editor holds and has not saved, kept where a lost terminal does not reach it; and who edits a study.
 
-A draft lies in the state folder of the account, in a file of its own for each study, and holds the changed files whole,
-the edits that made them, and what the files were that they were made on.
+A draft lies in the state folder of the account, in a file of its own for each study. It holds the changed files whole,
+what was changed in words, and check sums of the files on which the changes were made.
 """
 
 from __future__ import annotations
@@ -20,24 +20,9 @@ from pathlib import Path
 import msgspec
 from msgspec import Struct
 
-from rise_engine.edit.edits import AnyEdit
 from rise_engine.edit.plan import Files
 
 FORMAT = 1
-
-
-class DraftChange(Struct, frozen=True):
-    """One step of a draft."""
-
-    edits: tuple[AnyEdit, ...]
-    says: tuple[str, ...]
-    noticed: tuple[str, ...] = ()
-    replaced: tuple[bytes, ...] = ()
-    """What each edit took away, so that it is seen when somebody else has changed just that."""
-    waited: str = ""
-    """Of a step that was made of a change that waited: `yours`, or the name of the file of proposals."""
-    given_up: bool = False
-    """Of one that was set aside or proposed: whether it is not to be made, and is kept until the editor is closed."""
 
 
 class Draft(Struct, frozen=True):
@@ -50,15 +35,9 @@ class Draft(Struct, frozen=True):
     """SHA-256 of every file that it was made on, by name."""
     files: dict[str, bytes | None]
     """The files that differ, whole; None: deleted."""
-    changes: tuple[DraftChange, ...]
-    set_aside: tuple[DraftChange, ...] = ()
-    """Changes that could not be made again on what somebody else had written meanwhile."""
+    says: tuple[str, ...]
+    """What was changed, in words."""
     format: int = FORMAT
-
-    @property
-    def is_to_be_offered(self) -> bool:
-        """Whether there is anything in it that nobody has decided."""
-        return bool(self.files or self.changes) or any(not each.given_up for each in self.set_aside)
 
 
 def state_folder() -> Path:
@@ -85,20 +64,12 @@ class DraftFile:
         found = self._find()
         return None if found is None else found[1]
 
-    def read_given_up(self) -> tuple[DraftChange, ...]:
-        """What was given up in an editor that was killed, if that is all that it has left."""
-        with suppress(OSError, msgspec.DecodeError, UnicodeError):
-            draft = msgspec.json.decode(self.path.read_bytes(), type=Draft)
-            if draft.format == FORMAT and not draft.is_to_be_offered:
-                return draft.set_aside
-        return ()
-
     def _find(self) -> tuple[Path, Draft] | None:
         earlier = sorted(self.path.parent.glob(f"{glob.escape(self.path.stem)}.earlier-*.json"), reverse=True)
         for path in (self.path, *earlier):
             with suppress(OSError, msgspec.DecodeError, UnicodeError):
                 draft = msgspec.json.decode(path.read_bytes(), type=Draft)
-                if draft.format == FORMAT and draft.is_to_be_offered:
+                if draft.format == FORMAT and draft.files:
                     return path, draft
         return None
 
@@ -114,19 +85,13 @@ class DraftFile:
         if found is not None:
             found[0].unlink(missing_ok=True)
 
-    def keep(
-        self,
-        base: Files,
-        files: Mapping[str, bytes | None],
-        changes: tuple[DraftChange, ...],
-        set_aside: tuple[DraftChange, ...] = (),
-    ) -> None:
-        """Write it anew; without changed files and changes set aside there is none. Raises OSError."""
-        if not files and not set_aside:
+    def keep(self, base: Files, files: Mapping[str, bytes | None], says: tuple[str, ...]) -> None:
+        """Write it anew; without changed files there is none. Raises OSError."""
+        if not files:
             self.path.unlink(missing_ok=True)
             return
         now = datetime.now().astimezone().isoformat(timespec="seconds")
-        draft = Draft(str(self.folder), now, hashes(base), dict(files), changes, set_aside)
+        draft = Draft(str(self.folder), now, hashes(base), dict(files), says)
         write_durably(self.path, msgspec.json.encode(draft))
 
 

@@ -12,7 +12,6 @@ from typing import Literal, TypeAlias
 
 from msgspec import Struct
 
-from rise_engine.scenario.merge_conflicts import Keep
 from rise_engine.scenario.model import FunctionName, Json
 
 NameKind: TypeAlias = Literal["act", "rule", "state", "event", "key", "action"]
@@ -418,22 +417,12 @@ class ReplaceFile(Edit, frozen=True):
     """None: it goes."""
 
 
-class ResolveConflict(Edit, frozen=True):
-    """A place at which git has left two versions of a file: one of them is kept, or both."""
-
-    file: str
-    conflict: int
-    """Which of those that the file has now, from 0."""
-    keep: Keep
-    """`yours`: the lines as they are here; `theirs`: the other's; `both`: these, and behind them the other's."""
-
-
 AnyEdit: TypeAlias = (
     AddAct | CopyAct | RemoveAct | AddAction | RemoveAction | SetActionType | SetParameter | SetWaits | SetActionFailure
     | AddVariant | RemoveVariant | AddRule | CopyRule | RemoveRule | SetInitial | SetPriority | AddState | RemoveState
     | AddTransition | SetTransition | RemoveTransition | MoveTransition | AddStatement | SetCall | RemoveStatement
     | MoveStatement | AddBranch | SetBranchCondition | SetStartValue | RemoveStartValue | SetSetting | RenameSetting
     | SetCell | AddRow | RemoveRow | AddColumn | SetUseParameter | SetTranslation | AddLanguage
-    | Rename | ReplaceFile | ResolveConflict
+    | Rename | ReplaceFile
 )  # fmt: skip
 """Every edit that there is."""

@@ -19,8 +19,6 @@ class Step(Struct, frozen=True, eq=False):
     change: object
     before: Files
     after: Files
-    replaced: tuple[bytes, ...] = ()
-    """What each edit took away (`replaced_by`), to be compared when it is made again on other files."""
 
     @property
     def files(self) -> set[str]:

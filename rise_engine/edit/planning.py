@@ -7,7 +7,6 @@ from typing import Any, TypeAlias
 
 from rise_engine.edit import (
     acts,
-    conflicts,
     memory,
     new_files,
     parts,
@@ -30,7 +29,6 @@ Planner: TypeAlias = Callable[[Any, StudyState], Plan]
 
 _OF_MODULES: tuple[Mapping[type[Edit], Planner], ...] = (
     acts.PLANNERS,
-    conflicts.PLANNERS,
     memory.PLANNERS,
     new_files.PLANNERS,
     parts.PLANNERS,

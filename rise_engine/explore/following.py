@@ -191,37 +191,3 @@ def submit_of(scenario: Scenario, tries: Mapping[str, tuple[object, ...]], move:
         case _:
             raise LookupError(move.kind)
     return Submit(function=function, behavior=behavior, source=SOURCE)
-
-
-def find_repeating(
-    scenario: Scenario, followed: Sequence[Followed], keys: Sequence[str], path: Path, bounds: Bounds
-) -> dict[int, int]:
-    """The acts of a path, by their tasks, whose end changes nothing, because something starts them again at once; and
-    after which step that is so for the last time.
-
-    `keys`: the memory keys whose values stand in the situations.
-    """
-    traits = act_traits(scenario, path, bounds)
-    kernel = SituationKernel(scenario, keys, traits, set(), in_order=bounds.pace is None)
-    kernel.kernel.handle(path.begun)
-    repeating: dict[int, int] = {}
-    for step, each in enumerate(followed):
-        for place, (task, (name, phase)) in enumerate(each.running.items()):
-            if phase != "running" or (step and task in followed[step - 1].running and task not in repeating):
-                continue
-            situation = each.situation if keys else each.situation._replace(memory=())
-            kernel.put(situation)
-            kernel.decisions.begin([])
-            running = [*kernel.runner.runs][place]
-            kernel.kernel.handle(ActionReport(t=1.0, action=f"{running}/{name}", status="succeeded"))
-            if _without_numbers(kernel.read(situation.faults_left)[0]) == _without_numbers(situation):
-                repeating[task] = step
-    return repeating
-
-
-def _without_numbers(situation: Situation) -> Situation:
-    """A situation without what tells runs of a rule apart, and the order of rules and acts."""
-    return situation._replace(
-        rules=tuple(sorted(rule._replace(own_acts=(), priority=0) for rule in situation.rules)),
-        running=tuple(sorted(act._replace(is_own=False) for act in situation.running)),
-    )

@@ -15,7 +15,6 @@ _OWN = {
     "csv": "rise_engine.export.records:CSV",
     "jsonl": "rise_engine.export.records:JSONL",
     "eaf": "rise_engine.export.eaf:FORMAT",
-    "elan-tab": "rise_engine.export.elan_tab:FORMAT",
     "textgrid": "rise_engine.export.textgrid:FORMAT",
     "boris": "rise_engine.export.boris:FORMAT",
     "xdf": "rise_engine.export.xdf:FORMAT",

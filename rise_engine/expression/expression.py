@@ -56,8 +56,8 @@ class Expression:
     def parse_property(cls, text: str) -> Expression:
         """As `parse`, of what a property of a study says: it can ask `in`, `rule`, `runs` and `waits`, too.
 
-        >>> Expression.parse_property("greeted and not in('Greeting', 'Nobody')").situation_tests
-        (SituationTest(function='in', names=('Greeting', 'Nobody')),)
+        >>> Expression.parse_property("greeted and not in('Greeting', 'Nobody')").keys
+        frozenset({'greeted'})
         """
         parsed = parse(text, of_property=True)
         return cls(text, parsed.root, parsed.keys, parsed.constants)
@@ -127,11 +127,6 @@ class Expression:
             isinstance(node, nodes.FunctionCall) and node.function in CHANCE_FUNCTIONS
             for node, _ in nodes.walk(self.root)
         )
-
-    @cached_property
-    def situation_tests(self) -> tuple[nodes.SituationTest, ...]:
-        """What it asks for the situation, in no particular order; only of a property of a study."""
-        return tuple(node for node, _ in nodes.walk(self.root) if isinstance(node, nodes.SituationTest))
 
     @property
     def bare_key(self) -> str | None:

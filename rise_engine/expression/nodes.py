@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from math import isinf
 from typing import NamedTuple, TypeAlias
 
@@ -171,29 +171,6 @@ def _may_be_text(node: Node) -> bool:
             return may_join(node)
         case _:
             return isinstance(node, Key | Part)
-
-
-def map_children(node: Node, change: Callable[[Node], Node]) -> Node:
-    """The same node with `change` applied to each of its children."""
-    match node:
-        case Not(operand):
-            return Not(change(operand))
-        case Negative(operand):
-            return Negative(change(operand))
-        case Logic(operator, operands):
-            return Logic(operator, tuple(map(change, operands)))
-        case FunctionCall(function, arguments):
-            return FunctionCall(function, tuple(map(change, arguments)))
-        case Compare(operator, left, right):
-            return Compare(operator, change(left), change(right))
-        case Power(base, exponent):
-            return Power(change(base), change(exponent))
-        case Chain(first, rest):
-            return Chain(change(first), tuple((sign, change(operand)) for sign, operand in rest))
-        case Part(base, steps, written):
-            return Part(change(base), tuple(s if isinstance(s, str) else change(s) for s in steps), written)
-        case _:
-            return node
 
 
 def with_all_brackets(node: Node) -> str:

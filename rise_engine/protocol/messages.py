@@ -39,7 +39,7 @@ from rise_engine.kernel.view import (
 )
 from rise_engine.protocol.client import ClientInput, ControlVerb, Heartbeat, JournalStatus, Role
 
-VERSION = 2
+VERSION = 1
 MAX_LINE_BYTES = 1_048_576
 """Bytes of a client's line. One that is longer is no mistake of a person: its connection ends."""
 MAX_MESSAGE_BYTES = 65_536

@@ -225,7 +225,7 @@ class BlockReader(ElementReader):
         expression = self.parse_attribute("condition", element, attribute, Expression.parse, self.draft.expressions)
         if expression is not None:
             locate = partial(self.file.value_location, element, attribute)
-            note_expression(expression, locate, self.tables, self.draft, self.diagnostics)
+            note_expression(expression, locate, self.draft, self.diagnostics)
         return expression
 
     def read_assignment(self, element: Element) -> Assignment | None:

@@ -31,7 +31,7 @@ def read_delay(reader: ElementReader, element: Element, attribute: str) -> Delay
         reader.diagnostics.error("time", location, expression_message(error))
         return Delay(text.strip())
     locate = partial(_locate, reader, element, attribute, len(computed.group(1)))
-    note_expression(expression, locate, reader.tables, reader.draft, reader.diagnostics)
+    note_expression(expression, locate, reader.draft, reader.diagnostics)
     unit = UNITS[computed.group(3)] if computed.group(3) else None
     if not expression.keys:
         _check_constant(reader, element, attribute, expression, unit)

@@ -1,15 +1,14 @@
-"""What conditions and assignments say: the keys that they read and set, and what RISE would read otherwise."""
+"""What conditions and assignments say: the keys that they read and set."""
 
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Collection
+from collections.abc import Callable
 from functools import partial
 
 from rise_engine.expression import Assignment, Expression, ExpressionError
 from rise_engine.expression.key_places import keys_in_expression, names_in_property
 from rise_engine.expression.nodes import Defined, walk
-from rise_engine.expression.rise1_compat import rise1_difference
 from rise_engine.scenario.diagnostics import Diagnostics
 from rise_engine.scenario.draft import Mention, PartMention, ScenarioDraft, StateMention
 from rise_engine.scenario.model import SourceLocation
@@ -28,24 +27,18 @@ def expression_message(error: ExpressionError) -> str:
 def note_expression(
     expression: Expression,
     locate: partial[SourceLocation],
-    tables: Collection[str],
     draft: ScenarioDraft,
     diagnostics: Diagnostics,
 ) -> None:
-    """Note the keys that a condition reads, and warn when RISE's own parser would have read it differently.
+    """Note the keys that a condition reads, and warn of a blank in it that only looks like one.
 
-    `locate` gives the location of the condition, or of the character of that number in it; `tables` are the names of
-    the scenario's tables.
+    `locate` gives the location of the condition, or of the character of that number in it.
     """
     _note_reads(expression, locate, draft)
     blank = _find_odd_blank(expression.text)
     if blank >= 0:
         sentence = typography_problem(expression.text, blank)
-        diagnostics.warning("reads-differently", locate(blank), f"{sentence} (RISE does not take it for one)")
-        return
-    difference = rise1_difference(expression, tables)
-    if difference is not None:
-        diagnostics.warning("reads-differently", locate(), difference)
+        diagnostics.warning("odd-blank", locate(blank), f"{sentence} (RISE does not take it for one)")
 
 
 def _find_odd_blank(text: str) -> int:

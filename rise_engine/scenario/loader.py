@@ -182,11 +182,11 @@ class ScenarioLoader:
         languages = ScenarioLanguages(settings.language, translated_languages(self.files, settings.languages))
         read_tables(self.files, draft, diagnostics, languages)
         expanded = self.expand_files({kind: list(self.read_xml_files(kind, paths[kind])) for kind in ("acts", "rules")})
-        number, tables = self.memo.number("robot", profile), tuple(draft.tables)
+        number = self.memo.number("robot", profile)
         for file in expanded["acts"]:
             self.read_part(("acts", file, number), partial(read_acts, file, profile))
         for file in expanded["rules"]:
-            self.read_part(("rules", file, tables), partial(read_rules, file, tables))
+            self.read_part(("rules", file), partial(read_rules, file))
         self.draft.define(diagnostics)
         self.read_memory(paths["memory"])
         report_unsent_ssml(profile, draft, diagnostics)

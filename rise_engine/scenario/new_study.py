@@ -18,23 +18,22 @@ _AGENTS = """\
 
 This folder is a scenario of rise-tui: what a robot says and does with a participant while a wizard watches and helps.
 
-- `rise-engine guide .` prints the whole format on one page: files, elements, the actions of this robot, conditions, and
-  the changes that `rise-engine edit` makes. Read it first.
+- Read the reference pages of rise-tui's documentation first: the scenario folder (`scenario.md`), acts (`cra.md`),
+  rules (`rules.md`), conditions (`conditions.md`) and the changes that `rise-engine edit` makes (`edits.md`).
+- `rise-engine robots .` lists the robots and what each can do.
 - `rise-engine check . --json` says everything that is wrong: file, line, what was expected and the nearest right name.
   A study with errors does not run. Check after every change.
 - `rise-engine run . --rule NAME --speed max` plays a rule at once, without a robot; a file of tasks can be its wizard.
 
 ## How to change it
 
-- Write changes as edits, and propose them: `rise-engine edit . EDITS.json --propose`. Names are checked, nothing is
-  written, and a person sees each change in `rise-tui edit .` beside what stands there now, and accepts or refuses it.
-  So put one change that can be judged by itself in one edit: one sentence, one act, one way out.
-- Only where you were asked to change the files yourself: `rise-engine edit . EDITS.json --dry-run`, and then without
-  `--dry-run`. All of them are made or none, and nothing else in the files is touched.
+- Write changes as edits and show them first: `rise-engine edit . EDITS.json --dry-run` prints what would change, and
+  writes nothing. A person reads it. Then leave `--dry-run` out: all edits are made or none, and nothing else in the
+  files is touched. Put one change that can be judged by itself in one edit: one sentence, one act, one transition.
 - Rename with `rise-engine rename . act OLD NEW` (also rule, state, event, key, action), never by search and replace.
 - Change one thing at a time; keep comments, order and indentation. `git diff` should show one line for one sentence.
 - What the robot says is read aloud to people. Texts that a language model has written are drafts until a person has
-  read them: propose them. Where they were written without that, mark them with a comment `draft`, and say which.
+  read them. Mark them with a comment `draft`, and say which they are.
 - Change nothing that participants have already been through without being asked.
 - No names of participants and nothing about them in these files.
 """

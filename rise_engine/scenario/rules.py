@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Collection, Iterator
+from collections.abc import Iterator
 from functools import partial
 from typing import get_args
 
@@ -43,15 +43,14 @@ _OUTCOMES: tuple[ActOutcome, ...] = get_args(ActOutcome)
 _STATE_PARTS = ("onEntry", "onExit", "transition")
 
 
-def read_rules(file: XmlFile, tables: Collection[str], draft: ScenarioDraft, diagnostics: Diagnostics) -> None:
-    """Read every rule of a file into `draft`. `tables` are the names of the scenario's tables."""
-    _RuleReader(file, tables, draft, diagnostics).read_rules()
+def read_rules(file: XmlFile, draft: ScenarioDraft, diagnostics: Diagnostics) -> None:
+    """Read every rule of a file into `draft`."""
+    _RuleReader(file, draft, diagnostics).read_rules()
 
 
 class _RuleReader(BlockReader):
-    def __init__(self, file: XmlFile, tables: Collection[str], draft: ScenarioDraft, diagnostics: Diagnostics) -> None:
+    def __init__(self, file: XmlFile, draft: ScenarioDraft, diagnostics: Diagnostics) -> None:
         super().__init__(file, draft, diagnostics)
-        self.tables = tables
         self.targets: list[tuple[str, Element]] = []
         """Of the rule that is being read."""
         self.short: list[tuple[str, str, Element]] = []

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from bisect import bisect_right
 from functools import cached_property
 from itertools import accumulate
@@ -9,7 +10,6 @@ from pathlib import Path
 
 from rise_engine.scenario.diagnostics import Diagnostics
 from rise_engine.scenario.memo import Memo
-from rise_engine.scenario.merge_conflicts import find_conflicts
 from rise_engine.scenario.model import SourceLocation
 from rise_engine.scenario.tree import FileTree, UnreadableError
 
@@ -19,6 +19,11 @@ MAX_TOML_BYTES = 1_000_000
 """The same for settings and robot profiles, which people write by hand."""
 ENCODING_REMEDY = "open it with the encoding it has (often Windows-1252 or Latin-1) and save it as UTF-8"
 _BYTE_ORDER_MARK = b"\xef\xbb\xbf"
+_CONFLICT = re.compile(
+    r"^<{7}(?=[ \r\n])(?:(?!^<{7}[ \r\n]).)*?^={7}(?=[ \r\n])(?:(?!^<{7}[ \r\n]).)*?(?P<closing>^>{7}(?=[ \r\n]|\Z))",
+    re.MULTILINE | re.DOTALL,
+)
+"""What git leaves where it could not join two versions of some lines."""
 _NAMED_CONFLICTS = 5
 """Further conflicts of a file whose lines are named."""
 
@@ -116,19 +121,19 @@ def _decode(name: str, data: bytes, diagnostics: Diagnostics, encoding: str, rem
 
 def _has_conflicts(source: SourceFile, diagnostics: Diagnostics) -> bool:
     """Whether a merge of git was never resolved in a file: one finding, at its first mark, and no other about it."""
-    conflicts = find_conflicts(source.text)
+    conflicts = list(_CONFLICT.finditer(source.text)) if "<<<<<<<" in source.text else []
     if not conflicts:
         return False
     first, *others = conflicts
-    begin, end = (source.location(offset).line for offset in (first.start, first.closing))
-    more = ", ".join(str(source.location(each.start).line) for each in others[:_NAMED_CONFLICTS])
+    begin, end = (source.location(offset).line for offset in (first.start(), first.start("closing")))
+    more = ", ".join(str(source.location(each.start()).line) for each in others[:_NAMED_CONFLICTS])
     more += ", ..." if len(others) > _NAMED_CONFLICTS else ""
     diagnostics.error(
         "merge-conflict",
-        source.location(first.start),
+        source.location(first.start()),
         "a merge of git was not resolved here: this file holds two versions; keep one of them, and delete the lines "
-        f"with the marks (`<<<<<<<` in line {begin}, `=======`, and `>>>>>>>` in line {end}), or let `rise-tui edit` "
-        "show both and choose" + (f"; it has more of them, in line {more}" if others else ""),
+        f"with the marks (`<<<<<<<` in line {begin}, `=======`, and `>>>>>>>` in line {end})"
+        + (f"; it has more of them, in line {more}" if others else ""),
     )
     return True
 

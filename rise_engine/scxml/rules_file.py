@@ -110,8 +110,6 @@ def _function_lines(lines: Lines, indent: int) -> Iterator[str]:
 def _if_lines(line: IfLines, blanks: str) -> Iterator[str]:
     """An `<if>`, its further branches inside it: an `<else>` behind it could be taken for that of an outer one."""
     (condition, inner), *others = line.branches
-    if condition is not None and condition.startswith("defined("):
-        yield f"{blanks}<!-- check: allow reads-differently: it asks whether the key is there -->"
     yield f"{blanks}<if cond={quoteattr(condition or 'true')}>"
     yield from _function_lines(inner, len(blanks) + 2)
     is_ambiguous = bool(inner) and isinstance(inner[-1], IfLines)

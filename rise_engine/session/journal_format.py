@@ -1,6 +1,6 @@
 """The lines of a journal: a header, then for each step the input and its records, each line with a check sum.
 
-    {"journal":2,"program":"rise-tui 0.2.0","crc":"0f3a..."}
+    {"journal":1,"program":"rise-tui 0.2.0","crc":"0f3a..."}
     {"n":1,"input":"session_started","t":0.0,...,"crc":"..."}
     {"kind":"session","seq":1,"t":0.0,"wall":"...",...,"crc":"..."}
 
@@ -25,29 +25,8 @@ from rise_engine.kernel.records import AnyRecord
 
 JOURNAL = "journal.jsonl"
 """The file, in a session's folder."""
-FORMAT = 7
-"""Goes up when older programs could not read what is written. 2: sessions of studies, with what is reported about them
-(`check`, `outcome`, `recording`, `sync`); as early as 1 there were kinds that its first programs do not know. 3: when a
-mark began. 4: the language of the session. 5: what the robot may still be doing, what takes no stop, who holds it, and
-the pause before a failed act is repeated. 6: what led a rule to ask for something. 7: what
-reached the robot, and what the simulated one was told to do wrong."""
-_NEW_FIELDS: dict[int, dict[str, frozenset[str]]] = {
-    2: {
-        "session": frozenset({"study", "study_hash", "slot", "run", "attempt", "purpose", "factors", "downtime"}),
-        "timing": frozenset({"source", "filler", "voice_at"}),
-    },
-    3: {"sync": frozenset({"at", "within"})},
-    4: {"session": frozenset({"language"})},
-    5: {
-        "session": frozenset({"open"}),
-        "robot": frozenset({"open"}),
-        "stop": frozenset({"unstoppable", "held_by"}),
-        "failure": frozenset({"seconds"}),
-    },
-    6: {"task": frozenset({"cause", "via"})},
-    7: {"session": frozenset({"driver", "injected_faults"})},
-}
-"""What a format has added to kinds of records that were there before, by format and kind."""
+FORMAT = 1
+"""Goes up, after a release, when programs of that release could not read what is written."""
 
 
 class JournalHeader(Struct, frozen=True):
@@ -87,9 +66,9 @@ class NewerFormatError(LineError):
     """A newer program wrote this."""
 
 
-def encode_header(program: str, format: int = FORMAT) -> bytes:
+def encode_header(program: str) -> bytes:
     """The first line, with its line end. `program`: name and version of who writes the journal."""
-    return with_checksum(msgspec.json.encode(JournalHeader(format, program)))
+    return with_checksum(msgspec.json.encode(JournalHeader(FORMAT, program)))
 
 
 def encode_input(number: int, input: AnyInput) -> bytes:
@@ -106,15 +85,6 @@ def encode_record(record: AnyRecord) -> bytes:
     Half characters, which no output can hold, are written as `\\udcff`.
     """
     return encode(record)
-
-
-def fields_left_out(line: bytes, kind: str, format: int) -> frozenset[str]:
-    """The fields of a record that its line in a journal of this format does not have because its program knew none.
-
-    Also an older journal can have them: a newer program goes on with the session.
-    """
-    added = (fields.get(kind, frozenset()) for later, fields in _NEW_FIELDS.items() if later > format)
-    return frozenset[str]().union(*added).difference(msgspec.json.decode(line))
 
 
 def with_checksum(encoded: bytes) -> bytes:

@@ -109,11 +109,6 @@ class JournalContents(Struct):
     """Whether the session came to its end in order."""
 
     @property
-    def format(self) -> int:
-        """The one that its header names; that of the first journals when the header cannot be read."""
-        return self.header.journal if self.header is not None else 1
-
-    @property
     def seconds(self) -> float:
         """Session time of the last thing that is known."""
         return max(self.input_t, self.last_record.t if self.last_record is not None else 0.0)

@@ -189,7 +189,7 @@ def _intact_lines(
     """The journal without damage: valid lines as they are, the others made again."""
     if contents.header is None:
         program = " ".join(("rise-tui", info.versions.get("rise-tui", ""))).strip()
-        yield encode_header(program, info.format)
+        yield encode_header(program)
     else:
         with contents.path.open("rb") as file:
             yield file.readline()

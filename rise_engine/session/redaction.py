@@ -3,7 +3,7 @@
 The words go from the inputs; a fresh kernel makes the records of what is left, and each must be the old one without the
 words. So a word that decides anything (a condition, the length of a text) is noticed at the first record that differs,
 and then nothing is changed. The new journal is written beside the old one, replayed once more as it stands there, and
-only then put in its place; the old bytes are overwritten. Nothing of them is kept.
+only then put in its place. Nothing of the old one is kept.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ from rise_engine.kernel.inputs import AnyInput, TaskFunction
 from rise_engine.kernel.records import ENGINE, AnyRecord
 from rise_engine.session.coded import CODED_FILE, CODED_FOLDER, redacted_files
 from rise_engine.session.disk import Disk, error_message
-from rise_engine.session.erasure import erase_file, has_other_names, overwrite
+from rise_engine.session.erasure import has_other_names
 from rise_engine.session.errors import SessionError
 from rise_engine.session.folder import INFO, JOURNAL, SCENARIO_COPY, SessionInfo, read_info
 from rise_engine.session.journal_format import InputLine, JournalHeader, encode_input, encode_record, with_checksum
@@ -144,7 +144,7 @@ class _Redaction:
 
     def run(self, by: str, before: Callable[[RedactionReport], None], *, try_only: bool) -> RedactionReport:
         for path in self._folder.glob(f"*{NEW_SUFFIX}"):  # of one that was interrupted
-            erase_file(path, self._disk)
+            path.unlink()
         contents = read_journal(self._path)
         self._refuse_damaged(contents)
         info = read_info(self._folder, compare=False)  # one that was interrupted has changed one of them
@@ -378,33 +378,25 @@ class _Redaction:
     # --- into place ---
 
     def _put_in_place(self, new: Path, path: Path) -> None:
-        """Atomically; then the old bytes are overwritten."""
+        """Atomically."""
         kept = has_other_names(path)
-        before = os.open(path, os.O_RDWR | os.O_CLOEXEC)
-        try:
-            if path == self._path:
-                with self._lock.move_to(new):
-                    os.replace(new, path)  # noqa: PTH105  # as the other system calls here
-            else:
-                os.replace(new, path)  # noqa: PTH105
-            self._disk.sync_folder(path.parent)
-            if kept:
-                self._report.remains.append(
-                    f"{path.name} has another name elsewhere on this disk (a hard link, as backups make them): "
-                    "the old bytes stay there"
-                )
-                return
-            with suppress(OSError):  # a best effort: they have no name any more
-                overwrite(before, self._disk)
-        finally:
-            os.close(before)
+        if path == self._path:
+            with self._lock.move_to(new):
+                os.replace(new, path)  # noqa: PTH105  # as the other system calls here
+        else:
+            os.replace(new, path)  # noqa: PTH105
+        self._disk.sync_folder(path.parent)
+        if kept:
+            self._report.remains.append(
+                f"{path.name} has another name elsewhere on this disk (a hard link, as backups make them): "
+                "the old bytes stay there"
+            )
 
     def _erase_kept_files(self) -> None:
         """What a recovery kept beside the journal is of the old one."""
         for path in sorted(self._folder.iterdir()):
             if _KEPT_BY_RECOVERY.fullmatch(path.name) and path.is_file() and self._stands_in(path):
-                going = path.rename(path.with_name(path.name + NEW_SUFFIX))  # known, should it be half overwritten
-                erase_file(going, self._disk)
+                path.unlink()
                 self._report.erased.append(path.name)
 
     # --- what remains ---

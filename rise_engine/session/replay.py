@@ -21,7 +21,7 @@ from rise_engine.kernel.records import AnyRecord
 from rise_engine.scenario import load
 from rise_engine.scenario.model import Scenario
 from rise_engine.session.folder import JOURNAL, SessionError, SessionInfo, load_scenario_copy, read_info, spoken_as
-from rise_engine.session.journal_format import InputLine, JournalHeader, encode_record, fields_left_out, with_checksum
+from rise_engine.session.journal_format import InputLine, JournalHeader, encode_record, with_checksum
 from rise_engine.session.journal_reader import JournalContents, ProgressCallback
 from rise_engine.session.scenario_copies import offer_changed
 
@@ -307,10 +307,7 @@ def _first_difference(
     if before == after:
         return None
     old, new = msgspec.json.decode(before), msgspec.json.decode(after)  # what JSON cannot hold is null in both
-    unknown = fields_left_out(written.text, old["kind"], contents.format)
     for name in dict.fromkeys([*old, *new]):
-        if name in unknown:
-            continue
         if name not in old or name not in new or msgspec.json.encode(old[name]) != msgspec.json.encode(new[name]):
             return ReplayDifference(
                 contents.path.name, written.line, written.record.seq, n, old["kind"], name, old.get(name), new.get(name)

@@ -40,7 +40,6 @@ from rise_engine.session.journal_format import (
     encode_header,
     encode_input,
     encode_record,
-    fields_left_out,
     with_checksum,
 )
 from rise_engine.session.journal_reader import JournalContents, read_journal
@@ -229,7 +228,7 @@ class _Sharing:
     def _compare(self, inputs: list[tuple[int, AnyInput]], new: LevelFilter) -> None:
         made: deque[AnyRecord] = deque()
         replay = self._replay(inputs)
-        for _, line, found in self._contents.lines():
+        for _, _, found in self._contents.lines():
             if isinstance(found, JournalHeader):
                 continue
             if isinstance(found, InputLine):
@@ -242,9 +241,8 @@ class _Sharing:
             record = made.popleft()
             before: dict[str, Any] = self._old.apply(msgspec.json.decode(encode_record(found)))
             after: dict[str, Any] = new.apply(msgspec.json.decode(encode_record(record)))
-            unknown = fields_left_out(line, before["kind"], self._contents.format)
             for name in dict.fromkeys([*before, *after]):
-                if name in unknown or name in _OWN_SENTENCES or (name == "text" and before.get("source") == ENGINE):
+                if name in _OWN_SENTENCES or (name == "text" and before.get("source") == ENGINE):
                     continue  # what the program says depends on what was written, and nothing depends on that
                 if before.get(name) != after.get(name):
                     raise self._difference(found, f"differs in `{name}`")

@@ -26,7 +26,6 @@ from rise_engine.json_codec import JsonError, decode, encode
 from rise_engine.scenario.diagnostics import Diagnostics
 from rise_engine.scenario.model import Json, SourceLocation
 from rise_engine.session.disk import Disk, error_message
-from rise_engine.session.erasure import overwrite
 
 LOG_FILE = "study.jsonl"
 SET_ASIDE_FILE = "study.jsonl.torn"
@@ -273,20 +272,6 @@ class LockedLog:
         self._end = len(data)
         self._entries = _parse(data)[0]
         self._lines = len(self._entries)
-
-    def rewrite_for_good(self, entries: Sequence[LogEntry]) -> None:
-        """As `rewrite`, and nothing of what stood there can be read from the disk any more.
-
-        :raises StudyLogError: as `rewrite`.
-        :raises OSError: the old bytes could not be written over.
-        """
-        before = os.open(self.path, os.O_RDWR | os.O_CLOEXEC)
-        try:
-            self.rewrite(entries)
-            if os.fstat(before).st_nlink == 0:
-                overwrite(before, self._disk)
-        finally:
-            os.close(before)
 
     def _lock(self) -> None:
         end = time.monotonic() + WAIT_SECONDS

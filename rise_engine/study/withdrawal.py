@@ -19,7 +19,6 @@ from msgspec.structs import replace
 
 from rise_engine.nearest_name import did_you_mean
 from rise_engine.session.disk import Disk, error_message
-from rise_engine.session.erasure import erase_file
 from rise_engine.session.folder import JOURNAL, sessions_folder
 from rise_engine.session.lock import is_journal_locked, read_holder, running_message
 from rise_engine.study.erasable import KnownBy, why_not_export, why_not_recording
@@ -100,7 +99,7 @@ def withdraw(
         with LockedLog(study, disk=disk) as log:
             work = _take_out(study, participant, log, disk, keep)
         report = Erasing(study, work, disk).run() if work is not None else WithdrawalReport()
-        erase_leftovers(study, report, disk)
+        erase_leftovers(study, report)
     except OSError as error:
         raise WithdrawalError(
             f"not everything could be erased: {error.filename or study}: {error_message(error)}. Say it again when "
@@ -119,8 +118,8 @@ def _take_out(
 ) -> Path | None:
     """Make the list, move the folders out of the study's sessions, write the log anew. The folder of what is to be
     erased; None: there is nothing."""
-    erase_unlisted(study, disk)
-    erase_file(log.path.with_name(f"{LOG_FILE}.new"), disk)  # somebody was killed who wrote the log anew
+    erase_unlisted(study)
+    log.path.with_name(f"{LOG_FILE}.new").unlink(missing_ok=True)  # somebody was killed who wrote the log anew
     entries = _by_owner(log.entries(), participant)
     plan = _make_plan(study, participant, entries)
     plan.kept = list(keep)
@@ -128,7 +127,7 @@ def _take_out(
     if work is not None:
         plan = join_plans(read_list(work), plan)
     own = set(plan.sessions)
-    _clear_set_aside(study / SET_ASIDE_FILE, participant, own, disk)
+    _clear_set_aside(study / SET_ASIDE_FILE, participant, own)
     known = any(_concerns(each, participant, own) for each in entries)
     if work is None and not plan.sessions and not known and is_withdrawn(participant, entries):
         with suppress(OSError):
@@ -142,7 +141,7 @@ def _take_out(
         disk.sync_folder(study / SESSIONS)
     disk.sync_folder(work)
     if known or not is_withdrawn(participant, entries):
-        _rewrite_log(log, entries, participant, own, disk)
+        _rewrite_log(log, entries, participant, own)
     return work
 
 
@@ -156,8 +155,8 @@ def _move_out(folder: Path, target: Path) -> None:
         _refuse_running(folder)
 
 
-def _rewrite_log(log: LockedLog, entries: list[LogEntry], participant: str, own: set[str], disk: Disk) -> None:
-    """The log without them, and the entry that they have withdrawn, in one step; the old bytes are overwritten.
+def _rewrite_log(log: LockedLog, entries: list[LogEntry], participant: str, own: set[str]) -> None:
+    """The log without them, and the entry that they have withdrawn, in one step.
 
     Of what was about them, only that their slot was taken stays, by the hash.
     """
@@ -171,8 +170,8 @@ def _rewrite_log(log: LockedLog, entries: list[LogEntry], participant: str, own:
         elif entry.kind == "taken" or not _is_about(entry, participant, own):
             kept.append(replace(entry, fields=_without_name(entry, participant, PREFIX + digest)))
     withdrawn = {"slot": slots[-1] if slots else None, "salt": salt, "hash": digest}
-    log.rewrite_for_good([*kept, LogEntry("withdrawn", log.now_text(), withdrawn, 0)])
-    _clear_set_aside(log.path.with_name(SET_ASIDE_FILE), participant, own, disk)
+    log.rewrite([*kept, LogEntry("withdrawn", log.now_text(), withdrawn, 0)])
+    _clear_set_aside(log.path.with_name(SET_ASIDE_FILE), participant, own)
 
 
 def _by_owner(entries: Sequence[LogEntry], participant: str) -> list[LogEntry]:
@@ -214,10 +213,10 @@ def _without_name(entry: LogEntry, participant: str, name: str) -> dict[str, Any
     }
 
 
-def _clear_set_aside(path: Path, participant: str, own: set[str], disk: Disk) -> None:
+def _clear_set_aside(path: Path, participant: str, own: set[str]) -> None:
     """Half lines of the log that name them. What they said is in the folders, or nowhere."""
     if path.exists() and any(has_name(path.read_text("utf-8", "replace"), each) for each in (participant, *own)):
-        erase_file(path, disk)
+        path.unlink()
 
 
 # --- what is theirs -------------------------------------------------------------------------------------------------

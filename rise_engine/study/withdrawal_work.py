@@ -11,7 +11,7 @@ from msgspec import Struct, field
 
 from rise_engine.errors import RiseError
 from rise_engine.session.disk import Disk, error_message
-from rise_engine.session.erasure import erase_file, erase_folder, has_other_names
+from rise_engine.session.erasure import erase_folder, has_other_names
 from rise_engine.session.unfinished_files import erase_all_unfinished
 from rise_engine.study.erasable import why_not_export, why_not_place, why_other
 from rise_engine.study.kept_rows import add_rows
@@ -75,7 +75,7 @@ def left_work(study: Path, participant: str) -> Path | None:
     return None
 
 
-def erase_unlisted(study: Path, disk: Disk) -> None:
+def erase_unlisted(study: Path) -> None:
     """What was left by a run that was ended before its list was written, or while that was erased, as the last of all.
 
     The list is written in one step, so one that cannot be read is half erased.
@@ -84,7 +84,7 @@ def erase_unlisted(study: Path, disk: Disk) -> None:
         try:
             read_list(folder)
         except (FileNotFoundError, msgspec.DecodeError):
-            erase_folder(folder, disk)
+            erase_folder(folder)
 
 
 def new_work(study: Path) -> Path:
@@ -168,7 +168,7 @@ class Erasing:
             ]
             self._erase(self._work / name, f"{SESSIONS}/{name}")
         if not self._failed:
-            erase_folder(self._work, self._disk)  # with the list: from here on nothing is left to do
+            erase_folder(self._work)  # with the list: from here on nothing is left to do
             with suppress(OSError):  # somebody else's are being erased, too
                 (self._study / WORK_FOLDER).rmdir()
         self._disk.sync_folder(self._study)
@@ -194,9 +194,9 @@ class Erasing:
     def _erase(self, path: Path, name: str) -> bool:
         try:
             if path.is_dir() and not path.is_symlink():
-                erase_folder(path, self._disk)
+                erase_folder(path)
             else:
-                erase_file(path, self._disk)
+                path.unlink(missing_ok=True)
         except OSError as error:
             return self._fail(path, error)
         self.report.erased.append(name)
@@ -215,12 +215,12 @@ def _linked_files(folder: Path) -> list[Path]:
     return [each for each in sorted(folder.rglob("*")) if not each.is_dir() and has_other_names(each)]
 
 
-def erase_leftovers(study: Path, report: WithdrawalReport, disk: Disk) -> None:
+def erase_leftovers(study: Path, report: WithdrawalReport) -> None:
     """What killed exports have left, of whomever."""
 
     def erase(folder: Path) -> None:
         try:
-            erase_folder(folder, disk)
+            erase_folder(folder)
         except OSError as error:
             report.unreached.append(f"{error.filename or folder} could not be erased: {error_message(error)}")
 

@@ -78,10 +78,3 @@ def _what_came(trial: Trial) -> dict[str, Any]:
     if starts := started_acts(records):
         expected["starts"] = starts
     return expected
-
-
-def task_file_text(trial: Trial) -> str:
-    """What was asked for in the trial, with its times, as a task file: `rise-engine run` plays the same."""
-    tasks = ((step.at, step.task) for step in trial.steps if step.task is not None)
-    lines = [written_line({**_task_line(task), "source": task.source, "at": at}) for at, task in tasks]
-    return "\n".join(lines) + "\n"

@@ -18,7 +18,7 @@ from rise_tui.config.paths import PREFERENCES_NAME, abbreviate_home, config_fold
 from rise_tui.config.preferences import Preferences, load_saved
 from rise_tui.rendering.text import clean, format_age
 
-PACKAGES = ("rise-tui", "textual", "rich", "click", "msgspec", "lxml", "textual-serve", "aiohttp", "cyclonedds")
+PACKAGES = ("rise-tui", "textual", "rich", "click", "msgspec", "lxml", "cyclonedds")
 
 
 def report_lines(keys: str | None) -> Iterator[str]:

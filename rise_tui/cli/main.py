@@ -19,7 +19,6 @@ from rise_tui.config.display import MOST_FRAMES, USUAL_FRAMES, DisplayOptions
 
 THEMES = ("dark", "light", "contrast", "colorblind", "mono", "terminal")
 """Those of `rise_tui.rendering.themes`, which is not imported before a session is on its way."""
-WEB_PORT = 8321
 
 
 class _Program(click.Group):
@@ -110,15 +109,6 @@ _KEYS = click.option("--keys", metavar="FILE", help="Another key file than the u
 )
 @_KEYS
 @click.option("--fresh", is_flag=True, help="Do not restore layout, filters and theme of the last time.")
-@click.option(
-    "--web",
-    type=click.IntRange(0, 65535),
-    is_flag=False,
-    flag_value=WEB_PORT,
-    metavar="[PORT]",
-    help=f"Show a running session in browsers on this machine; without a port, {WEB_PORT}.",
-)
-@click.option("--in-browser", is_flag=True, hidden=True)
 @click.version_option(__version__)
 @click.pass_context
 def main(context: click.Context, /, theme: str | None, colors: str, mouse: str, fps: int, **given: Any) -> None:
@@ -167,8 +157,6 @@ def _check_usage(options: CommandLine) -> None:
         "--recover": (options.recover and options.shadow is None) or None,
     }
     given = [name for name, value in starting.items() if value is not None]
-    if given and options.web is not None:
-        raise click.UsageError(f"{', '.join(given)} say how a session starts, and --web starts none")
     if options.folder is None and given:
         raise click.UsageError(f"{', '.join(given)} say how a session starts: name its scenario with --config DIR")
     if options.allow_untranslated and not options.language:
@@ -186,10 +174,8 @@ def _check_usage(options: CommandLine) -> None:
     named = [name for name, value in which.items() if value is not None]
     if len(named) > 1:
         raise click.UsageError(f"say either {' or '.join(named)}")
-    if options.replay is not None and options.web is not None:
-        raise click.UsageError("say either --replay or --web: browsers are shown a session that runs")
-    if options.shadow is not None and (options.web is not None or options.observe):
-        raise click.UsageError("--shadow is for a wizard at a terminal: neither --web nor --observe goes with it")
+    if options.shadow is not None and options.observe:
+        raise click.UsageError("--shadow is for a second wizard: --observe does not go with it")
     if options.replay is None and options.shadow is None and options.speed != 1.0:
         raise click.UsageError("--speed is for --replay and --shadow")
     if options.at is not None and options.shadow is None:

@@ -82,7 +82,6 @@ def _run_console(
         launcher=process_launcher(wizard, options.role, options.settings.ros, is_named=options.wizard is not None),
         notice=notice,
         keys=keys,
-        in_browser=options.in_browser,
         ui_state=ui_state,
     )
     app.run(mouse=options.display.mouse)

@@ -43,9 +43,6 @@ class CommandLine(Struct, frozen=True, kw_only=True):
     display: DisplayOptions = DisplayOptions()
     keys: str | None = None
     fresh: bool = False
-    web: int | None = None
-    in_browser: bool = False
-    """This is the console of one browser (`rise_tui.web.terminal`)."""
 
     @property
     def role(self) -> Role:

@@ -24,7 +24,7 @@ from rise_engine.session.folder import SessionError, find_session, find_unfinish
 from rise_tui.cli import choose_session
 from rise_tui.cli.options import CommandLine
 from rise_tui.cli.running import find_elsewhere, find_running_session, find_study_session, is_study
-from rise_tui.cli.terminal import PlainTerminal, ProgressLine, login_name, take_terminal
+from rise_tui.cli.terminal import PlainTerminal, ProgressLine, login_name
 from rise_tui.cli.wizard import name_wizard
 from rise_tui.config import launch
 from rise_tui.config.display import prepare_textual, with_detected_colors
@@ -37,11 +37,7 @@ if TYPE_CHECKING:
 
 def start(options: CommandLine) -> NoReturn:
     """Do what is asked; ends the process with its exit status."""
-    if options.in_browser:
-        take_terminal()
     try:
-        if options.web is not None:
-            _serve_browsers(options)
         options = replace(options, display=with_detected_colors(options.display, os.environ))
         prepare_textual(options.display)  # before anything imports Textual
         keys = _read_keys(options)
@@ -86,32 +82,6 @@ def _need_terminal(*also: str) -> None:
 
 
 # --- sessions that run ------------------------------------------------------------------------------------------------
-
-
-def _serve_browsers(options: CommandLine) -> NoReturn:
-    """Consoles for browsers, until somebody ends this process."""
-    _read_keys(options)  # only to say now what is wrong with it
-    name = find_running_session(options)
-    try:
-        from rise_tui.web.server import WebError, serve
-    except ImportError as error:
-        _refuse_start(f"--web needs more than is installed ({error.name}): pip install 'rise-tui[web]'")
-    try:
-        serve(name, _arguments_in_browser(name, options), options.web or 0)
-    except WebError as error:
-        _refuse_start(str(error))
-    sys.exit(0)
-
-
-def _arguments_in_browser(name: str, options: CommandLine) -> list[str]:
-    """How the console of a browser is started."""
-    display = options.display
-    given = ["--session", name, "--observe", "--in-browser"]
-    given += ["--wizard", options.wizard] if options.wizard is not None else []
-    given += ["--colors", display.colors, "--mouse", "on" if display.mouse else "off", "--fps", str(display.fps)]
-    given += ["--theme", display.theme] if display.theme else []
-    given += ["--keys", options.keys] if options.keys is not None else []
-    return [*given, "--fresh"] if options.fresh else given
 
 
 def _attach(options: CommandLine, keys: KeyFile | None) -> NoReturn:

@@ -2,10 +2,7 @@
 
 from __future__ import annotations
 
-import fcntl
 import sys
-import termios
-from contextlib import suppress
 from getpass import getuser
 from typing import Final
 
@@ -62,9 +59,3 @@ def login_name() -> str:
         return getuser()
     except (KeyError, OSError):
         return "wizard"
-
-
-def take_terminal() -> None:
-    """Make the input's terminal this process's own: it is then told when it changes its size or is hung up."""
-    with suppress(OSError):  # it has one already
-        fcntl.ioctl(0, termios.TIOCSCTTY, 0)

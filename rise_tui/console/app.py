@@ -70,7 +70,6 @@ class ConsoleApp(TerminalApp):
         notice: str = "",
         keys: KeyFile | None = None,
         ui_state: UiState | None = None,
-        in_browser: bool = False,
     ) -> None:
         """`client`: of a session that runs; None: the screen of `study` opens. `launcher`: starts another one, or the
         engine of this one again.
@@ -89,7 +88,7 @@ class ConsoleApp(TerminalApp):
         self._client, self._notice = client, notice
         self._login, self._participant = login, participant
         self._day = StudyDay(study)
-        self._keys, self._in_browser = keys or KeyFile(), in_browser
+        self._keys = keys or KeyFile()
         self._ui_state = ui_state or UiState(Preferences(), fresh=True, keeps_changes=False)
         use_own_keys(self._keys.keys)
         self.set_keymap(textual_keymap(self._keys))
@@ -190,7 +189,7 @@ class ConsoleApp(TerminalApp):
 
     async def _show_session(self, client: Client, notice: str = "") -> None:
         try:
-            session = await ConsoleSession.attach(client, self._wizard, in_browser=self._in_browser)
+            session = await ConsoleSession.attach(client, self._wizard)
         except (EngineGone, ValueError) as error:
             await self._exit_without_session(f"the session could not be reached: {error}")
             return

@@ -45,10 +45,10 @@ class ConsoleSession:
         """Kept here, because the loop holds a task only weakly."""
 
     @classmethod
-    async def attach(cls, client: Client, wizard: str, *, in_browser: bool = False) -> ConsoleSession:
+    async def attach(cls, client: Client, wizard: str) -> ConsoleSession:
         """Raises EngineGone."""
         attach_reply = await client.attach()
-        return cls(client, Store(attach_reply, wizard, client.now, in_browser))
+        return cls(client, Store(attach_reply, wizard, client.now))
 
     async def receive_records(self) -> None:
         """Take records in until the session ends or its engine has gone; attach again when only the link was cut."""

@@ -1,26 +1,20 @@
-"""What opens over the editor: help, palette, a draft, what was lost to a change outside."""
+"""What opens over the editor: help, palette, a draft, a file that was changed here and on the disk."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from datetime import datetime
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 from textual.app import App
 
 from rise_engine.edit.drafts import Draft
-from rise_engine.edit.workspace import OutsideChange
 from rise_engine.text import clean
-from rise_tui.editing.model.waiting_rows import waiting_text
 from rise_tui.editing.study import EditedStudy
 from rise_tui.screens.dialog import Dialog, DialogChoice
 from rise_tui.screens.help import HelpScreen, edit_help_entries
 from rise_tui.screens.palette import Palette
 from rise_tui.screens.palette_commands import PaletteCommand, edit_commands, theme_commands
-
-if TYPE_CHECKING:
-    from rise_tui.editing.page import EditFrame
 
 _SHOWN = 8
 """Changes that a dialog names."""
@@ -50,42 +44,24 @@ def open_palette(app: App[object], run: Callable[[str], None] | None) -> None:
     app.push_screen(Palette(commands, "command or theme" if run is not None else "theme"), run_chosen)
 
 
-def set_aside_dialog(outside: OutsideChange) -> Dialog:
-    """Own changes in whose way somebody else's stand: they are kept, and compared now or later."""
-    number = len(outside.lost)
-    what = "A change of yours is" if number == 1 else f"{number} changes of yours are"
-    lines = [f"Somebody has changed {', '.join(outside.files)}, in the same place as you."] if outside.files else []
-    lines += [f"{what} set aside, and nothing is lost: choose which is to stay."]
-    says = [clean(sentence) for change in outside.lost for sentence in change.says]
-    lines += [f"· {each}" for each in says[:_SHOWN]]
-    lines += [f"· and {len(says) - _SHOWN} more"] if len(says) > _SHOWN else []
-    return Dialog("Changed by two", lines, DialogChoice("c", "Compare"), no="Later", default="c")
+def ask_about_clash(app: App[object], files: Sequence[str], take: Callable[[], None]) -> None:
+    """Which version of files is to stay, when they have unsaved changes here and were changed on the disk.
 
-
-def ask_about_set_aside(app: App[object], frame: EditFrame, outside: OutsideChange) -> None:
-    """Changes of ours in whose way somebody else's stand are compared, now or later."""
-
-    def answer(key: str | None) -> None:
-        if key == "c":
-            frame.open_page("waiting")
-        else:
-            say_what_waits(frame)
-
-    app.push_screen(set_aside_dialog(outside), answer)
-
-
-def say_what_waits(frame: EditFrame) -> None:
-    """Which changes wait for the author, if any do."""
-    if what := waiting_text(frame.study.draft):
-        frame.say(f"{what}: p shows what waits", "wait")
-
-
-def open_waiting(frame: EditFrame) -> None:
-    """The page of changes that wait."""
-    if frame.study.draft.waiting:
-        frame.open_page("waiting")
-    else:
-        frame.say("nothing waits: no change was proposed, and none of yours was set aside")
+    :param take: takes them as they are on the disk.
+    """
+    named = ", ".join(map(clean, files))
+    lines = [
+        f"Somebody has changed {named} on the disk, and you have changes there that are not saved.",
+        "Keep yours: saving then writes over what the other has written, and shows you first which lines.",
+        "Take the other's: undo (ctrl+u) brings yours back.",
+    ]
+    question = Dialog(
+        "Changed here and on the disk",
+        lines,
+        DialogChoice("o", "Take the other's"),
+        no="Keep yours",
+    )
+    app.push_screen(question, lambda key: take() if key == "o" else None)
 
 
 def _local_time(kept: str) -> str:
@@ -98,9 +74,7 @@ def _local_time(kept: str) -> str:
 
 def draft_dialog(draft: Draft) -> Dialog:
     """What an earlier editor has not saved: it is taken up or forgotten; esc leaves the editor, so that it is kept."""
-    says = [clean(sentence) for change in draft.changes for sentence in change.says]
-    aside = [each for each in draft.set_aside if not each.given_up]
-    says += [f"set aside: {clean(sentence)}" for change in aside for sentence in change.says]
+    says = [clean(sentence) for sentence in draft.says]
     lines = [
         f"An editor has ended without saving ({_local_time(draft.kept)}):",
         *(f"· {each}" for each in says[:_SHOWN]),

@@ -5,14 +5,12 @@ from __future__ import annotations
 from collections.abc import Callable
 
 from rise_tui.editing.act_page import ActPage
-from rise_tui.editing.conflict_page import ConflictPage
 from rise_tui.editing.data_pages import KeysPage, MemoryPage, SettingsPage
 from rise_tui.editing.page import EditFrame, EditPage
 from rise_tui.editing.rule_page import RulePage
 from rise_tui.editing.study_page import StudyPage
 from rise_tui.editing.tables_page import TablesPage
 from rise_tui.editing.texts_page import TextsPage
-from rise_tui.editing.waiting_page import WaitingPage
 
 PAGES: dict[str, Callable[[EditFrame, str], EditPage]] = {
     page.KIND: page
@@ -25,8 +23,6 @@ PAGES: dict[str, Callable[[EditFrame, str], EditPage]] = {
         KeysPage,
         SettingsPage,
         TablesPage,
-        WaitingPage,
-        ConflictPage,
     )
 }
 """The first is what the editor opens with."""

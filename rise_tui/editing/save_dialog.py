@@ -79,9 +79,6 @@ def save_rows(draft: StudyDraft, diff: str, errors: Sequence[Diagnostic], width:
             add(f"· {clean(sentence)}")
         for sentence in change.noticed:
             add(f"▲ {clean(sentence)}", "wait")
-    for outlook in draft.waiting:
-        if outlook.waiting.origin == "yours" and not outlook.waiting.given_up:
-            add(f"▲ set aside, and not saved with these: {clean('; '.join(outlook.says))} (esc, then p)", "wait")
     rows.append(ListRow("", (), selectable=False))
     roles: dict[str, TextRole] = {"+": "strong", "-": "muted", "@": "accent"}
     for line in diff.splitlines():

@@ -128,14 +128,13 @@ class EditScreen(Screen[None]):
         """What an earlier editor has not saved is offered before anything is changed."""
         draft = await self.study.read_draft()
         if draft is None:
-            overlays.say_what_waits(self)
             return
 
         def answer(key: str | None) -> None:
             if key == "t":
                 self._work(self._take_up(draft))
             elif key == "d":
-                self._work(self._discard_draft())
+                self._work(self.study.discard_draft())
             else:
                 self.close()
 
@@ -145,12 +144,15 @@ class EditScreen(Screen[None]):
         outside = await self.study.take_up(draft)
         self.say("the draft is here again: ctrl+o saves it")
         self.draw()
-        if outside.lost:
-            overlays.ask_about_set_aside(self.app, self, outside)
+        if outside.clash:
+            self._ask_about_clash(outside.clash)
 
-    async def _discard_draft(self) -> None:
-        await self.study.discard_draft()
-        overlays.say_what_waits(self)
+    def _ask_about_clash(self, files: Sequence[str]) -> None:
+        overlays.ask_about_clash(self.app, files, lambda: self._work(self._take_outside(files)))
+
+    async def _take_outside(self, files: Sequence[str]) -> None:
+        self._said(await self.study.take_outside(files))
+        self.draw()
 
     async def on_unmount(self) -> None:
         await self.study.close()
@@ -318,16 +320,13 @@ class EditScreen(Screen[None]):
             self.running = found
             self.draw_bars()
         await self._look_outside()
-        if await self.study.notice_proposals():
-            self.draw()
-            overlays.say_what_waits(self)
 
     def look_outside(self) -> None:
         """Look now whether files have changed."""
         self.run_worker(Later(self._look), group="watch", exclusive=True)
 
     async def _look_outside(self) -> bool:
-        """Take in what somebody else has written. True: something of ours has no place any more."""
+        """Read again what somebody else has written. True: the author is asked which version is to stay."""
         try:
             outside = await self.study.notice_outside()
         except EditRefused as refused:
@@ -338,11 +337,11 @@ class EditScreen(Screen[None]):
         files = ", ".join(outside.files)
         self._explore()
         self.draw()
-        if outside.lost:
-            overlays.ask_about_set_aside(self.app, self, outside)
+        if outside.clash:
+            self._ask_about_clash(outside.clash)
         else:
-            self.say(f"{files} changed outside: taken in", "wait")
-        return bool(outside.lost)
+            self.say(f"{files} changed on the disk: read again", "wait")
+        return bool(outside.clash)
 
     # --- actions of the registry ------------------------------------------------------------------------------------
 
@@ -359,7 +358,6 @@ class EditScreen(Screen[None]):
             "edit.redo": lambda: self._work(self._redo()),
             "edit.save": lambda: self._work(self._ask_to_save()),
             "edit.findings": lambda: choose_finding(self, self.app),
-            "edit.waiting": lambda: overlays.open_waiting(self),
             "edit.file": lambda: self._work(self._open_file()),
             "edit.pages": self._go_home,
             "edit.leave": self._leave,

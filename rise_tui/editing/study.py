@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import asyncio
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import TypeVar
 
 from rise_engine.edit.drafts import Draft
@@ -59,17 +59,9 @@ class EditedStudy:
         """Look whether somebody else has changed the files, and take it in."""
         return await self._do("", self._workspace.notice_outside)
 
-    async def notice_proposals(self) -> int:
-        """Look whether changes were proposed meanwhile; how many."""
-        return await self._do("", self._workspace.notice_proposals)
-
-    async def make_waiting(self, number: int) -> Change:
-        """Make a change that waits, as one step. :raises EditRefused: it cannot be made as the files are now."""
-        return await self._do("changing", lambda: self._workspace.make_waiting(number))
-
-    async def give_up(self, number: int, *, given_up: bool = True) -> None:
-        """A change that waits is not to be made, or after all waits again."""
-        await self._do("", lambda: self._workspace.give_up(number, given_up=given_up))
+    async def take_outside(self, names: Sequence[str]) -> Change:
+        """Take files as they are on the disk, as one step."""
+        return await self._do("changing", lambda: self._workspace.take_outside(names))
 
     async def save(self) -> SaveReport:
         """Write all changed files or none. :raises EditRefused: it cannot be."""
@@ -85,7 +77,7 @@ class EditedStudy:
         return await self._do("", lambda: self._workspace.draft)
 
     async def take_up(self, draft: Draft) -> OutsideChange:
-        """Make the changes of a draft again."""
+        """Take the files of a draft, as one step."""
         return await self._do("reading the draft", lambda: self._workspace.take_up_draft(draft))
 
     async def discard_draft(self) -> None:

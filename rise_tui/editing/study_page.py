@@ -81,7 +81,6 @@ class StudyPage(EditPage):
             return FilePlace(found.file, found.line, last)
         file = {
             "file": name,
-            "merge": name,
             "memory": "memory.json",
             "keys": "scenario.toml",
             "settings": "scenario.toml",

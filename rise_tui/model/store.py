@@ -115,8 +115,6 @@ class Store:
     wizard: str
     now: Callable[[], float]
     """Session time in seconds."""
-    in_browser: bool = False
-    """This console is shown by `rise-tui --web`."""
     view: SessionView = field(init=False)
     reference_prefix: str = field(default_factory=lambda: f"{urandom(3).hex()}-")
     """How this console's own references begin; a second console of the same wizard has others."""

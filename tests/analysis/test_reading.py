@@ -214,13 +214,6 @@ def test_what_old_journals_do_not_say_is_worked_out(data: SessionData, tmp_path:
     assert found.acts == data.acts and found.cues == data.cues
 
 
-@pytest.mark.parametrize("name", ["before_studies_ended", "before_turns_unfinished"])
-def test_sessions_of_older_programs(name: str) -> None:
-    found = read_session(Path(__file__).parents[1] / "session" / "old_sessions" / name)
-    assert found.acts and found.facts.ended == name.endswith("_ended")
-    assert found.facts.mode and found.facts.robot and found.facts.scenario_hash
-
-
 # --- rules, points, repairs ---
 
 

@@ -1,4 +1,4 @@
-"""`rise-engine graph`: rules and acts as text, SVG, Mermaid and DOT."""
+"""`rise-engine graph`: rules and acts as text, SVG and Mermaid."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 
 from rise_engine.cli.graph import FORMATS, NothingToDrawError, graph, graph_text
 from rise_engine.drawing.cells import cell_length, shorten_to
-from rise_engine.drawing.diagrams import dot_of_rules, mermaid_of_rules
+from rise_engine.drawing.diagrams import mermaid_of_rules
 from rise_engine.drawing.pictures import picture_of_rule, text_of
 from rise_engine.drawing.svg import svg_text
 from rise_engine.scenario import load
@@ -93,7 +93,6 @@ def test_an_act_in_every_format(lablinking: Scenario) -> None:
     text = graph_text(lablinking, "R_Task1_Step1", "text", 80)
     assert "act R_Task1_Step1: 8 actions" in text and "“Take the large plate.”" in text
     assert "a0_1 --> a0_3" in graph_text(lablinking, "R_Task1_Step1", "mermaid", 80)
-    assert "a0n1 -> a0n3;" in graph_text(lablinking, "R_Task1_Step1", "dot", 80)
     assert "R_Praise" in graph_text(lablinking, "", "svg", 80, act=True)
 
 
@@ -104,14 +103,12 @@ def test_what_is_not_there_is_named_with_what_is_nearest(lablinking: Scenario) -
         graph_text(lablinking, "Table setting", "text", 80, act=True)
 
 
-def test_ways_in_mermaid_and_dot() -> None:
+def test_ways_in_mermaid() -> None:
     mermaid = mermaid_of_rules([loop()])
     assert mermaid.splitlines()[:3] == ["stateDiagram-v2", "    %% rule Ask", '    state "Ask" as s0']
     ids: dict[str, str] = dict(re.findall(r'state "(\w+)" as (s\d)', mermaid))
     assert f"{ids['Ask']} --> {ids['Done']} : yes" in mermaid and f"{ids['Done']} --> [*]" in mermaid
     assert f"{ids['Help']} --> {ids['Help']} : hm (stays)" in mermaid and f"[*] --> {ids['Ask']}" in mermaid
-    dot = dot_of_rules([loop()])
-    assert dot.count("->") == 5 and "style=dashed" in dot and "peripheries=2" in dot
 
 
 NASTY = st.text(st.sampled_from('aß挨"\\;:#<>&%{}\n\x1b\u202e\u0301│► '), min_size=1, max_size=12)
@@ -134,8 +131,6 @@ def test_whatever_states_are_called_it_stays_a_drawing(names: list[str], topic: 
     assert len(mermaid.splitlines()) == 3 + 2 * len(names)
     assert all(mark not in line.partition(" : ")[2] for line in mermaid.splitlines() for mark in '"<>')
     assert "%%{" not in mermaid, "a directive, wherever it is: Mermaid would obey it"
-    dot = dot_of_rules([rule])
-    assert len(re.findall(r'(?<!\\)(?:\\\\)*"', dot)) % 2 == 0
 
 
 @given(text=NASTY, width=st.integers(0, 12))

@@ -17,6 +17,7 @@ from rise_engine.edit.read_outline import read_outline
 from rise_engine.edit.study_state import StudyState
 from rise_engine.scenario import load
 from tests.edit.samples import SPELLINGS, after, study_files, study_state
+from tests.expression.situation_tests import situation_tests
 
 RENAMES: list[tuple[str, NameKind, str, str]] = [
     ("greeting", "act", "R_Introduction", "Ä & Ö"),
@@ -335,7 +336,7 @@ def test_names_in_properties(state: StudyState, kind: NameKind, old: str, new: s
     scenario = there.checked.scenario
     assert scenario is not None
     parts = [part for each in scenario.properties for part in (each.condition, each.after, each.unless) if part]
-    tests = [test for part in parts for test in part.situation_tests]
+    tests = [test for part in parts for test in situation_tests(part)]
     assert {" ".join((test.function, *test.names)) for test in tests} == asked
     assert scenario.explore.end == (new if kind == "rule" else "Main")
     assert scenario.explore.tries.keys() == parts[0].keys == {"zq" if kind == "key" else "flag"}

@@ -21,11 +21,12 @@ from rise_engine.kernel.records import EventRecord
 from rise_engine.protocol.task_file import read_task_file
 from rise_engine.scenario import load
 from rise_engine.scenario.model import Scenario, normal_topic
-from rise_engine.trial.keeping import task_file_text, text_of_test
+from rise_engine.trial.keeping import text_of_test
 from rise_engine.trial.playing import play_test, refusal, said_texts, started_acts
 from rise_engine.trial.study_test import read_study_test
 from rise_engine.trial.trial import Trial
 from tests.edit.samples import SCENARIOS, after, state_of, study_files
+from tests.trial.task_files import task_file_text
 
 KEPT, BY_HAND, TASKS = "tests/kept.jsonl", "tests/by_hand.jsonl", "tasks/morning.jsonl"
 NAMES: dict[str, list[tuple[NameKind, str]]] = {

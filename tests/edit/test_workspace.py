@@ -11,8 +11,6 @@ from pathlib import Path
 import pytest
 
 from rise_engine.edit.edits import (
-    AddAction,
-    RemoveAct,
     RemoveStartValue,
     Rename,
     ReplaceFile,
@@ -150,21 +148,16 @@ def test_the_diff_of_lone_carriage_returns_and_of_a_last_line_without_end() -> N
 # --- what others do -----------------------------------------------------------------------------------------------
 
 
-def test_two_people_change_two_acts(folder: Path) -> None:
+def test_two_people_change_two_files(folder: Path) -> None:
     study = Workspace(folder)
     study.apply(SAY)
-    _write(folder / SPEECH, "Hi there! Good to see you.", "Hey!")  # the same file, another act
     _write(folder / FACE, "<duration>600</duration>", "<duration>700</duration>")
 
-    with pytest.raises(EditRefused, match="has changed on the disk meanwhile"):
-        study.save()
     outside = study.notice_outside()
     assert outside is not None
-    assert (outside.files, outside.lost) == ((SPEECH, FACE), ())
+    assert (outside.files, outside.clash, outside.forgotten) == ((FACE,), (), False)
     assert study.save().files == (SPEECH,)
-
     assert b"I am Floka." in _disk(folder)[SPEECH]
-    assert b"Hey!" in _disk(folder)[SPEECH]
     assert b"700" in _disk(folder)[FACE]
     assert study.notice_outside() is None
 
@@ -187,79 +180,65 @@ def test_steps_are_kept_when_other_files_change(folder: Path) -> None:
     assert b"700" in _disk(folder)[FACE]
 
 
-def test_two_people_change_the_same_sentence(folder: Path) -> None:
+@pytest.mark.parametrize("keeps", ["mine", "theirs"])
+def test_two_people_change_one_file(folder: Path, keeps: str) -> None:
+    """The author is asked which version is to stay. Until then nothing of either is lost."""
     study = Workspace(folder)
     study.apply(SAY)
     study.apply(SMILE)
-    _write(folder / SPEECH, "My name is Floka, and I am a robot.", "Call me Floka.")
+    _write(folder / SPEECH, "Hi there! Good to see you.", "Hey!")
+    theirs = _disk(folder)[SPEECH]
 
+    with pytest.raises(EditRefused, match="has changed on the disk meanwhile"):
+        study.save()
     outside = study.notice_outside()
     assert outside is not None
-    assert [change.edits for change in outside.lost] == [(SAY,)]
-    assert b"Call me Floka." in study.files[SPEECH]
-    assert b"2500" in study.files[FACE]
-    study.close()
-
-    again = Workspace(folder)  # what was set aside outlives the editor
-    draft = again.draft
-    assert draft is not None
-    assert [change.edits for change in again.take_up_draft(draft).lost] == [(SAY,)]
-    assert [change.edits for change in again.set_aside] == [(SAY,)]
-    again.save()
-    assert b"Call me Floka." in _disk(folder)[SPEECH]
-    assert again.draft is not None
-    again.apply(SAY)  # chosen all the same
-    assert again.set_aside == ()
-    again.save()
-    assert b"I am Floka." in _disk(folder)[SPEECH]
-    assert again.draft is None
+    assert (outside.files, outside.clash, outside.forgotten) == ((SPEECH,), (SPEECH,), True)
+    mine = study.files
+    assert b"I am Floka." in mine[SPEECH] and b"2500" in mine[FACE]
+    assert "<message>Hey!</message>" in study.diff(), "saving shows what it would write over"
+    if keeps == "mine":
+        assert set(study.save().files) == {SPEECH, FACE}
+        assert _disk(folder)[SPEECH] == mine[SPEECH]
+    else:
+        assert study.take_outside(outside.clash).says == (f"{SPEECH} is as it is on the disk",)
+        assert study.files == {**mine, SPEECH: theirs}
+        study.undo()
+        assert study.files == mine
+        study.redo()
+        assert study.save().files == (FACE,)
+        assert _disk(folder)[SPEECH] == theirs
+    assert study.notice_outside() is None
 
 
-def test_a_whole_file_does_not_go_over_what_somebody_else_has_written(folder: Path) -> None:
+@pytest.mark.parametrize(("here", "there"), [(None, b"<Dialogs/>"), (b"<Dialogs/>", None)])
+def test_a_file_that_is_deleted_on_one_side(folder: Path, here: bytes | None, there: bytes | None) -> None:
+    (folder / "acts" / "more.xml").write_bytes(b"<Dialogs></Dialogs>")
     study = Workspace(folder)
-    text = study.files[SPEECH].decode().replace("Hello!", "Hi!")
-    study.apply(ReplaceFile(SPEECH, text))
-    _write(folder / SPEECH, "Hi there!", "Hey!")
+    study.apply(ReplaceFile("acts/more.xml", here.decode() if here is not None else None))
+    (folder / "acts" / "more.xml").unlink()
+    if there is not None:
+        (folder / "acts" / "more.xml").write_bytes(there)
     outside = study.notice_outside()
-    assert outside is not None
-    assert len(outside.lost) == 1
-    assert study.files == _disk(folder)
+    assert outside is not None and outside.clash == ("acts/more.xml",)
+    assert study.files.get("acts/more.xml") == here
+    study.take_outside(outside.clash)
+    assert study.files.get("acts/more.xml") == there
+    study.undo()
+    study.save()
+    assert _disk(folder).get("acts/more.xml") == here
 
 
-def test_an_act_that_is_gone_outside(folder: Path) -> None:
+def test_after_a_change_outside_of_a_saved_file_its_steps_are_forgotten(folder: Path) -> None:
     study = Workspace(folder)
-    study.apply(AddAction("R_Smile", "Speech", {"message": "Ha!"}))
     study.apply(SAY)
-    other = Workspace(folder)
-    other.apply(*_without_smile(other))
-    (folder / FACE).write_bytes(other.files[FACE])
-    for name in ("rules/greeting.xml", "scenario.toml"):
-        (folder / name).write_bytes(other.files[name])
+    study.save()
+    study.apply(SMILE)
+    _write(folder / SPEECH, "Hi there! Good to see you.", "Hey!")
     outside = study.notice_outside()
-    assert outside is not None
-    assert [type(change.edits[0]) for change in outside.lost] == [AddAction]
-    assert [change.edits for change in study.changes] == [(SAY,)]
-
-
-def _without_smile(study: Workspace) -> list[RemoveAct | ReplaceFile]:
-    rules = study.files["rules/greeting.xml"].decode().replace("R_Smile", "R_Nod")
-    keys = study.files["scenario.toml"].decode()
-    keys = keys.replace('m   = { act = "R_Smile", label = "smile" }\n', "").replace(
-        "[act.R_Smile]\nfiller = true\n", ""
-    )
-    return [ReplaceFile("rules/greeting.xml", rules), ReplaceFile("scenario.toml", keys), RemoveAct("R_Smile")]
-
-
-def test_a_rename_reaches_what_somebody_else_adds_meanwhile(folder: Path) -> None:
-    study = Workspace(folder)
-    study.apply(Rename("act", "R_Nod", "R_Yes"))
-    extra = (
-        '<InteractionRule name="More" initial="A"><State id="A"><onEntry><function startCommunicationRobotAct="R_Nod"/>'
-    )
-    (folder / "rules" / "more.xml").write_text(f"{extra}</onEntry></State></InteractionRule>", "utf-8")
-    assert study.notice_outside() is not None
-    assert b'"R_Yes"' in study.files["rules/more.xml"]
-    assert study.checked.errors == []
+    assert outside is not None and (outside.clash, outside.forgotten) == ((), True)
+    assert study.undo() is not None and study.undo() is None
+    assert study.files == _disk(folder)
 
 
 # --- drafts -------------------------------------------------------------------------------------------------------
@@ -281,9 +260,9 @@ def test_a_killed_editor_loses_nothing(folder: Path) -> None:
     assert study.read_only == ""
     draft = study.draft
     assert draft is not None
-    assert draft.changes[0].edits == (SAY,)
-    assert study.take_up_draft(draft).lost == ()
-    assert [change.edits for change in study.changes] == [(SAY,)]
+    assert draft.says[0].startswith("R_Introduction 1 says")
+    assert study.take_up_draft(draft).clash == ()
+    assert [change.says for change in study.changes] == [draft.says]
     study.save()
     assert study.draft is None
     assert b"I am Floka." in _disk(folder)[SPEECH]
@@ -299,7 +278,7 @@ def test_a_draft_with_a_step_back_over_a_save(folder: Path) -> None:
     again = Workspace(folder)
     draft = again.draft
     assert draft is not None
-    assert again.take_up_draft(draft).lost == ()
+    assert again.take_up_draft(draft).clash == ()
     assert again.files == first
     again.save()
     assert _disk(folder) == first
@@ -316,7 +295,7 @@ def test_a_draft_that_is_not_answered_is_offered_again(folder: Path) -> None:
     third = Workspace(folder)
     draft = third.draft
     assert draft is not None
-    assert draft.changes[0].edits == (SAY,)
+    assert draft.files.keys() == {SPEECH}
     third.discard_draft()
     assert third.draft is None
     assert list((Path(os.environ["XDG_STATE_HOME"]) / "rise-tui" / "drafts").glob("*.json")) == []
@@ -332,10 +311,11 @@ def test_a_draft_on_files_that_have_changed_since(folder: Path) -> None:
     draft = again.draft
     assert draft is not None
     outside = again.take_up_draft(draft)
-    assert outside.files == (FACE,)
-    assert [change.edits for change in outside.lost] == [(SMILE,)]
-    assert [change.edits for change in again.changes] == [(SAY,)]
+    assert (outside.files, outside.clash) == ((FACE,), (FACE,))
+    assert b"2500" in again.files[FACE]
+    again.take_outside(outside.clash)
     assert b"9000" in again.files[FACE]
+    assert b"I am Floka." in again.files[SPEECH]
 
 
 def test_a_damaged_draft_is_none(folder: Path) -> None:
@@ -438,7 +418,7 @@ def test_a_program_and_a_person_change_one_study(folder: Path) -> None:
 
     outside = study.notice_outside()
     assert outside is not None
-    assert (outside.files, outside.lost) == ((FACE,), ())
+    assert (outside.files, outside.clash) == ((FACE,), ())
     assert study.save().files == (SPEECH,)
     study.close()
     made = subprocess.run(engine, input=edits, capture_output=True, text=True, check=False)

@@ -114,7 +114,7 @@ def test_neither_screen_nor_robot_is_imported_without_need_and_no_event_loop_to_
         ("n > 3 and not done", '{"n": 5}', ["value      true", "read as    (n > 3) and (not done)", "no done"]),
         ("n * 2", '{"n": 21}', ["value      42", "type       integer", "condition  true"]),
         ("name", '{"name": "Anna"}', ['value      "Anna"', "type       string"]),
-        ("not n > 3", '{"n": 2}', ["value      true", "differs    RISE reads this as `(not n) > 3`"]),
+        ("not n > 3", '{"n": 2}', ["value      true", "read as    not (n > 3)"]),
         ("1 / 0", "{}", ["value      Infinity", "type       number"]),
         ("nobody", "{}", ["value      null", "type       null", "condition  false"]),
     ],

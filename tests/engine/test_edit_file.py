@@ -1,4 +1,4 @@
-"""The commands edit, guide and new."""
+"""The commands edit and new."""
 
 from __future__ import annotations
 
@@ -9,7 +9,6 @@ import re
 import shutil
 import subprocess
 import sys
-from contextlib import closing
 from pathlib import Path
 
 import msgspec
@@ -17,7 +16,6 @@ import pytest
 from click.testing import CliRunner, Result
 
 from rise_engine.cli.edit_file import kinds_of_edits, read_edits
-from rise_engine.cli.guide import EXAMPLES, guide_text
 from rise_engine.cli.program import main
 from rise_engine.edit.workspace import Workspace
 from rise_engine.scenario import load
@@ -117,44 +115,6 @@ def test_files_that_hold_no_edits(folder: Path, text: str, told: str) -> None:
     assert told in ran.stderr
 
 
-def test_proposed_edits_are_kept_and_nothing_is_written(folder: Path) -> None:
-    before = _disk(folder)
-    bye = {"edit": "add_act", "name": "R_Bye", "text": "Bye!"}
-    see_you = {"edit": "add_action", "act": "R_Bye", "type": "Speech", "parameters": {"message": "See you."}}
-    with closing(Workspace(folder)) as editor:  # an open editor is in no one's way
-        done = _edit(folder, [bye, see_you], "--propose")
-        assert (done.exit_code, done.stderr) == (0, "")
-        assert done.stdout.splitlines()[:2] == [
-            "proposed: new act R_Bye, which says “Bye!”",
-            "proposed: R_Bye gets the action 2: Speech, message “See you.”",
-        ]
-        assert editor.notice_proposals() == 2
-    again = _edit(folder, [see_you | {"wait_for": ["1"]}, bye], "--propose")
-    assert again.exit_code == 1
-    assert "edit 1: there is no act `R_Bye`" in again.stderr
-    again = _edit(folder, [bye, see_you | {"wait_for": ["1"]}], "--propose", "--json")
-    assert len(json.loads(again.stdout)["proposed"]) == 1, "the first is proposed already"
-    again = _edit(folder, [bye], "--propose")
-    assert (again.exit_code, again.stdout) == (0, "")
-    assert "1 of them was proposed already" in again.stderr
-    assert _disk(folder) == before
-    with closing(Workspace(folder)) as editor:
-        assert [len(each.change.edits) for each in editor.waiting] == [1, 1, 1]
-
-
-def test_what_would_be_wrong_is_not_proposed(folder: Path) -> None:
-    wrong = {"edit": "replace_file", "file": "rules/new.xml", "text": "<InteractionRule"}
-    refused = _edit(folder, wrong, "--propose")
-    assert refused.exit_code == 1
-    assert "rules/new.xml:1" in refused.stderr and "nothing was written" in refused.stderr
-    nothing = _edit(folder, {"edit": "set_start_value", "key": "person_near", "value": False}, "--propose")
-    assert (nothing.exit_code, nothing.stdout) == (0, "")
-    assert "nothing was to be proposed" in nothing.stderr
-    assert _edit(folder, wrong, "--propose", "--dry-run").exit_code == 2
-    with closing(Workspace(folder)) as editor:
-        assert editor.waiting == ()
-
-
 def test_an_open_editor_and_its_draft_are_left_alone(folder: Path) -> None:
     before = _disk(folder)
     editor = Workspace(folder)
@@ -163,41 +123,6 @@ def test_an_open_editor_and_its_draft_are_left_alone(folder: Path) -> None:
     assert "here you can only look" in ran.stderr
     assert _disk(folder) == before
     editor.close()
-
-
-def test_the_guide_is_one_page_and_names_everything() -> None:
-    loaded = load(SCENARIOS / "lablinking")
-    page = guide_text(loaded.robot)
-    tokens = sum(-(-len(word) // 6) for word in re.findall(r"\w+|[^\w\s]", page))
-    assert tokens < 4_000  # each word counted as long pieces, each sign alone: more than any tokenizer makes of it
-    for name in [*kinds_of_edits(), *(name for name, spec in loaded.robot.actions.items() if spec.supported)]:
-        assert f"`{name}`" in page
-
-
-def test_what_the_guide_shows_is_a_scenario() -> None:
-    loaded = load("nowhere", held={name: text.encode() for name, text in EXAMPLES.items()})
-    assert loaded.errors == []
-    assert loaded.scenario is not None
-    assert set(loaded.scenario.acts) == {"R_Ask"}
-
-
-@pytest.mark.parametrize(
-    "expression",
-    ["1 = 1 or false xor not true", "1 != 2 and 2 >= 1", "'ab' contains 'a'", "'ab' starts with 'a'",
-     "'ab' ends with 'b'", "2 * 3 / 6 + 1 - 1 = 1", "2 ^ 3 = 8", "not nobody", "items[0].text = null"],
-)  # fmt: skip
-def test_the_operators_of_the_guide(expression: str) -> None:
-    ran = CliRunner().invoke(main, ["eval", expression, "--memory", '{"items": [{"text": null}]}'])
-    assert "true" in ran.stdout, ran.output
-
-
-def test_the_guide_of_a_robot() -> None:
-    ran = CliRunner().invoke(main, ["guide", "--robot", "floka"])
-    assert ran.exit_code == 0
-    assert "Actions of `floka`" in ran.stdout
-    wrong = CliRunner().invoke(main, ["guide", "--robot", "flocka"])
-    assert (wrong.exit_code, wrong.stdout) == (1, "")
-    assert "floka" in wrong.stderr
 
 
 def test_a_blank_study_can_be_checked_and_run(tmp_path: Path) -> None:
@@ -223,7 +148,8 @@ def test_a_copied_study_has_the_page_for_language_models(tmp_path: Path) -> None
     page = (to / "AGENTS.md").read_text("utf-8")
     named = set(re.findall(r"`rise-engine (\w+)", page))
     assert named <= set(main.list_commands(None))  # type: ignore[arg-type]
-    assert "rise-engine guide ." in page
+    reference = SCENARIOS.parent / "docs" / "reference"
+    assert all((reference / file).exists() for file in re.findall(r"`(\w+\.md)`", page))
 
 
 def test_new_refuses_what_makes_no_sense(tmp_path: Path) -> None:

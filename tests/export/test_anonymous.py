@@ -89,7 +89,7 @@ class _Killed(BaseException):
 
 
 class _DyingDisk(Disk):
-    """Ends the program when it is about to overwrite or sync for the `steps`-th time."""
+    """Ends the program when it is about to sync for the `steps`-th time."""
 
     def __init__(self, steps: int) -> None:
         self.left = steps

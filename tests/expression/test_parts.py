@@ -19,7 +19,6 @@ from rise_engine.expression import (
     MissingPartError,
 )
 from rise_engine.expression.assignment import MAX_BYTES
-from rise_engine.expression.rise1_compat import rise1_difference
 
 MEMORY: dict[str, Any] = {
     "items": [{"text": "one", "n": 1, "none": None}, {"text": "two", "n": 2, "in": [[7, 8]]}],
@@ -238,32 +237,6 @@ def test_a_value_does_not_grow_without_end() -> None:
         nested = [nested]
     with pytest.raises(EvaluationError, match="nested too deeply"):
         Assignment.parse("b[0] = c").entry(Environment({"b": [0], "c": nested}))
-
-
-COMPARED_WITH_RISE = {
-    "items[i].done": None,
-    "shuffle(items)[0] = 'a'": None,
-    "defined(items[i].x) and n > 3": None,
-    "not items[i].n > 3": "RISE reads this as `(not items[i].n) > 3`; write `not (items[i].n > 3)` to have",
-    "items[not n > 3]": None,
-    "'[' = a and not n > 3": "RISE reads this as",
-    "items[0]=5": "RISE reads `items[0]=5` as the name of one key; write `items[0] == 5`",
-    "range(3)": None,
-}
-
-
-def test_the_length_of_a_table_is_not_compared() -> None:
-    expression = Expression.parse("i < length(items) - 1 and not n > 3")
-    found = rise1_difference(expression, {"items"})
-    assert found is not None and "(not n) > 3" in found and "length(items)" in found
-    assert rise1_difference(Expression.parse("i < length(items) - 1"), {"items"}) is None
-    assert rise1_difference(Expression.parse("i < length(items) - 1")) == "RISE reads this as `i < (items - 1)`"
-
-
-@pytest.mark.parametrize(("text", "expected"), COMPARED_WITH_RISE.items())
-def test_rise_is_compared_around_an_index(text: str, expected: str | None) -> None:
-    found = rise1_difference(Expression.parse(text))
-    assert found is None if expected is None else found is not None and found.startswith(expected)
 
 
 # --- whatever the value is --------------------------------------------------------------------------------------------

@@ -11,7 +11,6 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from rise_engine.expression import EvaluationError, Expression, ExpressionError
-from rise_engine.expression.rise1_compat import rise1_difference, rise1_reading
 from tests.expression.numbers import as_number
 
 KEYS = ("a", "b", "c.d", "n", "m", "x")
@@ -60,14 +59,11 @@ def outcome(text: str, memory: dict[str, Any]) -> list[Any]:
 
 @given(st.text() | st.lists(st.sampled_from(WORDS), max_size=30).map(" ".join))
 def test_any_text_is_read_or_refused(text: str) -> None:
-    rise1_reading(text)
     try:
-        expression = Expression.parse(text)
+        Expression.parse(text)
     except ExpressionError as error:
         assert 1 <= error.column <= len(text) + 1
         assert error.message
-        return
-    rise1_difference(expression)
 
 
 @given(SHAPES, MEMORIES)

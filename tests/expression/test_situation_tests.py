@@ -11,6 +11,7 @@ from rise_engine.expression.functions import ARITY, SITUATION_ARITY
 from rise_engine.expression.key_places import keys_in_expression, names_in_property
 from rise_engine.expression.nodes import SituationTest
 from rise_engine.expression.signatures import SITUATION_SIGNATURES
+from tests.expression.situation_tests import situation_tests
 
 DOCS = Path(__file__).parents[2] / "docs/reference/conditions.md"
 
@@ -127,8 +128,8 @@ def test_without_a_situation_they_are_an_evaluation_error() -> None:
 def test_what_it_asks_and_reads() -> None:
     expression = Expression.parse_property("not (greeted and in('A', 'B')) or max(runs('C'), n) > 1")
     assert expression.keys == {"greeted", "n"}
-    assert set(expression.situation_tests) == {SituationTest("in", ("A", "B")), SituationTest("runs", ("C",))}
-    assert Expression.parse("greeted").situation_tests == ()
+    assert set(situation_tests(expression)) == {SituationTest("in", ("A", "B")), SituationTest("runs", ("C",))}
+    assert situation_tests(Expression.parse("greeted")) == []
     again = Expression.parse_property(expression.with_all_brackets)
     assert again.with_all_brackets == expression.with_all_brackets
 
@@ -156,6 +157,6 @@ def test_each_has_a_signature_and_none_is_a_function_of_conditions() -> None:
     assert [each.name for each in SITUATION_SIGNATURES] == [*SITUATION_ARITY]
     assert not SITUATION_ARITY.keys() & ARITY.keys()
     for each in SITUATION_SIGNATURES:
-        assert Expression.parse_property(each.example).situation_tests
+        assert situation_tests(Expression.parse_property(each.example))
         for written in each.written:
-            assert len(Expression.parse_property(written).situation_tests[0].names) == SITUATION_ARITY[each.name]
+            assert len(situation_tests(Expression.parse_property(written))[0].names) == SITUATION_ARITY[each.name]

@@ -174,19 +174,6 @@ def test_after_a_crash_it_asks_and_then_goes_on_or_begins_anew(root: Path) -> No
     assert again.end() == 0, "nobody is asked twice about a session that was left"
 
 
-def test_a_session_of_an_older_program_goes_on(root: Path) -> None:
-    old = Path(__file__).parents[1] / "session" / "old_sessions" / "before_studies_unfinished"
-    record = root / "sessions" / old.name
-    shutil.copytree(old, record)
-    it = Serving(record / "scenario", "--session", record)
-    assert it.record == record and it.end() == 0
-    told = [json.loads(line) for line in (record / JOURNAL).read_bytes().splitlines() if b'"kind":"session"' in line]
-    assert [each["status"] for each in told] == ["started", "recovered", "recovered", "ended"]
-    assert told[2]["downtime"] > 0 and told[2]["participant"] == "P07"
-    assert read_journal(record / JOURNAL).ended
-    assert engine("replay", record).returncode == 0
-
-
 TURNS = """<InteractionRule name="Turns" initial="Listen"><State id="Listen">
   <onEntry><function raiseEventTopic="/early" keep="4s"/></onEntry>
   <transition while="not session.speaking" after="3s" target="Prompt"/></State>

@@ -121,7 +121,7 @@ async def play(fault: str, moment: str, robot: str, transport: str) -> list[str]
     opened = open_transport(transport, asyncio.get_running_loop(), share=[folder / "share"])
     log = folder.parent / "did.jsonl"
     log.write_text("")
-    command = ["-m", "rise_adapters.ros2.examples.simulated_robot", "--config", str(folder), "--ros", robot]
+    command = ["-m", "rise_ros.examples.simulated_robot", "--config", str(folder), "--ros", robot]
     process = await asyncio.create_subprocess_exec(
         *(sys.executable, *command, "--fault", fault, "--log", str(log)),
         stdout=asyncio.subprocess.PIPE,

@@ -25,7 +25,7 @@ TRANSPORTS = [kind for kind in ("dds", "rclpy") if not missing(kind)]
 @contextmanager
 def robot_process(ros: str, log: Path) -> Iterator[None]:
     """A robot that writes down what it does."""
-    command = [sys.executable, "-m", "rise_adapters.ros2.examples.simulated_robot", "--robot", "rise", "--ros", ros]
+    command = [sys.executable, "-m", "rise_ros.examples.simulated_robot", "--robot", "rise", "--ros", ros]
     with log.open("wb") as file:
         process = subprocess.Popen(command, stdin=subprocess.DEVNULL, stdout=file, stderr=subprocess.STDOUT)
     try:

@@ -12,13 +12,13 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from rise_adapters.ros2.examples import run_node
-from rise_adapters.ros2.examples.answer_node import SYSTEM, AnswerNode
-from rise_adapters.ros2.examples.gaze_trigger import NOTHING, GazeTrigger, LookTimer, Region
-from rise_adapters.ros2.examples.keyword_spotter import Keyword, KeywordSpotter, split_words
-from rise_adapters.ros2.examples.session_client import SessionClient, SessionGoneError
-from rise_adapters.ros2.examples.topic_listener import TopicListener
 from rise_adapters.ros2.transport.port import Message, Publisher, QoS
+from rise_ros.examples import run_node
+from rise_ros.examples.answer_node import SYSTEM, AnswerNode
+from rise_ros.examples.gaze_trigger import NOTHING, GazeTrigger, LookTimer, Region
+from rise_ros.examples.keyword_spotter import Keyword, KeywordSpotter, split_words
+from rise_ros.examples.session_client import SessionClient, SessionGoneError
+from rise_ros.examples.topic_listener import TopicListener
 
 from tests.ros.memory import MemoryTransport, MemoryWire
 from tests.ros.model_server import ModelServer

@@ -43,7 +43,7 @@ def start(tmp_path: Path) -> Iterator[Start]:
 
 
 def node(start: Start, name: str, *options: str) -> Program:
-    return start(name, f"rise_adapters.ros2.examples.{name}", *options)
+    return start(name, f"rise_ros.examples.{name}", *options)
 
 
 @pytest.mark.slow
@@ -99,7 +99,7 @@ async def test_a_robot_that_knows_nothing_of_rise_plays_a_tour(start: Start, tmp
     profile = study / "robots" / "zora.toml"
     profile.write_text(profile.read_text("utf-8").replace("seconds = 3", "seconds = 0.3"), "utf-8")
     robot = start(
-        "robot", "rise_adapters.ros2.examples.simulated_robot", "--config", str(study), "--ros", "dds", "--log",
+        "robot", "rise_ros.examples.simulated_robot", "--config", str(study), "--ros", "dds", "--log",
         str(log), ZORA=str(study),
     )  # fmt: skip
     await robot.says("topic /cmd_vel")

@@ -12,11 +12,11 @@ from typing import Any
 import pytest
 from msgspec.structs import replace
 from rise_adapters.ros2.doctor.robot import check_robot
-from rise_adapters.ros2.examples.goal_reader import GoalReader
-from rise_adapters.ros2.examples.simulated_robot import RobotOnWire
 from rise_adapters.ros2.mapping import read_mappings
 from rise_adapters.ros2.transport import selection
 from rise_adapters.ros2.transport.port import QoS
+from rise_ros.examples.goal_reader import GoalReader
+from rise_ros.examples.simulated_robot import RobotOnWire
 
 from rise_engine.cli.check import check_report
 from rise_engine.engine.clock import RealClock

@@ -10,9 +10,9 @@ from typing import Any
 
 import pytest
 from rise_adapters.ros2.bridge import read_parameters
-from rise_adapters.ros2.examples.run_node import list_parameter_options, list_parameters, node_parser
 from rise_adapters.ros2.parameters import ParameterOption, ParameterServices, ReadableParameter, parameters_as_options
 from rise_adapters.ros2.transport.port import Message, PortError
+from rise_ros.examples.run_node import list_parameter_options, list_parameters, node_parser
 
 from rise_engine.ports.bridge import BridgeError
 from tests.ros.memory import MemoryTransport, MemoryWire

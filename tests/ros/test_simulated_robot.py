@@ -17,12 +17,12 @@ from rise_adapters.ros2.actions.client import (
     ActionClient,
     CancelResponse,
 )
-from rise_adapters.ros2.examples.goal_reader import GoalReader
-from rise_adapters.ros2.examples.run_node import NodeError
-from rise_adapters.ros2.examples.simulated_robot import RobotOnWire, find_robot
 from rise_adapters.ros2.mapping import read_mappings, with_all_carriers
 from rise_adapters.ros2.robot import Ros2Robot
 from rise_adapters.ros2.transport.port import Message
+from rise_ros.examples.goal_reader import GoalReader
+from rise_ros.examples.run_node import NodeError
+from rise_ros.examples.simulated_robot import RobotOnWire, find_robot
 
 from rise_engine.engine.clock import RealClock, VirtualClock
 from rise_engine.engine.engine import Engine

@@ -104,7 +104,7 @@ def test_a_session_and_its_robot_on_two_computers(
     for name, text in settings.items():
         (tmp_path / f"{name}.xml").write_text(text, "utf-8")
         environment[name] = str(tmp_path / f"{name}.xml") if text else ""
-    node = (sys.executable, "-m", "rise_adapters.ros2.examples.simulated_robot", "--config", str(tmp_path))
+    node = (sys.executable, "-m", "rise_ros.examples.simulated_robot", "--config", str(tmp_path))
     robot = Program(tmp_path / "robot.log", *in_namespace(computers[1], *node, "--ros", ros), **environment)
     run = (sys.executable, "-m", "rise_engine", "run", str(tmp_path), "--act", "Hello", "--json", "--ros", ros)
     session = Program(tmp_path / "session.log", *in_namespace(computers[0], *run), **environment)

@@ -10,11 +10,11 @@ from functools import cache
 from pathlib import Path
 from typing import Any
 
-from rise_adapters.ros2.examples.robot_log import RobotLog
-from rise_adapters.ros2.examples.simulated_robot import RobotOnWire
 from rise_adapters.ros2.mapping import read_mappings
 from rise_adapters.ros2.robot import Ros2Robot
 from rise_adapters.ros2.transport.interfaces import InterfaceCatalog
+from rise_ros.examples.robot_log import RobotLog
+from rise_ros.examples.simulated_robot import RobotOnWire
 
 from rise_engine.engine.clock import VirtualClock
 from rise_engine.kernel.commands import StartAction

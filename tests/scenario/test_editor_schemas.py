@@ -19,7 +19,7 @@ from tests.scenario.test_diagnostics import ACTS, RULES
 
 BEYOND = (
     "duplicate-id unknown-id cycle bad-name wrong-type out-of-range unknown-name template unset-key unknown-path",
-    "empty-act unknown-act unknown-rule unheard-event assignment bare-word condition reads-differently unraised-event",
+    "empty-act unknown-act unknown-rule unheard-event assignment bare-word condition odd-blank unraised-event",
     "unknown-state duplicate-state unreachable-state unreachable-transition no-effect ambiguous-else missing-value",
     "short-loop own-session",
 )

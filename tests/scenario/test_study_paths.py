@@ -14,7 +14,6 @@ from click.testing import CliRunner
 from rise_engine.cli import main
 from rise_engine.edit.edits import AddAct, AddRule, AnyEdit, ReplaceFile, SetSetting
 from rise_engine.edit.plan import EditRefused
-from rise_engine.edit.proposals import ProposalFiles
 from rise_engine.edit.saving import finish_interrupted, write_files
 from rise_engine.edit.study_folder import read_study_files
 from rise_engine.edit.workspace import Workspace
@@ -114,7 +113,7 @@ EDITS: list[AnyEdit] = [
 ]
 
 
-@pytest.mark.parametrize("option", ["", "--dry-run", "--propose"])
+@pytest.mark.parametrize("option", ["", "--dry-run"])
 def test_a_file_of_edits_that_leads_out_is_refused_whole(study: Path, tmp_path: Path, option: str) -> None:
     edits = tmp_path / "edits.json"
     edits.write_bytes(msgspec.json.encode([*EDITS, SetSetting(("title",), "Changed")]))
@@ -124,7 +123,6 @@ def test_a_file_of_edits_that_leads_out_is_refused_whole(study: Path, tmp_path: 
     told = [line for line in found.output.splitlines() if ": edit " in line]
     assert len(told) == len(EDITS) and found.output.endswith("nothing was written\n")
     assert everything(study) == before
-    assert ProposalFiles(study).read() == {}
 
 
 def test_the_note_of_a_save_names_files_of_the_study_alone(study: Path) -> None:

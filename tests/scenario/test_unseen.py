@@ -203,3 +203,11 @@ def test_a_memory_key_in_two_characters(tmp_path: Path) -> None:
     first, second = loaded(tmp_path, files).diagnostics
     assert first.code == "unwritable-key" and f'write "{WHOLE}"' in first.message
     assert second.code == "condition" and "type it again as one character: `ü`" in second.message
+
+
+def test_of_two_names_alike_the_same_one_is_named_whatever_order_they_have() -> None:
+    names = ["Conversation_Over", "conversation_over", "conversation.over"]
+    told = {
+        did_you_mean("/conversation_over", set(each)) for each in (names, names[::-1], [*names, *map(str, range(99))])
+    }
+    assert told == {"; did you mean `Conversation_Over`?"}

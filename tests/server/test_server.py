@@ -74,7 +74,7 @@ async def test_a_line_without_bounds_ends_that_connection(scratch: Path, ended: 
 async def test_a_line_may_come_in_bits_and_many_at_once(scratch: Path) -> None:
     async with served(scratch) as session:
         raw = await RawConnection.open(session.path)
-        for byte in b'{"type":"attach","version":2,"name":"slow","role":"node"}\n':
+        for byte in b'{"type":"attach","version":1,"name":"slow","role":"node"}\n':
             raw.writer.write(bytes([byte]))
             await raw.writer.drain()
             await asyncio.sleep(0)

@@ -238,14 +238,6 @@ def test_what_a_recovery_kept_is_erased(made: Made) -> None:
     assert (made.folder / "journal.torn-2").exists()
 
 
-def test_the_old_bytes_are_overwritten(made: Made) -> None:
-    size = made.journal.stat().st_size
-    descriptor = os.open(made.journal, os.O_RDONLY)
-    redact(made.folder, words("Zoë=NAME1"))
-    assert os.read(descriptor, size + 1) == bytes(size)
-    os.close(descriptor)
-
-
 def test_a_hard_link_of_a_backup_is_left_and_said(made: Made, tmp_path: Path) -> None:
     os.link(made.journal, tmp_path / "backup")
     before = made.journal.read_bytes()

@@ -6,14 +6,12 @@ from pathlib import Path
 
 import msgspec
 import pytest
-from msgspec.structs import replace
 
 from rise_engine.analysis.model import SessionData
 from rise_engine.analysis.reading import read_session
 from rise_engine.kernel.inputs import Note, SessionStarted
 from rise_engine.kernel.records import RuleRecord, TaskRecord
-from rise_engine.session.folder import INFO, JOURNAL, read_info, write_info
-from rise_engine.session.journal_format import FORMAT
+from rise_engine.session.folder import JOURNAL, read_info
 from rise_engine.session.levels import ExportLevel
 from rise_engine.session.replay import compare_replay
 from rise_engine.session.sharing import CannotShare, share_session
@@ -95,11 +93,9 @@ def test_a_shared_session_replays_and_says_what_its_level_says(tmp_path: Path, l
 
 def test_what_session_toml_says(tmp_path: Path) -> None:
     folder = play_session(tmp_path / "sessions", short())
-    write_info(folder / INFO, replace(read_info(folder), format=1))  # an older version's
     report = share_session(folder, tmp_path / "new", level="shared", wizards={"anna": "Wizard-A"})
     info = read_info(tmp_path / "new")
     assert (info.wizard, info.started, info.scenario_folder, info.machine) == ("Wizard-A", "", "", {})
-    assert info.format == FORMAT, "its journal is written anew"
     assert (info.participant, info.seed, info.scenario_hash) == ("P01", 7, read_info(folder).scenario_hash)
     assert report.people == {"anna": "Wizard-A"}
     assert report.own_values == []
@@ -109,14 +105,6 @@ def test_a_recovered_session_can_be_shared(tmp_path: Path) -> None:
     target = shared(recovered_session(tmp_path / "sessions"), tmp_path / "new")
     assert compare_replay(target).identical
     assert not [secret for secret in SECRETS if secret in text_of(target)]
-
-
-@pytest.mark.parametrize("name", ["before_studies_ended", "before_turns_ended"])
-def test_sessions_of_older_versions_can_be_shared(tmp_path: Path, name: str) -> None:
-    """They lack fields that their records would have today; what is written has them."""
-    target = shared(Path(__file__).parent / "old_sessions" / name, tmp_path / "new", "public")
-    assert compare_replay(target).identical
-    assert "anna" not in text_of(target)
 
 
 def test_words_that_decide_are_not_shared(tmp_path: Path) -> None:

@@ -207,13 +207,6 @@ def test_a_damaged_log_is_no_reason_to_guess(made: Folder) -> None:
     assert made.sessions[0].exists()
 
 
-def test_the_old_log_is_overwritten(made: Folder) -> None:
-    descriptor = os.open(made.study / LOG_FILE, os.O_RDONLY)
-    withdraw(made.study, "P01")
-    assert b"P01" not in os.read(descriptor, 1_000_000)
-    os.close(descriptor)
-
-
 def test_what_others_wrote_about_them_is_told(made: Folder) -> None:
     (made.study / "diary.md").write_text("fine\nP01 was late\n")
     (made.sessions[2] / "scenario" / "note.txt").write_text("like P01")

@@ -15,7 +15,7 @@ from rise_engine.cli import main
 from rise_engine.cli.redact import redact_in_study
 from rise_engine.export.format import ExportError
 from rise_engine.export.writing import new_export
-from rise_engine.session.disk import Disk, tree_hash
+from rise_engine.session.disk import tree_hash
 from rise_engine.session.media import MediaFile, register_media
 from rise_engine.session.redaction import RedactionReport
 from rise_engine.session.unfinished_files import private_folder
@@ -148,22 +148,19 @@ def test_a_file_with_another_name_is_told(made: Folder) -> None:
     assert (made.root / "backup.jsonl").exists()
 
 
-class FullDisk(Disk):
-    """Does not write one file."""
-
-    def __init__(self, path: Path) -> None:
-        self._inode = path.stat().st_ino
-
-    def write(self, descriptor: int, data: bytes, offset: int) -> None:
-        if os.fstat(descriptor).st_ino == self._inode:
-            raise OSError(errno.EROFS, os.strerror(errno.EROFS))
-        super().write(descriptor, data, offset)
-
-
 @pytest.mark.parametrize("what", ["videos/one", "study/p01.csv", "session"])
 def test_what_cannot_be_erased_is_told_the_rest_is_and_the_next_time_goes_on(made: Folder, what: str) -> None:
     path = made.sessions[1] / "journal.jsonl" if what == "session" else made.root / what
-    report = withdraw(made.study, "P01", FullDisk(path))
+    number, unlink = path.stat().st_ino, Path.unlink
+
+    def refused(file: Path, missing_ok: bool = False) -> None:
+        if file.exists() and file.lstat().st_ino == number:
+            raise OSError(errno.EROFS, os.strerror(errno.EROFS))
+        unlink(file, missing_ok)
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(Path, "unlink", refused)
+        report = withdraw(made.study, "P01")
     said = [each for each in report.unreached if "could not be erased: " in each]
     assert len(said) == 1 and (path.name in said[0] or "sessions" in said[0] or WORK_FOLDER in said[0])
     assert len(report.erased) == 3 + 2 + 3 - 1 and (made.study / WORK_FOLDER).exists()

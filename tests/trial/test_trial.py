@@ -17,7 +17,6 @@ from rise_engine.scenario import load
 from rise_engine.scenario.model import KeyBinding, Scenario
 from rise_engine.session.journal_format import encode_record
 from rise_engine.trial.happened import happened, happened_in
-from rise_engine.trial.keeping import task_file_text
 from rise_engine.trial.standing import (
     events_to_raise,
     key_choices,
@@ -27,6 +26,7 @@ from rise_engine.trial.standing import (
 )
 from rise_engine.trial.trial import LONGEST, Trial
 from tests.sources import ROOT
+from tests.trial.task_files import task_file_text
 
 RULES = """<InteractionRule name="Guide" initial="Waiting">
   <State id="Waiting">

@@ -163,7 +163,7 @@ class ObsRecorder:
         try:
             from aiohttp import ClientError, ClientSession, ClientTimeout  # of an extra that may not be installed
         except ImportError:
-            raise RecorderError('OBS is reached by a package that is missing: pip install "rise-tui[web]"') from None
+            raise RecorderError('OBS is reached by a package that is missing: pip install "rise-tui[obs]"') from None
         await self.close()
         self._http = ClientSession(timeout=ClientTimeout(total=None, connect=ANSWER_SECONDS))
         try:

@@ -1,4 +1,4 @@
-"""What `ros2 run rise_ros NAME` starts. All of it is in the Python package rise-tui; this only finds it.
+"""What `ros2 run rise_ros NAME` starts: programs of the Python package rise-tui, and the nodes of `rise_ros.examples`.
 
 ROS programs take `--config` where `rise-engine serve` takes the folder by itself, so that launch files read better:
 
@@ -10,7 +10,7 @@ from __future__ import annotations
 import sys
 from importlib import import_module
 
-_NODES = "rise_adapters.ros2.examples"
+_NODES = "rise_ros.examples"
 
 
 def engine() -> None:

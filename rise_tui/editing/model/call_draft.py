@@ -8,7 +8,6 @@ from typing import Literal, NamedTuple, TypeAlias
 from rise_engine.edit.edits import CallForm
 from rise_engine.expression import Assignment, Environment, EvaluationError, ExpressionError, lookup
 from rise_engine.nearest_name import did_you_mean
-from rise_engine.scenario.blocks import FUNCTIONS
 from rise_engine.scenario.delays import MIN_SECONDS
 from rise_engine.scenario.durations import MAX_SECONDS, parse_time
 from rise_engine.scenario.memory import is_writable_key
@@ -78,11 +77,6 @@ class CallDraft(NamedTuple):
             case "assignValue":
                 key, value = self.key.strip(), self.value.strip()
                 return CallForm(function, f"{key} = {value}" if key else value)
-
-    def next_function(self, step: int) -> CallDraft:
-        """With the next function of the list, or the one before."""
-        at = FUNCTIONS.index(self.function)
-        return self._replace(function=FUNCTIONS[(at + step) % len(FUNCTIONS)])
 
 
 def is_changed(draft: CallDraft, was: CallForm) -> bool:

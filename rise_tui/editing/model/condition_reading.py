@@ -11,7 +11,6 @@ from typing import Literal, NamedTuple, TypeAlias
 
 from rise_engine.expression import Environment, EvaluationError, Expression, ExpressionError, lookup
 from rise_engine.expression.errors import MISSING_PART
-from rise_engine.expression.rise1_compat import rise1_difference
 from rise_engine.expression.signatures import SIGNATURES
 from rise_engine.nearest_name import did_you_mean
 from rise_engine.scenario.model import SESSION, Json
@@ -53,8 +52,6 @@ class TypedCondition(NamedTuple):
     why_unknown: str = ""
     unknown_keys: tuple[str, ...] = ()
     """Sentences about keys that nothing in the study sets."""
-    difference: str = ""
-    """What RISE would read instead."""
 
     @property
     def expression(self) -> Expression | None:
@@ -88,7 +85,6 @@ def read_condition(text: str, names: StudyNames, *, memory: Mapping[str, Json] |
         holds=holds,
         why_unknown=why,
         unknown_keys=tuple(unknown_key_notes(expression, names)),
-        difference=rise1_difference(expression, names.tables) or "",
     )
 
 
@@ -107,8 +103,6 @@ def reading_notes(reading: TypedCondition, basis: str = "at the start") -> list[
         notes.append(FieldNote("info", f"read as {reading.explicit}"))
     notes.append(FieldNote("info", _truth_text(reading, basis)))
     notes += [FieldNote("warning", text) for text in reading.unknown_keys]
-    if reading.difference:
-        notes.append(FieldNote("warning", reading.difference))
     return notes
 
 

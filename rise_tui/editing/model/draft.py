@@ -3,16 +3,14 @@
 from __future__ import annotations
 
 import tomllib
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from functools import lru_cache
 from typing import NamedTuple
 
 from msgspec import Struct
 
-from rise_engine.edit.conflicts import conflict_files
 from rise_engine.edit.outline import Outline
 from rise_engine.edit.plan import Files
-from rise_engine.edit.waiting import Outlook
 from rise_engine.edit.workspace import Change, Workspace
 from rise_engine.scenario import LoadResult
 from rise_engine.scenario.diagnostics import Diagnostic
@@ -40,12 +38,8 @@ class StudyDraft(Struct, frozen=True):
     checked: LoadResult
     uses: Uses
     changes: Sequence[Change]
-    waiting: Sequence[Outlook] = ()
-    """Changes that wait for the author: set aside, or proposed."""
     above: Files = {}
     """The study.toml of a folder above, by its path: shown, and not changed here."""
-    conflicts: Mapping[str, int] = {}
-    """Files that git could not join, and in how many places."""
 
     @property
     def title(self) -> str:
@@ -101,9 +95,7 @@ def draft_of(workspace: Workspace) -> StudyDraft:
         workspace.checked,
         workspace.uses,
         tuple(workspace.changes),
-        workspace.outlooks,
         workspace.above,
-        conflict_files(workspace.files),
     )
 
 

@@ -9,7 +9,6 @@ from typing import Any, NamedTuple
 from rise_engine.edit.edits import CallForm
 from rise_engine.edit.outline import Outline, WrittenRule, WrittenStatement
 from rise_engine.edit.plan import Files
-from rise_engine.expression import Assignment, ExpressionError
 from rise_engine.scenario.cross_references import ACT_END_SUFFIXES
 from rise_engine.scenario.draft import ScenarioDraft
 from rise_engine.scenario.memory_paths import MemoryPaths
@@ -170,18 +169,6 @@ def acts_started_by(rule: WrittenRule) -> tuple[str, ...]:
     """The acts that a rule starts, in the file's order."""
     calls = calls_of_rule(rule)
     return tuple(dict.fromkeys(call.argument for call in calls if call.function == "startCommunicationRobotAct"))
-
-
-def keys_set_by(rule: WrittenRule) -> frozenset[str]:
-    """The memory keys that a rule sets."""
-    found: set[str] = set()
-    for call in calls_of_rule(rule):
-        if call.function == "assignValue":
-            try:
-                found.update(each.key for each in Assignment.parse_all(call.argument))
-            except ExpressionError:
-                continue
-    return frozenset(found)
 
 
 def short_value(value: Json) -> str:

@@ -91,12 +91,7 @@ def study_rows(draft: StudyDraft, width: int, wanted: str = "") -> list[ListRow]
     rows += [ListRow(row_id(kind), _also_line(title, help, width)) for kind, title, help in also]
     if wanted and not acts and not rules and not also:
         rows.append(ListRow("", ((" nothing has this name, or says this", "muted"),), selectable=False))
-    for file, places in draft.conflicts.items():
-        text = f" ✗ {file}: {places} to choose, of two versions (git)"
-        rows.append(ListRow(row_id("merge", file), crop(((text, "fault"),), width)))
     for file, why in draft.outline.unreadable.items():
-        if file in draft.conflicts:
-            continue
         text = f" ✗ {file}: {clean(why)}"
         rows.append(ListRow(row_id("file", file), crop(((text, "fault"),), width)))
     return rows
@@ -157,8 +152,6 @@ def _last_line(draft: StudyDraft, act: WrittenAct) -> int:
 
 def find_at(draft: StudyDraft, file: str, line: int) -> tuple[str, str] | None:
     """Which page shows what stands in this line: its kind and name."""
-    if file in draft.conflicts:
-        return "merge", file
     for act in draft.outline.acts:
         if act.file == file and act.line <= line <= _last_line(draft, act):
             return "act", act.name

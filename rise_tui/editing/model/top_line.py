@@ -18,8 +18,6 @@ def top_line(draft: StudyDraft, width: int, *, busy: str = "") -> StyledLine:
     left.append((f"  ✗ {count(errors, 'error')}", "fault") if errors else ("  ✓ no errors", "plain"))
     if warnings:
         left.append((f"  ▲ {count(warnings, 'warning')}", "wait"))
-    if waiting := sum(not each.waiting.given_up for each in draft.waiting):
-        left.append((f"  ◆ {waiting} {'waits' if waiting == 1 else 'wait'} (p)", "wait"))
     number = len(draft.changes)
     unsaved: StyledSpan = ("saved ", "muted")
     if draft.changed_files:

@@ -98,11 +98,6 @@ class TransitionDraft(NamedTuple):
             target=self.target.strip() or None,
         )
 
-    def with_outcome(self, outcome: str) -> TransitionDraft:
-        """With one outcome ticked, or not any more; all three are the same as none."""
-        ticked = {*self.outcomes} ^ {outcome}
-        return self._replace(outcomes=tuple(each for each in OUTCOMES if each in ticked))
-
 
 def likely_way(state: WrittenState) -> TransitionDraft:
     """With what a new way out begins: the end of the act that the state starts, while no way waits for it anyhow."""

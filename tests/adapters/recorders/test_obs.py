@@ -136,5 +136,5 @@ async def test_without_its_package_a_sentence_says_what_to_install(monkeypatch: 
 
     monkeypatch.delitem(sys.modules, "aiohttp")
     monkeypatch.setattr(builtins, "__import__", without)
-    with pytest.raises(RecorderError, match=r'pip install "rise-tui\[web\]"'):
+    with pytest.raises(RecorderError, match=r'pip install "rise-tui\[obs\]"'):
         await ObsRecorder("obs", {}).prepare(PLAN)

@@ -53,10 +53,6 @@ def test_what_cannot_be_worked_out_says_why_in_a_sentence() -> None:
     assert note.text.startswith("with these values it cannot be worked out: `items` has the entries 0 to 1, and no 5")
 
 
-def test_another_reading_of_rise_is_told() -> None:
-    assert any(note.level == "warning" and "RISE" in note.text for note in notes("not step = 1"))
-
-
 def test_values_of_a_trial_take_the_place_of_those_of_the_start() -> None:
     assert read_condition("step > 2", NAMES).holds is False
     assert read_condition("step > 2", NAMES, memory={"step": 3}).holds is True

@@ -271,10 +271,33 @@ async def test_what_somebody_else_writes_is_taken_in_and_own_changes_stay(study:
         await it.until(lambda: "Welcome." in it.draft_text)
         file.write_text('{"from_outside": 1}')
         it.screen.look_outside()
-        await it.until(lambda: "changed outside: taken in" in it.notice)
+        await it.until(lambda: "changed on the disk: read again" in it.notice)
         assert "from_outside" in it.draft_text
         assert "Welcome." in it.draft_text
     assert file.read_text() == '{"from_outside": 1}'
+
+
+@pytest.mark.parametrize("key", ["o", "escape"])
+async def test_a_file_changed_here_and_on_the_disk_is_asked_about(study: Path, key: str) -> None:
+    async with editor(study) as it:
+        await open_speech(it, "R_Greeting")
+        await it.press("enter", "end")
+        await it.type(" Welcome.")
+        await it.press("enter")
+        await it.until(lambda: "Welcome." in it.draft_text)
+        (file,) = it.screen.study.draft.changed_files
+        text = (study / file).read_text() + "<!-- theirs -->"
+        (study / file).write_text(text)
+        it.screen.look_outside()
+        await it.until(lambda: isinstance(it.pilot.app.screen, Dialog))
+        assert "Welcome." in it.draft_text and "theirs" not in it.draft_text
+        await it.press(key)
+        await it.until(lambda: it.pilot.app.screen is it.screen)
+        if key == "o":
+            await it.until(lambda: "theirs" in it.draft_text and "Welcome." not in it.draft_text)
+            it.screen.action_do("edit.undo")
+        await it.until(lambda: "Welcome." in it.draft_text and "theirs" not in it.draft_text)
+    assert (study / file).read_text() == text
 
 
 async def test_a_draft_that_was_not_saved_is_offered_again(study: Path) -> None:

@@ -249,7 +249,7 @@ async def test_what_somebody_else_has_saved_is_explored_and_errors_are_not(study
         (study / RULE).write_text(text.replace('target="Nobody"', 'target="Nobod"', 1))
         it.screen.look_outside()
         await it.until(lambda: it.screen.study.draft.checked.errors)
-        await it.until(lambda: "taken in" in it.notice)
+        await it.until(lambda: "read again" in it.notice)
         await it.open("rule", "Greeting\0Nobody")
         await it.until(lambda: "explored (as saved at 14:05): Greeting can" in shown_rule(it)[1])
         assert explorer.asked == 2

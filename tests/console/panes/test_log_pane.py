@@ -352,20 +352,6 @@ def test_a_full_disk_leaves_no_half_file(tmp_path: Path) -> None:
     assert list(tmp_path.iterdir()) == []
 
 
-async def test_a_console_in_a_browser_saves_nothing_and_says_why(tmp_path: Path) -> None:
-    client = FakeClient(demo(), you="observer:ben", role="observer", folder=str(tmp_path))
-    async with console(client=client, in_browser=True) as it:
-        events(it, 3)
-        it.screen.action_do("log.save")
-        await it.until(lambda: "Save the rows shown: not now, this console is in a browser" in it.notice)
-        pane, _ = log_of(it)
-        assert not pane.save_bar.is_open
-        it.screen.pane_layout.focus_pane("log")
-        await it.press("enter", "s")
-        await it.until(lambda: "in a browser, which writes no files" in it.notice)
-    assert names_in(tmp_path) == []
-
-
 def names_in(folder: Path) -> list[str]:
     return [each.name for each in folder.iterdir()]
 

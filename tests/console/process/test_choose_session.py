@@ -22,7 +22,7 @@ from tests.console.terminals import ROOT, environment_of
 
 def about(**given: Any) -> SessionSummary:
     usual: dict[str, Any] = {
-        "version": 2,
+        "version": 1,
         "title": "LabLinking",
         "mode": "debug",
         "robot": "pepper",

@@ -62,15 +62,7 @@ def test_what_a_session_begins_with(asked: list[CommandLine]) -> None:
 
 def test_what_is_usual(asked: list[CommandLine]) -> None:
     assert CliRunner().invoke(main, []).exit_code == 0
-    assert asked[0].display == DisplayOptions() and asked[0].web is None and asked[0].role == "wizard"
-
-
-@pytest.mark.parametrize(
-    ("arguments", "port"), [(("--web",), 8321), (("--web", "9000"), 9000), (("--web", "--theme", "light"), 8321)]
-)
-def test_web_with_and_without_a_port(asked: list[CommandLine], arguments: tuple[str, ...], port: int) -> None:
-    assert CliRunner().invoke(main, list(arguments)).exit_code == 0
-    assert asked[0].web == port
+    assert asked[0].display == DisplayOptions() and asked[0].role == "wizard"
 
 
 @pytest.mark.parametrize(
@@ -78,8 +70,6 @@ def test_web_with_and_without_a_port(asked: list[CommandLine], arguments: tuple[
     [
         (("--config", "x", "--session", "y"), "say either --config or --session"),
         (("--session", "x", "--replay", "y"), "say either --session or --replay"),
-        (("--web", "--replay", "y"), "say either --replay or --web"),
-        (("--web", "--config", "x", "--participant", "P07"), "--participant say how a session starts, and --web"),
         (("--set", "a=1"), "--set say how a session starts"),
         (("--place", "memory=b.json"), "--place say how a session starts"),
         (("--participant", "P07"), "--participant say how a session starts: name its scenario"),
@@ -89,7 +79,6 @@ def test_web_with_and_without_a_port(asked: list[CommandLine], arguments: tuple[
         (("--fps", "0"), "Invalid value for '--fps'"),
         (("--fps", "61"), "Invalid value for '--fps'"),
         (("--mouse", "maybe"), "Invalid value for '--mouse'"),
-        (("--web", "70000"), "Invalid value for '--web'"),
         (("--theme", "light", "info"), "--theme cannot stand before `info`"),
         (("--config", "x", "--new", "keys", "x"), "--config, --new cannot stand before `keys`"),
         (("nothing",), "No such command 'nothing'"),

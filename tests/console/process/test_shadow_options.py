@@ -97,8 +97,7 @@ def test_a_session_that_is_none_is_named(tmp_path: Path) -> None:
     [
         (("--shadow", "x", "--replay", "y"), "say either --replay or --shadow"),
         (("--shadow", "x", "--config", "y"), "say either --config or --shadow"),
-        (("--shadow", "x", "--observe"), "neither --web nor --observe"),
-        (("--shadow", "x", "--web"), "neither --web nor --observe"),
+        (("--shadow", "x", "--observe"), "--observe does not go with it"),
         (("--at", "3"), "--at is for --shadow"),
         (("--replay", "x", "--at", "3"), "--at is for --shadow"),
         (("--shadow", "x", "--recover", "--at", "3"), "--recover goes on where the shadow stopped"),

@@ -4,13 +4,7 @@ from __future__ import annotations
 
 import ast
 import re
-import sys
-import threading
-from collections.abc import Iterator
-from contextlib import contextmanager
 from pathlib import Path
-from types import FrameType
-from typing import Any
 
 import pytest
 
@@ -22,6 +16,7 @@ from rise_tui.console.app import ConsoleApp
 from tests.console.conftest import Console
 from tests.console.fake import DEMO, FakeClient, FakeLauncher, demo
 from tests.server.serving import OwnSession
+from tests.shape import calls
 from tests.sources import ROOT, parsed
 
 NOT_HERE = re.compile(
@@ -48,29 +43,6 @@ def functions_on_the_map(heading: str) -> set[tuple[str, str]]:
     rows = STEP.findall(next(text for text in section if text.startswith(heading)))
     named = {(file, name) for row in rows for file, names in PLACE.findall(row) for name in names.split(", ")}
     return {(file, name) for file, name in named if not NOT_HERE.match(file) and is_function(file, name)}
-
-
-@contextmanager
-def calls() -> Iterator[set[tuple[str, str]]]:
-    """The file and the name of everything that is called, on threads that begin meanwhile, too."""
-    seen: set[Any] = set()
-
-    def profile(frame: FrameType, event: str, _argument: object) -> None:
-        if event == "call":
-            seen.add(frame.f_code)
-
-    found: set[tuple[str, str]] = set()
-    threading.setprofile(profile)
-    sys.setprofile(profile)
-    try:
-        yield found
-    finally:
-        sys.setprofile(None)
-        threading.setprofile(None)  # type: ignore[arg-type]
-        for code in seen:
-            path = Path(code.co_filename)
-            if path.is_relative_to(ROOT):
-                found.add((str(path.relative_to(ROOT)), code.co_qualname))
 
 
 @pytest.mark.slow

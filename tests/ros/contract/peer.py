@@ -19,12 +19,12 @@ from rise_adapters.ros2 import compatibility
 from rise_adapters.ros2.actions.client import ALL_GOALS, ActionClient
 from rise_adapters.ros2.actions.server import ActionServer, Decide
 from rise_adapters.ros2.actions.server_goal import ServerGoal
-from rise_adapters.ros2.examples.topic_listener import TopicListener
 from rise_adapters.ros2.mapping import ActionMapping, GoalDeadlines
 from rise_adapters.ros2.mapping.field_sources import MessageSource
 from rise_adapters.ros2.parameters import ParameterServices, ReadableParameter
 from rise_adapters.ros2.transport.port import Message, PortError, QoS, SendReply, Transport
 from rise_adapters.ros2.transport.selection import open_transport
+from rise_ros.examples.topic_listener import TopicListener
 
 from rise_engine.engine.clock import RealClock
 

@@ -1,1 +1,0 @@
-"""Nodes that run beside a session (docs/how-to/feature-nodes.md): `python -m rise_adapters.ros2.examples.NAME`."""

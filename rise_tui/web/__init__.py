@@ -1,1 +1,0 @@
-"""`rise-tui --web`: the console in browsers on this machine, for those who only watch."""

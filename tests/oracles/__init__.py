@@ -1,0 +1,1 @@
+"""Golden outputs of a tree, so that two trees can be compared: `tests/oracles/__main__.py`."""
