@@ -246,7 +246,9 @@ def _become(what: dict[str, Any], streams: list[int]) -> None:
 if __name__ == "__main__":
     from rise_engine.cli import program
 
-    for module in {*program._COMMANDS.values(), "rise_adapters.simulated", "rise_adapters.ros2.profile_check"}:
+    for module in set(program.COMMANDS.values()):
+        import_module(f"rise_engine.cli.{module}")
+    for module in ("rise_adapters.simulated", "rise_adapters.ros2.profile_check"):
         import_module(module)
     with suppress(SystemExit):
         program.main(["check", str(Path(__file__).parents[1] / "scenarios" / "greeting")], standalone_mode=False)

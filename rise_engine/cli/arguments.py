@@ -27,21 +27,6 @@ from rise_engine.scenario.shipped_studies import resolve_study, shipped_hint
 from rise_engine.text import clean
 
 
-def split_ros_args(arguments: Sequence[str]) -> tuple[list[str], tuple[str, ...]]:
-    """Our own arguments, and those between `--ros-args` and `--` or the end, as every ROS 2 program takes them."""
-    own: list[str] = []
-    ros_args: list[str] = []
-    inside = False
-    for each in arguments:
-        if each == "--ros-args":
-            inside = True
-        elif inside and each == "--":
-            inside = False
-        else:
-            (ros_args if inside else own).append(each)
-    return own, tuple(ros_args)
-
-
 def add_ros_parameters(
     own: list[str], ros_args: tuple[str, ...], command: click.Command
 ) -> tuple[list[str], tuple[str, ...]]:

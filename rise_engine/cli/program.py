@@ -14,54 +14,100 @@ from typing import Any
 import click
 
 from rise_engine import __version__
-from rise_engine.cli.arguments import add_ros_parameters, split_ros_args
 from rise_engine.cli.terminal import clean_standard_streams
 from rise_engine.exit_status import INTERRUPTED
 
-_SCENARIO = "rise_engine.cli.scenario_commands"
-_SESSION = "rise_engine.cli.session_commands"
-_STUDY = "rise_engine.cli.study_commands"
-_COMMANDS = {
-    **dict.fromkeys(("check", "doctor", "eval", "expand", "robots", "schema"), _SCENARIO),
-    "lsl": "rise_engine.cli.lsl",
-    "lsp": "rise_engine.cli.lsp",
-    "agree": "rise_engine.cli.agree",
-    "coded": "rise_engine.cli.coded",
-    "convert": "rise_engine.cli.convert",
-    "explore": "rise_engine.cli.explore",
-    "export": "rise_engine.cli.export",
-    "import": "rise_engine.cli.imports",
-    "graph": "rise_engine.cli.graph",
-    **dict.fromkeys(("fmt", "rename", "uses"), "rise_engine.cli.edit_commands"),
-    "edit": "rise_engine.cli.edit_file",
-    "media": "rise_engine.cli.media",
-    "new": "rise_engine.cli.new_scenario",
-    "redact": "rise_engine.cli.redact",
-    "reproduce": "rise_engine.cli.reproduce",
-    "report": "rise_engine.cli.report",
-    "texts": "rise_engine.cli.texts",
-    **dict.fromkeys(("replay", "run", "serve", "sessions", "stop"), _SESSION),
-    "study": _STUDY,
-    "take-over": "rise_engine.cli.take_over",
-    "test": "rise_engine.cli.study_tests",
+_SCENARIO = "scenario_commands"
+_EDIT = "edit_commands"
+_SESSION = "session_commands"
+_SECTIONS = {
+    "Write scenarios": {
+        "new": ("new_scenario", "Make a study of your own in a new folder."),
+        "check": (_SCENARIO, "Say everything that is wrong with a scenario."),
+        "explore": ("explore", "Look for dead ends in everything that can happen."),
+        "test": ("study_tests", "Play the tests of a scenario or study."),
+        "eval": (_SCENARIO, "Show the value of an expression."),
+        "expand": (_SCENARIO, "Print acts and rules without their templates."),
+        "graph": ("graph", "Draw rules and acts."),
+        "robots": (_SCENARIO, "List the robots that a scenario can name."),
+        "schema": (_SCENARIO, "Print the schema of acts and rules for an editor."),
+    },
+    "Change scenarios": {
+        "edit": ("edit_file", "Make the changes of a JSON file, all or none."),
+        "fmt": (_EDIT, "Format the files of a study."),
+        "rename": (_EDIT, "Rename an act, rule, state, event or key everywhere."),
+        "uses": (_EDIT, "Find where a name is used."),
+        "texts": ("texts", "Put all texts into a table, and take them back."),
+        "lsp": ("lsp", "Serve an editor with findings and completion."),
+    },
+    "Run sessions": {
+        "run": (_SESSION, "Run a scenario without a console."),
+        "serve": (_SESSION, "Run a session that consoles attach to."),
+        "sessions": (_SESSION, "List running and unfinished sessions."),
+        "stop": (_SESSION, "Stop the robot and end a session."),
+        "take-over": ("take_over", "Continue a session with changed files."),
+        "doctor": (_SCENARIO, "Examine ROS 2 on this machine and the robot."),
+        "lsl": ("lsl", "Send markers to the Lab Streaming Layer."),
+    },
+    "Run studies": {
+        "study": ("study_commands", "Make, check, plan and run a study."),
+    },
+    "Use results": {
+        "report": ("report", "Summarize a session or a study."),
+        "export": ("export", "Write sessions as tables, BIDS, ELAN and more."),
+        "agree": ("agree", "Compute the agreement of wizards."),
+        "coded": ("coded", "Take annotations back from ELAN or BORIS."),
+        "media": ("media", "Attach films and sound to a session."),
+        "redact": ("redact", "Remove words from a session permanently."),
+        "replay": (_SESSION, "Replay a session, and compare the records."),
+        "reproduce": ("reproduce", "Check that a bundle reproduces its results."),
+    },
+    "Exchange files": {
+        "convert": ("convert", "Convert rules to SCXML and acts to BML, and back."),
+        "import": ("imports", "Make a scenario from another tool's files."),
+    },
 }
-"""Each command's name, and the module where it is the value of `COMMANDS`."""
+"""Of each command, the module of this package in which it is the value of `COMMANDS`, and what help says of it."""
+COMMANDS = {name: module for section in _SECTIONS.values() for name, (module, _) in section.items()}
+
+
+def split_ros_args(arguments: Sequence[str]) -> tuple[list[str], tuple[str, ...]]:
+    """Our own arguments, and those between `--ros-args` and `--` or the end, as every ROS 2 program takes them."""
+    own: list[str] = []
+    ros_args: list[str] = []
+    inside = False
+    for each in arguments:
+        if each == "--ros-args":
+            inside = True
+        elif inside and each == "--":
+            inside = False
+        else:
+            (ros_args if inside else own).append(each)
+    return own, tuple(ros_args)
 
 
 class _CommandGroup(click.Group):
     """The group of all commands."""
 
     def list_commands(self, ctx: click.Context) -> list[str]:
-        return sorted(_COMMANDS)
+        return list(COMMANDS)
 
     def get_command(self, ctx: click.Context, name: str) -> click.Command | None:
-        return _load_command(name) if name in _COMMANDS else None
+        return _load_command(name) if name in COMMANDS else None
+
+    def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
+        """Without loading any of them."""
+        for title, section in _SECTIONS.items():
+            with formatter.section(title):
+                formatter.write_dl([(name, about) for name, (_, about) in section.items()], col_max=12)
 
     def main(self, args: Sequence[str] | None = None, *rest: Any, **more: Any) -> Any:
         own, ros_args = split_ros_args(sys.argv[1:] if args is None else args)
         with clean_standard_streams():
             if own[:1] == ["serve"]:
-                own, ros_args = add_ros_parameters(own, ros_args, _load_command("serve"))
+                serve = _load_command("serve")
+                arguments = import_module("rise_engine.cli.arguments")  # which needs what `serve` needs
+                own, ros_args = arguments.add_ros_parameters(own, ros_args, serve)
             return super().main(own, *rest, obj=ros_args, **more)
 
     def invoke(self, ctx: click.Context) -> Any:
@@ -72,7 +118,7 @@ class _CommandGroup(click.Group):
 
 
 def _load_command(name: str) -> click.Command:
-    command: click.Command = import_module(_COMMANDS[name]).COMMANDS[name]
+    command: click.Command = import_module(f"rise_engine.cli.{COMMANDS[name]}").COMMANDS[name]
     return command
 
 

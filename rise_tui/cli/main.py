@@ -11,7 +11,7 @@ from click.core import ParameterSource
 from click.shell_completion import get_completion_class
 
 from rise_engine import __version__
-from rise_engine.cli.arguments import split_ros_args
+from rise_engine.cli.program import split_ros_args
 from rise_engine.cli.terminal import clean_standard_streams
 from rise_tui.cli.options import CommandLine
 from rise_tui.cli.start import start

@@ -11,10 +11,12 @@ from pathlib import Path
 
 import msgspec
 import pytest
+from click import Context
 from hypothesis import example, given
 from hypothesis import strategies as st
 from lxml import etree
 
+from rise_engine.cli import program
 from rise_engine.cli.output import Output
 from rise_engine.cli.sessions import print_sessions
 from rise_engine.cli.terminal import CleanStream, OutputError, escape_json
@@ -229,3 +231,23 @@ def test_a_stream_that_fails() -> None:
 def test_the_console_has_the_same_definition() -> None:
     code = "from rise_tui.rendering.text import clean; import rise_engine.text; assert clean is rise_engine.text.clean"
     subprocess.run([sys.executable, "-c", code], check=True, timeout=60)
+
+
+# --- help ---
+
+
+def test_help_names_every_command_in_one_line_each_and_loads_none() -> None:
+    done = run_engine("--help")
+    lines = {line.split()[0]: line for line in done.stdout.splitlines() if line.startswith("  ") and line.endswith(".")}
+    assert program.COMMANDS.keys() <= lines.keys()
+    assert all(len(lines[name]) <= 80 and "..." not in lines[name] for name in program.COMMANDS)
+    for name in program.COMMANDS:
+        assert program.main.get_command(Context(program.main), name) is not None
+    code = "import sys; from rise_engine.cli.program import main; main(['--help'], standalone_mode=False)"
+    loaded = subprocess.run(
+        [sys.executable, "-c", f"{code}; print({{'rise_engine.kernel', 'rise_engine.cli.check'}} & {{*sys.modules}})"],
+        capture_output=True,
+        text=True,
+        check=True,
+    )
+    assert loaded.stdout.endswith("set()\n")

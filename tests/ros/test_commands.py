@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from rise_engine.cli.arguments import split_ros_args
+from rise_engine.cli.program import split_ros_args
 from tests.ros.contract.peers import environment
 
 pytestmark = pytest.mark.slow

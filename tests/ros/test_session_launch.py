@@ -11,7 +11,8 @@ from typing import Any
 import click
 import pytest
 
-from rise_engine.cli.arguments import add_ros_parameters, split_ros_args
+from rise_engine.cli.arguments import add_ros_parameters
+from rise_engine.cli.program import split_ros_args
 from rise_engine.cli.session_commands import serve
 
 pytest.importorskip("yaml")

@@ -35,7 +35,7 @@ from rise_adapters.ros2.parameters import (
 from rise_adapters.ros2.transport.port import PortError, Transport
 from rise_adapters.ros2.transport.selection import open_transport
 
-from rise_engine.cli.arguments import split_ros_args
+from rise_engine.cli.program import split_ros_args
 from rise_engine.cli.terminal import clean_standard_streams
 from rise_engine.errors import RiseError
 from rise_engine.exit_status import OK, REFUSED, USAGE
