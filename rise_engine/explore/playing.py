@@ -8,6 +8,8 @@ more with that fault. Of a path that does not come like this nobody is told more
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from itertools import product, takewhile
+from textwrap import indent
 from typing import Any
 
 import msgspec
@@ -25,7 +27,7 @@ from rise_engine.explore.paths import Path
 from rise_engine.explore.situation import Situation
 from rise_engine.explore.telling import move_text
 from rise_engine.kernel import Kernel
-from rise_engine.kernel.records import ActionRecord, AnyRecord
+from rise_engine.kernel.records import ActionRecord, AnyRecord, TimingRecord
 from rise_engine.protocol.task_file import TimedTask
 from rise_engine.scenario.model import Scenario
 from rise_engine.trial.study_test import written_line
@@ -34,12 +36,12 @@ GAPS = (0.5, 0.02)
 """Seconds by which what somebody does comes after the step before: the comfortable one is tried first."""
 SEEDS = 25
 """How many seeds are tried where chance decides."""
+_SHORTLY = 0.3
+"""Seconds before an act's end at which somebody does what would be forgotten otherwise."""
 _LATER = 60.0
 """Virtual seconds for which a step is waited for, beyond what its countdowns take."""
 _LIVELOCK = 5_000
 """Inputs in one moment beyond which it is given up."""
-FILE = "path"
-"""What stands for a file's name in tasks that are in none."""
 
 
 class PlayedPath(Struct, frozen=True):
@@ -62,9 +64,7 @@ class PlayedPath(Struct, frozen=True):
 
 
 def find_times(scenario: Scenario, path: Path, bounds: Bounds | None = None) -> PlayedPath:
-    """Play a path on the engine, and say how.
-
-    Between two steps others may come and go: a gaze that ends and begins again.
+    """Play a path on the engine, and say how. Between two steps others may come and go: a gaze ends and begins again.
 
     :param scenario: what was explored. :param path: a way through its situations.
     :param bounds: with which it was explored: what is tried, and how fast acts go.
@@ -74,21 +74,17 @@ def find_times(scenario: Scenario, path: Path, bounds: Bounds | None = None) -> 
     followed, keys = follow_path(scenario, path, bounds or Bounds()), _compared_keys(scenario, path)
     chances = [step for step, each in enumerate(followed) if each.by_chance]
     last, best = len(followed) - 1, None
-    for seed in range(SEEDS if chances else 1):
-        for gap in GAPS:
-            play = _play(scenario, path, followed, keys, seed, gap)
-            if best is None or play.reached > best.reached:
-                best = play
-            if best.reached == last:
-                break
-        if best is None or best.reached == last or not chances or best.reached + 1 < chances[0]:
+    for seed, gap in product(range(SEEDS if chances else 1), GAPS):
+        play = _play(scenario, path, followed, keys, seed, gap)
+        best = play if best is None or play.reached > best.reached else best
+        if best.reached == last or (gap == GAPS[-1] and (not chances or best.reached + 1 < chances[0])):
             break  # another seed would not help
     assert best is not None
     done = ((step, at, followed[step].submitted) for step, at in best.times.items())
-    tasks = tuple(TimedTask(at, replace(task, source="file"), FILE, step) for step, at, task in done if task)
+    tasks = tuple(TimedTask(at, replace(task, source="file"), "path", step) for step, at, task in done if task)
     problem = "" if best.reached == last else _mismatch_text(scenario, followed, best.reached)
-    condition = path.begun.condition
-    return PlayedPath(tasks, best.faults.texts, best.seed, condition, best.reached_at, not problem, problem)
+    faults, condition = best.needs.texts, path.begun.condition
+    return PlayedPath(tasks, faults, best.seed, condition, best.reached_at, not problem, problem)
 
 
 def _compared_keys(scenario: Scenario, path: Path) -> tuple[str, ...]:
@@ -99,20 +95,22 @@ def _compared_keys(scenario: Scenario, path: Path) -> tuple[str, ...]:
 
 
 def _mismatch_text(scenario: Scenario, followed: Sequence[Followed], reached: int) -> str:
-    before, step = followed[reached], followed[reached + 1]
+    step = followed[reached + 1]
     assert step.move is not None, "only the beginning is no move"
-    text = move_text(scenario, step.move, before, step)
+    text = move_text(scenario, step.move, followed[reached], step)
     return f"no times were found at which step {reached + 1}, “{text}”, comes as it is told here"
 
 
 # --- one play ---------------------------------------------------------------------------------------------------------
 
 
-class _Faults(Struct, frozen=True):
-    """What has to go wrong, as far as is known."""
+class _Needs(Struct, frozen=True):
+    """What has to go wrong, and what has to come later, as far as is known."""
 
     slips: Mapping[int, str] = field(default_factory=dict)
     """Of actions, by the step in which their act fails."""
+    delays: Mapping[int, float] = field(default_factory=dict)
+    """Seconds by which somebody does something later than usual, by steps."""
     losses: tuple[tuple[float, ...], ...] = ()
     """When the robot is lost, and when it is back."""
 
@@ -126,35 +124,34 @@ def _play(
     scenario: Scenario, path: Path, followed: Sequence[Followed], keys: Sequence[str], seed: int, gap: float
 ) -> _Play:
     """Play a path; each time that something has to go wrong, once more with that fault."""
-    faults = _Faults()
+    needs = _Needs()
     while True:
-        play = _Play(scenario, path, followed, keys, faults, seed, gap)
+        play = _Play(scenario, path, followed, keys, needs, seed, gap)
         play.go()
-        if play.wanted_faults is None:
+        if play.wanted is None:
             return play
-        faults = play.wanted_faults
+        needs = play.wanted
 
 
 class _Play:
     """One session that is to go like a path."""
 
     def __init__(self, scenario: Scenario, path: Path, followed: Sequence[Followed], keys: Sequence[str],
-                 faults: _Faults, seed: int, gap: float) -> None:  # fmt: skip
+                 needs: _Needs, seed: int, gap: float) -> None:  # fmt: skip
         self._scenario, self._followed, self._keys, self._gap = scenario, followed, keys, gap
-        self.faults, self.seed = faults, seed
+        self.needs, self.seed = needs, seed
         self._situations = [_look_in(each.situation, keys) for each in followed]
         self._clock = VirtualClock()
         self._records: list[AnyRecord] = []
-        robot = make_robot(scenario.robot, "debug", self._clock, seed, faults.texts)
+        robot = make_robot(scenario.robot, "debug", self._clock, seed, needs.texts)
         self._engine = Engine(scenario, robot, self._clock, seed, started=path.begun, sinks=[self._records.append])
-        self._losses = 0
-        self._inputs, self._moment = 0, -1.0
+        self._losses, self._inputs, self._moment = 0, 0, -1.0
         self.times: dict[int, float] = {}
         self.reached = 0
         """How many steps have come as the path has them."""
         self.reached_at = 0.0
         """Session time at which the last of them came."""
-        self.wanted_faults: _Faults | None = None
+        self.wanted: _Needs | None = None
         """With which faults it can go further."""
 
     def go(self) -> None:
@@ -172,18 +169,28 @@ class _Play:
         if move.kind in ("lost", "back") and not self._cut(move.kind == "lost"):
             return False
         fails = move.kind == "end" and move.how in ("failed", "aborted") and not before.situation.robot_lost
-        if fails and step not in self.faults.slips:
+        if fails and step not in self.needs.slips:
             slip = self._slip(before.running[each.task][0], move.how == "aborted")
-            if slip and slip not in self.faults.slips.values():
-                self.wanted_faults = replace(self.faults, slips={**self.faults.slips, step: slip})
+            if slip and slip not in self.needs.slips.values():
+                self.wanted = replace(self.needs, slips={**self.needs.slips, step: slip})
             return False
-        return self._wait(step)
+        comes = self._wait(step)
+        if not comes and move.kind == "end" and before.submitted is not None and step - 1 not in self.needs.delays:
+            self._delay(step - 1, before.running[each.task][0])
+        return comes
+
+    def _delay(self, step: int, act: str) -> None:
+        """Do later what is forgotten before an act ends: shortly before that."""
+        ends = (each.ended_at for each in self._records if isinstance(each, TimingRecord) and each.act == act)
+        end = next((at for at in ends if at is not None and at > self.times[step]), 0.0)
+        if (delay := end - _SHORTLY - self.times[step]) > 0:
+            self.wanted = replace(self.needs, delays={**self.needs.delays, step: delay})
 
     def _submit(self, step: int) -> bool:
         """Do what somebody does in a step; False when meanwhile something else has come."""
         task, done = self._followed[step].submitted, []
         assert task is not None
-        at = self.times[step] = round(self._clock.now() + self._gap, 3)
+        at = self.times[step] = round(self._clock.now() + self._gap + self.needs.delays.get(step, 0.0), 3)
 
         def submit() -> None:
             done.append(_look_at(self._engine.kernel, self._keys) == self._situations[step - 1])
@@ -196,13 +203,13 @@ class _Play:
 
     def _cut(self, is_lost: bool) -> bool:
         """Whether the robot is lost, or back, when the path has it; False: it is played anew with that fault."""
-        losses = self.faults.losses
+        losses = self.needs.losses
         self._losses += is_lost
         known = losses[self._losses - 1] if self._losses <= len(losses) else ()
-        if len(known) == (1 if is_lost else 2) or (known and is_lost):
+        if len(known) >= (1 if is_lost else 2):
             return True
         at = round(self._clock.now() + self._gap, 3)
-        self.wanted_faults = replace(self.faults, losses=(*losses[: self._losses - 1], (*known, at)))
+        self.wanted = replace(self.needs, losses=(*losses[: self._losses - 1], (*known, at)))
         return False
 
     def _slip(self, act: str, is_aborted: bool) -> str:
@@ -210,9 +217,7 @@ class _Play:
         counts: dict[str, int] = {}
         runs = self._engine.kernel.scheduler.runner.runs
         actions = {action.id: action for action in self._scenario.acts[act].actions}
-        for record in self._records:
-            if not isinstance(record, ActionRecord) or record.status != "started":
-                continue
+        for record in (each for each in self._records if isinstance(each, ActionRecord) and each.status == "started"):
             kind = record.sent_as or record.type
             counts[kind] = counts.get(kind, 0) + 1
             if record.act != act or record.task not in runs or self._scenario.robot.actions[record.type].engine:
@@ -226,11 +231,9 @@ class _Play:
 
         When the robot is lost, what it does then fails in the same moment: the steps that say so have come with it.
         """
-        wanted, last = [self._situations[step]], step
-        is_lost = self._move(step).kind == "lost"
-        while is_lost and last + 1 < len(self._followed) and self._move(last + 1).kind == "end":
-            last += 1
-            wanted.append(self._situations[last])
+        following = range(step + 1, len(self._followed)) if self._move(step).kind == "lost" else ()
+        ends = takewhile(lambda each: self._move(each).kind == "end", following)
+        wanted = [self._situations[each] for each in (step, *ends)]
         longest = max((each.length for each in self._followed[step - 1].countdowns.values()), default=0) / 1000
         until = self._clock.now() + longest + _LATER
         while _look_at(self._engine.kernel, self._keys) not in wanted:
@@ -240,7 +243,7 @@ class _Play:
 
     def _move(self, step: int) -> Move:
         move = self._followed[step].move
-        assert move is not None, "only the beginning is no move"
+        assert move is not None
         return move
 
     def _advance(self) -> bool:
@@ -321,13 +324,13 @@ def task_file_of(title: str, told: Sequence[str], played: PlayedPath, study: str
     :param played: how it is played. :param study: the scenario's folder, as one would write it in a command.
     """
     lines = [
-        *_comment(title),
+        indent(title, "# "),
         "#\n# Play it, with the name of this file:",
         f"#   rise-engine run {study} --tasks FILE --speed max",
         f"#   rise-engine serve {study} --tasks FILE   and in another terminal: rise-tui",
     ]
     if not played.is_certain:
-        lines += ["#", *_comment(f"Perhaps it does not go like this: {played.problem}.")]
+        lines += ["#", indent(f"Perhaps it does not go like this: {played.problem}.", "# ")]
     lines.append("")
     if played.condition:
         lines.append(written_line({"condition": played.condition}))
@@ -335,14 +338,10 @@ def task_file_of(title: str, told: Sequence[str], played: PlayedPath, study: str
     lines += [written_line({"fault": fault}) for fault in played.faults]
     tasks = {task.line: task for task in played.tasks}
     for number, sentence in enumerate(told, 1):
-        lines += ["", *_comment(f"{number}. {sentence}")]
+        lines += ["", indent(f"{number}. {sentence}", "# ")]
         if (task := tasks.get(number)) is not None:
             lines.append(written_line(_line_of(task)))
     return "\n".join(lines) + "\n"
-
-
-def _comment(text: str) -> list[str]:
-    return [f"# {line}".rstrip() for line in text.splitlines()]
 
 
 def _line_of(timed: TimedTask) -> dict[str, Any]:
