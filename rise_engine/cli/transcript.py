@@ -41,6 +41,7 @@ from rise_engine.kernel.records import (
     describe_open_goals,
     stopper_words,
 )
+from rise_engine.kernel.task_view import ACT_FUNCTIONS, TaskView, add_record
 from rise_engine.scenario.ssml import plain_words
 
 _WHO_WIDTH = 16
@@ -68,7 +69,6 @@ _FUNCTION_LABELS = {
     "repeatAct": "repeat act",
     "stopRuleOfAct": "stop rule of act",
 }
-_ACTS = ("startCommunicationRobotAct", "say")
 _MARK_LABELS = {"none": "no mistake after all"} | {mark: mark for mark in ("wrong", "late", "early", "double")}
 _MAX_CLOCK_SECONDS = 1e12
 """Seconds, more than any session has: the clock shows no more."""
@@ -89,13 +89,12 @@ class Transcript:
     """Turns records, in order, into lines."""
 
     def __init__(self) -> None:
-        self._started: dict[tuple[int, str], float] = {}
-        self._tasks: dict[int, float] = {}
-        self._blocking: set[int] = set()
-        """Tasks of Blocking acts that are running."""
+        self._tasks: dict[int, TaskView] = {}
+        """Those that are not over."""
 
     def line_for(self, record: AnyRecord) -> str | None:
         """The line for a record, without line end; None when it tells a reader nothing new."""
+        add_record(self._tasks, record)
         cells = self._describe(record)
         if cells is None:
             return None
@@ -160,19 +159,16 @@ class Transcript:
             return who, what, f"REJECTED{by}: {record.reason}"
         if record.status == "PENDING":
             # Every act is PENDING for a moment; when no Blocking act runs it starts at once.
-            if not self._blocking or record.function not in _ACTS:
+            if record.function not in ACT_FUNCTIONS or not any(map(_blocks, self._tasks.values())):
                 return None
             before = f", {record.position} before it" if record.position else ""
             return who, what, f"waits{before}, asked{by}"
         if record.status == "ACTIVE":
-            self._tasks[record.id] = record.t
-            if record.calling_type != "None" and record.function in _ACTS:
-                self._blocking.add(record.id)
             return None if record.function == "startInteractionRule" else (who, what, f"started{by}")
         if record.status not in FINAL:
             return who, what, f"{record.status}{by}"
-        began = self._tasks.pop(record.id, None)
-        self._blocking.discard(record.id)
+        task = self._tasks.pop(record.id)
+        began = task.started
         if record.function == "startInteractionRule" and began is not None:
             return None
         if began is None and record.function in _WITH_OWN_RECORD:
@@ -183,20 +179,24 @@ class Transcript:
         return who, what, f"{done}{took}{reason}"
 
     def _describe_action(self, record: ActionRecord) -> tuple[str, str, str] | None:
-        key = (record.task, record.action)
         name = record.type if record.sent_as is None else f"{record.type} as {record.sent_as}"
         what = parameters_text(record.parameters)
         if record.status == "started":
-            self._started[key] = record.t
             return f"  {name}", what, "started"
         if record.status == "accepted":
             return None
         if record.status not in ENDINGS:
             return f"  {name}", what, record.status
-        began = self._started.pop(key, None)
-        took = "" if began is None else f", {record.t - began:.1f} s"
+        task = self._tasks.get(record.task)
+        action = task.actions.get(record.action) if task is not None else None
+        took = f", {record.t - action.since:.1f} s" if action is not None and action.began else ""
         reason = f": {record.reason}" if record.reason else ""
         return f"  {name}", what or record.action, f"{record.status}{took}{reason}"
+
+
+def _blocks(task: TaskView) -> bool:
+    """Whether other acts wait for it."""
+    return task.is_act and task.status == "ACTIVE" and task.calling_type != "None"
 
 
 def _describe_report(
