@@ -16,6 +16,7 @@ from msgspec import Struct, field
 
 from rise_engine.kernel.behaviors import describe_behavior, started_rule
 from rise_engine.kernel.history import MAX_STEPS, MemoryLog, ValueBefore
+from rise_engine.kernel.record_words import words_of
 from rise_engine.kernel.records import (
     ENGINE,
     FINAL,
@@ -43,7 +44,7 @@ from rise_engine.kernel.records import (
     TimingRecord,
     describe_open_goals,
 )
-from rise_engine.kernel.reports import REPORT_KINDS, ReportRecord, report_words
+from rise_engine.kernel.reports import REPORT_KINDS, ReportRecord
 from rise_engine.kernel.task_view import ACT_FUNCTIONS, TaskView, add_action_record, add_record, add_task_record
 from rise_engine.scenario.model import CUE_TOPICS, normal_topic
 
@@ -318,8 +319,7 @@ class SessionView(Struct):
             case CheckRecord() | OutcomeRecord() | RecordingRecord() | SyncRecord():
                 self._apply_report(record)
             case ScenarioRecord():
-                text = f"the session goes on with changed files: {', '.join(record.changes)}"
-                self._add_remark(RemarkView("note", record.t, record.source, text))
+                self._add_remark(RemarkView("note", record.t, record.source, words_of(record).sentence))
             case SessionRecord():
                 if record.status == "ended":
                     self.ended = True
@@ -369,7 +369,9 @@ class SessionView(Struct):
                     return  # it goes on as it did
             case SyncRecord():
                 self.sync = record
-        status, text = report_words(record)
+        status = record.result if isinstance(record, CheckRecord) else getattr(record, "status", "")
+        words = words_of(record)
+        text = words.sentence if isinstance(record, SyncRecord) else words.text
         self._add_remark(RemarkView(REPORT_KINDS[type(record)], record.t, record.source, text, status))
 
     def _apply_cue(self, record: CueRecord) -> None:

@@ -15,6 +15,7 @@ from msgspec import Struct
 from rise_engine.drawing.act_seconds import estimate_act_seconds
 from rise_engine.drawing.study_keys import StudyKeys
 from rise_engine.kernel.behaviors import started_rule
+from rise_engine.kernel.record_words import words_of
 from rise_engine.kernel.records import (
     ENGINE,
     ActionRecord,
@@ -447,7 +448,7 @@ class Store:
         rule = view.rules.get(source.removeprefix(BY_RULE))
         by_wizard = is_by_wizard(source, record.t, view.tasks.get(rule.task or 0) if rule is not None else None)
         if by_wizard:
-            self.notice = Notice(f"{record.topic}: nobody was waiting for it", "wait")
+            self.notice = Notice(words_of(record).sentence, "wait")
         missed = [id for id in raised if id not in view.raised and id in view.tasks and view.tasks[id].taken is False]
         self.changed_tasks += missed
         if missed and by_wizard:

@@ -13,7 +13,8 @@ from typing import Any
 import pytest
 from msgspec import structs
 
-from rise_engine.cli.transcript import Transcript, clock_text, parameters_text
+from rise_engine.cli.transcript import Transcript, clock_text
+from rise_engine.kernel.record_words import parameters_text
 from rise_engine.kernel.records import (
     ActionRecord,
     AnyRecord,
