@@ -169,7 +169,7 @@ def words_of(record: AnyRecord, *, took: float | None = None, sources: bool = Fa
 
 
 def _task_text(record: TaskRecord, took: float | None, sources: bool) -> str:
-    state, reason = _TASK_STATES[record.status], record.reason
+    state, reason = _TASK_STATES.get(record.status, record.status), record.reason
     if record.status == "SUCCEEDED" and took is not None:
         state = "succeeded"
     if record.status == "PENDING" and record.position:
@@ -216,7 +216,7 @@ def _rule_words(record: RuleRecord) -> RecordWords:
         "ended": f"has ended{place}",
         "stopped": f"was stopped{place}",
         "faulted": "was stopped by a fault",
-    }[record.status]
+    }.get(record.status, record.status)
     return RecordWords("rule", record.name, _add(text, record.reason))
 
 
@@ -275,7 +275,7 @@ def _countdown_text(record: CountdownRecord) -> str:
         "began": f"fires in {record.seconds or 0.0:g} s",
         "broken": "is held up: what must hold does not",
         "failed": f"never fires: {record.reason}",
-    }[record.status]
+    }.get(record.status, record.status)
 
 
 def _kept_text(record: KeptRecord) -> str:
@@ -284,7 +284,7 @@ def _kept_text(record: KeptRecord) -> str:
         "taken": f"was kept, and {record.rule} takes it now",
         "expired": "was kept in vain: no rule waited for it",
         "taken-back": "is no longer kept",
-    }[record.status]
+    }.get(record.status, record.status)
 
 
 def _cue_text(record: CueRecord, sources: bool) -> str:
@@ -295,7 +295,7 @@ def _cue_text(record: CueRecord, sources: bool) -> str:
         "undone": f"is taken back{by}",
         "filled": f"is bridged by task {record.task}{since}",
         "answered": f"is answered by task {record.task}{since}",
-    }[record.status]
+    }.get(record.status, record.status)
 
 
 def _failure_text(record: FailureRecord, sources: bool) -> str:
@@ -307,7 +307,7 @@ def _failure_text(record: FailureRecord, sources: bool) -> str:
         "repeated": f"is repeated as task {record.by}{says}" if sources else "is repeated",
         "gone-on": _add("failed, and the study goes on without it", record.reason) + says,
         "dropped": _add("failed, and nobody is asked any more", record.reason),
-    }[record.status]
+    }.get(record.status, record.status)
 
 
 def _stop_words(record: StopRecord) -> RecordWords:
