@@ -69,7 +69,8 @@ asyncio.run(main(sys.argv[1], int(sys.argv[2])))
 
 def main() -> bool:
     from rise_engine.client.socket import SocketClient
-    from rise_engine.kernel.view import SessionView, TaskView
+    from rise_engine.kernel.task_view import TaskView
+    from rise_engine.kernel.view import SessionView
     from rise_engine.protocol.messages import ViewWithoutTasks, with_tasks, without_tasks
 
     async def attach(path: str) -> tuple[float, SessionView]:

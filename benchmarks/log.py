@@ -28,7 +28,8 @@ sys.path.insert(0, str(Path(__file__).parents[1]))
 
 from measure import Report
 
-from rise_engine.kernel.view import SessionView, TaskView
+from rise_engine.kernel.task_view import TaskView
+from rise_engine.kernel.view import SessionView
 from rise_engine.protocol.client import AttachReply
 from rise_engine.scenario import load
 from rise_tui.model.store import Store

@@ -7,45 +7,23 @@ bridged a cue from the cue, when it was to be heard from its actions.
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
-from typing import Any
+from typing import Any, cast
 
-from msgspec import Struct, field
 from msgspec.structs import replace
 
 from rise_engine.analysis.causes import CauseCollector, actor_of
 from rise_engine.analysis.model import ActPart, Cue, PlayedAct, WizardKey
-from rise_engine.kernel.records import (
-    ENDINGS,
-    FINAL,
-    ActionRecord,
-    AnyRecord,
-    CueRecord,
-    Mark,
-    TaskRecord,
-    TimingRecord,
-)
+from rise_engine.kernel.records import FINAL, AnyRecord, CueRecord, Mark, TaskStatus
 from rise_engine.kernel.speech import SAY, SPEECH
+from rise_engine.kernel.task_view import ActionView, TaskView, add_record
 from rise_engine.scenario.action_declarations import core_actions
 from rise_engine.scenario.model import ActionSpec, Scenario
 from rise_engine.scenario.spoken import MESSAGE, SPEECH_CHANNEL
 from rise_engine.scenario.ssml import plain_words
 from rise_engine.scenario.template import spoken_text
 
-ACT_FUNCTIONS = frozenset({"startCommunicationRobotAct", "say"})
 _TELLING = ("value", "duration")
 """Parameters, the most telling first."""
-
-
-class _Act(Struct):
-    """An act while its records are gone through."""
-
-    first: TaskRecord
-    last: TaskRecord
-    started_at: float | None = None
-    timing: TimingRecord | None = None
-    parts: dict[str, ActPart] = field(default_factory=dict)
-    robot_at: float | None = None
-    voice_at: float | None = None
 
 
 class ActCollector:
@@ -56,41 +34,31 @@ class ActCollector:
         :param scenario: the session's; None: it cannot be loaded, and channels are those of the core actions.
         """
         self._scenario = scenario
-        self._specs: Mapping[str, ActionSpec] = scenario.robot.actions if scenario is not None else core_actions()
-        self._acts: dict[int, _Act] = {}
+        self._specs = specs_of(scenario)
+        self._tasks: dict[int, TaskView] = {}
         self._cues: list[Cue] = []
         self._answers: dict[int, int] = {}
         """By task, the cue in the list that it answered."""
         self._bridges: dict[int, int] = {}
-        self._causes = CauseCollector()
+        self._causes = CauseCollector(self._tasks)
 
     def add(self, record: AnyRecord) -> None:
         """Take in the next record."""
+        add_record(self._tasks, record)
         self._causes.add(record)
-        match record:
-            case TaskRecord():
-                if record.function in ACT_FUNCTIONS:
-                    self._add_task(record)
-            case ActionRecord():
-                if (act := self._acts.get(record.task)) is not None:
-                    self._add_action(act, record)
-            case TimingRecord():
-                if (act := self._acts.get(record.task)) is not None:
-                    act.timing = record
-            case CueRecord():
-                self._add_cue(record)
-            case _:
-                pass
+        if isinstance(record, CueRecord):
+            self._add_cue(record)
 
     def acts(self) -> tuple[PlayedAct, ...]:
         """Every act, by when the engine took it."""
-        marks = self._causes.marks(tuple(self._acts))
-        played = [self._played(number, act, marks.get(number)) for number, act in self._acts.items()]
+        acts = [task for task in self._tasks.values() if task.is_act]
+        marks = self._causes.marks([act.id for act in acts])
+        played = [self._played(act, marks.get(act.id)) for act in acts]
         return tuple(sorted(played, key=lambda each: (each.accepted_at, each.task)))
 
     def keys(self) -> tuple[WizardKey, ...]:
         """What wizards asked for."""
-        return self._causes.keys(tuple(self._acts))
+        return self._causes.keys([task.id for task in self._tasks.values() if task.is_act])
 
     def raised(self) -> tuple[tuple[float, str], ...]:
         """Which events wizards raised, and when."""
@@ -110,38 +78,6 @@ class ActCollector:
             cues[index] = replace(cues[index], answered_at=began, task=task)
         return tuple(cues)
 
-    # --- taking in ---
-
-    def _add_task(self, record: TaskRecord) -> None:
-        act = self._acts.get(record.id)
-        if act is None:
-            act = self._acts[record.id] = _Act(record, record)
-        act.last = record
-        if record.status == "ACTIVE" and act.started_at is None:
-            act.started_at = record.t
-
-    def _add_action(self, act: _Act, record: ActionRecord) -> None:
-        spec = self._specs.get(record.sent_as or record.type)
-        waits = spec is not None and spec.engine
-        channels = spec.channels if spec is not None and not spec.engine else ()
-        part = act.parts.get(record.action)
-        confirmed = record.status in ("accepted", "succeeded") and not waits
-        if confirmed and act.robot_at is None:
-            act.robot_at = record.t
-        if confirmed and act.voice_at is None and SPEECH_CHANNEL in channels:
-            act.voice_at = record.t
-        act.parts[record.action] = ActPart(
-            action=record.action,
-            type=record.type,
-            channels=channels,
-            parameters=record.parameters,
-            text=telling_text(record.parameters),
-            accepted_at=_first(part.accepted_at if part is not None else None, record.t if confirmed else None),
-            ended_at=record.t if record.status in ENDINGS else None,
-            status=record.status,
-            started_at=part.started_at if part is not None else record.t if record.status == "started" else None,
-        )
-
     def _add_cue(self, record: CueRecord) -> None:
         if record.status == "marked":
             self._cues.append(Cue(at=record.t, source=record.source, text=record.text))
@@ -154,44 +90,75 @@ class ActCollector:
         elif record.task is not None:
             (self._answers if record.status == "answered" else self._bridges).setdefault(record.task, index)
 
-    # --- what came of it ---
-
-    def _played(self, number: int, act: _Act, mark: Mark | None) -> PlayedAct:
-        first, last, timing = act.first, act.last, act.timing
-        cue = self._answers.get(number, self._bridges.get(number))
-        origin = self._causes.origin_of(number)
-        name = SAY if first.function == "say" else first.behavior
+    def _played(self, task: TaskView, mark: Mark | None) -> PlayedAct:
+        cue = self._answers.get(task.id, self._bridges.get(task.id))
+        origin = self._causes.origin_of(task.id)
+        name = SAY if task.function == "say" else task.behavior
+        parts = parts_of(task, self._specs)
+        robot_at, voice_at = confirmed_at(parts)
         return PlayedAct(
-            task=number,
+            task=task.id,
             act=name,
-            source=first.source,
+            source=task.source,
             by=origin.by,
             via=origin.via,
             actor=actor_of(origin.by),
-            status=last.status,
-            reason=last.reason,
-            filler=number in self._bridges or (timing is not None and timing.filler),
+            status=cast(TaskStatus, task.status),
+            reason=task.reason,
+            filler=task.id in self._bridges or task.filler,
             cue_at=None if cue is None else self._cues[cue].at,
             key_at=origin.key_at,
-            accepted_at=timing.accepted_at if timing is not None else first.t,
-            started_at=act.started_at,
-            robot_at=_first(timing.robot_at if timing is not None else None, act.robot_at),
-            voice_at=_first(timing.voice_at if timing is not None else None, act.voice_at),
-            ended_at=last.t if last.status in FINAL and last.status != "REJECTED" else None,
+            accepted_at=task.submitted,
+            started_at=task.started,
+            robot_at=robot_at if task.robot_at is None else task.robot_at,
+            voice_at=voice_at if task.voice_at is None else task.voice_at,
+            ended_at=task.ended if task.status != "REJECTED" else None,
             mark=mark,
-            parts=tuple(act.parts.values()),
-            speaks=self._speaks(name, act),
+            parts=parts,
+            speaks=self._speaks(name, task, parts),
         )
 
-    def _speaks(self, name: str, act: _Act) -> bool:
-        if act.voice_at is not None or any(SPEECH_CHANNEL in part.channels for part in act.parts.values()):
+    def _speaks(self, name: str, task: TaskView, parts: tuple[ActPart, ...]) -> bool:
+        if any(SPEECH_CHANNEL in part.channels for part in parts):
             return True
-        if act.parts and act.last.status in FINAL:
+        if parts and task.status in FINAL:
             return False
         if name == SAY:
             return SPEECH_CHANNEL in self._specs[SPEECH].channels if SPEECH in self._specs else True
         found = self._scenario.acts.get(name) if self._scenario is not None else None
         return found is not None and SPEECH_CHANNEL in found.channels
+
+
+def specs_of(scenario: Scenario | None) -> Mapping[str, ActionSpec]:
+    """What is known of the actions of a session's robot; of the core actions where its scenario cannot be loaded."""
+    return scenario.robot.actions if scenario is not None else core_actions()
+
+
+def parts_of(task: TaskView, specs: Mapping[str, ActionSpec]) -> tuple[ActPart, ...]:
+    """The actions of an act as the robot did them. What the engine does itself, as a pause, no robot confirms."""
+    return tuple(_part(action, specs.get(action.sent_as or action.type)) for action in task.actions.values())
+
+
+def _part(action: ActionView, spec: ActionSpec | None) -> ActPart:
+    by_engine = spec is not None and spec.engine
+    return ActPart(
+        action=action.action,
+        type=action.type,
+        channels=spec.channels if spec is not None and not by_engine else (),
+        parameters=action.parameters,
+        text=telling_text(action.parameters),
+        accepted_at=None if by_engine else action.confirmed,
+        ended_at=action.ended,
+        status=action.status,
+        started_at=action.since if action.began else None,
+    )
+
+
+def confirmed_at(parts: Iterable[ActPart]) -> tuple[float | None, float | None]:
+    """When the robot had taken the first of an act's actions, and the first one that takes the voice."""
+    found = [(part.accepted_at, part.channels) for part in parts if part.accepted_at is not None]
+    voiced = (at for at, channels in found if SPEECH_CHANNEL in channels)
+    return min((at for at, _ in found), default=None), min(voiced, default=None)
 
 
 def telling_text(parameters: Mapping[str, Any]) -> str:
@@ -213,7 +180,3 @@ def telling_text(parameters: Mapping[str, Any]) -> str:
     if told is not None:
         return spoken_text(parameters[told])
     return next((spoken_text(value) for value in parameters.values()), "")
-
-
-def _first(*times: float | None) -> float | None:
-    return next((each for each in times if each is not None), None)

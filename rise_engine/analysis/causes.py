@@ -7,11 +7,14 @@ something asks here.
 
 from __future__ import annotations
 
+from collections.abc import Iterable, Mapping, Sequence
+
 from msgspec import Struct
 
 from rise_engine.analysis.model import ActorKind, WizardKey
 from rise_engine.kernel.behaviors import started_rule
-from rise_engine.kernel.records import AnyRecord, EventRecord, Mark, MistakeRecord, TaskRecord, TimingRecord
+from rise_engine.kernel.records import AnyRecord, EventRecord, Mark, TaskRecord
+from rise_engine.kernel.task_view import TaskView
 from rise_engine.kernel.wizard_marks import UNMARKABLE
 
 CUE = "markCue"
@@ -48,31 +51,24 @@ class Origin(Struct, frozen=True):
 class CauseCollector:
     """Takes in the records of a session in their order."""
 
-    def __init__(self) -> None:
-        self._tasks: dict[int, TaskRecord] = {}
-        """The first record of each task."""
-        self._pressed: dict[int, float] = {}
-        """By task, when the key was pressed that it came of."""
+    def __init__(self, tasks: Mapping[int, TaskView]) -> None:
+        """
+        :param tasks: those of the session, each as its records so far tell it.
+        """
+        self._tasks = tasks
         self._origins: dict[int, Origin] = {}
-        self._marks: dict[int, Mark] = {}
         self._started: dict[str, tuple[float, int]] = {}
         """By rule, when which task started it last."""
         self._raised: list[tuple[float, str, int | None]] = []
         """Events: when, which, and the task that had started the rule at that moment; None: a wizard raised it."""
 
     def add(self, record: AnyRecord) -> None:
-        """Take in the next record."""
+        """Take in the next record, after the task that it is about."""
         if isinstance(record, TaskRecord):
-            self._tasks.setdefault(record.id, record)
             if record.function == START_RULE and record.status == "ACTIVE":
                 self._started[started_rule(record.behavior)] = (record.t, record.id)
         elif isinstance(record, EventRecord):
             self._add_event(record)
-        elif isinstance(record, TimingRecord):
-            if record.key_at is not None:
-                self._pressed[record.task] = record.key_at
-        elif isinstance(record, MistakeRecord):
-            self._marks[record.task] = record.mark
 
     def _add_event(self, record: EventRecord) -> None:
         kind = actor_of(record.source)
@@ -97,61 +93,59 @@ class CauseCollector:
         at = task
         while at not in self._origins:
             way.append(at)
-            record = self._tasks[at]
-            if record.cause is None or record.cause not in self._tasks or record.cause >= at:
-                self._origins[at] = self._begin(record)
+            task_there = self._tasks[at]
+            if task_there.cause is None or task_there.cause not in self._tasks or task_there.cause >= at:
+                self._origins[at] = self._begin(task_there)
                 way.pop()
                 break
-            at = record.cause
+            at = task_there.cause
         for each in reversed(way):
             self._origins[each] = self._extend(self._origins[self._cause_of(each)], self._tasks[each])
         return self._origins[task]
 
-    def marks(self, acts: tuple[int, ...]) -> dict[int, Mark]:
+    def marks(self, acts: Sequence[int]) -> dict[int, Mark]:
         """What wizards said was wrong about acts: about the act itself, or the key of which it came first.
 
         :param acts: the tasks of all acts, in their order.
         """
         known, first = set(acts), self._first_acts(acts)
         found: dict[int, Mark] = {}
-        for task, mark in self._marks.items():
-            if mark == "none":
-                continue
-            if task in known:
-                found[task] = mark
-            elif task in first:
-                found.setdefault(first[task], mark)
+        for id, task in self._tasks.items():
+            if task.mark and id in known:
+                found[id] = task.mark
+            elif task.mark and id in first:
+                found.setdefault(first[id], task.mark)
         return found
 
-    def _first_acts(self, acts: tuple[int, ...]) -> dict[int, int]:
+    def _first_acts(self, acts: Iterable[int]) -> dict[int, int]:
         """By what began it, the first act that came of it."""
         first: dict[int, int] = {}
         for act in acts:
             first.setdefault(self.origin_of(act).task, act)
         return first
 
-    def keys(self, acts: tuple[int, ...]) -> tuple[WizardKey, ...]:
+    def keys(self, acts: Sequence[int]) -> tuple[WizardKey, ...]:
         """Everything that wizards asked for, but for what they said about tasks, in its order.
 
         :param acts: the tasks of all acts, in their order.
         """
         caused = self._first_acts(acts)
-        marks = {task: mark for task, mark in self._marks.items() if mark != "none"}
+        marks = {id: task.mark for id, task in self._tasks.items() if task.mark}
         for act in acts:
             if act in marks:
                 marks.setdefault(self.origin_of(act).task, marks[act])
         return tuple(
             WizardKey(
-                task=task,
-                at=self._pressed.get(task, self._pressed.get(caused.get(task, task), record.t)),
-                source=record.source,
-                function=record.function,
-                asked=record.behavior,
-                act=caused.get(task),
-                mark=marks.get(task),
+                task=id,
+                at=_first_known(task.key_at, self._tasks[caused.get(id, id)].key_at, task.submitted),
+                source=task.source,
+                function=task.function,
+                asked=task.behavior,
+                act=caused.get(id),
+                mark=marks.get(id),
             )
-            for task, record in sorted(self._tasks.items())
-            if actor_of(record.source) == "wizard" and record.function not in UNMARKABLE and record.status != "REJECTED"
+            for id, task in sorted(self._tasks.items())
+            if actor_of(task.source) == "wizard" and task.function not in UNMARKABLE and task.status != "REJECTED"
         )
 
     def _cause_of(self, task: int) -> int:
@@ -159,19 +153,22 @@ class CauseCollector:
         assert cause is not None
         return cause
 
-    def _begin(self, record: TaskRecord) -> Origin:
-        pressed = None if record.function == CUE else self._pressed.get(record.id)
-        return Origin(record.id, record.source, record.via, pressed)
+    def _begin(self, task: TaskView) -> Origin:
+        return Origin(task.id, task.source, task.via, None if task.function == CUE else task.key_at)
 
-    def _extend(self, before: Origin, record: TaskRecord) -> Origin:
+    def _extend(self, before: Origin, task: TaskView) -> Origin:
         """One step further: what came of it, or a repetition, which has a cause and is asked for by nobody's rule."""
-        rules = [*before.via, *record.via]
-        if actor_of(record.source) == "rule":
-            rules.append(record.source.removeprefix("rule:"))
+        rules = [*before.via, *task.via]
+        if actor_of(task.source) == "rule":
+            rules.append(task.source.removeprefix("rule:"))
         root = self._tasks[before.task]
         pressed = None
         if root.function != CUE:
-            pressed = self._pressed.get(record.id, before.key_at)
+            pressed = task.key_at if task.key_at is not None else before.key_at
             if pressed is None and actor_of(root.source) == "wizard":
-                pressed = root.t
+                pressed = root.submitted
         return Origin(before.task, before.by, tuple(dict.fromkeys(rules)), pressed)
+
+
+def _first_known(*times: float | None) -> float:
+    return next(each for each in times if each is not None)

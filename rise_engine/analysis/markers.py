@@ -9,14 +9,17 @@ the same.
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from typing import Literal, TypeAlias
+from collections.abc import Callable, Mapping
+from copy import deepcopy
+from typing import Literal
 
 import msgspec
 
+from rise_engine.analysis.acts import confirmed_at, parts_of, specs_of
 from rise_engine.analysis.model import SessionData, SessionFacts
 from rise_engine.analysis.outages import records_by_wall_clock
 from rise_engine.kernel.records import (
+    FINAL,
     ActionRecord,
     AnyRecord,
     CueRecord,
@@ -33,14 +36,12 @@ from rise_engine.kernel.records import (
     TaskRecord,
 )
 from rise_engine.kernel.speech import SAY
+from rise_engine.kernel.task_view import TaskView, add_record
 from rise_engine.kernel.view import SessionView
-from rise_engine.scenario.model import Scenario
-from rise_engine.scenario.spoken import SPEECH_CHANNEL
+from rise_engine.scenario.model import ActionSpec, Scenario
 
 OTHER = "other"
 """In the place of a name that somebody may have typed: the scenario does not have it."""
-Confirmation: TypeAlias = Literal["", "robot", "voice"]
-"""What an action's record says of its act: nothing; that the robot has begun with it; that it has begun to be heard."""
 _MOMENTS = {
     "PENDING": "accepted",
     "ACTIVE": "started",
@@ -57,43 +58,32 @@ class MarkerWords:
 
     def __init__(
         self,
-        confirms: Callable[[ActionRecord], Confirmation],
+        specs: Mapping[str, ActionSpec],
         is_known: Callable[[Literal["act", "topic"], str], bool] = lambda kind, name: True,
         hide: Callable[[str], str] = str,
     ) -> None:
         """
-        :param confirms: what the record of an action says of its act; of each act only the first of each counts.
+        :param specs: the actions of the session's robot.
         :param is_known: whether the name of an act or a topic (without its slash) is the scenario's; another one that a
             person gave is not told.
         :param hide: takes out of other names what is private.
         """
-        self._confirms = confirms
+        self._specs = specs
         self._is_known = is_known
         self._hide = hide
-        self._told: dict[int, set[str]] = {}
-        """By task that is not over, the moments that were told."""
+        self._tasks: dict[int, TaskView] = {}
+        """The acts that are not over."""
 
     def skip_to(self, view: SessionView) -> None:
         """Begin with a session that is under way: what is in `view` is over and will not be told."""
-        for id in (*view.running, *view.waiting):
-            task = view.tasks.get(id)
-            if task is None:
-                continue
-            told = self._told.setdefault(id, {"accepted", "started"} if id in view.running else {"accepted"})
-            for name, action in task.actions.items():
-                if action.confirmed is not None:
-                    record = ActionRecord(
-                        0, action.confirmed, "", id, task.behavior, name, action.type, {}, "accepted",
-                        sent_as=action.sent_as,
-                    )  # fmt: skip
-                    told.update(_steps(self._confirms(record)))
+        self._tasks = {id: deepcopy(view.tasks[id]) for id in (*view.running, *view.waiting) if id in view.tasks}
 
     def words(self, record: AnyRecord) -> tuple[str, ...]:
         """The markers of a record, none for most kinds."""
         match record:
             case TaskRecord(function="startCommunicationRobotAct" | "say"):
                 return self._task(record)
-            case ActionRecord(status="accepted" | "succeeded"):
+            case ActionRecord():
                 return self._action(record)
             case RuleRecord(status="entered", state=str(state)):
                 return (f"state/{record.name}/{state}",)
@@ -117,24 +107,25 @@ class MarkerWords:
                 return ()
 
     def _task(self, record: TaskRecord) -> tuple[str, ...]:
-        moment = _MOMENTS[record.status]
-        if record.status in ("PENDING", "ACTIVE"):
-            told = self._told.setdefault(record.id, set())
-            if moment in told:  # its place in the queue has changed
-                return ()
-            told.add(moment)
-        else:
-            self._told.pop(record.id, None)
+        known = self._tasks.get(record.id)
+        before = known.status if known is not None else ""
+        add_record(self._tasks, record)
+        if record.status in FINAL:
+            del self._tasks[record.id]
+        elif before == record.status:  # its place in the queue has changed
+            return ()
         name = SAY if record.function == SAY else self._name("act", record.behavior, record.source)
-        return (f"act/{name}/{moment}",)
+        return (f"act/{name}/{_MOMENTS[record.status]}",)
 
     def _action(self, record: ActionRecord) -> tuple[str, ...]:
-        told = self._told.get(record.task)
-        if told is None:
+        task = self._tasks.get(record.task)
+        if task is None:
             return ()
-        new = [step for step in _steps(self._confirms(record)) if step not in told]
-        told.update(new)
-        return tuple(f"act/{record.act}/{step}" for step in new)
+        before = confirmed_at(parts_of(task, self._specs))
+        add_record(self._tasks, record)
+        after = confirmed_at(parts_of(task, self._specs))
+        steps = zip(("robot", "voice"), before, after, strict=True)
+        return tuple(f"act/{record.act}/{step}" for step, was, now in steps if was is None and now is not None)
 
     def _name(self, kind: Literal["act", "topic"], name: str, source: str) -> str:
         if self._is_known(kind, name):
@@ -145,29 +136,15 @@ class MarkerWords:
 def live_words(scenario: Scenario, hide: Callable[[str], str]) -> MarkerWords:
     """For a running session of `scenario`; `hide` takes private values out of a text."""
 
-    def confirms(record: ActionRecord) -> Confirmation:
-        spec = scenario.robot.actions.get(record.sent_as or record.type)
-        if spec is None or spec.engine:
-            return ""
-        return "voice" if SPEECH_CHANNEL in spec.channels else "robot"
-
     def is_known(kind: Literal["act", "topic"], name: str) -> bool:
         return name in (scenario.acts if kind == "act" else scenario.topics)
 
-    return MarkerWords(confirms, is_known, hide)
+    return MarkerWords(specs_of(scenario), is_known, hide)
 
 
 def recorded_markers(data: SessionData) -> list[tuple[float, str]]:
     """The markers of a recorded session, in order: seconds by the wall clock since it began, and words."""
-    acts = {act.task: act for act in data.acts}
-
-    def confirms(record: ActionRecord) -> Confirmation:
-        act = acts.get(record.task)
-        if act is None:
-            return ""
-        return "voice" if record.t == act.voice_at else "robot" if record.t == act.robot_at else ""
-
-    words = MarkerWords(confirms)
+    words = MarkerWords(specs_of(data.scenario))
     return [(at, each) for at, record in records_by_wall_clock(data) for each in words.words(record)]
 
 
@@ -194,7 +171,3 @@ def describe_session(facts: SessionFacts) -> dict[str, str]:
 def source_id(study: str, session: str) -> str:
     """What tells a session's stream from all others, also after its process was started again."""
     return "/".join(each for each in ("rise", study, session) if each)
-
-
-def _steps(confirmation: Confirmation) -> tuple[str, ...]:
-    return ("robot", "voice") if confirmation == "voice" else (confirmation,) if confirmation else ()

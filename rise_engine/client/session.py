@@ -14,7 +14,8 @@ from rise_engine.client.socket import SocketClient
 from rise_engine.errors import RiseError
 from rise_engine.kernel.inputs import CheckReport, Note, OutcomeReport, RecordingReport, Submit, SyncMark
 from rise_engine.kernel.records import FINAL, AnyRecord, CheckResult, OutcomeStatus, RecordingStatus
-from rise_engine.kernel.view import SessionView, TaskView
+from rise_engine.kernel.task_view import TaskView
+from rise_engine.kernel.view import SessionView
 from rise_engine.protocol.client import (
     AttachReply,
     ClientInput,

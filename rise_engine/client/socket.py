@@ -12,7 +12,8 @@ from itertools import count
 from pathlib import Path
 from typing import Any, get_args
 
-from rise_engine.kernel.view import SessionView, TaskView
+from rise_engine.kernel.task_view import TaskView
+from rise_engine.kernel.view import SessionView
 from rise_engine.protocol import registry
 from rise_engine.protocol.client import (
     AttachReply,

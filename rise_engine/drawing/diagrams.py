@@ -7,19 +7,11 @@ from collections.abc import Iterator, Sequence
 from rise_engine.drawing.labels import transition_label
 from rise_engine.drawing.pictures import call_text
 from rise_engine.drawing.state_order import find_state_order
-from rise_engine.scenario.model import Act, Action, Rule, Transition
+from rise_engine.scenario.model import Act, Action, Rule
 from rise_engine.text import clean
 
 _MERMAID_MARKS = {"#": "#35;", '"': "#quot;", ";": "#59;", ":": "#58;", "<": "#lt;", ">": "#gt;", "%": "#37;"}
 """What has a meaning of its own in Mermaid, and how it is written instead."""
-
-
-def way_label(transition: Transition) -> str:
-    """What a way out waits for, with its condition."""
-    label = transition_label(transition)
-    if transition.condition is not None and not transition.is_eventless:
-        return f"{label} if {transition.condition.text}"
-    return label
 
 
 def mermaid_of_rules(rules: Sequence[Rule]) -> str:
@@ -44,7 +36,7 @@ def _mermaid_states(rule: Rule, prefix: str, indent: str) -> Iterator[str]:
         for transition in transitions:
             target = name if transition.target is None else transition.target
             stays = " (stays)" if transition.target is None else ""
-            yield f"{indent}{id} --> {ids[target]} : {_mermaid(way_label(transition) + stays)}"
+            yield f"{indent}{id} --> {ids[target]} : {_mermaid(transition_label(transition, condition=True) + stays)}"
         if not transitions:
             yield f"{indent}{id} --> [*]"
 

@@ -10,8 +10,19 @@ def delay_text(delay: Delay) -> str:
     return delay.text if delay.seconds is None else f"{delay.seconds:g} s"
 
 
-def transition_label(transition: Transition) -> str:
-    """A transition's short name: its event, its time, or its condition."""
+def transition_label(transition: Transition, *, condition: bool = False) -> str:
+    """A transition's short name: its event, its time, or its condition; with `condition`, also what must be true then.
+
+    >>> transition_label(Transition(event="next", target="Tea"))
+    'next'
+    """
+    label = _waited_label(transition)
+    if condition and transition.condition is not None and not transition.is_eventless:
+        return f"{label} if {transition.condition.text}"
+    return label
+
+
+def _waited_label(transition: Transition) -> str:
     if transition.ended is not None:
         return f"{transition.ended} {' or '.join(transition.outcomes) or 'ended'}"
     if transition.event is not None:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Iterator
 
+from rise_engine.drawing.labels import transition_label
 from rise_engine.explore.act_traits import keys_read
 from rise_engine.explore.cone import assignments_of
 from rise_engine.explore.explored import Explored
@@ -61,7 +62,7 @@ def find_unused(explored: Explored) -> Iterator[ExploreFinding]:
                 yield ExploreFinding(
                     kind="never-taken",
                     level="warning",
-                    text=f"{rule.name} never leaves {state.id} by {way_text(transition)}{within}",
+                    text=f"in {state.id}, {rule.name} never takes {_transition_text(transition)}{within}",
                     location=transition.location,
                     rule=rule.name,
                     state=state.id,
@@ -93,23 +94,9 @@ def _is_for_faults(transition: Transition) -> bool:
     return transition.ended is not None and transition.outcomes != ("succeeded",)
 
 
-def way_text(transition: Transition) -> str:
-    """A way out of a state, in words: what it waits for."""
-    if transition.event is not None:
-        waits = f"the event /{transition.event}"
-    elif transition.ended is not None:
-        how = " or ".join(transition.outcomes)
-        waits = f"the end of {transition.ended}" + (f" ({how})" if how else "")
-    elif transition.after is not None:
-        waits = f"the time {transition.after.text}"
-        if transition.held is not None:
-            waits += f", as long as `{transition.held.text}`"
-    else:
-        waits = f"`{transition.condition.text if transition.condition is not None else ''}`"
-        return waits + (f" (to {transition.target})" if transition.target is not None else "")
-    if transition.condition is not None:
-        waits += f", if `{transition.condition.text}`"
-    return waits + (f" (to {transition.target})" if transition.target is not None else "")
+def _transition_text(transition: Transition) -> str:
+    target = "stays" if transition.target is None else transition.target
+    return f"the transition `{transition_label(transition, condition=True)}` → {target}"
 
 
 def keys_by_state(explored: Explored) -> dict[str, dict[str, str]]:

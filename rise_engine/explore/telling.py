@@ -12,6 +12,7 @@ from rise_engine.explore.following import Followed, follow_path
 from rise_engine.explore.moves import Move
 from rise_engine.explore.paths import Path
 from rise_engine.explore.situation import Countdown
+from rise_engine.kernel.record_words import words_of
 from rise_engine.kernel.records import (
     AnyRecord,
     ConditionRecord,
@@ -195,29 +196,19 @@ def _cut_text(name: str, reason: str, ran: bool) -> str:
 
 
 def _other_text(record: AnyRecord, *, by_chance: bool) -> Iterator[str]:
+    said = words_of(record).sentence
     match record:
-        case FailureRecord(status="asked"):
-            yield f"somebody is asked what is to become of {record.act}"
-        case FailureRecord(status="waiting"):
-            when = "the robot is back" if record.seconds is None else f"{record.seconds:g} s"
-            yield f"{record.act} waits {'until' if record.seconds is None else 'for'} {when}"
-        case FailureRecord(status="repeated"):
-            yield f"{record.act} is tried again"
-        case FailureRecord(status="dropped"):
-            yield f"nobody is asked about {record.act} any more"
-        case KeptRecord(status="kept"):
-            yield f"{record.topic} is kept until a rule waits for it"
-        case KeptRecord(status="taken"):
-            yield f"{record.rule} takes {record.topic}, which was kept"
+        case FailureRecord(status="asked" | "waiting" | "repeated" | "dropped") | KeptRecord(status="kept" | "taken"):
+            yield said
         case EventRecord(taken_by=None, source=source) if source.startswith("rule:"):
-            yield f"nobody waits for {record.topic}"
+            yield said
         case MemoryRecord(source=source) if by_chance and source.startswith("rule:") and not record.deleted:
-            yield f"{record.key} becomes {format_value(record.value)}"
+            yield said
         case ConditionRecord() if record.error:
-            yield f"the condition {record.expression} cannot be worked out: {record.error}"
+            yield f"the condition {said}"
         case ConditionRecord() if record.missing:
-            yield f"{' and '.join(record.missing)} has no value"
+            yield " and ".join(f"{key} is not set" for key in record.missing)
         case NoteRecord():
-            yield record.text
+            yield said
         case _:
             return

@@ -34,17 +34,3 @@ def record_report(core: Core, report: Report) -> None:
             core.emit(RecordingRecord, name, status, path, report.bytes, report.reason, report.source)
         case SyncMark():
             core.emit(SyncRecord, report.number, report.medium, report.text, report.source, report.at, report.within)
-
-
-def report_words(record: ReportRecord) -> tuple[str, str]:
-    """How it stands, in a word of the record's own, or none; and what is said about that."""
-    match record:
-        case CheckRecord():
-            found = ", ".join(filter(None, (record.value, record.reason)))
-            return record.result, ": ".join(filter(None, (record.text or record.id, found)))
-        case OutcomeRecord():
-            return record.status, record.reason
-        case RecordingRecord():
-            return record.status, ": ".join(filter(None, (record.name, record.reason)))
-        case SyncRecord():
-            return "", " ".join(filter(None, (f"mark {record.number}: {record.medium}", record.text)))

@@ -14,10 +14,10 @@ from typing import Any
 
 from msgspec import Struct, field
 
-from rise_engine.kernel.behaviors import started_rule
+from rise_engine.kernel.behaviors import describe_behavior, started_rule
 from rise_engine.kernel.history import MAX_STEPS, MemoryLog, ValueBefore
+from rise_engine.kernel.record_words import words_of
 from rise_engine.kernel.records import (
-    ENDINGS,
     ENGINE,
     FINAL,
     ActionRecord,
@@ -44,56 +44,18 @@ from rise_engine.kernel.records import (
     TimingRecord,
     describe_open_goals,
 )
-from rise_engine.kernel.reports import REPORT_KINDS, ReportRecord, report_words
+from rise_engine.kernel.reports import REPORT_KINDS, ReportRecord
+from rise_engine.kernel.task_view import ACT_FUNCTIONS, TaskView, add_action_record, add_record, add_task_record
+from rise_engine.scenario.model import CUE_TOPICS, normal_topic
 
 MAX_ENDED_TASKS = 100_000
 """Finished tasks that a view keeps; older ones are in the journal."""
 MAX_REMARKS, MAX_REMARK_CHARACTERS = 500, 1_000
 """Notes and the like that it keeps, and characters of each; all of them, and in full, are in the journal."""
+RAISING = ("raiseEventTopic", "markCue")
+"""Functions of tasks that raise an event."""
 FORGET_AT_ONCE = 10_000
 """So many more may come before the oldest are forgotten, all at once."""
-
-
-class ActionView(Struct, gc=False):
-    """One action of a running act."""
-
-    action: str
-    type: str
-    parameters: dict[str, Any]
-    status: str
-    since: float
-    ended: float | None = None
-    reason: str = ""
-    sent_as: str | None = None
-    confirmed: float | None = None
-    """When the robot first said that it does it, or has done it."""
-
-
-class TaskView(Struct, gc=False):
-    """A DomainTask and what became of it."""
-
-    id: int
-    function: str
-    behavior: str
-    calling_type: str
-    source: str
-    status: str
-    reason: str
-    submitted: float
-    started: float | None = None
-    ended: float | None = None
-    ref: str | None = None
-    actions: dict[str, ActionView] = field(default_factory=dict)
-    """For a CRA, by actionID, in the order in which they started."""
-    mark: str = ""
-    """What a wizard says was wrong about it: wrong, late, early or double."""
-    cue_at: float | None = None
-    """Once an act has ended: the cue that it answers, the key for it, when the robot had taken its first action, and
-    its first one that is to be heard; and whether it only bridged the time of a cue."""
-    key_at: float | None = None
-    robot_at: float | None = None
-    voice_at: float | None = None
-    filler: bool = False
 
 
 class ActView(Struct):
@@ -150,6 +112,16 @@ class KeptView(Struct):
     topic: str
     source: str
     until: float
+
+
+class RaisedView(Struct):
+    """An event that comes to the rules."""
+
+    topic: str
+    """Without its slash."""
+    source: str
+    next_seq: int | None = None
+    """Of one that was kept: which record tells it, if any does."""
 
 
 class MemoryView(Struct):
@@ -266,6 +238,8 @@ class SessionView(Struct):
     """Every task of the session (of those that have ended, the latest MAX_ENDED_TASKS), by id, in order of arrival."""
     forgotten: int = 0
     """Tasks that are no longer among `tasks`."""
+    raised: dict[int, RaisedView] = field(default_factory=dict)
+    """Events that were raised at this moment and of which no record says yet whether a rule takes them, by task."""
     unhandled: deque[EventRecord] = field(default_factory=lambda: deque(maxlen=100))
     """The latest events that no rule took."""
     remarks: deque[RemarkView] = field(default_factory=lambda: deque(maxlen=MAX_REMARKS))
@@ -283,22 +257,29 @@ class SessionView(Struct):
         >>> view.memory["mood"].value, view.memory["mood"].changed, view.seq
         ('happy', 0.5, 1)
         """
+        if self.raised and record.t != self.t:
+            self.raised = {}
         self.seq, self.t = record.seq, record.t
         match record:
             case TaskRecord():
                 self._apply_task(record)
             case ActionRecord():
-                self._apply_action(record)
+                add_action_record(self.tasks, record)
             case RuleRecord():
                 self._apply_rule(record)
+            case TimingRecord() | MistakeRecord():
+                add_record(self.tasks, record)
             case MemoryRecord(deleted=True):
                 self._note_change(record)
                 self.memory.pop(record.key, None)
             case MemoryRecord():
                 self._note_change(record)
                 self.memory[record.key] = MemoryView(record.value, record.old, record.source, record.t)
-            case EventRecord(taken_by=None):
-                self.unhandled.append(record)
+            case EventRecord():
+                if self.raised:
+                    self._apply_event(record)
+                if record.taken_by is None:
+                    self.unhandled.append(record)
             case RobotRecord():
                 if self.robot is not None or record.status != "connected":  # that all is well to begin with is no news
                     self._add_remark(RemarkView("robot", record.t, "robot", record.detail, record.status))
@@ -327,13 +308,6 @@ class SessionView(Struct):
                 )
             case CueRecord():
                 self._apply_cue(record)
-            case MistakeRecord():
-                if (marked := self.tasks.get(record.task)) is not None:
-                    marked.mark = "" if record.mark == "none" else record.mark
-            case TimingRecord():
-                if (timed := self.tasks.get(record.task)) is not None:
-                    timed.cue_at, timed.key_at, timed.robot_at = record.cue_at, record.key_at, record.robot_at
-                    timed.voice_at, timed.filler = record.voice_at, record.filler
             case FailureRecord():
                 self._apply_question(record)
             case ControlRecord(status="asked"):
@@ -345,8 +319,7 @@ class SessionView(Struct):
             case CheckRecord() | OutcomeRecord() | RecordingRecord() | SyncRecord():
                 self._apply_report(record)
             case ScenarioRecord():
-                text = f"the session goes on with changed files: {', '.join(record.changes)}"
-                self._add_remark(RemarkView("note", record.t, record.source, text))
+                self._add_remark(RemarkView("note", record.t, record.source, words_of(record).sentence))
             case SessionRecord():
                 if record.status == "ended":
                     self.ended = True
@@ -396,7 +369,9 @@ class SessionView(Struct):
                     return  # it goes on as it did
             case SyncRecord():
                 self.sync = record
-        status, text = report_words(record)
+        status = record.result if isinstance(record, CheckRecord) else getattr(record, "status", "")
+        words = words_of(record)
+        text = words.sentence if isinstance(record, SyncRecord) else words.text
         self._add_remark(RemarkView(REPORT_KINDS[type(record)], record.t, record.source, text, status))
 
     def _apply_cue(self, record: CueRecord) -> None:
@@ -410,32 +385,18 @@ class SessionView(Struct):
             self.cue.filled = record.t
 
     def _apply_task(self, record: TaskRecord) -> None:
-        task = self.tasks.get(record.id)
-        if task is None:
-            task = TaskView(
-                record.id,
-                record.function,
-                record.behavior,
-                record.calling_type,
-                record.source,
-                record.status,
-                record.reason,
-                record.t,
-                ref=record.ref,
-            )
-            self.tasks[record.id] = task
-            if len(self.tasks) - len(self.waiting) - len(self.running) > MAX_ENDED_TASKS + FORGET_AT_ONCE:
-                self._forget_oldest()
-        task.status, task.reason = record.status, record.reason
-        if record.status == "ACTIVE":
-            task.started = record.t
-        elif record.status in FINAL:
-            task.ended = record.t
-        if record.function in ("startCommunicationRobotAct", "say"):
+        known = len(self.tasks)
+        task = add_task_record(self.tasks, record)
+        is_new = len(self.tasks) > known
+        if is_new and known - len(self.waiting) - len(self.running) >= MAX_ENDED_TASKS + FORGET_AT_ONCE:
+            self._forget_oldest()
+        if record.function in ACT_FUNCTIONS:
             self._apply_act_task(record, task)
             self._apply_failure(record)
         elif record.function == "goOn" and record.status == "SUCCEEDED":
             self.failed = [id for id in self.failed if str(id) != record.behavior]
+        elif record.function in RAISING and record.status in ("SUCCEEDED", "CANCELED"):
+            self._note_raised(task, is_new=is_new)
         elif record.function == "startInteractionRule" and record.status == "ACTIVE":
             self.rules.setdefault(started_rule(record.behavior), RuleView()).task = record.id
 
@@ -485,19 +446,26 @@ class SessionView(Struct):
         if is_open or record.status == "repeated":
             self.failed = [id for id in self.failed if id != record.task]
 
-    def _apply_action(self, record: ActionRecord) -> None:
-        task = self.tasks.get(record.task)
-        if task is None:
-            return
-        action = task.actions.get(record.action)
-        if action is None:
-            action = ActionView(record.action, record.type, record.parameters, record.status, record.t)
-            task.actions[record.action] = action
-        action.status, action.reason, action.sent_as = record.status, record.reason, record.sent_as
-        if action.confirmed is None and record.status in ("accepted", "succeeded"):
-            action.confirmed = record.t
-        if record.status in ENDINGS:
-            action.ended = record.t
+    def _note_raised(self, task: TaskView, *, is_new: bool) -> None:
+        """A task's event comes to the rules: the record of that follows those of events that were raised before. Of one
+        that was kept until now (not `is_new`) it is the very next one, or there is none."""
+        by_cue = task.function == "markCue"
+        topic = CUE_TOPICS[0] if by_cue else normal_topic(describe_behavior(task.function, task.behavior))
+        raised = RaisedView(topic, ENGINE if by_cue else task.source)
+        if is_new:
+            self.raised[task.id] = raised
+        else:
+            raised.next_seq = self.seq + 1
+            self.raised = {task.id: raised, **self.raised}
+
+    def _apply_event(self, record: EventRecord) -> None:
+        topic = normal_topic(record.topic)
+        for id, raised in self.raised.items():
+            if raised.topic == topic and raised.source == record.source and raised.next_seq in (None, record.seq):
+                del self.raised[id]
+                if (task := self.tasks.get(id)) is not None:
+                    task.taken = record.taken_by is not None
+                return
 
     def _apply_rule(self, record: RuleRecord) -> None:
         if record.status == "faulted":

@@ -26,16 +26,17 @@ from rise_engine.kernel.records import (
     SessionRecord,
     SyncRecord,
 )
+from rise_engine.kernel.task_view import TaskView
 from rise_engine.kernel.view import (
     ActView,
     CueView,
     KeptView,
     MemoryView,
+    RaisedView,
     RemarkView,
     RuleView,
     SessionView,
     StopView,
-    TaskView,
 )
 from rise_engine.protocol.client import ClientInput, ControlVerb, Heartbeat, JournalStatus, Role
 
@@ -130,6 +131,7 @@ class ViewWithoutTasks(Struct, frozen=True):
     outcome: OutcomeRecord | None = None
     recordings: dict[str, RecordingRecord] = field(default_factory=dict)
     sync: SyncRecord | None = None
+    raised: dict[int, RaisedView] = field(default_factory=dict)
 
 
 class HelloMessage(Struct, tag_field="type", tag="hello", frozen=True):

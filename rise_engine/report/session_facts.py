@@ -11,7 +11,6 @@ from rise_engine.analysis.model import ActorKind, Phase, PlayedAct, SessionData
 from rise_engine.analysis.statistics import Share, Summary, summarise
 from rise_engine.kernel.records import (
     ENGINE,
-    ActionRecord,
     ActionStatus,
     ControlRecord,
     FailureRecord,
@@ -171,9 +170,7 @@ def _state_facts(phases: Iterable[Phase]) -> Iterable[StateFacts]:
 
 def _mistakes(data: SessionData, begun: list[PlayedAct]) -> MistakeFacts:
     marks = Counter(point.name for point in data.points if point.kind == "mistake")
-    actions = Counter(
-        record.status for record in data.records if isinstance(record, ActionRecord) and record.status in _NOT_DONE
-    )
+    actions = Counter(part.status for act in data.acts for part in act.parts)
     control = [record for record in data.records if isinstance(record, ControlRecord) and record.status != "asked"]
     return MistakeFacts(
         marks={mark: marks[mark] for mark in MARKS if marks[mark]},

@@ -7,7 +7,7 @@ import logging
 from collections import deque
 from collections.abc import Iterator
 
-from rise_engine.kernel.view import TaskView
+from rise_engine.kernel.task_view import TaskView
 from rise_engine.protocol.messages import ReadyMessage, TasksMessage, encode_line
 from rise_engine.server.connection import ClientConnection, split_into_pieces
 from rise_engine.server.hub import AttachedClient

@@ -21,7 +21,8 @@ from rise_engine.engine.engine import Engine, ReplyCallback, versions
 from rise_engine.errors import RiseError
 from rise_engine.kernel.inputs import ControlChanged, ControlStatus, Note, OutcomeReport, Submit
 from rise_engine.kernel.records import ActionRecord, AnyRecord, TaskRecord
-from rise_engine.kernel.view import SessionView, TaskView
+from rise_engine.kernel.task_view import TaskView
+from rise_engine.kernel.view import SessionView
 from rise_engine.protocol.client import ClientInput, ControlVerb, Reply, Role, Update
 from rise_engine.protocol.messages import VERSION, SessionSummary
 from rise_engine.server.client_names import find_lookalike, name_problem

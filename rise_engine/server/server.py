@@ -34,7 +34,7 @@ from rise_engine.kernel.records import (
     TaskRecord,
     TimingRecord,
 )
-from rise_engine.kernel.view import TaskView
+from rise_engine.kernel.task_view import TaskView
 from rise_engine.lag_meter import LagMeter
 from rise_engine.protocol.client import Heartbeat, JournalStatus, Reply, Update
 from rise_engine.protocol.messages import (

@@ -8,6 +8,7 @@ from typing import Any, Literal, TypeAlias
 from msgspec import Struct
 
 from rise_engine.kernel.behaviors import describe_behavior, started_rule
+from rise_engine.kernel.record_words import words_of
 from rise_engine.kernel.records import (
     ENDINGS,
     ENGINE,
@@ -26,12 +27,11 @@ from rise_engine.kernel.records import (
     StopRecord,
     TaskRecord,
 )
+from rise_engine.kernel.task_view import ACT_FUNCTIONS
 from rise_engine.scenario.ssml import plain_words
 from rise_engine.trial.trial import Trial
-from rise_engine.typed_values import format_value
 
 HappenedKind: TypeAlias = Literal["done", "state", "event", "memory", "condition", "act", "says", "note", "problem"]
-_ACT_FUNCTIONS = ("startCommunicationRobotAct", "say")
 _WELL = ("succeeded", "accepted")
 
 
@@ -93,65 +93,43 @@ def _goes_with(record: AnyRecord, before: MemoryRecord) -> bool:
 
 def _memory_line(records: list[MemoryRecord]) -> HappenedLine:
     first = records[0]
-    text = " · ".join(_value_text(record) for record in records)
+    text = " · ".join(words_of(record).sentence for record in records)
     return HappenedLine(first.t, "memory", text, rule=first.source.removeprefix("rule:"))
 
 
-def _value_text(record: MemoryRecord) -> str:
-    if record.deleted:
-        return f"{record.key} is deleted (was {format_value(record.old)})"
-    was = "" if record.created or record.old == record.value else f" (was {format_value(record.old)})"
-    return f"{record.key} = {format_value(record.value)}{was}"
-
-
 def _line(record: AnyRecord) -> HappenedLine | None:
+    said = words_of(record).sentence
     match record:
         case TaskRecord():
             return _task_line(record)
         case ActionRecord():
             return _action_line(record)
+        case RuleRecord(status="started"):
+            return None  # that it enters its first state follows
         case RuleRecord():
-            return _rule_line(record)
+            kind: HappenedKind = "problem" if record.status == "faulted" else "state"
+            return HappenedLine(record.t, kind, said, rule=record.name)
         case EventRecord() if record.taken_by and record.topic.startswith("ended "):
             return None  # the rule's own act: the state that follows says it
         case EventRecord():
-            taken = f"{record.taken_by} takes it" if record.taken_by else "nobody waits for it"
-            by = f"rule {rule} raises" if (rule := _rule_of(record.source)) else ""
-            text = f"{by} {record.topic}: {taken}".strip()
-            return HappenedLine(record.t, "event", text, rule=record.taken_by or rule)
+            by = f"rule {rule} raises " if (rule := _rule_of(record.source)) else ""
+            return HappenedLine(record.t, "event", f"{by}{said}", rule=record.taken_by or rule)
         case ConditionRecord():
-            return _condition_line(record)
+            return HappenedLine(record.t, "problem" if record.error else "condition", said, rule=record.rule)
         case CountdownRecord():
-            way = f"{record.rule}: way {record.transition + 1}"
-            if record.status == "failed":
-                return HappenedLine(record.t, "problem", f"{way} is never taken: {record.reason}", rule=record.rule)
-            begun = f"is taken in {record.seconds:g} s" if record.status == "began" else "begins anew"
-            return HappenedLine(record.t, "note", f"{way} {begun}", rule=record.rule)
+            return HappenedLine(record.t, "problem" if record.status == "failed" else "note", said, rule=record.rule)
         case KeptRecord():
-            return HappenedLine(record.t, "event", f"{record.topic} {_KEPT[record.status]}", rule=record.rule or "")
+            return HappenedLine(record.t, "event", said, rule=record.rule or "")
         case CueRecord():
-            return HappenedLine(record.t, "note", f"the participant's cue is {record.status}")
-        case FailureRecord(status="asked"):
-            return HappenedLine(record.t, "problem", f"{record.act} failed: somebody would be asked ({record.reason})")
-        case FailureRecord(status="waiting"):
-            when = "when the robot is back" if record.seconds is None else f"in {record.seconds:g} s"
-            return HappenedLine(record.t, "problem", f"{record.act} failed: it is repeated {when} ({record.reason})")
+            return HappenedLine(record.t, "note", said)
         case FailureRecord():
-            return HappenedLine(record.t, "note", f"the failed {record.act}: {record.status}")
+            return HappenedLine(record.t, "problem" if record.status in ("asked", "waiting") else "note", said)
         case StopRecord():
-            return HappenedLine(record.t, "note", f"stop {record.status}")
+            return HappenedLine(record.t, "note", words_of(record).full_sentence)
         case NoteRecord():
-            return HappenedLine(record.t, "problem", record.text)
+            return HappenedLine(record.t, "problem", said)
         case _:
             return None
-
-
-_KEPT = {
-    "kept": "is kept until a rule waits for it",
-    "taken": "was kept, and is taken now",
-    "expired": "was kept in vain: no rule waited for it",
-    "taken-back": "is kept no more",
-}
 
 
 def _rule_of(source: str) -> str:
@@ -163,9 +141,8 @@ def _task_line(record: TaskRecord) -> HappenedLine | None:
     what = describe_behavior(record.function, record.behavior)
     rule = _rule_of(record.source)
     if record.status in ("REJECTED", "ABORTED") and record.reason:
-        kind: HappenedKind = "problem"
-        return HappenedLine(record.t, kind, f"{what or record.function}: {record.reason}", rule=rule)
-    if record.function in _ACT_FUNCTIONS:
+        return HappenedLine(record.t, "problem", words_of(record).full_sentence, rule=rule)
+    if record.function in ACT_FUNCTIONS:
         return _act_line(record, what, rule)
     if record.function == "startInteractionRule":
         if record.status != "PENDING":
@@ -186,14 +163,13 @@ def _act_line(record: TaskRecord, what: str, rule: str) -> HappenedLine | None:
         case "SUCCEEDED":
             return HappenedLine(record.t, "act", f"{what} has ended", rule=rule)
         case _:
-            reason = f": {record.reason}" if record.reason else ""
-            return HappenedLine(record.t, "problem", f"{what} {record.status.lower()}{reason}", rule=rule)
+            return HappenedLine(record.t, "problem", words_of(record).sentence, rule=rule)
 
 
 def _action_line(record: ActionRecord) -> HappenedLine | None:
     if record.status in ENDINGS and record.status not in _WELL:
-        reason = f": {record.reason}" if record.reason else ""
-        return HappenedLine(record.t, "problem", f"{record.type} {record.status}{reason}")
+        words = words_of(record)
+        return HappenedLine(record.t, "problem", f"{words.kind} {words.text}")
     if record.status != "started":
         return None
     message = said_words(record.parameters)
@@ -204,37 +180,3 @@ def said_words(parameters: dict[str, Any]) -> str:
     """What an action with these parameters says; empty: nothing."""
     message = parameters.get("message")
     return plain_words(message).strip() if isinstance(message, str) else ""
-
-
-def _rule_line(record: RuleRecord) -> HappenedLine | None:
-    trigger = record.trigger or ""
-    by = f" by {trigger}" if trigger and trigger not in ("start", "resumed") else ""
-    match record.status:
-        case "started":
-            return None  # that it enters its first state follows
-        case "entered" if record.previous is None:
-            return HappenedLine(record.t, "state", f"{record.name}: in {record.state}{by}", rule=record.name)
-        case "entered":
-            text = f"{record.name}: {record.previous} → {record.state}{by}"
-            return HappenedLine(record.t, "state", text, rule=record.name)
-        case "stayed":
-            return HappenedLine(record.t, "state", f"{record.name}: stays in {record.state}{by}", rule=record.name)
-        case "faulted":
-            return HappenedLine(record.t, "problem", f"{record.name} was ended: {record.reason}", rule=record.name)
-        case _:
-            reason = f": {record.reason}" if record.reason else ""
-            text = (
-                f"{record.name} {'has ended' if record.status == 'ended' else 'was stopped'} in {record.state}{reason}"
-            )
-            return HappenedLine(record.t, "state", text, rule=record.name)
-
-
-def _condition_line(record: ConditionRecord) -> HappenedLine:
-    read = ", ".join(
-        f"{key} is not set" if key in record.missing else f"{key} is {format_value(value)}"
-        for key, value in record.values.items()
-    )
-    verdict = f"cannot be worked out: {record.error}" if record.error else "true" if record.result else "false"
-    repeats = len(record.values) == 1 and record.expression.strip() == next(iter(record.values))
-    text = f"{record.expression}{f': {read}' if read and not repeats else ''} → {verdict}"
-    return HappenedLine(record.t, "problem" if record.error else "condition", text, rule=record.rule)

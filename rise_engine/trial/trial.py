@@ -18,6 +18,7 @@ from rise_engine.engine.drivers import make_robot
 from rise_engine.engine.engine import Engine
 from rise_engine.kernel.inputs import Note, SessionStarted, Submit
 from rise_engine.kernel.records import AnyRecord, TaskRecord
+from rise_engine.kernel.task_view import ACT_FUNCTIONS
 from rise_engine.kernel.view import SessionView
 from rise_engine.protocol.session_options import SessionOptions
 from rise_engine.protocol.session_start import first_input, start_remarks
@@ -32,8 +33,6 @@ LIVELOCK = 20_000
 """Inputs in one moment beyond which time is not let go on: something goes round in circles."""
 PRESS_AFTER = 0.1
 """Seconds by which what somebody does comes after what has happened: nobody presses a key in the same moment."""
-
-_ACT_FUNCTIONS = ("startCommunicationRobotAct", "say")
 
 StepKind: TypeAlias = Literal["task", "go_on", "wait"]
 
@@ -269,7 +268,7 @@ class Trial:
         seen, again = seq, set[str]()
         while (due := self.clock.next_at) is not None:
             for record in self.records[seen:]:
-                if isinstance(record, TaskRecord) and record.function in _ACT_FUNCTIONS and record.status == "ACTIVE":
+                if isinstance(record, TaskRecord) and record.function in ACT_FUNCTIONS and record.status == "ACTIVE":
                     (again if record.behavior in begun else begun).add(record.behavior)
             seen = len(self.records)
             if due > self.now and self.view.seq > seq and self._does_only(again):

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from rise_engine.kernel.view import ActionView
+from rise_engine.kernel.task_view import ActionView
 from rise_engine.scenario import expected_seconds
 from rise_engine.scenario.model import Scenario
 

@@ -8,7 +8,7 @@ from rich.cells import cell_len
 
 from rise_engine.drawing.act_graph import ActRow, act_rows
 from rise_engine.drawing.act_seconds import estimate_call_seconds
-from rise_engine.kernel.view import ActionView, TaskView
+from rise_engine.kernel.task_view import ActionView, TaskView
 from rise_engine.scenario.model import Act, Action, ActionCall
 from rise_engine.scenario.spoken import MESSAGE
 from rise_engine.scenario.ssml import plain_words

@@ -7,7 +7,7 @@ from math import ceil
 from typing import Any, NamedTuple
 
 from rise_engine.drawing.act_levels import actions_in_order
-from rise_engine.kernel.view import ActionView, TaskView
+from rise_engine.kernel.task_view import ActionView, TaskView
 from rise_engine.scenario.model import Action, Scenario
 from rise_engine.scenario.ssml import BEGINNING, begins_as_ssml, plain_words
 from rise_engine.scenario.template import MemorySlot, MissingValueError, Template

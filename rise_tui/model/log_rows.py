@@ -8,9 +8,11 @@ from __future__ import annotations
 
 from bisect import bisect_left, insort
 
+from rise_engine.kernel.behaviors import started_rule
 from rise_engine.kernel.records import TaskRecord
 from rise_engine.kernel.reports import REPORT_KINDS
-from rise_engine.kernel.view import RemarkView, SessionView, TaskView
+from rise_engine.kernel.task_view import TaskView
+from rise_engine.kernel.view import RemarkView, SessionView
 
 ROWS_PER_TASK = 1 << 12
 """Row numbers for each task: its own, and those of remarks before the next task."""
@@ -29,6 +31,25 @@ def row_of(task: int) -> int:
 def task_of(row: int) -> int | None:
     """The task of a row; None when the row is none."""
     return None if row % ROWS_PER_TASK else row // ROWS_PER_TASK
+
+
+JUST_STARTED_SECONDS = 1.0
+"""Seconds after its start in which what a rule does counts as the deed of the wizard who started it."""
+
+
+def is_by_wizard(source: str, t: float, starter: TaskView | None) -> bool:
+    """Whether an event is a wizard's deed: raised directly, or by a rule that a wizard has just started.
+
+    Arguments:
+        source: who raised it.
+        t: session time at which it came to the rules.
+        starter: the task that had started that rule last.
+    """
+    if not source.startswith(BY_RULE):
+        return source.startswith("wizard:")
+    if starter is None or not starter.source.startswith("wizard:"):
+        return False
+    return t - (starter.started if starter.started is not None else starter.submitted) <= JUST_STARTED_SECONDS
 
 
 def is_rules_own(task: TaskView | TaskRecord) -> bool:
@@ -58,7 +79,14 @@ class LogRows:
         self.rebuild_count += 1
         self._remarks.clear()
         self.all = [row_of(id) for id in view.tasks]
-        self.main = [row_of(id) for id, task in view.tasks.items() if not is_rules_own(task)]
+        self.main = []
+        starters: dict[str, TaskView] = {}
+        for id, task in view.tasks.items():
+            if task.function == "startInteractionRule" and task.started is not None:
+                starters[BY_RULE + started_rule(task.behavior)] = task
+            missed = task.taken is False and is_by_wizard(task.source, task.ended or 0.0, starters.get(task.source))
+            if missed or not is_rules_own(task):
+                self.main.append(row_of(id))
         for remark in view.remarks:
             self.add_remark(remark, in_order=False)
         self.all.sort()

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from rise_engine.kernel.behaviors import describe_behavior
-from rise_engine.kernel.view import TaskView
+from rise_engine.kernel.task_view import TaskView
 from rise_tui.model.control import short_name
 from rise_tui.model.log_rows import NOTE, ROBOT
 from rise_tui.model.states import StateLabel

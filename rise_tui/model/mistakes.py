@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-from rise_engine.kernel.view import TaskView
+from rise_engine.kernel.task_view import TaskView
 from rise_engine.kernel.wizard_marks import UNMARKABLE
 from rise_engine.scenario.model import KeyBinding
 from rise_tui.model.task_messages import act_label, completion_message, task_label

@@ -10,7 +10,8 @@ from collections.abc import Iterator, Mapping
 from typing import Any, Literal, NamedTuple
 
 from rise_engine.kernel.records import ENDINGS, ActionRecord
-from rise_engine.kernel.view import ActionView, SessionView, TaskView
+from rise_engine.kernel.task_view import ActionView, TaskView
+from rise_engine.kernel.view import SessionView
 from rise_engine.scenario.model import Action, Scenario
 from rise_engine.scenario.ssml import plain_words
 from rise_engine.scenario.template import MissingValueError, Template

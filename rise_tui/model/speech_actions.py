@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from rise_engine.kernel.view import ActionView
+from rise_engine.kernel.task_view import ActionView
 from rise_engine.scenario.model import ActionCall, Scenario
 from rise_engine.scenario.spoken import MESSAGE, SPEECH_CHANNEL
 from rise_engine.scenario.ssml import plain_words

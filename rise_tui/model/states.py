@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import NamedTuple
 
 from rise_engine.kernel.records import ENDINGS
-from rise_engine.kernel.view import ActionView, TaskView
+from rise_engine.kernel.task_view import ActionView, TaskView
 from rise_engine.scenario.model import Act
 from rise_tui.model.log_rows import REPORTS
 from rise_tui.model.store import Store
@@ -107,6 +107,8 @@ def task_state(task: TaskView) -> StateLabel:
             return REPORT_STATES.get(task.status, REMARK_STATES["note"])
         kind = task.behavior if task.function == "robot" else task.function
         return REMARK_STATES.get(kind, StateLabel("·", "", "plain"))
+    if task.taken is False:
+        return NOT_TAKEN
     return TASK_STATES.get(task.status, StateLabel("?", task.status.lower(), "plain"))
 
 

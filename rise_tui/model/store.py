@@ -5,7 +5,7 @@ A read model without any screen. Panes read it; only `ConsoleSession` and the sc
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from os import urandom
 from typing import Any, Literal, TypeAlias, get_args
@@ -15,7 +15,9 @@ from msgspec import Struct
 from rise_engine.drawing.act_seconds import estimate_act_seconds
 from rise_engine.drawing.study_keys import StudyKeys
 from rise_engine.kernel.behaviors import started_rule
+from rise_engine.kernel.record_words import words_of
 from rise_engine.kernel.records import (
+    ENGINE,
     ActionRecord,
     AnyRecord,
     CheckRecord,
@@ -37,7 +39,8 @@ from rise_engine.kernel.records import (
     SyncRecord,
     TaskRecord,
 )
-from rise_engine.kernel.view import ActView, RuleView, SessionView, TaskView
+from rise_engine.kernel.task_view import TaskView
+from rise_engine.kernel.view import ActView, RuleView, SessionView
 from rise_engine.protocol.client import (
     AttachReply,
     Heartbeat,
@@ -46,19 +49,18 @@ from rise_engine.protocol.client import (
     ShadowStatus,
     UpdateOrResync,
 )
-from rise_engine.scenario.model import KeyBinding, Scenario
+from rise_engine.scenario.model import CUE_TOPICS, KeyBinding, Scenario, normal_topic
 from rise_engine.scenario.robot_wording import RobotWording
 from rise_tui.model import control
 from rise_tui.model.blocked import BlockedReason, Deed
 from rise_tui.model.expected_inputs import ExpectedInputs, find_expected_inputs
 from rise_tui.model.flash import LATE_SECONDS
 from rise_tui.model.input_lock import CUE_EVENTS, STARTING_FUNCTIONS, InputMode
-from rise_tui.model.log_rows import LogRows
+from rise_tui.model.log_rows import BY_RULE, LogRows, is_by_wizard
 from rise_tui.model.notice import Notice
 from rise_tui.model.robot_speech import CurrentSentence, SentenceTracker
 from rise_tui.model.task_messages import completion_message, record_notice
 from rise_tui.model.undo import UndoStack
-from rise_tui.model.unhandled_events import UnhandledEvents
 from rise_tui.model.voice import CueClock, cue_clock
 
 StorePart: TypeAlias = Literal["acts", "rules", "memory", "tasks", "status", "stop", "cue", "notice", "flash"]
@@ -157,25 +159,22 @@ class Store:
     last_deletion: tuple[str, Any] | None = None
     """The memory key that the wizard deleted last, and its value."""
 
-    marked_tasks: list[int] = field(default_factory=list)
-    """Tasks whose mistake mark was set or taken back since this console has attached."""
+    changed_tasks: list[int] = field(default_factory=list)
+    """Tasks that have changed after their end since this console has attached: a mistake mark was set or taken back, or
+    no rule took their event."""
     undo_stack: UndoStack = field(default_factory=UndoStack)
     """The memory changes of this console, which it can take back."""
-    unhandled_tasks: list[int] = field(default_factory=list)
-    """Tasks that raised an event for which nobody was waiting, in the order in which that came out."""
 
     study_keys: StudyKeys = field(init=False)
     wording: RobotWording = field(init=False)
     sentences: SentenceTracker = field(init=False)
     _scenario_hash: str = field(init=False)
-    _unhandled_events: UnhandledEvents = field(init=False)
     _estimates: dict[str, float] = field(default_factory=dict)
     """Seconds that acts take with the present memory, of those that have not run yet."""
     _left_out_at: float = -LEFT_OUT_SECONDS
     """Session time at which it was said that records are left out."""
 
     def __post_init__(self) -> None:
-        self._unhandled_events = UnhandledEvents(self.unhandled_tasks)
         self._scenario_hash = self.scenario.hash
         self.wording = RobotWording(self.scenario)
         self.study_keys, self.sentences = StudyKeys(self.scenario), SentenceTracker(self.scenario)
@@ -201,8 +200,7 @@ class Store:
             self.study_keys, self.sentences = StudyKeys(attach_reply.scenario), SentenceTracker(attach_reply.scenario)
         self.attach_reply, self.view, self.journal_status = attach_reply, attach_reply.view, attach_reply.journaling
         self.log.rebuild(self.view)
-        self.unhandled_tasks.clear()
-        self.marked_tasks.clear()
+        self.changed_tasks.clear()
         self._restart_trackers()
 
     def _restart_trackers(self) -> None:
@@ -210,7 +208,6 @@ class Store:
         self.newest_speech = next((id for id in reversed(self.view.tasks) if self.view.tasks[id].function == "say"), 0)
         self.undo_stack.clear()
         self._estimates.clear()
-        self._unhandled_events.clear()
         self.sentences.rebuild(self.view)
 
     @property
@@ -372,7 +369,7 @@ class Store:
             if isinstance(record, TaskRecord):
                 changed |= self._apply_task(record)
             holder, newest_remark = self.view.control, self.view.remarks[-1] if self.view.remarks else None
-            forgotten = self.view.forgotten
+            forgotten, raised = self.view.forgotten, tuple(self.view.raised)
             self.view.apply(record)
             if self.view.forgotten != forgotten:
                 self._trim()
@@ -390,16 +387,7 @@ class Store:
                 self.notice = notice or (None if lost else self.notice)
                 self.control_lost = lost or (None if self.has_control else self.control_lost)
             if isinstance(record, EventRecord):
-                known = len(self.unhandled_tasks)
-                outcome = self._unhandled_events.record_outcome(record, self.view)
-                self.notice = outcome or self.notice
-                if len(self.unhandled_tasks) > known:
-                    changed.add("tasks")
-                    if outcome is not None:
-                        self.log.show_own_row(self.unhandled_tasks[-1])
-            elif isinstance(record, KeptRecord) and record.status == "expired":
-                if (task := self.view.tasks.get(record.task)) is not None:
-                    self._unhandled_events.expect(task)
+                changed |= self._apply_event(record, raised)
             elif isinstance(record, MemoryRecord):
                 self._estimates.clear()
                 if record.source == self.own_name:
@@ -407,7 +395,7 @@ class Store:
             elif isinstance(record, ActionRecord):
                 self.sentences.record_action(record, self.view)
             elif isinstance(record, MistakeRecord):
-                self.marked_tasks.append(record.task)
+                self.changed_tasks.append(record.task)
             elif isinstance(record, SyncRecord) and record.medium == "flash" and not self.attach_reply.replay:
                 if self.now() - record.t > LATE_SECONDS:
                     self.notice = Notice(f"mark {record.number} came too late to be shown here", "wait")
@@ -445,11 +433,25 @@ class Store:
     def _trim(self) -> None:
         """The view has forgotten its oldest tasks."""
         tasks = self.view.tasks
-        for ids in (self.unhandled_tasks, self.marked_tasks):
-            ids[:] = [id for id in ids if id in tasks]
+        self.changed_tasks[:] = [id for id in self.changed_tasks if id in tasks]
         self.log.rebuild(self.view)
-        for id in self.unhandled_tasks:
-            self.log.show_own_row(id)
+
+    def _apply_event(self, record: EventRecord, raised: Iterable[int]) -> frozenset[StorePart]:
+        """An event has found its rule, or none, and so has the one of these tasks that raised it."""
+        if record.taken_by is not None:
+            return frozenset()
+        view, source = self.view, record.source
+        if source == ENGINE and normal_topic(record.topic) == CUE_TOPICS[0] and view.cue is not None:
+            source = view.cue.source
+        rule = view.rules.get(source.removeprefix(BY_RULE))
+        by_wizard = is_by_wizard(source, record.t, view.tasks.get(rule.task or 0) if rule is not None else None)
+        if by_wizard:
+            self.notice = Notice(words_of(record).sentence, "wait")
+        missed = [id for id in raised if id not in view.raised and id in view.tasks and view.tasks[id].taken is False]
+        self.changed_tasks += missed
+        if missed and by_wizard:
+            self.log.show_own_row(missed[-1])
+        return frozenset({"tasks"}) if missed else frozenset()
 
     def _apply_journal_status(self, now: JournalStatus) -> frozenset[StorePart]:
         """How the record stands; nothing is painted for what nobody would see."""
@@ -472,12 +474,6 @@ class Store:
             own = record.ref.startswith(self.reference_prefix)
             if own and record.status == "SUCCEEDED" and (text := completion_message(record.function, record.behavior)):
                 self.notice = Notice(text)
-        if record.status == "SUCCEEDED" and record.function == "raiseEventTopic":
-            self._unhandled_events.expect(record)
-        elif record.status == "SUCCEEDED" and record.function == "markCue":
-            scenario = self.scenario
-            if scenario.cue_keep is None and CUE_EVENTS[record.function] in scenario.topics:
-                self._unhandled_events.expect_cue(record)
         if record.status == "ACTIVE" and record.function in ("startCommunicationRobotAct", "say"):
             self.shown_act = "" if record.function == "say" else record.behavior
         elif record.status == "ACTIVE" and record.function == "startInteractionRule" and not self.shown_rule:

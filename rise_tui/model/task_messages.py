@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 
 from rise_engine.kernel.behaviors import describe_behavior
+from rise_engine.kernel.record_words import FUNCTION_WORDS, words_of
 from rise_engine.kernel.records import (
     AnyRecord,
     CheckRecord,
@@ -16,50 +17,22 @@ from rise_engine.kernel.records import (
     RuleRecord,
     StopRecord,
     TaskRecord,
-    stopper_words,
 )
 from rise_engine.scenario.model import normal_topic
 from rise_tui.model import control
 from rise_tui.model.notice import Notice
 from rise_tui.rendering.text import format_value
 
-FUNCTION_LABELS = {
-    "startCommunicationRobotAct": "act",
-    "stopCommunicationRobotAct": "stop act",
-    "startInteractionRule": "rule",
-    "stopInteractionRule": "stop rule",
-    "stepBack": "step back",
-    "raiseEventTopic": "event",
-    "assignValue": "set",
-    "deleteValue": "delete",
-    "cancelTask": "cancel",
-    "moveTask": "move",
-    "stopAll": "STOP ALL",
-    "releaseStop": "release",
-    "cancelOpenGoals": "cancel again",
-    "releaseOpenGoals": "release part",
-    "say": "say",
-    "markCue": "cue",
-    "undoCue": "undo cue",
-    "nextFiller": "filler",
-    "markMistake": "mistake",
-    "goOn": "go on",
-    "repeatAct": "repeat",
-    "stopRuleOfAct": "stop rule",
-    "note": "note",
-    "robot": "robot",
+FUNCTION_LABELS = FUNCTION_WORDS | {
+    **{kind: kind for kind in ("note", "robot", "check", "outcome", "recording", "sync")},
     "fault": "rule",
-    "check": "check",
-    "outcome": "outcome",
-    "recording": "recording",
-    "sync": "sync",
 }
-"""A task's function in a word or two."""
+"""What a row of the log is about, in a word or two: a task's function, or what is no task."""
 
 
 def task_label(function: str, behavior: str) -> str:
     """A task in words."""
-    return f"{FUNCTION_LABELS.get(function, function)} {describe_behavior(function, behavior)}".strip()
+    return f"{FUNCTION_WORDS.get(function, function)} {describe_behavior(function, behavior)}".strip()
 
 
 def act_label(function: str, behavior: str) -> str:
@@ -86,37 +59,23 @@ def completion_message(function: str, behavior: str) -> str:
 
 def record_notice(record: AnyRecord) -> Notice | None:
     """What to tell the wizard about a record, whoever caused it; None for most."""
+    words = words_of(record)
     match record:
         case TaskRecord(status="REJECTED"):
-            return Notice(f"{task_label(record.function, record.behavior)} was rejected: {record.reason}", "wait")
-        case TaskRecord(status="ABORTED"):
-            return Notice(f"{task_label(record.function, record.behavior)} failed: {record.reason}", "fault")
-        case KeptRecord(status="kept"):
-            event = normal_topic(record.topic)
-            return Notice(f"{event} is kept for {record.seconds:g} s: no rule waits for it yet", "wait")
-        case KeptRecord(status="taken"):
-            return Notice(f"{normal_topic(record.topic)} was kept, and {record.rule} takes it now")
-        case KeptRecord(status="taken-back"):
-            return Notice(f"{normal_topic(record.topic)} is not kept any more")
-        case RuleRecord(status="faulted"):
-            return Notice(f"rule {record.name} was stopped by a fault: {record.reason}", "fault")
+            return Notice(words.full_sentence, "wait")
+        case OutcomeRecord():
+            return Notice(f"the {words.full_sentence}")
+        case TaskRecord(status="ABORTED") | RuleRecord(status="faulted") | CheckRecord(result="failed"):
+            return Notice(words.full_sentence, "fault")
+        case RecordingRecord(status="stalled" | "failed") | RobotRecord(status="lost" | "degraded"):
+            return Notice(words.full_sentence, "fault")
+        case KeptRecord(status="kept" | "taken" | "taken-back"):
+            return Notice(words.sentence, "wait" if record.status == "kept" else "info")
         case StopRecord(status="let-go"):
-            return Notice(f"{stopper_words(record.source)} is not pressed any more; everything stays stopped", "wait")
+            return Notice(words.text, "wait")
         case NoteRecord(source="engine"):
             return Notice(record.text, "wait")
         case NoteRecord():
             return Notice(f"note by {control.short_name(record.source)}: {record.text}")
-        case CheckRecord(result="failed"):
-            return Notice(f"the check failed: {record.text or record.id}{_add(record.reason)}", "fault")
-        case OutcomeRecord():
-            return Notice(f"the session counts as {record.status}{_add(record.reason)}")
-        case RecordingRecord(status="stalled" | "failed"):
-            return Notice(f"the recording {record.name} has {record.status}{_add(record.reason)}", "fault")
-        case RobotRecord(status="lost" | "degraded"):
-            return Notice(f"robot {record.status}: {record.detail}", "fault")
         case _:
             return None
-
-
-def _add(reason: str) -> str:
-    return f": {reason}" if reason else ""

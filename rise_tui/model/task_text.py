@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 
 from rise_engine.kernel.behaviors import describe_behavior
-from rise_engine.kernel.view import ActionView, TaskView
+from rise_engine.kernel.task_view import ActionView, TaskView
 from rise_engine.scenario.ssml import plain_words
 from rise_engine.scenario.template import spoken_text
 from rise_tui.model.states import StateLabel, action_state

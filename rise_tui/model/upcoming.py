@@ -12,7 +12,7 @@ from typing import NamedTuple
 from rise_engine.drawing.conditions import is_met
 from rise_engine.drawing.rule_text import functions_in, wait_text
 from rise_engine.drawing.study_keys import ACT, transitions_of
-from rise_engine.kernel.view import TaskView
+from rise_engine.kernel.task_view import TaskView
 from rise_engine.scenario.fillers import next_filler
 from rise_engine.scenario.model import KeyBinding, Transition
 from rise_tui.model.store import Store

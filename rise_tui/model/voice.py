@@ -8,7 +8,8 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-from rise_engine.kernel.view import SessionView, TaskView
+from rise_engine.kernel.task_view import TaskView
+from rise_engine.kernel.view import SessionView
 from rise_engine.scenario.model import Scenario
 from rise_engine.scenario.spoken import SPEECH_CHANNEL
 

@@ -8,7 +8,7 @@ from time import monotonic
 from textual import on
 
 from rise_engine.kernel.records import FINAL
-from rise_engine.kernel.view import TaskView
+from rise_engine.kernel.task_view import TaskView
 from rise_engine.time_slicer import TimeSlicer
 from rise_tui.actions import bindings_in
 from rise_tui.messages import ShowNotice
@@ -17,7 +17,7 @@ from rise_tui.model.log_rows import row_of, task_of
 from rise_tui.model.log_text import NARROW, log_line, search_text
 from rise_tui.model.row_search import RowSearch
 from rise_tui.model.session_times import EXAMPLES, InvalidTime, parse_moment
-from rise_tui.model.states import NOT_TAKEN, StateLabel, task_state
+from rise_tui.model.states import task_state
 from rise_tui.model.store import Store
 from rise_tui.model.task_messages import task_label
 from rise_tui.model.task_text import task_rows
@@ -64,10 +64,8 @@ class LogPane(Pane):
         self._saving = False
         self._rebuild_count = store.log.rebuild_count
         """Of what is shown."""
-        self._checked_counts = 0, 0
-        """How much is taken in of what may change a task after its end: missed events, mistake marks."""
-        self._unhandled: set[int] = set()
-        """Tasks whose event nobody took."""
+        self._checked_count = 0
+        """How many of the tasks that have changed after their end were looked at."""
 
     @property
     def row_view(self) -> TaskLog:
@@ -95,7 +93,7 @@ class LogPane(Pane):
         if task is None:
             what = f"task {task_of(row)}" if task_of(row) is not None else "this note"
             return ((f" {what} is in the journal only", "muted"),)
-        line = log_line(task, self._state_label(task), width)
+        line = log_line(task, task_state(task), width)
         if self.filter is None:
             return line
         try:
@@ -106,10 +104,7 @@ class LogPane(Pane):
     def _searched_text(self, row: int) -> str | None:
         """What a filter looks at; None for a row that is in the journal only."""
         task = self._task_at(row)
-        return search_text(task, self._state_label(task)) if task is not None else None
-
-    def _state_label(self, task: TaskView) -> StateLabel:
-        return NOT_TAKEN if task.id in self._unhandled else task_state(task)
+        return search_text(task, task_state(task)) if task is not None else None
 
     def subtitle(self) -> StyledLine:
         """What is hidden or filtered, and whether the newest row is followed."""
@@ -141,7 +136,7 @@ class LogPane(Pane):
             self._search = None
         elif restart or self._search is None or self._search.filter is not self.filter or self._search.ids is not rows:
             self._search = RowSearch(self.filter, rows, self._searched_text, self._is_live)
-        self._check_changed(restart=restart)
+        self._check_changed()
         more = self._slicer.run_slice()
         self._show_found_rows(restart=restart)
         if more:
@@ -150,19 +145,17 @@ class LogPane(Pane):
     def on_unmount(self) -> None:
         self._slicer.cancel()
 
-    def _check_changed(self, *, restart: bool) -> None:
+    def _check_changed(self) -> None:
         """Tasks that have changed since they were looked at may match by now, some even after their end."""
-        missed, marks = self.store.unhandled_tasks, self.store.marked_tasks
-        if len(self._unhandled) != len(missed) or restart:
-            self._unhandled = set(missed)
+        changed = self.store.changed_tasks
         if self._search is not None:
-            for task_id in (*missed[self._checked_counts[0] :], *marks[self._checked_counts[1] :]):
+            for task_id in changed[self._checked_count :]:
                 self._search.expect_change(row_of(task_id))
             try:
                 self._search.recheck_live()
             except InvalidFilter as broken:
                 self._give_up_search(broken)
-        self._checked_counts = len(missed), len(marks)
+        self._checked_count = len(changed)
 
     def _search_further(self) -> int:
         """A few rows more, so that a key never waits (console.md 9.2); gives how many, 0 at the end."""
@@ -239,7 +232,7 @@ class LogPane(Pane):
 
         def rows(width: int) -> list[ListRow]:
             task = self.selected_task
-            return task_rows(task, self._state_label(task), self.store.now(), width) if task is not None else []
+            return task_rows(task, task_state(task), self.store.now(), width) if task is not None else []
 
         def run_letter(letter: str | None) -> None:
             if letter:

@@ -11,7 +11,7 @@ from typing import Any, NamedTuple
 
 from textual.app import App
 
-from rise_engine.kernel.view import TaskView
+from rise_engine.kernel.task_view import TaskView
 from rise_tui.config.paths import abbreviate_home
 from rise_tui.model.store import Store
 from rise_tui.panes.task_export import (

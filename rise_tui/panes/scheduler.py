@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from rise_engine.kernel.view import TaskView
+from rise_engine.kernel.task_view import TaskView
 from rise_tui.actions import bindings_in
 from rise_tui.messages import ShowNotice, SubmitTask
 from rise_tui.model.queue_estimate import QueuedTask, estimate_starts

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from rise_engine.errors import RiseError
-from rise_engine.kernel.view import TaskView
+from rise_engine.kernel.task_view import TaskView
 
 CLIPBOARD_BYTES = 75_000
 """More than this, many terminals drop without a word."""

@@ -80,7 +80,7 @@ def test_names_that_a_person_gave_are_not_told_and_those_of_programs_are_cleaned
 
 
 def test_a_new_place_in_the_queue_is_no_moment() -> None:
-    words = MarkerWords(lambda record: "")
+    words = MarkerWords({})
 
     def task(status: str, position: int | None) -> tuple[str, ...]:
         return words.words(

@@ -114,12 +114,11 @@ class FakeClient:
             self._queue.put_nowait(list(records))
 
     def task(self, function: str, behavior: str, status: str = "ACTIVE", **more: Any) -> int:
-        """A new task, with one record for each state on its way."""
+        """A new task, with one record for each state on its way; what is done at once has one."""
         self._tasks += 1
         source = more.pop("source", "wizard:anna")
-        for state in ["PENDING", "ACTIVE", status] if status not in ("PENDING", "ACTIVE", "REJECTED") else [status]:
-            if state == "PENDING" and status != "PENDING":
-                continue
+        lasts = function.startswith("start") or function == "say"
+        for state in ["ACTIVE", status] if lasts and status not in ("PENDING", "ACTIVE", "REJECTED") else [status]:
             reason = more.get("reason", "") if state == status else ""
             fields: dict[str, Any] = {"ref": more.get("ref"), "position": more.get("position")}
             self.emit(

@@ -13,7 +13,8 @@ from typing import Any
 import pytest
 from msgspec import structs
 
-from rise_engine.cli.transcript import Transcript, clock_text, parameters_text
+from rise_engine.cli.transcript import Transcript, clock_text
+from rise_engine.kernel.record_words import parameters_text
 from rise_engine.kernel.records import (
     ActionRecord,
     AnyRecord,
@@ -307,19 +308,19 @@ def test_a_rule_that_stays_and_what_this_version_does_not_know() -> None:
     ("record", "line"),
     [
         (CheckRecord(1, 2.0, "", "lights", "The lamp is on", "passed", "", "", "wizard:a"),
-         "check The lamp is on passed, says wizard:a"),
+         "check passed The lamp is on, says wizard:a"),
         (CheckRecord(1, 2.0, "", "disk", "", "skipped", "3 GB free", "one session", "wizard:a"),
-         "check disk SKIPPED: 3 GB free, one session, says wizard:a"),
-        (OutcomeRecord(1, 2.0, "", "complete", "", "wizard:a"), "outcome complete says wizard:a"),
+         "check skipped disk: 3 GB free, one session, says wizard:a"),
+        (OutcomeRecord(1, 2.0, "", "complete", "", "wizard:a"), "session counts as complete says wizard:a"),
         (OutcomeRecord(1, 2.0, "", "aborted", "a fire drill", "wizard:a"),
-         "outcome aborted a fire drill, says wizard:a"),
+         "session counts as aborted a fire drill, says wizard:a"),
         (RecordingRecord(1, 2.0, "", "camera", "running", "/a.mkv", 1048576, "", "node:c"),
-         "recording camera running: /a.mkv: 1,048,576 bytes"),
+         "recording running camera: /a.mkv, 1,048,576 bytes"),
         (RecordingRecord(1, 2.0, "", "camera", "stalled", "/a.mkv", None, "the disk is full", "node:c"),
-         "recording camera STALLED: the disk is full"),
-        (SyncRecord(1, 2.0, "", 3, "flash", "at the end", "node:c"), "sync mark 3 flash, at the end"),
+         "recording stalled camera: the disk is full"),
+        (SyncRecord(1, 2.0, "", 3, "flash", "at the end", "node:c"), "sync mark 3 flash at the end"),
         (SessionRecord(1, 2.0, "", status="recovered", scenario="S", mode="real", robot="nao", downtime=12.34),
-         "session S recovered after 12.3 s without engine, real, robot nao, seed 0"),
+         "session recovered after 12.3 s without engine S, mode real, robot nao, seed 0"),
     ],
 )  # fmt: skip
 def test_what_is_reported_about_a_session(record: AnyRecord, line: str) -> None:

@@ -328,7 +328,7 @@ def test_a_task_file_answers_what_is_asked_about_a_failed_act(tmp_path: Path) ->
     script.write_text("\n".join([*lines, task("repeatAct", "Greet", at=60)]), "utf-8")
     arguments = ("run", study, "--tasks", script, "--speed", "max", "--fault", "Speech=fail@1")
     told = engine(*arguments).stdout
-    assert "WAITS FOR AN ANSWER: repeatAct 3, goOn 3 or stopRuleOfAct 3" in told
+    assert "somebody is asked what to do; answers: repeatAct 3, goOn 3 or stopRuleOfAct 3" in told
     found = records(engine(*arguments, "--json").stdout)
     assert [r["status"] for r in found if r["kind"] == "failure"] == ["asked", "repeated"]
     assert [r["state"] for r in found if r["kind"] == "rule" and r["status"] == "ended"] == ["Done"]

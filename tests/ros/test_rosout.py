@@ -38,7 +38,7 @@ async def test_what_somebody_greps_for(tmp_path: Path) -> None:
         assert not await node.ask("releaseStop", "/node").decided()
         assert (await node.ask("stopAll").ended())[0] == "SUCCEEDED"
         engine.post(StopReport(confirmed=("a",), unconfirmed=("b (no answer)",)))
-        await until(lambda: any("NOT confirmed" in text or text.startswith("stopped") for _, text in lines()))
+        await until(lambda: any("NOT confirmed" in text or text.startswith("stop latched") for _, text in lines()))
         engine.post(Submit(function="releaseStop", source="wizard:anna"))
         await until(lambda: (INFO, "stop released by wizard:anna") in lines())
         engine.end("the study is over")
@@ -48,13 +48,10 @@ async def test_what_somebody_greps_for(tmp_path: Path) -> None:
         assert said[0][0] == INFO and said[0][1].startswith("session started: scenario, mode debug, robot generic")
         assert (ERROR, "robot lost: server-gone: the program of Pepper has gone") in said
         assert (INFO, "robot connected: Pepper") in said
-        rejected = [text for level, text in said if level == WARN and text.startswith("task rejected: ")]
-        assert rejected[0].startswith(
-            "task rejected: startCommunicationRobotAct Sotry (from ros:domain_task): there is no"
-        )
-        assert rejected[1].startswith(
-            "task rejected: releaseStop /node (from ros:domain_task): a stop is released by who"
-        )
+        rejected = [text for level, text in said if level == WARN and " was rejected: " in text]
+        assert rejected[0].startswith("act Sotry was rejected: there is no")
+        assert rejected[1].startswith("release /node was rejected: a stop is released by who")
+        assert all(text.endswith(" (asked for by ros:domain_task)") for text in rejected)
         assert (WARN, "stop requested by ros:domain_task") in said
         assert {each["name"] for each in heard} == {"rise"} and all(each["stamp"]["sec"] > 0 for each in heard)
         late = Node(MemoryTransport(wire, asyncio.get_running_loop(), "/late")).hear("/rosout", rosout.TYPE, rosout.QOS)
@@ -75,16 +72,17 @@ async def test_a_node_in_a_namespace_and_without_rosout(tmp_path: Path) -> None:
     ("record", "line"),
     [
         (StopRecord(1, 0.0, "", "latched", unconfirmed=("pepper/speech (it refused to stop)",)),
-         (ERROR, "stopped, but NOT confirmed by pepper/speech (it refused to stop)")),
-        (StopRecord(1, 0.0, "", "latched", confirmed=("a", "b")), (WARN, "stopped: confirmed by a, b")),
+         (ERROR, "stop latched: NOT confirmed by pepper/speech (it refused to stop)")),
+        (StopRecord(1, 0.0, "", "latched", confirmed=("a", "b")), (WARN, "stop latched: confirmed by a, b")),
         (ActionRecord(1, 0.0, "", 1, "Greet", "1", "Speech", {}, "lost", "server-gone: x"),
-         (WARN, "action lost: Speech of Greet: server-gone: x")),
+         (WARN, "Speech of Greet lost: server-gone: x")),
         (ActionRecord(1, 0.0, "", 1, "Greet", "1", "Speech", {}, "succeeded"), None),
-        (RuleRecord(1, 0.0, "", "Doors", "faulted", "Open", reason="no x"), (ERROR, "rule faulted: Doors: no x")),
+        (RuleRecord(1, 0.0, "", "Doors", "faulted", "Open", reason="no x"),
+         (ERROR, "rule Doors was stopped by a fault: no x")),
         (NoteRecord(1, 0.0, "", "late: it came twice", "ros:/pepper/speech"), (INFO, "note: late: it came twice")),
         (NoteRecord(1, 0.0, "", "the participant yawns", "wizard:anna"), None),
         (RecordingRecord(1, 0.0, "", "camera", "stalled", "/a", 5, "the disk is full", "node:c"),
-         (WARN, "recording camera stalled: the disk is full")),
+         (WARN, "recording stalled: camera: the disk is full")),
         (RecordingRecord(1, 0.0, "", "camera", "running", "/a", 5, "", "node:c"), None),
         (OutcomeRecord(1, 0.0, "", "aborted", "a fire drill", "wizard:anna"),
          (INFO, "the session counts as aborted: a fire drill")),

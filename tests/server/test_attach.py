@@ -11,7 +11,8 @@ import msgspec
 import pytest
 
 from rise_engine.kernel.inputs import Note, Submit
-from rise_engine.kernel.view import SessionView, TaskView
+from rise_engine.kernel.task_view import TaskView
+from rise_engine.kernel.view import SessionView
 from rise_engine.protocol.client import Client, EngineGone, JournalStatus, LinkLost
 from rise_engine.protocol.messages import TasksMessage as TasksMessage
 from rise_engine.protocol.messages import (

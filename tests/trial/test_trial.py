@@ -194,15 +194,15 @@ def test_what_happened_and_why(guide: Scenario) -> None:
     assert [(line.key, line.kind, line.text) for line in happened(trial)] == [
         ("t", "done", "starts rule Guide"),
         ("", "state", "Guide: in Waiting"),
-        ("g", "condition", "ready and tries < 3: ready is false, tries is 0 → false"),
-        ("", "event", "/go: nobody waits for it"),
+        ("g", "condition", "ready and tries < 3: false in Guide (ready is false, tries is 0)"),
+        ("", "event", "/go: no rule waits for it"),
     ]
     trial.press(key(guide, "y"))
     trial.raise_event("go")
     assert [line.text for line in happened_in(trial, -1)] == [
-        "ready and tries < 3: ready is true, tries is 0 → true",
+        "ready and tries < 3: true in Guide (ready is true, tries is 0)",
         "/go: Guide takes it",
-        "Guide: Waiting → Talking by /go",
+        "Guide: Waiting → Talking on /go",
         "starts R_Hello",
         "says “Hello there, Ada!”",
         "tries = 1 (was 0)",

@@ -7,8 +7,8 @@ from pathlib import Path
 import pytest
 from msgspec.structs import replace
 
-from rise_engine.cli.transcript import parameters_text
 from rise_engine.drawing.act_seconds import estimate_call_seconds
+from rise_engine.kernel.record_words import parameters_text
 from rise_engine.scenario.model import Function, LexiconTable, Scenario, State, Transition
 from rise_tui.key_labels import key_name
 from rise_tui.model.act_text import ActText, shown_act

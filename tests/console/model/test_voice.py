@@ -6,7 +6,7 @@ import pytest
 from msgspec.structs import replace
 
 from rise_engine.kernel.records import ActionRecord, CueRecord, SessionRecord, TimingRecord
-from rise_engine.kernel.view import TaskView
+from rise_engine.kernel.task_view import TaskView
 from rise_engine.protocol.messages import TasksMessage as Tasks
 from rise_engine.protocol.messages import decode_server_message, encode_line, with_tasks, without_tasks
 from rise_tui.model.voice import CueClock, speaks, voice_at

@@ -14,7 +14,8 @@ from rise_engine.kernel.records import (
     RuleRecord,
     SyncRecord,
 )
-from rise_engine.kernel.view import MAX_REMARKS, SessionView, TaskView
+from rise_engine.kernel.task_view import TaskView
+from rise_engine.kernel.view import MAX_REMARKS, SessionView
 from rise_tui.config.preferences import Preferences
 from rise_tui.console.ui_state import UiState
 from rise_tui.model.log_rows import ROWS_PER_TASK, LogRows, row_of, task_of
@@ -114,11 +115,11 @@ async def test_what_is_reported_about_the_session_is_in_the_log(size: tuple[int,
     async with console(size=size) as it:
         lights = (0, 0.0, "", "lights", "The lamp is on")
         it.client.emit(CheckRecord(*lights, "failed", "", "it is dark", "wizard:ben"))
-        await it.until(lambda: "the check failed: The lamp is on: it is dark" in it.notice)
+        await it.until(lambda: "check failed: The lamp is on: it is dark" in it.notice)
         it.client.emit(CheckRecord(*lights, "skipped", "", "daylight", "wizard:ben"))
         for status, size_now in (("running", 1), ("running", 2), ("stalled", 2)):
             it.client.emit(RecordingRecord(0, 0.0, "", "camera", status, "/a", size_now, "", "node:camera"))  # type: ignore[arg-type]
-        await it.until(lambda: "the recording camera has stalled" in it.notice)
+        await it.until(lambda: "recording stalled: camera" in it.notice)
         it.client.emit(SyncRecord(0, 0.0, "", 1, "sound", "", "node:camera"))
         it.client.emit(OutcomeRecord(0, 0.0, "", "aborted", "a fire drill", "wizard:anna"))
         await it.until(lambda: "the session counts as aborted: a fire drill" in it.notice)

@@ -200,7 +200,7 @@ async def test_one_hundred_thousand_tasks() -> None:
         store = it.screen.session.store
         for _ in range(100_000):
             it.client._tasks += 1
-        from rise_engine.kernel.view import TaskView
+        from rise_engine.kernel.task_view import TaskView
 
         for number in range(1, 100_001):
             store.view.tasks[number] = TaskView(number, "raiseEventTopic", "/x", "", "file", "SUCCEEDED", "", 1.0)

@@ -49,12 +49,12 @@ async def test_an_event_that_nobody_waited_for_is_told_and_stands_in_the_log() -
         await it.until(lambda: "raised next" in it.notice)
         it.client.emit(event("wizard:anna", "Main"))
         await it.pilot.pause(0.2)
-        assert "done" in last() and "nobody" not in it.notice
+        assert "done" in last() and "no rule" not in it.notice
         await it.pilot.pause(0.5)
         await it.press("n")
         await it.until(lambda: log.count == 2)
         it.client.emit(event("wizard:anna"))
-        await it.until(lambda: "/next: nobody was waiting for it" in it.notice)
+        await it.until(lambda: "/next: no rule waits for it" in it.notice)
         assert "not taken" in last() and "done" in plain_text(log.row_at(0).line)
 
 
@@ -68,7 +68,7 @@ async def test_a_cue_that_nobody_waited_for_is_told_and_stands_in_the_log() -> N
         await it.until(lambda: log.count == 1)
         it.client.emit(CueRecord(0, 0.0, "", "marked", "wizard:anna"))
         it.client.emit(event("engine", topic="/cue"))
-        await it.until(lambda: "/cue: nobody was waiting for it" in it.notice)
+        await it.until(lambda: "/cue: no rule waits for it" in it.notice)
         assert "not taken" in plain_text(log.row_at(0).line)
 
 
@@ -76,17 +76,17 @@ async def test_whose_lost_events_are_told() -> None:
     async with console() as it:
         it.client.emit(event("engine"))
         await it.pilot.pause(0.2)
-        assert "nobody" not in it.notice
+        assert "no rule" not in it.notice
         it.client.task("startInteractionRule", "Again")
         it.client.rule("Again", "started", "raise", trigger="start")
         it.client.time += 30
         it.client.emit(event("rule:Again", topic="/repeat"))
         await it.pilot.pause(0.2)
-        assert "nobody" not in it.notice
+        assert "no rule" not in it.notice
         it.client.task("startInteractionRule", "Again")
         it.client.rule("Again", "started", "raise", trigger="start")
         it.client.emit(event("rule:Again", topic="/repeat"))
-        await it.until(lambda: "/repeat: nobody was waiting for it" in it.notice)
+        await it.until(lambda: "/repeat: no rule waits for it" in it.notice)
 
 
 async def test_delete_does_not_hit_a_row_that_came_under_the_cursor_just_now() -> None:

@@ -9,7 +9,8 @@ import pytest
 from textual import events
 from textual.widgets import Input
 
-from rise_engine.kernel.view import SessionView, TaskView
+from rise_engine.kernel.task_view import TaskView
+from rise_engine.kernel.view import SessionView
 from rise_tui.model.free_speech import (
     FilledSpeech,
     SpeechHistory,

@@ -14,7 +14,7 @@ from rise_adapters.ros2.mapping import ActionMapping
 from rise_adapters.ros2.transport.port import Closable, Message, SendReply, Transport
 from rise_adapters.simulated.faults import ActionFault, FaultKind
 
-from rise_engine.cli.transcript import parameters_text
+from rise_engine.kernel.record_words import parameters_text
 from rise_engine.ports.robot import Clock, Timer
 from rise_engine.scenario.durations import expected_seconds
 from rise_engine.scenario.model import ActionSpec

@@ -1,0 +1,152 @@
+"""Tasks and their actions as anybody outside sees them: the one fold of what their records say (`add_record`).
+
+Sessions, exports, markers and transcripts all make their acts of these.
+"""
+
+from __future__ import annotations
+
+from typing import Any, Literal
+
+from msgspec import Struct, field
+
+from rise_engine.kernel.records import (
+    ENDINGS,
+    FINAL,
+    ActionRecord,
+    ActionStatus,
+    AnyRecord,
+    Mark,
+    MistakeRecord,
+    TaskRecord,
+    TimingRecord,
+)
+
+ACT_FUNCTIONS = frozenset({"startCommunicationRobotAct", "say"})
+"""Functions of tasks that run an act; free speech is one, too."""
+
+
+class ActionView(Struct, gc=False):
+    """One action of a running act."""
+
+    action: str
+    type: str
+    parameters: dict[str, Any]
+    status: ActionStatus
+    since: float
+    began: bool = False
+    """Whether it was sent to the robot, or began to wait; false: it ended before that."""
+    ended: float | None = None
+    reason: str = ""
+    sent_as: str | None = None
+    confirmed: float | None = None
+    """When the robot first said that it does it, or has done it."""
+
+
+class TaskView(Struct, gc=False):
+    """A DomainTask and what became of it."""
+
+    id: int
+    function: str
+    behavior: str
+    calling_type: str
+    source: str
+    status: str
+    reason: str
+    submitted: float
+    started: float | None = None
+    ended: float | None = None
+    ref: str | None = None
+    cause: int | None = None
+    """What a rule asks for: the task that led to it; null: a timer or the robot's link did."""
+    via: tuple[str, ...] = ()
+    """The rules that the way from there led through before the one in `source`."""
+    actions: dict[str, ActionView] = field(default_factory=dict)
+    """For a CRA, by actionID, in the order in which they started."""
+    mark: Mark | Literal[""] = ""
+    """What a wizard says was wrong about it: wrong, late, early or double."""
+    cue_at: float | None = None
+    """Once an act has ended: the cue that it answers, the key for it, when the robot had taken its first action, and
+    its first one that is to be heard; and whether it only bridged the time of a cue."""
+    key_at: float | None = None
+    robot_at: float | None = None
+    voice_at: float | None = None
+    filler: bool = False
+    taken: bool | None = None
+    """Whether a rule has taken the event that it raised; null: it raised none, or that is still open."""
+
+    @property
+    def is_act(self) -> bool:
+        """Whether it runs an act, or speaks freely."""
+        return self.function in ACT_FUNCTIONS
+
+
+def add_record(tasks: dict[int, TaskView], record: AnyRecord) -> None:
+    """Take a record into the task that it is about, in the order of the session; others change nothing.
+
+    >>> tasks: dict[int, TaskView] = {}
+    >>> add_record(tasks, TaskRecord(1, 0.5, "", 7, "say", "Hello", "Blocking", "wizard:anna", "ACTIVE"))
+    >>> add_record(tasks, ActionRecord(2, 0.75, "", 7, "say", "1", "Speech", {}, "accepted"))
+    >>> tasks[7].started, tasks[7].actions["1"].confirmed
+    (0.5, 0.75)
+    """
+    match record:
+        case TimingRecord():
+            if (task := tasks.get(record.task)) is not None:
+                task.submitted, task.filler = record.accepted_at, record.filler
+                task.cue_at, task.key_at = record.cue_at, record.key_at
+                task.robot_at, task.voice_at = record.robot_at, record.voice_at
+        case TaskRecord():
+            add_task_record(tasks, record)
+        case ActionRecord():
+            add_action_record(tasks, record)
+        case MistakeRecord():
+            if (task := tasks.get(record.task)) is not None:
+                task.mark = "" if record.mark == "none" else record.mark
+        case _:
+            pass
+
+
+def add_task_record(tasks: dict[int, TaskView], record: TaskRecord) -> TaskView:
+    """As `add_record`; its task, which the first record of it makes."""
+    task = tasks.get(record.id)
+    if task is None:
+        task = TaskView(
+            record.id,
+            record.function,
+            record.behavior,
+            record.calling_type,
+            record.source,
+            record.status,
+            record.reason,
+            record.t,
+            None,
+            None,
+            record.ref,
+            record.cause,
+            record.via,
+        )
+        tasks[record.id] = task
+    else:
+        task.status, task.reason = record.status, record.reason
+    if record.status == "ACTIVE":
+        task.started = record.t
+    elif record.status in FINAL:
+        task.ended = record.t
+    return task
+
+
+def add_action_record(tasks: dict[int, TaskView], record: ActionRecord) -> None:
+    """As `add_record`."""
+    task = tasks.get(record.task)
+    if task is None:
+        return
+    status = record.status
+    action = task.actions.get(record.action)
+    if action is None:
+        action = ActionView(record.action, record.type, record.parameters, status, record.t, status == "started")
+        task.actions[record.action] = action
+    action.status, action.reason, action.sent_as = status, record.reason, record.sent_as
+    if action.confirmed is None and (status == "accepted" or status == "succeeded"):
+        action.confirmed = record.t
+    if status in ENDINGS:
+        action.ended = record.t
