@@ -35,7 +35,7 @@ from rise_engine.protocol.registry import acquire_lock
 from rise_engine.server.hub import SessionHub
 from rise_engine.server.server import SessionServer
 from rise_engine.engine.drivers import make_robot
-from rise_engine.scenario import load
+from rise_engine.scenario.loader import load
 from rise_engine.session.folder import create_session
 
 async def main(root, records):

@@ -12,8 +12,8 @@ from pathlib import Path
 from lxml import etree
 from measure import Report, interleave
 
-from rise_engine.scenario import load
 from rise_engine.scenario.checker import ScenarioChecker
+from rise_engine.scenario.loader import load
 
 STUDY = Path(__file__).parents[1] / "scenarios" / "lablinking"
 EDITED = ("acts/task_1", "acts/templates", "rules/wizard", "rules/table_setting", "memory.json")

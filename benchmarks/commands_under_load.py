@@ -31,7 +31,7 @@ from rise_engine.engine.engine import Engine, versions
 from rise_engine.kernel.inputs import Submit
 from rise_engine.protocol import messages
 from rise_engine.protocol.registry import acquire_lock
-from rise_engine.scenario import load
+from rise_engine.scenario.loader import load
 from rise_engine.server.hub import SessionHub
 from rise_engine.server.server import SessionServer
 from rise_engine.session.folder import JOURNAL, create_session

@@ -22,7 +22,7 @@ from rise_engine.engine.engine import Engine, ReplyCallback, versions
 from rise_engine.kernel.inputs import Submit
 from rise_engine.protocol.client import ClientInput, Reply
 from rise_engine.protocol.registry import acquire_lock
-from rise_engine.scenario import load
+from rise_engine.scenario.loader import load
 from rise_engine.server.hub import AttachedClient, SessionHub
 from rise_engine.server.server import SessionServer
 from rise_engine.session.folder import JOURNAL, create_session

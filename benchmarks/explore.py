@@ -17,7 +17,7 @@ from rise_engine.explore.space import Space
 from rise_engine.explore.stepper import Stepper
 from rise_engine.kernel import Kernel
 from rise_engine.kernel.inputs import Submit
-from rise_engine.scenario import load
+from rise_engine.scenario.loader import load
 from rise_engine.scenario.model import Scenario
 
 SCENARIOS = Path(__file__).parents[1] / "scenarios"

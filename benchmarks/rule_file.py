@@ -11,7 +11,7 @@ from lxml import etree
 from measure import Report, interleave
 
 from rise_engine.expression import Assignment, Expression
-from rise_engine.scenario import load
+from rise_engine.scenario.loader import load
 
 STATES = 1_000
 

@@ -90,8 +90,8 @@
       WordError                   A word cannot be replaced like this
       XmlNameError                A character that no XML name can have
 
-What is wrong with the files of a scenario is no error but a list of findings (`rise_engine.scenario.load`). Most are a
-ValueError, too, for callers who catch that.
+What is wrong with the files of a scenario is no error but a list of findings
+(`rise_engine.scenario.loader.load`). Most are a ValueError, too, for callers who catch that.
 """
 
 

@@ -123,7 +123,7 @@ def walk_sentence(place: Path) -> set[tuple[str, str]]:
 
 def walk_load(_place: Path) -> set[tuple[str, str]]:
     """A scenario's folder, to the checked scenario."""
-    from rise_engine.scenario import load
+    from rise_engine.scenario.loader import load
 
     with calls() as called:
         assert load(LABLINKING).scenario is not None

@@ -70,6 +70,10 @@ def all_modules() -> list[str]:
     ]
 
 
+def test_the_kernel_loads_no_reader_of_files() -> None:
+    assert not loaded_by("import rise_engine.kernel") & {"lxml", "rise_engine.scenario.loader", "rise_engine.session"}
+
+
 def test_the_whole_engine_loads_no_console_adapter_or_ros() -> None:
     assert "rise_engine.cli" in all_modules()
     assert foreign(loaded_by("\n".join(f"import {name}" for name in all_modules()))) == set()

@@ -16,7 +16,7 @@ import pytest
 from sybil import Example, Sybil
 from sybil.parsers.myst import CodeBlockParser
 
-from rise_engine.scenario import load
+from rise_engine.scenario.loader import load
 from tests.test_docs import PAGES, name_of
 
 ELSEWHERE = frozenset(

@@ -11,7 +11,7 @@ from typing import Any
 
 from msgspec import Struct, field
 
-from rise_engine.scenario import load
+from rise_engine.scenario.loader import load
 from rise_engine.session.errors import SessionError
 from rise_engine.session.folder import JOURNAL, SCENARIO_COPY, SessionInfo, read_info, spoken_as
 from rise_engine.session.labels import read_labels

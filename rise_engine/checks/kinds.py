@@ -26,7 +26,7 @@ from rise_engine.explore.finding import FindingLevel
 from rise_engine.explore.playthrough import PlayedThrough, play_through
 from rise_engine.explore.space import Space
 from rise_engine.json_codec import encode
-from rise_engine.scenario import load
+from rise_engine.scenario.loader import load
 from rise_engine.scenario.model import Mode, Scenario
 from rise_engine.session.disk import write_private_file
 from rise_engine.study.model import Study

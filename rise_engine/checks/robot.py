@@ -26,7 +26,7 @@ from rise_engine.kernel.records import FINAL, AnyRecord, TaskRecord
 from rise_engine.kernel.speech import SPEECH, why_not_speak
 from rise_engine.ports.bridge import BridgeError
 from rise_engine.ports.robot import Robot, RobotReport
-from rise_engine.scenario import load
+from rise_engine.scenario.loader import load
 from rise_engine.scenario.model import SIMULATED, RobotProfile, Scenario
 from rise_engine.text import pluralize
 

@@ -23,10 +23,11 @@ from rise_engine.expression.signatures import SIGNATURES
 from rise_engine.json_codec import JsonError, decode
 from rise_engine.nearest_name import did_you_mean
 from rise_engine.ports.bridge import Examiner, RosConnection
-from rise_engine.scenario import LoadResult, act_schema_text, load, rule_schema_text
 from rise_engine.scenario.diagnostics import Diagnostic, Diagnostics
+from rise_engine.scenario.editor_schemas import act_schema_text, rule_schema_text
 from rise_engine.scenario.file_names import SCENARIO_FILE
 from rise_engine.scenario.finding_ends import with_ends
+from rise_engine.scenario.loader import LoadResult, load
 from rise_engine.scenario.model import ActionSpec, RobotProfile, Scenario, SourceLocation
 from rise_engine.scenario.new_study import write_agents_file
 from rise_engine.scenario.robot_profiles import (

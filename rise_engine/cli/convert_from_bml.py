@@ -19,9 +19,8 @@ from rise_engine.cli.convert_bml import NAMES, STRICT, read_names_option, read_s
 from rise_engine.edit.plan import EditRefused
 from rise_engine.edit.saving import write_files
 from rise_engine.exit_status import NOT_WRITTEN, REFUSED
-from rise_engine.scenario import load
 from rise_engine.scenario.file_names import DEFAULT_PATHS, SCENARIO_FILE
-from rise_engine.scenario.loader import LoadResult
+from rise_engine.scenario.loader import LoadResult, load
 from rise_engine.text import clean, pluralize
 
 _NOT_IN_NAME = re.compile(r"[^\w-]")

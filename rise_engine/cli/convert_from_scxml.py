@@ -13,9 +13,9 @@ import click
 
 from rise_engine.cli.arguments import exit_with_usage
 from rise_engine.exit_status import NOT_WRITTEN, REFUSED
-from rise_engine.scenario import load
 from rise_engine.scenario.diagnostics import Diagnostic, Diagnostics
 from rise_engine.scenario.file_names import DEFAULT_PATHS
+from rise_engine.scenario.loader import load
 from rise_engine.scenario.new_study import write_new_folder
 from rise_engine.scenario.shipped_studies import StudyCopyError
 from rise_engine.scenario.source_files import FileReader

@@ -15,7 +15,7 @@ from rise_engine.cli.arguments import exit_with_usage, resolve_scenario
 from rise_engine.cli.check import print_findings
 from rise_engine.cli.options import FOLDER
 from rise_engine.nearest_name import did_you_mean
-from rise_engine.scenario import load
+from rise_engine.scenario.loader import load
 from rise_engine.scenario.model import Rule, Scenario
 from rise_engine.scxml.export import export_rule
 from rise_engine.scxml.limits import find_losses, find_refusals

@@ -25,7 +25,7 @@ from rise_engine.edit.study_folder import read_study_files
 from rise_engine.edit.study_state import StudyState
 from rise_engine.edit.workspace import Workspace, diff_of
 from rise_engine.nearest_name import did_you_mean
-from rise_engine.scenario import LoadResult, load
+from rise_engine.scenario.loader import LoadResult, load
 from rise_engine.scenario.model import normal_topic
 from rise_engine.text import pluralize
 

@@ -19,7 +19,7 @@ from rise_engine.edit.workspace import Change, Refusal, Workspace, diff_of
 from rise_engine.errors import RiseError
 from rise_engine.json_codec import JsonError, decode
 from rise_engine.nearest_name import did_you_mean
-from rise_engine.scenario import LoadResult
+from rise_engine.scenario.loader import LoadResult
 
 _LARGEST = 10_000_000
 

@@ -9,9 +9,8 @@ from shutil import copyfile
 from rise_engine.cli.check import print_findings
 from rise_engine.cli.terminal import write_xml
 from rise_engine.errors import RiseError
-from rise_engine.scenario import load
 from rise_engine.scenario.element_templates import PATTERNS
-from rise_engine.scenario.loader import expanded_files
+from rise_engine.scenario.loader import expanded_files, load
 from rise_engine.scenario.plain_xml import additions, plain_text
 from rise_engine.scenario.study_paths import why_not_read
 from rise_engine.scenario.xml import XmlFile

@@ -19,7 +19,7 @@ from rise_engine.drawing.pictures import picture_of_act, picture_of_rule, text_o
 from rise_engine.drawing.svg import svg_text
 from rise_engine.errors import RiseError
 from rise_engine.nearest_name import did_you_mean
-from rise_engine.scenario import load
+from rise_engine.scenario.loader import load
 from rise_engine.scenario.model import Act, Rule, Scenario
 
 Named = TypeVar("Named", Act, Rule)

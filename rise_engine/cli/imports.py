@@ -12,8 +12,8 @@ from rise_engine.cli.arguments import exit_with_usage
 from rise_engine.exit_status import NOT_WRITTEN, REFUSED
 from rise_engine.imports.woz4u_file import NotWoz4uError, read_woz4u
 from rise_engine.imports.woz4u_study import ImportedStudy, make_study
-from rise_engine.scenario import load
 from rise_engine.scenario.diagnostics import Diagnostics
+from rise_engine.scenario.loader import load
 from rise_engine.scenario.new_study import write_new_folder
 from rise_engine.scenario.shipped_studies import StudyCopyError
 from rise_engine.scenario.study_paths import why_not_read

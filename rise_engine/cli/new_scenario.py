@@ -14,7 +14,7 @@ from rise_engine.cli.arguments import exit_with_usage
 from rise_engine.cli.check import new_report, studies_report
 from rise_engine.cli.options import FOLDER_OR_NONE
 from rise_engine.nearest_name import did_you_mean
-from rise_engine.scenario import load
+from rise_engine.scenario.loader import load
 from rise_engine.scenario.new_study import write_blank_study
 from rise_engine.scenario.robot_profiles import robot_names
 from rise_engine.scenario.shipped_studies import StudyCopyError, shipped_studies, study_title

@@ -13,8 +13,8 @@ from rise_engine.engine.engine import Engine
 from rise_engine.errors import RiseError
 from rise_engine.kernel.inputs import AnyInput, Submit
 from rise_engine.kernel.records import AnyRecord
-from rise_engine.scenario import load
 from rise_engine.scenario.file_names import DEFAULT_PATHS
+from rise_engine.scenario.loader import load
 from rise_engine.scenario.model import Scenario
 from rise_engine.session.folder import SCENARIO_COPY, load_scenario_copy, read_info, spoken_as
 

@@ -11,8 +11,8 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from rise_engine.nearest_name import did_you_mean, in_backquotes
-from rise_engine.scenario import load
 from rise_engine.scenario.file_names import SCENARIO_FILE
+from rise_engine.scenario.loader import load
 from rise_engine.scenario.model import Json, Scenario
 from rise_engine.scenario.shipped_studies import shipped_studies
 from rise_engine.study.check_kinds import AUTOMATIC
@@ -157,7 +157,7 @@ def _quote_word(word: str) -> str:
 def usual_level(factor: str, level: str, scenario: Scenario) -> str:
     """What a level surely sets: the key of the factor's name, if the memory has one; empty if nobody can tell.
 
-    >>> from rise_engine.scenario import load
+    >>> from rise_engine.scenario.loader import load
     >>> scenario = load("scenarios/lablinking").scenario
     >>> usual_level("hesitation", "no", scenario), usual_level("noise", "loud", scenario)
     ('hesitation = false', '')

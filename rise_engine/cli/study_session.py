@@ -18,7 +18,7 @@ from rise_engine.cli.study_planning import resolve_study_folder
 from rise_engine.kernel.inputs import CheckReport, SessionStarted
 from rise_engine.kernel.records import Purpose
 from rise_engine.protocol.session_options import SessionOptions
-from rise_engine.scenario import load
+from rise_engine.scenario.loader import load
 from rise_engine.study.begin import BeginRequest, CannotBegin, SessionPlan, plan_session, to_give_up, turn_warning
 from rise_engine.study.recorded import decide_recording, recording_lines
 from rise_engine.study.session_kinds import SessionKind

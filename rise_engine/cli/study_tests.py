@@ -13,7 +13,7 @@ from rise_engine import exit_status
 from rise_engine.cli.arguments import exit_with_usage, resolve_scenario
 from rise_engine.cli.check import print_findings
 from rise_engine.cli.options import FOLDER, JSON
-from rise_engine.scenario import load
+from rise_engine.scenario.loader import load
 from rise_engine.scenario.model import Scenario
 from rise_engine.text import clean, pluralize
 from rise_engine.trial.playing import StudyTestOutcome, play_test

@@ -15,8 +15,8 @@ from rise_engine.cli.terminal import discard_rest
 from rise_engine.edit.plan import EditRefused
 from rise_engine.edit.workspace import Workspace
 from rise_engine.exit_status import BROKEN_PIPE, NOT_WRITTEN, OK, REFUSED
-from rise_engine.scenario import LoadResult, load
 from rise_engine.scenario.languages import language_problem
+from rise_engine.scenario.loader import LoadResult, load
 from rise_engine.scenario.translations import LanguageTexts
 from rise_engine.text import clean, pluralize
 from rise_engine.texts.csv_file import read_csv, write_csv

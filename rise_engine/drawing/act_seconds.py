@@ -6,8 +6,9 @@ from collections.abc import Mapping
 from typing import Any
 
 from rise_engine.drawing.act_levels import actions_in_order
-from rise_engine.scenario import expected_seconds, fill_parameters
+from rise_engine.scenario.durations import expected_seconds
 from rise_engine.scenario.model import Act, Action, ActionCall, Scenario
+from rise_engine.scenario.parameters import fill_parameters
 from rise_engine.scenario.template import MissingValueError
 
 

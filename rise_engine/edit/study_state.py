@@ -8,7 +8,7 @@ from msgspec import Struct
 
 from rise_engine.edit.outline import Outline
 from rise_engine.edit.plan import Files
-from rise_engine.scenario import LoadResult
+from rise_engine.scenario.loader import LoadResult
 
 
 class StudyState(Struct, frozen=True):

@@ -26,9 +26,9 @@ from rise_engine.edit.read_outline import read_outline
 from rise_engine.edit.saving import finish_interrupted, refuse_shipped, write_files
 from rise_engine.edit.study_above import read_study_above
 from rise_engine.edit.study_folder import part_paths, read_study_files
-from rise_engine.scenario import LoadResult
 from rise_engine.scenario.checker import ScenarioChecker
 from rise_engine.scenario.diagnostics import Diagnostic
+from rise_engine.scenario.loader import LoadResult
 from rise_engine.scenario.tree import Held
 from rise_engine.scenario.uses import Uses
 from rise_engine.text import pluralize

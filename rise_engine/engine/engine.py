@@ -84,7 +84,7 @@ class Engine:
 
     >>> from rise_engine.engine.clock import VirtualClock
     >>> from rise_engine.engine.drivers import make_robot
-    >>> from rise_engine.scenario import load
+    >>> from rise_engine.scenario.loader import load
     >>> scenario = load("scenarios/greeting").scenario
     >>> clock, records = VirtualClock(), []
     >>> robot = make_robot(scenario.robot, "debug", clock, seed=1)
@@ -116,7 +116,7 @@ class Engine:
     ) -> None:
         """Nothing happens before `start` or `resume`.
 
-        :param scenario: what is run, as `rise_engine.scenario.load` gives it.
+        :param scenario: what is run, as `rise_engine.scenario.loader.load` gives it.
         :param robot: the adapter; the engine connects and closes it.
         :param clock: a `RealClock` on the loop that this engine belongs to, or a `VirtualClock`.
         :param seed: for everything that is picked at random: the same seed and inputs give the same records.

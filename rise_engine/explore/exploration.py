@@ -85,13 +85,13 @@ def explore(
     """Look at all situations that a scenario can come into, and say what was found.
 
     Arguments:
-        scenario: checked, as `rise_engine.scenario.load` gives it.
+        scenario: checked, as `rise_engine.scenario.loader.load` gives it.
         bounds: how far to go; null: as the scenario says it.
         sessions: those that are looked at; empty: one for each condition of the scenario.
         cores: how many processes look at once.
         go_on: is asked some hundred times a second with what was found so far; when it says no, that is what is told.
 
-        >>> from rise_engine.scenario import load
+        >>> from rise_engine.scenario.loader import load
         >>> found = explore(load("scenarios/lablinking").scenario, Bounds(faults=0))
         >>> found.is_complete, [finding.kind for finding in found.findings if finding.level == "problem"]
         (True, [])

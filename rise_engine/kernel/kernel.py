@@ -60,7 +60,7 @@ class Kernel:
 
         >>> from rise_engine.kernel.inputs import SessionStarted, Submit
         >>> from rise_engine.kernel.view import SessionView
-        >>> from rise_engine.scenario import load
+        >>> from rise_engine.scenario.loader import load
         >>> kernel, view = Kernel(load("scenarios/greeting").scenario, seed=1), SessionView()
         >>> for input in (SessionStarted(), Submit(t=2.5, function="startCommunicationRobotAct", behavior="R_Nod")):
         ...     records, commands = kernel.handle(input)
@@ -79,7 +79,7 @@ class Kernel:
         """A session that has not begun; it raises nothing.
 
         Arguments:
-            scenario: checked, as `rise_engine.scenario.load` gives it.
+            scenario: checked, as `rise_engine.scenario.loader.load` gives it.
             seed: any whole number. Everything that the session does by chance comes from it: the same seed and the
                 same inputs give the same records.
         """
@@ -183,7 +183,7 @@ class Kernel:
         records and commands as this one from here on.
 
             >>> from rise_engine.kernel.inputs import SessionStarted, Submit
-            >>> from rise_engine.scenario import load
+            >>> from rise_engine.scenario.loader import load
             >>> scenario = load("scenarios/greeting").scenario
             >>> kernel = Kernel(scenario, seed=1)
             >>> records, commands = kernel.handle(SessionStarted())

@@ -9,11 +9,11 @@ from typing import get_args
 from msgspec import Struct
 
 from rise_engine.expression.signatures import SITUATION_SIGNATURES
-from rise_engine.scenario import LoadResult
 from rise_engine.scenario.blocks import FUNCTIONS
 from rise_engine.scenario.cross_references import engine_topics
 from rise_engine.scenario.explore_settings import ExploredKeys
 from rise_engine.scenario.explore_tables import EVENTUALLY_KEYS, EXPLORE_KEYS, PROPERTY_TABLES
+from rise_engine.scenario.loader import LoadResult
 from rise_engine.scenario.model import ActionSpec, SourceLocation
 from rise_engine.scenario.parameters import listed_names
 from rise_engine.scenario.source_files import SourceFile

@@ -17,10 +17,10 @@ from rise_engine.edit.remedies import Remedy, remedies
 from rise_engine.edit.study_folder import part_paths, read_study_files
 from rise_engine.edit.study_state import StudyState
 from rise_engine.lsp.positions import PositionEncoding, TextPositions
-from rise_engine.scenario import LoadResult
 from rise_engine.scenario.checker import ScenarioChecker
 from rise_engine.scenario.diagnostics import Diagnostic
 from rise_engine.scenario.file_names import SCENARIO_FILE
+from rise_engine.scenario.loader import LoadResult
 from rise_engine.scenario.model import SourceLocation
 from rise_engine.scenario.source_files import SourceFile
 from rise_engine.scenario.uses import Use

@@ -44,7 +44,7 @@ def act_schema_text(actions: Mapping[str, ActionSpec]) -> str:
     `actions` are those of a robot, by name (`RobotProfile.actions`); what the robot cannot do is left out. For the core
     actions alone it is `schema/cra.rng`.
 
-    >>> from rise_engine.scenario import load
+    >>> from rise_engine.scenario.loader import load
     >>> scenario = load("scenarios/greeting").scenario
     >>> '<element name="Speech">' in act_schema_text(scenario.robot.actions)
     True

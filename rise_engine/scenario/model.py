@@ -2,7 +2,7 @@
 
 The words are the paper's (section 4.2): a CommunicationRobotAct (here `Act`) is a graph of BehaviorActions (`Action`),
 an InteractionRule (`Rule`) is a state machine, the WorkingMemory is a JSON object. Nothing here knows time, robot,
-screen or file system; `rise_engine.scenario.load` builds these values from a folder.
+screen or file system; `rise_engine.scenario.loader.load` builds these values from a folder.
 """
 
 from __future__ import annotations
@@ -407,7 +407,7 @@ class Condition(Struct, frozen=True):
 class Scenario(Struct, frozen=True):
     """A checked scenario, complete and immutable. `load` builds it; everything in it is looked up by name.
 
-    >>> from rise_engine.scenario import load
+    >>> from rise_engine.scenario.loader import load
     >>> scenario = load("scenarios/greeting").scenario
     >>> scenario.robot.name, scenario.mode
     ('floka', 'debug')

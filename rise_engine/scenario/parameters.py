@@ -95,7 +95,7 @@ def fill_parameters(call: ActionCall, spec: ActionSpec, memory: Mapping[str, Any
     for a value that the action cannot take (with the memory keys that it was made of), and nothing else, whatever the
     memory holds.
 
-    >>> from rise_engine.scenario import load
+    >>> from rise_engine.scenario.loader import load
     >>> scenario = load("scenarios/greeting").scenario
     >>> call = scenario.acts["R_FollowGaze"].actions[0].calls[0]
     >>> fill_parameters(call, scenario.robot.actions["LookAt"], {"person_x": 1.2, "person_y": 0, "person_z": 0.4})

@@ -24,7 +24,7 @@ from rise_engine.protocol.registry import RegistryError, SessionLock, acquire_lo
 from rise_engine.protocol.session_options import SessionOptions
 from rise_engine.protocol.session_start import first_input, set_conflicts, start_problems
 from rise_engine.recording.companion import CompanionRequest, companions_for
-from rise_engine.scenario import load
+from rise_engine.scenario.loader import load
 from rise_engine.scenario.model import Scenario
 from rise_engine.server.hub import SessionHub
 from rise_engine.server.refusal import ServeRefused as ServeRefused

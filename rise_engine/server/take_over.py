@@ -8,8 +8,7 @@ from pathlib import Path
 
 from rise_engine.engine.engine import Engine, ReplyCallback
 from rise_engine.protocol.client import Reply
-from rise_engine.scenario import load
-from rise_engine.scenario.loader import LoadResult
+from rise_engine.scenario.loader import LoadResult, load
 from rise_engine.scenario.model import Scenario
 from rise_engine.session.folder import SessionError, read_info, spoken_as
 from rise_engine.session.scenario_copies import remove_copy, write_copy

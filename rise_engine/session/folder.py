@@ -31,8 +31,8 @@ from rise_engine.kernel.inputs import SessionStarted
 from rise_engine.kernel.records import Purpose
 from rise_engine.nearest_name import did_you_mean
 from rise_engine.ports.bridge import RosConnection, RosTransport
-from rise_engine.scenario import load
 from rise_engine.scenario.file_names import DEFAULT_PATHS
+from rise_engine.scenario.loader import load
 from rise_engine.scenario.model import Scenario
 from rise_engine.session.disk import make_private_folder, write_private_file
 from rise_engine.session.errors import SessionError as SessionError

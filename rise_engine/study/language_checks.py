@@ -6,8 +6,8 @@ from collections.abc import Iterable, Mapping
 from pathlib import Path
 
 from rise_engine.nearest_name import did_you_mean, in_backquotes
-from rise_engine.scenario import load
 from rise_engine.scenario.diagnostics import Diagnostics
+from rise_engine.scenario.loader import load
 from rise_engine.scenario.model import Scenario, SourceLocation
 from rise_engine.study.begin import LANGUAGE
 from rise_engine.study.model import Participant, Study

@@ -8,9 +8,9 @@ from pathlib import Path
 from msgspec.structs import replace
 
 from rise_engine.nearest_name import did_you_mean
-from rise_engine.scenario import load
 from rise_engine.scenario.diagnostics import Diagnostic
 from rise_engine.scenario.file_names import SCENARIO_FILE
+from rise_engine.scenario.loader import load
 from rise_engine.scenario.model import Scenario
 from rise_engine.scenario.study_paths import why_not_read
 from rise_engine.scenario.toml_tables import TomlTable

@@ -15,7 +15,7 @@ from rise_engine.edit.originals import edit_of_original
 from rise_engine.edit.outline import Outline
 from rise_engine.edit.plan import EditRefused
 from rise_engine.nearest_name import did_you_mean
-from rise_engine.scenario import LoadResult
+from rise_engine.scenario.loader import LoadResult
 from rise_engine.scenario.spoken_texts import SpokenText
 from rise_engine.scenario.ssml_checks import find_ssml_problems
 from rise_engine.scenario.table_texts import TableText

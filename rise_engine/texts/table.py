@@ -9,8 +9,10 @@ from zlib import crc32
 from msgspec import Struct
 
 from rise_engine.errors import RiseError
-from rise_engine.scenario import LoadResult, expected_seconds, fill_parameters
+from rise_engine.scenario.durations import expected_seconds
+from rise_engine.scenario.loader import LoadResult
 from rise_engine.scenario.model import Act, Action, Scenario
+from rise_engine.scenario.parameters import fill_parameters
 from rise_engine.scenario.spoken import MESSAGE
 from rise_engine.scenario.spoken_texts import SpokenText
 from rise_engine.scenario.table_texts import TableText

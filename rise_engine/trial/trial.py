@@ -55,7 +55,7 @@ class TrialStep(Struct, frozen=True):
 class Trial:
     """A study that is played without robot and record. It belongs to one thread; nothing in it waits.
 
-    >>> from rise_engine.scenario import load
+    >>> from rise_engine.scenario.loader import load
     >>> trial = Trial(load("scenarios/greeting").scenario)
     >>> trial.start_act("R_Smile").kind
     'task'

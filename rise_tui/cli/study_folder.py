@@ -18,7 +18,7 @@ from rise_engine.protocol.client import AttachReply
 from rise_engine.protocol.registry import RegistryError, ask_summary
 from rise_engine.protocol.session_options import SessionOptions
 from rise_engine.report.document import Document
-from rise_engine.scenario import load as load_scenario
+from rise_engine.scenario.loader import load as load_scenario
 from rise_engine.server.spawn import EngineRefused, start_engine
 from rise_engine.session.errors import SessionError
 from rise_engine.session.folder import JOURNAL

@@ -11,7 +11,7 @@ from textual.widgets import TextArea
 
 from rise_engine.edit.edits import AnyEdit
 from rise_engine.edit.plan import EditRefused
-from rise_engine.scenario import LoadResult
+from rise_engine.scenario.loader import LoadResult
 from rise_engine.text import clean
 from rise_tui.editing.model.draft import first_new_finding
 from rise_tui.editing.page import EditFrame, EditPage

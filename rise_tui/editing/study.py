@@ -11,8 +11,8 @@ from rise_engine.edit.edits import AnyEdit
 from rise_engine.edit.plan import EditRefused
 from rise_engine.edit.remedies import Remedy, remedies
 from rise_engine.edit.workspace import Change, OutsideChange, SaveReport, Workspace
-from rise_engine.scenario import LoadResult
 from rise_engine.scenario.diagnostics import Diagnostic
+from rise_engine.scenario.loader import LoadResult
 from rise_tui.editing.model.draft import StudyDraft, draft_of
 
 Result = TypeVar("Result")

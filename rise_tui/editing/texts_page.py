@@ -15,7 +15,7 @@ from textual.widget import Widget
 
 from rise_engine.edit.edits import AnyEdit
 from rise_engine.edit.plan import EditRefused
-from rise_engine.scenario import LoadResult
+from rise_engine.scenario.loader import LoadResult
 from rise_engine.text import clean
 from rise_tui.editing.language_choice import ask_for_language, choose_language
 from rise_tui.editing.model.draft import FilePlace, first_new_finding

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from rise_engine.kernel.task_view import ActionView
-from rise_engine.scenario import expected_seconds
+from rise_engine.scenario.durations import expected_seconds
 from rise_engine.scenario.model import Scenario
 
 

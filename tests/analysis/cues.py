@@ -19,7 +19,7 @@ from rise_engine.kernel.inputs import (
     SyncMark,
 )
 from rise_engine.kernel.records import CueRecord, TaskRecord
-from rise_engine.scenario import load
+from rise_engine.scenario.loader import load
 from rise_engine.session import folder as folders
 from rise_engine.session.folder import JOURNAL
 from rise_engine.session.journal_format import encode_header, encode_input, encode_record, with_checksum

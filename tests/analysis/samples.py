@@ -36,7 +36,7 @@ from rise_engine.kernel.inputs import (
     SyncMark,
 )
 from rise_engine.kernel.records import OutcomeStatus
-from rise_engine.scenario import load
+from rise_engine.scenario.loader import load
 from rise_engine.session.folder import JOURNAL, create_session, read_info, write_info
 from rise_engine.session.journal_format import encode_header
 from rise_engine.session.recovery import recover

@@ -8,7 +8,7 @@ from rise_engine.bml.findings import ConversionFindings
 from rise_engine.bml.names import BmlNames, TargetPoint
 from rise_engine.bml.reading import ReadAct, read_act
 from rise_engine.bml.vocabulary import NAMESPACE
-from rise_engine.scenario import load
+from rise_engine.scenario.loader import load
 from rise_engine.scenario.model import Act, RobotProfile
 from rise_engine.scenario.source_files import SourceFile
 

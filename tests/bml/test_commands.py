@@ -10,7 +10,7 @@ from click.testing import CliRunner, Result
 from lxml import etree
 
 from rise_engine.cli.program import main
-from rise_engine.scenario import load
+from rise_engine.scenario.loader import load
 from tests.bml.samples import parts
 
 HELLO = """<bml xmlns="http://www.bml-initiative.org/bml/bml-1.0" id="hello" composition="APPEND">

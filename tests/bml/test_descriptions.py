@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from rise_engine.bml.findings import ConversionFindings
 from rise_engine.bml.names import BmlNames
 from rise_engine.bml.writing import write_act
-from rise_engine.scenario import load
+from rise_engine.scenario.loader import load
 from tests.bml.samples import ROBOT, read_text
 
 GREETING = load("scenarios/greeting").scenario

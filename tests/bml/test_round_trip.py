@@ -15,7 +15,7 @@ from rise_engine.bml.findings import ConversionFindings
 from rise_engine.bml.names import BmlNames
 from rise_engine.bml.schema import block_schema_text
 from rise_engine.bml.writing import write_act
-from rise_engine.scenario import load
+from rise_engine.scenario.loader import load
 from rise_engine.scenario.model import Act, Action, ActionCall, ActSettings, Scenario
 from rise_engine.scenario.template import key_template, parse_template
 from tests.bml.samples import NAMES, parts, read_text

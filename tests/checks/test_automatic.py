@@ -22,7 +22,7 @@ from rise_engine.checks.automatic import (
     size_text,
 )
 from rise_engine.checks.outcome import Finding
-from rise_engine.scenario import load
+from rise_engine.scenario.loader import load
 from rise_engine.study.model import Participant, ParticipantStanding, SessionEntry
 from rise_engine.study.study_log import LogEntry
 from tests.checks.samples import NOW, checked, study

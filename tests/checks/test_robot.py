@@ -19,7 +19,7 @@ from rise_engine.checks.robot import (
     word_for,
 )
 from rise_engine.ports.bridge import ProfileFinding
-from rise_engine.scenario import load
+from rise_engine.scenario.loader import load
 from tests.checks.robots import ACTIONS, Lamp, scenario
 
 

@@ -37,7 +37,7 @@ from rise_engine.protocol.client import (
     UpdateOrResync,
 )
 from rise_engine.protocol.session_options import SessionOptions
-from rise_engine.scenario import load
+from rise_engine.scenario.loader import load
 from rise_engine.scenario.model import Scenario
 from rise_tui.config.launch import Launcher, LoadedScenario, RecoveredClient, ReportProgress
 from rise_tui.config.study_source import StudySource

@@ -15,7 +15,7 @@ from time import monotonic
 from typing import Any
 
 from rise_engine.protocol import messages, registry
-from rise_engine.scenario import load
+from rise_engine.scenario.loader import load
 from rise_engine.session.folder import create_session
 from tests.console.fake import DEMO, FakeClient
 from tests.patience import PATIENCE

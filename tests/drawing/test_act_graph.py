@@ -6,7 +6,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from rise_engine.drawing.act_graph import ActRow, act_rows
-from rise_engine.scenario import load
+from rise_engine.scenario.loader import load
 from rise_engine.scenario.model import Act, Action, ActionCall
 from tests.chance import examples
 from tests.console.fake import DEMO

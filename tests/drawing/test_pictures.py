@@ -16,7 +16,7 @@ from rise_engine.drawing.cells import cell_length, shorten_to
 from rise_engine.drawing.diagrams import mermaid_of_rules
 from rise_engine.drawing.pictures import picture_of_rule, text_of
 from rise_engine.drawing.svg import svg_text
-from rise_engine.scenario import load
+from rise_engine.scenario.loader import load
 from rise_engine.scenario.model import Rule, Scenario, State, Transition
 from tests.sources import ROOT
 

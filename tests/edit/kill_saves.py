@@ -16,7 +16,7 @@ from rise_engine.edit.plan import Files
 from rise_engine.edit.saving import finish_interrupted
 from rise_engine.edit.study_folder import read_study_files
 from rise_engine.edit.workspace import Workspace
-from rise_engine.scenario import load
+from rise_engine.scenario.loader import load
 
 _CALLS = ("open", "os.rename", "os.remove", "os.mkdir", "os.chmod")
 EDITS = (

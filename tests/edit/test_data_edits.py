@@ -12,7 +12,7 @@ from rise_engine.edit.outline import Outline
 from rise_engine.edit.plan import EditRefused, Files, Plan, apply_plan
 from rise_engine.edit.planning import plan as plan_edit
 from rise_engine.edit.study_state import StudyState
-from rise_engine.scenario import LoadResult
+from rise_engine.scenario.loader import LoadResult
 
 
 def plan(files: Files, edit: Edit) -> Plan:

@@ -15,7 +15,7 @@ from rise_engine.edit.plan import EditRefused, Files, Plan, apply_plan
 from rise_engine.edit.planning import plan
 from rise_engine.edit.read_outline import read_outline
 from rise_engine.edit.study_state import StudyState
-from rise_engine.scenario import load
+from rise_engine.scenario.loader import load
 from tests.edit.samples import SPELLINGS, after, study_files, study_state
 from tests.expression.situation_tests import situation_tests
 

@@ -19,7 +19,7 @@ from rise_engine.expression import lookup
 from rise_engine.kernel.inputs import Submit
 from rise_engine.kernel.records import EventRecord
 from rise_engine.protocol.task_file import read_task_file
-from rise_engine.scenario import load
+from rise_engine.scenario.loader import load
 from rise_engine.scenario.model import Scenario, normal_topic
 from rise_engine.trial.keeping import text_of_test
 from rise_engine.trial.playing import play_test, refusal, said_texts, started_acts

@@ -14,7 +14,7 @@ from rise_engine.edit.planning import plan
 from rise_engine.edit.read_outline import read_outline
 from rise_engine.edit.remedies import remedies
 from rise_engine.edit.study_state import StudyState
-from rise_engine.scenario import load
+from rise_engine.scenario.loader import load
 from tests.scenario.folders import SPEECH, act, folder, rule
 
 ACTS = f"<Dialogs>{act(SPEECH, 'R_Nod')}{act(SPEECH, 'R_Wave')}</Dialogs>"

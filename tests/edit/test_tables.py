@@ -16,7 +16,7 @@ from rise_engine.edit.outline import Outline
 from rise_engine.edit.plan import EditRefused, apply_plan
 from rise_engine.edit.planning import plan
 from rise_engine.edit.study_state import StudyState
-from rise_engine.scenario import LoadResult
+from rise_engine.scenario.loader import LoadResult
 
 TEXT = 'sep=;\r\nid;"say";n\r\nlamp; "Put; it"  ;1\r\n;;\r\nrug;Lay it ;2'
 TEXT = TEXT.replace('"  ;', '";')

@@ -24,7 +24,7 @@ from rise_engine.edit.outline import Outline
 from rise_engine.edit.plan import EditRefused, Files, Plan, apply_plan
 from rise_engine.edit.planning import StudyState, plan
 from rise_engine.edit.translations import follow_texts
-from rise_engine.scenario import load
+from rise_engine.scenario.loader import load
 from tests.edit.samples import after, state_of, study_state
 from tests.edit.samples import changed_lines as count_changed_lines
 

@@ -19,7 +19,7 @@ from rise_engine.edit.edits import (
 )
 from rise_engine.edit.plan import EditRefused, Files
 from rise_engine.edit.workspace import Workspace, diff_of
-from rise_engine.scenario import load
+from rise_engine.scenario.loader import load
 from tests.edit.samples import SCENARIOS, SPELLINGS, study_files
 
 SPEECH = "acts/greeting.xml"

@@ -15,7 +15,7 @@ from hypothesis import strategies as st
 from rise_engine.edit.edits import AddAction, AnyEdit, RemoveVariant, Rename, SetParameter, SetStartValue
 from rise_engine.edit.plan import EditRefused, Files
 from rise_engine.edit.workspace import Workspace
-from rise_engine.scenario import load
+from rise_engine.scenario.loader import load
 from tests.edit.samples import SCENARIOS
 
 _OUTSIDE = {

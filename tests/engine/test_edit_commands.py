@@ -10,7 +10,7 @@ import pytest
 
 from rise_engine.cli import main
 from rise_engine.edit.workspace import Workspace
-from rise_engine.scenario import load
+from rise_engine.scenario.loader import load
 from tests.edit.samples import SCENARIOS
 
 

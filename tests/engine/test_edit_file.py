@@ -18,7 +18,7 @@ from click.testing import CliRunner, Result
 from rise_engine.cli.edit_file import kinds_of_edits, read_edits
 from rise_engine.cli.program import main
 from rise_engine.edit.workspace import Workspace
-from rise_engine.scenario import load
+from rise_engine.scenario.loader import load
 from rise_engine.scenario.new_study import blank_study
 from tests.edit.samples import SCENARIOS
 

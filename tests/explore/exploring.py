@@ -12,7 +12,7 @@ from rise_engine.explore.finding import ExploreFinding
 from rise_engine.explore.space import Space
 from rise_engine.explore.stepper import Stepper
 from rise_engine.kernel.inputs import SessionStarted
-from rise_engine.scenario import load
+from rise_engine.scenario.loader import load
 from rise_engine.scenario.model import Scenario
 from tests.explore.projection import Projection, project
 from tests.explore.world import World

@@ -10,7 +10,7 @@ import pytest
 
 from rise_engine.kernel.inputs import Submit
 from rise_engine.kernel.records import EventRecord, TaskRecord
-from rise_engine.scenario import load
+from rise_engine.scenario.loader import load
 from rise_engine.scenario.model import Scenario
 from tests.explore.naive import explore_naively
 from tests.explore.world import World

@@ -32,7 +32,7 @@ from rise_engine.kernel.inputs import Submit
 from rise_engine.kernel.records import ENDINGS, ActionRecord
 from rise_engine.protocol import messages
 from rise_engine.protocol.session_options import SessionOptions
-from rise_engine.scenario import load
+from rise_engine.scenario.loader import load
 from rise_engine.scenario.model import Scenario
 from rise_engine.server.process import serve
 from rise_engine.server.spawn import EngineRefused, EngineStarted, StartOutcome, StartupProgress

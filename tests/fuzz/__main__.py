@@ -27,8 +27,8 @@ from types import FrameType
 from lxml import etree
 from msgspec import Struct
 
-from rise_engine.scenario import load
 from rise_engine.scenario.editor_schemas import act_schema_text, rule_schema_text
+from rise_engine.scenario.loader import load
 from rise_engine.scenario.serialization import decode_scenario, encode_scenario
 from tests.fuzz.mutations import mutate
 

@@ -9,7 +9,7 @@ from click.testing import CliRunner, Result
 
 from rise_engine.cli.program import main
 from rise_engine.imports.annotated_speech import SpeechReader
-from rise_engine.scenario import load
+from rise_engine.scenario.loader import load
 from rise_engine.scenario.model import Parameter
 
 # Its lists and their fields are WoZ4U's, as its README describes them; the contents are ours.

@@ -31,7 +31,7 @@ from rise_engine.kernel.records import (
     StopRecord,
     TaskRecord,
 )
-from rise_engine.scenario import load
+from rise_engine.scenario.loader import load
 from rise_engine.scenario.model import Scenario
 
 SHORT = {

@@ -11,7 +11,7 @@ from rise_engine.kernel import Kernel
 from rise_engine.kernel.inputs import ActionReport, SessionRecovered
 from rise_engine.kernel.records import EventRecord, FailureRecord, RuleRecord, TaskRecord
 from rise_engine.kernel.view import SessionView
-from rise_engine.scenario import load
+from rise_engine.scenario.loader import load
 
 from .harness import Session, dialog, gaze, pause, read, speech, write
 from .test_rules import do, on, rule, state

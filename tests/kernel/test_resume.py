@@ -16,7 +16,7 @@ from rise_engine.kernel import Kernel
 from rise_engine.kernel.inputs import SessionRecovered
 from rise_engine.kernel.records import ActionRecord, AnyRecord, RuleRecord, TaskRecord
 from rise_engine.kernel.view import SessionView, StoodView
-from rise_engine.scenario import load
+from rise_engine.scenario.loader import load
 from tests.chance import examples
 
 from .harness import Session, dialog, read, speech, write

@@ -16,7 +16,7 @@ from rise_engine.kernel.inputs import ActionReport, AnyInput, ScenarioChanged, S
 from rise_engine.kernel.records import AnyRecord, ScenarioRecord
 from rise_engine.kernel.scenario_change import changes_in_words
 from rise_engine.kernel.snapshot import SnapshotError
-from rise_engine.scenario import load
+from rise_engine.scenario.loader import load
 from rise_engine.scenario.model import Scenario
 
 RULES = """<InteractionRule name="R" initial="A">

@@ -10,7 +10,7 @@ import pytest
 from rise_engine.kernel.behaviors import BehaviorError, RuleStart, describe_behavior, read_rule_start
 from rise_engine.kernel.records import RuleRecord
 from rise_engine.kernel.view import SessionView
-from rise_engine.scenario import load
+from rise_engine.scenario.loader import load
 
 from .harness import Session, dialog, read, speech, write
 from .test_rules import do, on, rule, session, state

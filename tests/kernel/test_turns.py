@@ -22,7 +22,7 @@ from rise_engine.kernel.records import (
     TaskRecord,
 )
 from rise_engine.kernel.view import SessionView
-from rise_engine.scenario import load
+from rise_engine.scenario.loader import load
 from rise_engine.scenario.model import Scenario
 from tests.chance import examples
 

@@ -6,7 +6,7 @@ import pytest
 
 from rise_engine.lsp.completion import proposals
 from rise_engine.lsp.positions import PositionEncoding, TextPositions
-from rise_engine.scenario import load
+from rise_engine.scenario.loader import load
 from tests.scenario.folders import SPEECH, act
 
 HELD = {

@@ -8,7 +8,7 @@ from msgspec.structs import replace
 from rise_engine.kernel.inputs import SessionStarted, Submit
 from rise_engine.protocol.session_options import SessionOptions
 from rise_engine.protocol.session_start import first_input, set_conflicts, start_problems, start_remarks
-from rise_engine.scenario import load
+from rise_engine.scenario.loader import load
 from rise_engine.scenario.model import Condition, Scenario
 
 CONDITIONS = {

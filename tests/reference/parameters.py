@@ -5,9 +5,8 @@ from __future__ import annotations
 from typing import Any
 
 from rise_engine.expression import Environment, EvaluationError, MissingPartError, lookup
-from rise_engine.scenario import convert_parameter
 from rise_engine.scenario.model import ActionCall, ActionSpec
-from rise_engine.scenario.parameters import ParameterError
+from rise_engine.scenario.parameters import ParameterError, convert_parameter
 from rise_engine.scenario.template import MemorySlot, Template, spoken_text
 
 

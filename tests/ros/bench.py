@@ -27,8 +27,8 @@ from rise_engine.kernel.records import (
     StopRecord,
     TaskRecord,
 )
-from rise_engine.scenario import load
 from rise_engine.scenario.action_declarations import core_actions
+from rise_engine.scenario.loader import load
 from rise_engine.scenario.model import RobotProfile, Scenario
 from tests.engine.samples import assert_one_ending_each
 from tests.kernel.harness import write

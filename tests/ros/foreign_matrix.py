@@ -25,7 +25,7 @@ from rise_adapters.ros2.robot import Ros2Robot
 from rise_adapters.simulated.faults import FAULT_KINDS
 
 from rise_engine.engine.engine import Engine
-from rise_engine.scenario import load
+from rise_engine.scenario.loader import load
 from rise_engine.scenario.model import Scenario
 from tests.engine.samples import assert_one_ending_each
 from tests.ros.contract.peers import ROOT

@@ -19,7 +19,7 @@ from rise_engine.engine.drivers import make_robot
 from rise_engine.engine.engine import Engine
 from rise_engine.kernel.records import TaskRecord
 from rise_engine.kernel.view import SessionView
-from rise_engine.scenario import load
+from rise_engine.scenario.loader import load
 from rise_engine.server.hub import SessionHub
 from rise_engine.session.disk import Disk
 from rise_engine.session.folder import JOURNAL, create_session

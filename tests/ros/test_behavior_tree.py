@@ -10,7 +10,7 @@ from xml.etree import ElementTree
 import pytest
 
 from rise_engine.kernel.task_handlers import TaskHandlers
-from rise_engine.scenario import load
+from rise_engine.scenario.loader import load
 
 ROOT = Path(__file__).parents[2]
 PACKAGE = ROOT / "adapters/rise_behavior_tree"

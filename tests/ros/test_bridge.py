@@ -21,7 +21,7 @@ from rise_engine.kernel.inputs import Submit
 from rise_engine.kernel.records import NoteRecord
 from rise_engine.kernel.view import SessionView
 from rise_engine.ports.bridge import BridgeError, RosConnection
-from rise_engine.scenario import load
+from rise_engine.scenario.loader import load
 from rise_engine.scenario.model import Scenario
 from rise_engine.server.hub import SessionHub
 from tests.patience import PATIENCE

@@ -29,8 +29,8 @@ from rise_engine.kernel.inputs import ActionReport, Submit
 from rise_engine.kernel.records import ActionRecord, AnyRecord, RobotRecord
 from rise_engine.ports.bridge import BridgeError, RosConnection
 from rise_engine.ports.robot import RobotReport
-from rise_engine.scenario import load
 from rise_engine.scenario.action_declarations import core_actions
+from rise_engine.scenario.loader import load
 from rise_engine.scenario.model import RobotProfile, Scenario
 from tests.ros.badrobot import Plan
 from tests.ros.bench import GAZE, SPEECH, TYPES, Bench

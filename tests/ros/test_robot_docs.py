@@ -22,8 +22,8 @@ from rise_engine.engine.clock import VirtualClock
 from rise_engine.kernel.commands import StartAction
 from rise_engine.kernel.inputs import ActionReport, RobotChanged, StopReport
 from rise_engine.ports.robot import Driver, RobotReport
-from rise_engine.scenario import LoadResult, load
 from rise_engine.scenario.diagnostics import Diagnostics
+from rise_engine.scenario.loader import LoadResult, load
 from rise_engine.scenario.model import RobotProfile
 from rise_engine.scenario.parameters import convert_parameter, fill_parameters
 from rise_engine.scenario.robot_profiles import read_profile

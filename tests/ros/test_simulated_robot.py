@@ -27,8 +27,9 @@ from rise_ros.examples.simulated_robot import RobotOnWire, find_robot
 from rise_engine.engine.clock import RealClock, VirtualClock
 from rise_engine.engine.engine import Engine
 from rise_engine.kernel.inputs import Submit
-from rise_engine.scenario import convert_parameter, load
+from rise_engine.scenario.loader import load
 from rise_engine.scenario.model import RobotProfile
+from rise_engine.scenario.parameters import convert_parameter
 from tests.ros.memory import ClockLoop, MemoryTransport, MemoryWire
 from tests.ros.session_node_bench import until
 

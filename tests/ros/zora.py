@@ -20,8 +20,8 @@ from rise_engine.engine.clock import VirtualClock
 from rise_engine.kernel.commands import StartAction
 from rise_engine.kernel.inputs import ActionReport, Note, StopReport
 from rise_engine.ports.robot import RobotReport
-from rise_engine.scenario import load
 from rise_engine.scenario.durations import expected_seconds
+from rise_engine.scenario.loader import load
 from rise_engine.scenario.model import RobotProfile
 from tests.ros.memory import ClockLoop, MemoryTransport, MemoryWire
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from rise_engine.scenario import LoadResult, load
+from rise_engine.scenario.loader import LoadResult, load
 
 LISTINGS = Path(__file__).with_name("listings")
 """Listings 1 to 3 of Groß et al., RISE: an open-source architecture for interdisciplinary and reproducible

@@ -8,8 +8,9 @@ from random import Random
 
 import pytest
 
-from rise_engine.scenario import load, memo
+from rise_engine.scenario import memo
 from rise_engine.scenario.checker import ScenarioChecker
+from rise_engine.scenario.loader import load
 from tests.chance import examples
 from tests.scenario.folders import SPEECH, act, folder, found, in_state, rule
 from tests.scenario.test_held_files import SCENARIOS, STUDIES, content, outcome

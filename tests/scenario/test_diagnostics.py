@@ -11,7 +11,7 @@ from unicodedata import normalize
 import pytest
 
 import rise_engine.scenario
-from rise_engine.scenario import load
+from rise_engine.scenario.loader import load
 from tests.scenario.folders import SPEECH, act, found, in_state, loaded, rule
 
 DOCS = Path(__file__).parents[2] / "docs" / "reference" / "scenario.md"

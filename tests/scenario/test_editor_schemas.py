@@ -10,9 +10,10 @@ from pathlib import Path
 import pytest
 from lxml import etree
 
-from rise_engine.scenario import blocks, element_templates, load, rules
+from rise_engine.scenario import blocks, element_templates, rules
 from rise_engine.scenario.action_declarations import core_actions
 from rise_engine.scenario.editor_schemas import FOLDER, act_schema_text, rule_schema_text
+from rise_engine.scenario.loader import load
 from rise_engine.scenario.model import ActionSpec
 from tests.scenario.folders import LISTINGS, SPEECH, act, in_state, loaded
 from tests.scenario.test_diagnostics import ACTS, RULES

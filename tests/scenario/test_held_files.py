@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from rise_engine.scenario import LoadResult, load
+from rise_engine.scenario.loader import LoadResult, load
 from rise_engine.scenario.source_files import SourceFile
 from rise_engine.scenario.tree import FileTree, UnreadableError
 from tests.scenario.folders import SPEECH, act, folder, found

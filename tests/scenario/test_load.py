@@ -10,7 +10,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from rise_engine.scenario import load
+from rise_engine.scenario.loader import load
 from rise_engine.scenario.model import Scenario
 from tests.chance import examples
 from tests.scenario.folders import LISTINGS, SPEECH, act, folder, in_state, loaded, rule

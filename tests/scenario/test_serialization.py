@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from msgspec.structs import replace
 
 from rise_engine.expression import Environment
-from rise_engine.scenario import load as read
+from rise_engine.scenario.loader import load as read
 from rise_engine.scenario.model import Function, If, OneOf, Scenario, Statement
 from rise_engine.scenario.serialization import decode_scenario, encode_scenario
 

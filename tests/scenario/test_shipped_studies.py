@@ -13,8 +13,9 @@ from click.testing import CliRunner
 
 from rise_engine.cli import main
 from rise_engine.protocol.session_options import SessionOptions
-from rise_engine.scenario import load, shipped_studies
+from rise_engine.scenario import shipped_studies
 from rise_engine.scenario.element_templates import LIBRARY
+from rise_engine.scenario.loader import load
 from rise_tui.config.initial_memory import MemoryNotWritable, memory_file_path
 from rise_tui.config.launch import ScenarioProblems, load_scenario
 from rise_tui.config.settings import scenario_path

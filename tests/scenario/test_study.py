@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 from msgspec.structs import replace
 
-from rise_engine.scenario import load
+from rise_engine.scenario.loader import load
 from rise_engine.scenario.model import Condition, Mode
 from rise_engine.scenario.scenario_toml import TOP_KEYS
 from rise_engine.scenario.study import (

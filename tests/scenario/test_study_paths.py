@@ -17,8 +17,8 @@ from rise_engine.edit.plan import EditRefused
 from rise_engine.edit.saving import finish_interrupted, write_files
 from rise_engine.edit.study_folder import read_study_files
 from rise_engine.edit.workspace import Workspace
-from rise_engine.scenario import load
 from rise_engine.scenario.interrupted_save import FRESH, NOTE, SavedFile, sum_of
+from rise_engine.scenario.loader import load
 from rise_engine.scenario.new_study import write_new_folder
 from rise_engine.scenario.shipped_studies import StudyCopyError
 from rise_engine.scenario.study_paths import why_not_read, why_not_written

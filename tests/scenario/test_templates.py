@@ -12,8 +12,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from rise_engine.cli import main
-from rise_engine.scenario import LoadResult, expansion, load
+from rise_engine.scenario import expansion
 from rise_engine.scenario.element_templates import TextPiece, text_pieces
+from rise_engine.scenario.loader import LoadResult, load
 from rise_engine.scenario.serialization import decode_scenario, encode_scenario
 from rise_engine.scenario.shipped_studies import shipped_studies
 from tests.scenario.folders import SPEECH, act, found, in_state, loaded, rule

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from rise_engine.scenario import LoadResult, load
+from rise_engine.scenario.loader import LoadResult, load
 from rise_engine.scenario.model import Scenario
 from rise_engine.scenario.spoken_texts import spoken_texts
 from tests.scenario.folders import act, folder, found

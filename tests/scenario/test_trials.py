@@ -8,7 +8,7 @@ import pytest
 
 from rise_engine.export.trial_tables import TRIALS
 from rise_engine.lsp.completion import proposals
-from rise_engine.scenario import load
+from rise_engine.scenario.loader import load
 from rise_engine.scenario.trial_settings import MEASURES, fits_state
 
 RULES = """<InteractionRules>

@@ -8,8 +8,8 @@ from pathlib import Path
 
 import pytest
 
-from rise_engine.scenario import LoadResult, load
 from rise_engine.scenario.checker import ScenarioChecker
+from rise_engine.scenario.loader import LoadResult, load
 from rise_engine.scenario.source_files import SourceFile
 from rise_engine.scenario.uses import Use, UsedKind
 from tests.scenario.test_held_files import SCENARIOS, STUDIES, content

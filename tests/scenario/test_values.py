@@ -9,11 +9,12 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from rise_engine.json_codec import JsonError, read_json, to_plain
-from rise_engine.scenario import convert_parameter, expected_seconds, fill_parameters, limit_seconds
 from rise_engine.scenario.action_declarations import core_actions
+from rise_engine.scenario.durations import expected_seconds, limit_seconds
 from rise_engine.scenario.graph import component_numbers, reachable_from
 from rise_engine.scenario.keys import CONSOLE_KEYS, PUNCTUATION, KeyRefusedError, bindable_key_name
 from rise_engine.scenario.model import ActionCall, Parameter
+from rise_engine.scenario.parameters import convert_parameter, fill_parameters
 from rise_engine.scenario.template import MissingValueError, key_template, parse_template
 
 

@@ -17,7 +17,7 @@ from types import FrameType
 
 import pytest
 
-from rise_engine.scenario import load
+from rise_engine.scenario.loader import load
 from tests.scenario.folders import folder
 
 SIZE = 150_000

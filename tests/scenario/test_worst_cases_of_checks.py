@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from rise_engine.scenario import load
+from rise_engine.scenario.loader import load
 from tests.scenario.folders import folder
 from tests.scenario.test_worst_cases import (
     SIZE,

@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from rise_engine.cli import main
-from rise_engine.scenario import load
+from rise_engine.scenario.loader import load
 from tests.scenarios.conftest import Play
 from tests.scenarios.played import SCENARIOS
 

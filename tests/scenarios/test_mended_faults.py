@@ -8,7 +8,7 @@ from itertools import pairwise
 import pytest
 
 from rise_engine.kernel.records import TaskRecord
-from rise_engine.scenario import load
+from rise_engine.scenario.loader import load
 from rise_engine.scenario.model import Scenario
 from tests.kernel.harness import Session
 from tests.scenarios.played import SCENARIOS

@@ -8,7 +8,7 @@ import pytest
 
 from rise_engine.kernel.inputs import Submit
 from rise_engine.kernel.records import TaskRecord
-from rise_engine.scenario import load
+from rise_engine.scenario.loader import load
 from tests.kernel.harness import Session
 from tests.scenarios.conftest import Play
 from tests.scenarios.played import SCENARIOS

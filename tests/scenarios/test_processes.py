@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from rise_engine.scenario import load
+from rise_engine.scenario.loader import load
 from tests.scenarios.conftest import Play
 from tests.scenarios.played import SCENARIOS, Played, command, process
 

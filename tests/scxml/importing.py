@@ -5,8 +5,8 @@ from __future__ import annotations
 from pathlib import Path
 
 from rise_engine.kernel.records import AnyRecord, MemoryRecord, RuleRecord
-from rise_engine.scenario import load
 from rise_engine.scenario.diagnostics import Diagnostic, Diagnostics
+from rise_engine.scenario.loader import load
 from rise_engine.scenario.source_files import SourceFile
 from rise_engine.scxml.rules_file import rules_text
 from rise_engine.scxml.rules_of_chart import MadeRules, rules_of_chart

@@ -8,7 +8,7 @@ import pytest
 from click.testing import CliRunner, Result
 
 from rise_engine.cli.convert import convert
-from rise_engine.scenario import load
+from rise_engine.scenario.loader import load
 from tests.kernel.harness import Session
 from tests.scxml.chart_words import chart, element, entry, final, on, parallel, put, send, state, throw
 from tests.scxml.importing import converted, session_of

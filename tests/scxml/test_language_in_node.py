@@ -15,7 +15,7 @@ import pytest
 from rise_engine.expression import Assignment, Environment, EvaluationError, Expression
 from rise_engine.kernel.countdowns import compute_delay
 from rise_engine.kernel.rng import Rng
-from rise_engine.scenario import load
+from rise_engine.scenario.loader import load
 from rise_engine.scenario.model import Delay, Scenario
 from rise_engine.scxml.expressions import assignment_code, condition_code, delay_code
 from rise_engine.scxml.helper_functions import HELPERS

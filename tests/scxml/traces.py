@@ -14,7 +14,7 @@ from collections.abc import Iterator
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
-from rise_engine.scenario import load
+from rise_engine.scenario.loader import load
 from rise_engine.scenario.model import Rule, Scenario
 from rise_engine.scxml.limits import find_refusals
 from tests.scxml.playing import VARIABLE, Played, Steps, alone, document_of, play, run_documents

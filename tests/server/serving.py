@@ -25,7 +25,7 @@ from rise_engine.protocol.client import (
     UpdateOrResync,
 )
 from rise_engine.protocol.registry import SessionLock
-from rise_engine.scenario import load
+from rise_engine.scenario.loader import load
 from rise_engine.server.hub import SessionHub
 from rise_engine.server.server import SessionServer
 from rise_engine.session.disk import Disk

@@ -11,7 +11,7 @@ from msgspec.structs import replace
 from rise_engine.kernel.inputs import ActionReport, AnyInput, Note, SessionEnded, SessionStarted, TimerElapsed
 from rise_engine.kernel.records import AnyRecord
 from rise_engine.kernel.view import SessionView
-from rise_engine.scenario import load
+from rise_engine.scenario.loader import load
 from rise_engine.session import folder as folders
 from rise_engine.session.folder import JOURNAL
 from rise_engine.session.journal_format import encode_header, encode_input, encode_record, with_checksum

@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 from pathlib import Path
 
-from rise_engine.scenario import load
+from rise_engine.scenario.loader import load
 from rise_engine.session.folder import JOURNAL, create_session, describe_session, read_info
 
 from .journals import ACTS, TOML, write

@@ -20,7 +20,7 @@ from rise_engine.cli import main
 from rise_engine.export.records import SessionExport
 from rise_engine.kernel.inputs import CheckReport, Note, OutcomeReport, RecordingReport, SessionEnded, Submit
 from rise_engine.kernel.records import AnyRecord, MemoryRecord, NoteRecord, TaskRecord
-from rise_engine.scenario import load
+from rise_engine.scenario.loader import load
 from rise_engine.session.folder import SessionError
 from rise_engine.session.levels import ExportLevel, without_dates
 from rise_engine.session.private_values import NAMES_FIELDS, PrivateValues

@@ -18,7 +18,7 @@ from rise_engine.checks import kinds
 from rise_engine.cli import main
 from rise_engine.cli import study_answers as answers
 from rise_engine.cli.study_commands import STUDY
-from rise_engine.scenario import load
+from rise_engine.scenario.loader import load
 from rise_engine.scenario.shipped_studies import shipped_studies
 from rise_engine.study.model import Study
 from rise_engine.study.study_toml import load_study

@@ -24,7 +24,7 @@ from rise_engine.edit.edits import (
     SetUseParameter,
 )
 from rise_engine.edit.read_outline import read_outline
-from rise_engine.scenario import LoadResult, load
+from rise_engine.scenario.loader import LoadResult, load
 from rise_engine.texts import xlsx_file
 from rise_engine.texts.csv_file import read_csv, usual_separator, write_csv
 from rise_engine.texts.importing import TextImport, import_table, summary

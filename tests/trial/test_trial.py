@@ -13,7 +13,7 @@ from rise_engine.cli.run import RunOptions, run
 from rise_engine.json_codec import decode
 from rise_engine.protocol.session_options import SessionOptions
 from rise_engine.protocol.task_file import read_task_file
-from rise_engine.scenario import load
+from rise_engine.scenario.loader import load
 from rise_engine.scenario.model import KeyBinding, Scenario
 from rise_engine.session.journal_format import encode_record
 from rise_engine.trial.happened import happened, happened_in

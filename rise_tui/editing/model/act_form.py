@@ -15,7 +15,7 @@ from rise_engine.edit.edits import (
     SetWaits,
 )
 from rise_engine.edit.outline import WrittenAct, WrittenAction, WrittenCall, WrittenValue
-from rise_engine.scenario import LoadResult
+from rise_engine.scenario.loader import LoadResult
 from rise_engine.scenario.model import ActionSpec, Parameter
 from rise_tui.editing.model.act_rows import action_type, what_text
 from rise_tui.editing.model.fields import EditField, FieldChoice

@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from typing import NamedTuple
 
 from rise_engine.edit.outline import WrittenAct, WrittenAction
-from rise_engine.scenario import LoadResult
+from rise_engine.scenario.loader import LoadResult
 from rise_tui.editing.model.act_times import ActionTime, action_times
 from rise_tui.rendering.text import ListRow, StyledLine, clean, crop, fixed_span, line_width
 

@@ -6,8 +6,10 @@ from collections.abc import Mapping
 from typing import NamedTuple
 
 from rise_engine.edit.outline import WrittenAct
-from rise_engine.scenario import LoadResult, expected_seconds, fill_parameters
+from rise_engine.scenario.durations import expected_seconds
+from rise_engine.scenario.loader import LoadResult
 from rise_engine.scenario.model import ActionCall, ActionSpec, Json
+from rise_engine.scenario.parameters import fill_parameters
 from rise_engine.scenario.template import MissingValueError
 
 

@@ -12,9 +12,9 @@ from msgspec import Struct
 from rise_engine.edit.outline import Outline
 from rise_engine.edit.plan import Files
 from rise_engine.edit.workspace import Change, Workspace
-from rise_engine.scenario import LoadResult
 from rise_engine.scenario.diagnostics import Diagnostic
 from rise_engine.scenario.file_names import SCENARIO_FILE, STUDY_FILE
+from rise_engine.scenario.loader import LoadResult
 from rise_engine.scenario.uses import Uses
 
 

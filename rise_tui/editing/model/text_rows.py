@@ -14,8 +14,10 @@ from msgspec.structs import replace
 from rise_engine.edit.edits import AnyEdit, SetTranslation
 from rise_engine.edit.originals import edit_of_original, written_original
 from rise_engine.edit.plan import EditRefused
-from rise_engine.scenario import LoadResult, expected_seconds, fill_parameters
+from rise_engine.scenario.durations import expected_seconds
 from rise_engine.scenario.file_names import SCENARIO_FILE
+from rise_engine.scenario.loader import LoadResult
+from rise_engine.scenario.parameters import fill_parameters
 from rise_engine.scenario.spoken_texts import SpokenText
 from rise_engine.scenario.template import MissingValueError, Template
 from rise_engine.scenario.translations import Translation, slot_problem

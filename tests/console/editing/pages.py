@@ -10,7 +10,7 @@ from textual.widget import Widget
 from rise_engine.edit.edits import AnyEdit
 from rise_engine.edit.outline import Outline
 from rise_engine.edit.read_outline import read_outline
-from rise_engine.scenario import Diagnostic
+from rise_engine.scenario.diagnostics import Diagnostic
 from rise_tui.actions import bindings_in
 from rise_tui.editing.model.study_names import StudyNames
 from rise_tui.editing.rules.rule_editor import RuleEditor

@@ -12,7 +12,7 @@ import pytest
 from textual.pilot import Pilot
 
 from rise_engine.edit.workspace import Workspace
-from rise_engine.scenario import load
+from rise_engine.scenario.loader import load
 from rise_tui.editing.app import EditApp
 from rise_tui.editing.model.draft import draft_of
 from rise_tui.editing.rule_page import RulePage

@@ -33,7 +33,7 @@ from rise_engine.edit.edits import (
     StatementAddress,
     TransitionForm,
 )
-from rise_engine.scenario import Diagnostic
+from rise_engine.scenario.diagnostics import Diagnostic
 from rise_engine.scenario.model import SourceLocation
 from rise_tui.editing.chooser import Chooser
 from rise_tui.editing.model.rule_graph import GraphSpot

@@ -6,7 +6,7 @@ from msgspec.structs import replace
 
 from rise_engine.kernel.view import SessionView
 from rise_engine.protocol.client import AttachReply
-from rise_engine.scenario import load
+from rise_engine.scenario.loader import load
 from rise_tui.model.store import Store
 from tests.sources import ROOT
 

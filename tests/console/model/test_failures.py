@@ -9,7 +9,7 @@ import pytest
 
 from rise_engine.kernel.records import FailureRecord, FailureStatus, MemoryRecord
 from rise_engine.protocol.messages import with_tasks, without_tasks
-from rise_engine.scenario import load
+from rise_engine.scenario.loader import load
 from rise_engine.scenario.model import Scenario
 from rise_tui.actions import BY_ID
 from rise_tui.key_labels import key_name, why_unavailable

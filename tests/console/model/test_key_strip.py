@@ -8,7 +8,7 @@ import pytest
 
 from rise_engine.drawing.study_keys import StudyKeys, key_title
 from rise_engine.kernel.records import MemoryRecord
-from rise_engine.scenario import load
+from rise_engine.scenario.loader import load
 from rise_engine.scenario.model import KeyBinding, Scenario
 from rise_tui.model.key_strip import key_strip_height, key_strip_lines
 from rise_tui.model.store import Store

@@ -8,7 +8,7 @@ from pathlib import Path
 from rise_engine.kernel.inputs import Submit
 from rise_engine.kernel.view import SessionView
 from rise_engine.protocol.messages import TasksMessage, decode_server_message, encode_line, with_tasks, without_tasks
-from rise_engine.scenario import load
+from rise_engine.scenario.loader import load
 from rise_engine.scenario.model import event_behavior
 from rise_engine.trial.trial import SOURCE, Trial
 from rise_tui.model.log_rows import task_of

@@ -14,7 +14,7 @@ from rise_engine.edit.json_edits import memory_file_text
 from rise_engine.expression import lookup
 from rise_engine.kernel.records import MemoryRecord
 from rise_engine.kernel.view import MemoryView
-from rise_engine.scenario import load
+from rise_engine.scenario.loader import load
 from rise_tui.config.initial_memory import (
     MemoryNotWritable,
     describe_changes,

@@ -9,7 +9,7 @@ import pytest
 from msgspec.structs import replace
 
 from rise_engine.kernel.records import CueRecord, MemoryRecord, SessionRecord
-from rise_engine.scenario import load
+from rise_engine.scenario.loader import load
 from rise_engine.scenario.model import FillerSettings, Scenario
 from rise_tui.key_labels import key_name
 from rise_tui.model.speech_band import sentence_height, speech_band_lines

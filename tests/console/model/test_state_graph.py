@@ -12,7 +12,7 @@ from rich.cells import cell_len
 from rise_engine.drawing.state_graph import GraphEdge, GraphLayout, lay_out_graph, most_lanes
 from rise_engine.drawing.state_order import find_state_order
 from rise_engine.expression import Expression
-from rise_engine.scenario import load
+from rise_engine.scenario.loader import load
 from rise_engine.scenario.model import Delay, Rule, State, Transition
 from rise_tui.model.state_drawing import HERE, GraphPosition, draw_state_graph
 from rise_tui.rendering.text import plain_text

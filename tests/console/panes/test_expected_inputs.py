@@ -10,7 +10,7 @@ from msgspec.structs import replace
 
 from rise_engine.drawing.study_keys import StudyKeys
 from rise_engine.kernel.records import MemoryRecord
-from rise_engine.scenario import load
+from rise_engine.scenario.loader import load
 from rise_engine.scenario.model import KeyBinding, Rule, Scenario, State, Transition
 from rise_tui.model.expected_inputs import ExpectedInputs, find_expected_inputs
 from tests.console.conftest import console

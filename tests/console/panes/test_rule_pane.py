@@ -10,7 +10,7 @@ from rich.cells import cell_len
 from textual.geometry import Region
 
 from rise_engine.kernel.records import KeptRecord, MemoryRecord
-from rise_engine.scenario import load
+from rise_engine.scenario.loader import load
 from rise_engine.scenario.model import Rule, State, Transition
 from rise_tui.model.store import Store
 from rise_tui.panes.rule import RulePane

@@ -37,7 +37,7 @@ def run(*arguments: str, home: Path) -> subprocess.CompletedProcess[str]:
 
 @pytest.mark.parametrize("folder", SCENARIOS, ids=lambda folder: Path(folder).name)
 def test_the_card_has_every_key_and_fits_a_terminal(folder: str, tmp_path: Path) -> None:
-    from rise_engine.scenario import load
+    from rise_engine.scenario.loader import load
 
     done = run(folder, home=tmp_path)
     assert done.returncode == 0 and done.stderr == ""
@@ -63,7 +63,7 @@ def test_the_authors_own_words_are_on_the_card_with_what_they_stand_for() -> Non
 
 
 def lablinking() -> Scenario:
-    from rise_engine.scenario import load
+    from rise_engine.scenario.loader import load
 
     found = load(str(ROOT / "scenarios" / "lablinking")).scenario
     assert found is not None

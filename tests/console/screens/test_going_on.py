@@ -11,7 +11,7 @@ import pytest
 
 from rise_engine.kernel.inputs import Submit
 from rise_engine.protocol.client import ClientInput, Reply
-from rise_engine.scenario import load
+from rise_engine.scenario.loader import load
 from rise_engine.scenario.model import Scenario
 from rise_tui.screens.release import ReleaseDialog
 from tests.console.conftest import Console, console
