@@ -6,6 +6,8 @@ import json
 from collections.abc import Iterable, Iterator
 from itertools import pairwise
 
+from msgspec.structs import replace
+
 from rise_engine.drawing.study_keys import key_title
 from rise_engine.explore.bounds import Bounds
 from rise_engine.explore.following import Followed, follow_path
@@ -198,7 +200,10 @@ def _cut_text(name: str, reason: str, ran: bool) -> str:
 def _other_text(record: AnyRecord, *, by_chance: bool) -> Iterator[str]:
     said = words_of(record).sentence
     match record:
-        case FailureRecord(status="asked" | "waiting" | "repeated" | "dropped") | KeptRecord(status="kept" | "taken"):
+        case FailureRecord(status="asked" | "waiting" | "repeated" | "dropped"):
+            comes = words_of(replace(record, reason="")).text.removeprefix("failed, and ")  # why is told already
+            yield comes if record.status in ("asked", "dropped") else f"{record.act} {comes}"
+        case KeptRecord(status="kept" | "taken"):
             yield said
         case EventRecord(taken_by=None, source=source) if source.startswith("rule:"):
             yield said

@@ -46,7 +46,7 @@ def test_an_act_that_fails_and_what_becomes_of_it() -> None:
     fact = next(fact for fact in paths if fact[0].startswith("failure"))
     sentences = told("lablinking", 1, fact)
     assert sentences[-1].startswith(f"{fact[1]} fails") or any("cannot be reached" in each for each in sentences)
-    assert "somebody is asked what to do" in sentences[-1]
+    assert "→ somebody is asked what to do" in sentences[-1]
 
 
 def test_a_stop_and_a_lost_robot() -> None:

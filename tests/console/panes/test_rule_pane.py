@@ -221,4 +221,4 @@ async def test_a_key_whose_event_is_kept() -> None:
         it.client.emit(KeptRecord(0, 0.0, "", task, "/next", "taken-back"))
         it.client.task_record(task, "raiseEventTopic", "/next", "CANCELED")
         await it.until(lambda: "kept" not in pane(it).row_list.text)
-        assert "next is not kept any more" in it.notice
+        assert "/next is no longer kept" in it.notice
