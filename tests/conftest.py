@@ -33,10 +33,11 @@ settings.load_profile("search" if chance.SEARCH else "fixed")
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """What is explored is kept for the other tests of exploring, so one process runs them all."""
+    """What is explored, or made of the documentation, is kept for the other tests of it: one process runs them all."""
     for item in items:
-        if item.path.parent.name == "explore":
-            item.add_marker(pytest.mark.xdist_group("explore"))
+        group = item.path.parent.name if item.path.parent.name == "explore" else item.path.stem
+        if group in ("explore", "test_site"):
+            item.add_marker(pytest.mark.xdist_group(group))
 
 
 def pytest_collection_finish() -> None:

@@ -25,6 +25,7 @@ from rise_engine.trial.keeping import text_of_test
 from rise_engine.trial.playing import play_test, refusal, said_texts, started_acts
 from rise_engine.trial.study_test import read_study_test
 from rise_engine.trial.trial import Trial
+from tests.chance import searched
 from tests.edit.samples import SCENARIOS, after, state_of, study_files
 from tests.trial.task_files import task_file_text
 
@@ -156,7 +157,9 @@ def renamed(kind: NameKind, name: str) -> tuple[Rename, Rename]:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("study", NAMES)
+@pytest.mark.parametrize(
+    "study", [pytest.param(name, marks=searched if name == "lablinking" else ()) for name in NAMES]
+)
 def test_everything_that_tests_mention_is_renamed_and_they_pass(study: str) -> None:
     before = state_of(files_with_tests(study), study)
     assert failures(study, before.files) == []

@@ -50,7 +50,7 @@ async def test_nothing_private_is_heard(tmp_path: Path, monkeypatch: pytest.Monk
         since = len(node.diagnostics)
         await until(lambda: len(node.diagnostics) > since and status_of(node, "session")["level"] is not None)
         text = everything(node, log)
-        assert "Dear {name|you}!" in text and "Moin {name}" in text and "task rejected" in text
+        assert "Dear {name|you}!" in text and "Moin {name}" in text and "was rejected" in text
         for word in ("Zoë", "Müller", "98765432"):
             assert word not in text, word
         for key, value in (

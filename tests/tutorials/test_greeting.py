@@ -14,6 +14,8 @@ from tests import chance
 from tests.tutorials.player import play
 from tests.tutorials.shell import shell
 
+pytestmark = [pytest.mark.slow, pytest.mark.pty, *chance.searched]
+
 ROOT = Path(__file__).parents[2]
 PAGE = ROOT / "docs" / "tutorials" / "greeting-from-nothing.md"
 SHIPPED = ROOT / "scenarios" / "greeting"
@@ -29,9 +31,6 @@ def records(folder: Path) -> list[dict[str, Any]]:
     return [{key: value for key, value in json.loads(line).items() if key not in OTHER} for line in lines]
 
 
-@pytest.mark.slow
-@pytest.mark.pty
-@pytest.mark.search
 def test_the_greeting_from_nothing(tmp_path: Path) -> None:
     with shell(tmp_path, chance.one_of((80, 24), (120, 40))) as terminal:
         play(PAGE.read_text(), terminal, between=0)
