@@ -1,4 +1,4 @@
-"""A key goes the way that CONTRIBUTING.md draws: down to the robot, and back to the screen."""
+"""A key goes the way that docs/explanation/architecture.md draws: down to the robot, and back to the screen."""
 
 from __future__ import annotations
 
@@ -19,6 +19,7 @@ from tests.server.serving import OwnSession
 from tests.shape import calls
 from tests.sources import ROOT, parsed
 
+MAP = ROOT / "docs/explanation/architecture.md"
 NOT_HERE = re.compile(
     r"adapters/rise_adapters/ros2/|rise_engine/ports/|rise_engine/server/process\.py|"
     r"rise_tui/rendering/(terminal_(reader|driver|writer)|diff|cell_buffer|style_codes)"
@@ -39,7 +40,7 @@ def is_function(file: str, name: str) -> bool:
 
 
 def functions_on_the_map(heading: str) -> set[tuple[str, str]]:
-    section = re.split(r"^##+ ", (ROOT / "CONTRIBUTING.md").read_text(encoding="utf-8"), flags=re.MULTILINE)
+    section = re.split(r"^##+ ", MAP.read_text(encoding="utf-8"), flags=re.MULTILINE)
     rows = STEP.findall(next(text for text in section if text.startswith(heading)))
     named = {(file, name) for row in rows for file, names in PLACE.findall(row) for name in names.split(", ")}
     return {(file, name) for file, name in named if not NOT_HERE.match(file) and is_function(file, name)}

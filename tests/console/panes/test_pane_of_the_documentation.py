@@ -1,4 +1,4 @@
-"""The pane that CONTRIBUTING.md shows to who wants to add one."""
+"""The pane that docs/how-to/extend-the-program.md shows as an example."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from rise_tui.panes.pane import ListPane
 from rise_tui.rendering.text import ListRow, plain_text
 from tests.console.conftest import console
 
-PAGE = Path(__file__).parents[3] / "CONTRIBUTING.md"
+PAGE = Path(__file__).parents[3] / "docs/how-to/extend-the-program.md"
 
 
 async def test_it_is_one() -> None:
