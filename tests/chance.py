@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import os
 import random
+from collections.abc import Iterable
 from typing import TypeVar
 
 import pytest
@@ -21,6 +22,11 @@ searched = (pytest.mark.search, pytest.mark.skipif(not SEARCH, reason="takes min
 def examples(usual: int) -> int:
     """How many examples a test gets whose property is worth so many, when 100 is usual."""
     return max(1, usual * (SEARCH or FIXED) // 100)
+
+
+def some(cases: Iterable[T], every: int = 3) -> list[T]:
+    """One case of so many, always the same ones; in a search all."""
+    return [*cases][:: 1 if SEARCH else every]
 
 
 def one_of(usual: T, *others: T) -> T:

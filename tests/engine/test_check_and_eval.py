@@ -28,6 +28,7 @@ from rise_engine.kernel.records import (
     SyncRecord,
     TaskRecord,
 )
+from tests.chance import some
 
 from .processes import ENGINE, engine, folder
 
@@ -251,7 +252,8 @@ def test_a_file_name_that_is_no_text_is_shown_with_an_escape(tmp_path: Path, env
     assert refused.returncode == 1 and b"Traceback" not in refused.stderr and b"\\udcff.xml" in refused.stderr
 
 
-@pytest.mark.parametrize("environment", ENCODINGS, ids=str)
+@pytest.mark.search
+@pytest.mark.parametrize("environment", some(ENCODINGS, 2), ids=str)
 def test_a_terminal_that_shows_only_ascii(tmp_path: Path, environment: dict[str, str]) -> None:
     done = _raw(environment, "eval", '"你"')
     assert (done.returncode, done.stderr) == (0, b"")

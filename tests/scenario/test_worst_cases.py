@@ -18,6 +18,7 @@ from types import FrameType
 import pytest
 
 from rise_engine.scenario.loader import load
+from tests.chance import some
 from tests.scenario.folders import folder
 
 SIZE = 150_000
@@ -199,8 +200,9 @@ def _not_for_ever() -> Iterator[None]:
     signal.signal(signal.SIGVTALRM, before)
 
 
+@pytest.mark.search
 @pytest.mark.slow
-@pytest.mark.parametrize("name", CASES)
+@pytest.mark.parametrize("name", some(CASES))
 def test_the_worst_is_read_soon(tmp_path: Path, name: str) -> None:
     file, make = CASES[name]
     diagnostics = load(folder(tmp_path, {file: make()})).diagnostics

@@ -8,6 +8,7 @@ from pathlib import Path
 import pytest
 
 from rise_engine.scenario.loader import load
+from tests.chance import some
 from tests.scenario.folders import folder
 from tests.scenario.test_worst_cases import (
     SIZE,
@@ -98,7 +99,8 @@ CASES: dict[str, Callable[[], dict[str, str | bytes]]] = {
 }
 
 
+@pytest.mark.search
 @pytest.mark.slow
-@pytest.mark.parametrize("name", CASES)
+@pytest.mark.parametrize("name", some(CASES))
 def test_the_worst_is_read_soon(tmp_path: Path, name: str) -> None:
     load(folder(tmp_path, CASES[name]()))

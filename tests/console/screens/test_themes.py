@@ -15,6 +15,7 @@ from rise_tui.cli.main import THEMES
 from rise_tui.config.display import DetectedColors, DisplayOptions, choose_theme, detect_colors, prepare_textual
 from rise_tui.rendering import themes
 from rise_tui.rendering.styled_lines import STYLE_SPECS
+from tests.chance import searched
 from tests.console.conftest import Console, console
 from tests.console.fake import DEMO
 from tests.console.terminals import terminal
@@ -140,9 +141,9 @@ COLORED = re.compile(rb"\x1b\[(?:[0-9;]*;)?(?:3[0-8]|4[0-8]|9[0-7]|10[0-7])(?:;[
         (("--theme", "mono"), {}, False),
         (("--colors", "mono"), {}, False),
         ((), {"NO_COLOR": "1"}, False),
-        ((), {"NO_COLOR": ""}, True),
+        pytest.param((), {"NO_COLOR": ""}, True, marks=searched),
         (("--theme", "light"), {"NO_COLOR": "1"}, True),
-        ((), {}, True),
+        pytest.param((), {}, True, marks=searched),
     ],
 )
 def test_no_colour_reaches_a_terminal_that_shall_have_none(
