@@ -33,11 +33,15 @@ settings.load_profile("search" if chance.SEARCH else "fixed")
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """What is explored, or made of the documentation, is kept for the other tests of it: one process runs them all."""
+    """What is explored, or made of the documentation, is kept for the other tests of it: one process runs them all.
+
+    What takes longest comes first: at the end, one process would run it while the others have nothing left to do.
+    """
     for item in items:
         group = item.path.parent.name if item.path.parent.name == "explore" else item.path.stem
         if group in ("explore", "test_site"):
             item.add_marker(pytest.mark.xdist_group(group))
+    items.sort(key=lambda item: item.path.stem != "test_site" and item.path.parent.name not in ("explore", "tutorials"))
 
 
 def pytest_collection_finish() -> None:
