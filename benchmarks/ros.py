@@ -60,10 +60,10 @@ STOPS, STOP_P50_MS, STOP_P99_MS = 100, 25, 60
 TASK_TRIPS = 1.75
 """A task goes through a third process, which writes two of its steps to the disk before anything goes out."""
 TALK_SECONDS = 10.0
-FEEDBACK_PERCENT = {"dds": 10, "rclpy": 15}
+FEEDBACK_PERCENT = 10
 """Of a core, where the profile waits for feedback; where it does not, the session does not listen to any."""
-LISTENER_PERCENT = {"dds": 5, "rclpy": 10}
-"""Of a core. rclpy takes 5 to 6 to hand over a thousand messages a second as bytes, to a function that does nothing."""
+LISTENER_PERCENT = 5
+"""Of a core."""
 LOOPBACK = (
     "<General><AllowMulticast>false</AllowMulticast><Interfaces><NetworkInterface name='lo'/></Interfaces></General>"
     "<Discovery><ParticipantIndex>auto</ParticipantIndex><MaxAutoParticipantIndex>32</MaxAutoParticipantIndex>"
@@ -329,7 +329,7 @@ def compare_listeners(report: Report, choice: str, environment: dict[str, str]) 
     for how, (percent, heard) in medians.items():
         report.row(f"listening to points, {how}", f"{percent:.1f} %", f"of a core; {heard:.0f} a second")
     newest, plain = medians["newest"][0], medians["plainly"][0]
-    report.target("% of a core, the newest point", newest, LISTENER_PERCENT[choice], at_least=False)
+    report.target("% of a core, the newest point", newest, LISTENER_PERCENT, at_least=False)
     report.target("times the plain listener", newest / plain, 1, at_least=False)
 
 
@@ -385,7 +385,7 @@ def main() -> bool:
                 report.target(f"ms a key takes {when}, p50", median, KEY_P50_MS, at_least=False)
                 report.target(f"ms a key takes {when}, p99", most, KEY_P99_MS, at_least=False)
             if percent is not None:
-                report.target("% of a core, 1,000 feedbacks/s", percent, FEEDBACK_PERCENT[choice], at_least=False)
+                report.target("% of a core, 1,000 feedbacks/s", percent, FEEDBACK_PERCENT, at_least=False)
         compare_listeners(report, choice, environment)
     return report.met
 
