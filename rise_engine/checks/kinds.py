@@ -129,7 +129,7 @@ class StudyLook(Struct, frozen=True):
             ("playing", sum(not look.is_played for look in self.looks)),
         ):
             if broken_off:
-                text += f"; {what} {broken_off} of the kinds was broken off after {QUICK_SECONDS:g} s"
+                text += f"; {what} stopped after {QUICK_SECONDS:g} s in {pluralize(broken_off, 'kind')}"
         if not all(look.is_complete for look in self.looks):
             text += ", and `rise-engine explore STUDY` looks at more"
         return text

@@ -196,6 +196,6 @@ def test_what_was_broken_off_is_said(right: Path, monkeypatch: pytest.MonkeyPatc
     monkeypatch.setattr(kinds, "QUICK_SECONDS", 0.0)
     result = run("study", "check", str(right))
     assert (
-        "; exploring 8 of the kinds was broken off after 0 s; playing 8 of the kinds was broken off after 0 s, "
+        "; exploring stopped after 0 s in 8 kinds; playing stopped after 0 s in 8 kinds, "
         "and `rise-engine explore STUDY` looks at more"
     ) in " ".join(result.output.split()), result.output

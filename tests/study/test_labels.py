@@ -266,6 +266,10 @@ def test_a_reassigned_session_is_its_new_participants_everywhere(moved: Path, st
     assert rows[moved.name] == "P04" and list(rows.values()).count("P02") == 2
     exported = [each for each in read_log(study) if each.kind == "exported"][-1]
     assert "P04" in exported.get("participants")
+    (standing,) = [each for each in read_state(study).standing.participants if each.participant == "P04"]
+    assert [each.reassigned for each in standing.sessions if each.folder == moved.name] == [
+        "run as P02, and reassigned to P04: P04 sat there"
+    ]
     assert re.search(rf"P04 .*aborted .*{moved.name}", run("sessions", study)[1])
     assert re.search(r"P04 .*aborted", run("study", "status", study)[1])
     assert "P04" in run("report", study)[1]
