@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 import click
@@ -13,6 +13,7 @@ from rise_engine.exit_status import OK, PARTIAL, REFUSED, USAGE
 from rise_engine.export.anonymous import NothingToKeep, rows_to_keep
 from rise_engine.session.errors import SessionError
 from rise_engine.study.kept_rows import FILE as KEPT_FILE
+from rise_engine.study.labels import Reassignment, reassignments
 from rise_engine.study.study_log import LOG_FILE, StudyLogError, read_log
 from rise_engine.study.traces import STUDY_FILE
 from rise_engine.study.withdrawal import plan_withdrawal
@@ -50,7 +51,7 @@ def withdraw(folder: str, participant: str, yes: bool, keep_anonymous: bool) -> 
     try:
         plan = plan_withdrawal(study, participant)
         keep = rows_to_keep(study, participant, plan.sessions) if keep_anonymous else []
-        _print_lines(_plan_lines(plan))
+        _print_lines(_plan_lines(plan, reassignments(read_log(study))))
         if keep:
             _print_lines([f"{pluralize(len(keep), 'row')} of numbers stay in {KEPT_FILE}, as {keep[0]['id']}"])
         if not yes:
@@ -83,9 +84,11 @@ def _slot_afterwards(study: Path, participant: str) -> str:
     return "their slot is free" if holder == participant else f"slot {theirs[-1]}, which they had, stays with {holder}"
 
 
-def _plan_lines(plan: WithdrawalPlan) -> list[str]:
+def _plan_lines(plan: WithdrawalPlan, moved: Mapping[str, Reassignment]) -> list[str]:
     lines = [f"this is erased of {plan.participant}, and cannot be brought back:"]
-    lines += _indent([f"session {name}" for name in plan.sessions])
+    lines += _indent(
+        [f"session {name}" + (f", {moved[name].sentence}" if name in moved else "") for name in plan.sessions]
+    )
     lines += _indent([f"recording {path}" for path in plan.recordings])
     for path, others in plan.exports.items():
         what = "export folder, with everything in it:" if path in plan.export_folders else "export"

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from abc import abstractmethod
 from collections.abc import Mapping, Sequence
+from functools import partial
 from typing import ClassVar
 
 from textual.app import ComposeResult
@@ -14,15 +15,13 @@ from rise_engine.edit.plan import EditRefused
 from rise_tui.editing.form_page import FormPage
 from rise_tui.editing.model.data_fields import (
     SCENARIO_FILE,
-    STUDY_FILE,
-    act_setting_choices,
-    act_setting_edit,
+    Addition,
+    additions,
     key_choices,
     key_fields,
     memory_fields,
     new_key_edits,
     setting_fields,
-    toml_values,
 )
 from rise_tui.editing.model.draft import FilePlace, count, is_study_alone
 from rise_tui.editing.model.fields import EditField
@@ -226,38 +225,35 @@ class SettingsPage(DataPage):
 
     @property
     def hints(self) -> Mapping[str, str]:
-        add = "check" if is_study_alone(self.draft) else "of an act"
+        add = "check, factor" if is_study_alone(self.draft) else "of an act"
         return {"edit.open": "change", "edit.add": add, "edit.remove": "clear"}
 
     def make_fields(self) -> Sequence[EditField]:
         return setting_fields(self.draft)
 
     def add(self) -> None:
-        """How the console and the scheduler treat an act; of a study, a check that somebody confirms."""
-        if is_study_alone(self.draft):
-            self._add_check()
-            return
+        """How an act is treated; of a study, a check, a factor, a level, or what a level changes."""
+        found = {each.choice.value: each for each in additions(self.draft)}
 
         def take(chosen: str) -> None:
-            edit, id = act_setting_edit(chosen)
-            self.frame.make(edit, then=lambda: self.go_to(id))
+            addition = found[chosen]
+            if addition.title:
+                self.frame.ask_text(addition.title, "", partial(self._add, addition), hint=addition.hint)
+            else:
+                self._add(addition, "")
 
-        choices = act_setting_choices(self.draft)
-        if choices:
-            self.frame.choose("How is an act treated?", choices, take)
+        if found:
+            self.frame.choose("What is added?", [each.choice for each in found.values()], take)
         else:
             self.frame.say("there is no act yet whose treatment could be set", "wait")
 
-    def _add_check(self) -> None:
-        def take(asked: str) -> None:
-            given = toml_values(self.draft, STUDY_FILE).get("check", [])
-            number = len(given) if isinstance(given, list) else 0
-            path = ("check", str(number))
-            edit = SetSetting(path, {"id": f"check{number + 1}", "ask": asked, "when": "before"}, file=STUDY_FILE)
-            self.frame.make(edit, then=lambda: self.go_to("\0".join((STUDY_FILE, *path, "id"))))
-
-        hint = "What somebody confirms before a session: The door is closed"
-        self.frame.ask_text("A new check", "", take, hint=hint)
+    def _add(self, addition: Addition, typed: str) -> None:
+        try:
+            edit, id = addition.make(typed)
+        except EditRefused as refused:
+            self.frame.say(str(refused), "wait")
+        else:
+            self.frame.make(edit, then=lambda: self.go_to(id))
 
     @property
     def place(self) -> FilePlace | None:

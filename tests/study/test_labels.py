@@ -289,6 +289,11 @@ def test_the_proof_accepts_just_this_difference_and_names_it(moved: Path, study:
     assert status == 1 and 'says participant = "P03", but journal.jsonl says participant = "P02"' in said
 
 
+def test_a_withdrawal_says_which_sessions_ran_under_another_name(moved: Path, study: Path) -> None:
+    said = run("study", "withdraw", study, "P04")[1]
+    assert f"session {moved.name}, run as P02, and reassigned to P04: P04 sat there" in said
+
+
 def test_a_bundle_keeps_it(moved: Path, study: Path, tmp_path: Path) -> None:
     make_bundle(read_state(study), sessions_of(study), tmp_path / "bundle", BundleOptions("shared"))
     folder = next(each for each in sessions_of(tmp_path / "bundle") if read_session(each).facts.outcome == "aborted")

@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import json
 import tomllib
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 from rise_engine.edit.edits import AnyEdit, SetSetting, SetStartValue
+from rise_engine.edit.outline import WrittenAct
 from rise_engine.edit.plan import EditRefused
 from rise_engine.scenario.model import Json
 from rise_engine.scenario.robot_profiles import robot_names
@@ -193,23 +194,93 @@ def _shown_only(path: str, data: bytes) -> Iterator[EditField]:
         yield field._replace(kind="fixed", edits=no_edits, note=f"{field.label}; study.toml above")
 
 
-def act_setting_choices(draft: StudyDraft) -> list[FieldChoice]:
+class Addition(NamedTuple):
+    """An entry that can be added to the settings."""
+
+    choice: FieldChoice
+    make: Callable[[str], tuple[SetSetting, str]]
+    """The edit, from what was typed, and the id of the field that shows it then."""
+    title: str = ""
+    """What the question for it is called; empty: nothing has to be typed."""
+    hint: str = ""
+
+
+def additions(draft: StudyDraft) -> list[Addition]:
+    """All that can be added to scenario.toml, and to study.toml where there is one."""
+    found = [
+        Addition(FieldChoice(f"{each.name} {setting} {value}", f"{each.name}  {setting} = {_shown(value)}", help),
+                 partial(_add, SCENARIO_FILE, ("act", each.name, setting), value))
+        for each, setting, value, help in _missing_act_settings(draft)
+    ]  # fmt: skip
+    return found + (list(_study_additions(toml_values(draft, STUDY_FILE))) if STUDY_FILE in draft.files else [])
+
+
+def _add(file: str, path: tuple[str, ...], value: Json, _typed: str = "") -> tuple[SetSetting, str]:
+    return SetSetting(path, value, file=file), "\0".join((file, *path))
+
+
+def _missing_act_settings(draft: StudyDraft) -> Iterator[tuple[WrittenAct, str, Json, str]]:
     """What can be set for single acts and is not so yet."""
-    tables = toml_values(draft, SCENARIO_FILE).get("act", {})
-    given: Mapping[str, Any] = tables if isinstance(tables, dict) else {}
-    return [
-        FieldChoice(json.dumps([act.name, setting, value]), f"{act.name}  {setting} = {_shown(value)}", help)
-        for act in draft.outline.acts
-        for setting, value, help in ACT_SETTINGS
-        if not isinstance(given.get(act.name), dict) or given[act.name].get(setting) != value
-    ]
+    given = _table(toml_values(draft, SCENARIO_FILE).get("act"))
+    for act in draft.outline.acts:
+        for setting, value, help in ACT_SETTINGS:
+            if _table(given.get(act.name)).get(setting) != value:
+                yield act, setting, value, help
 
 
-def act_setting_edit(chosen: str) -> tuple[SetSetting, str]:
-    """What makes one of `act_setting_choices` true, and the id of the field that shows it then."""
-    act, setting, value = json.loads(chosen)
-    path = ("act", act, setting)
-    return SetSetting(path, value), "\0".join((SCENARIO_FILE, *path))
+def _study_additions(values: Mapping[str, Any]) -> Iterator[Addition]:
+    """Of a study: a check, a factor, and for each factor a level and what a level changes."""
+
+    def add_check(typed: str) -> tuple[SetSetting, str]:
+        given = values.get("check")
+        number = len(given) if isinstance(given, list) else 0
+        value: Json = {"id": f"check{number + 1}", "ask": typed, "when": "before"}
+        edit = (
+            SetSetting(("check", str(number)), value, file=STUDY_FILE)
+            if number
+            else SetSetting(("check",), [value], file=STUDY_FILE)
+        )
+        return edit, f"{STUDY_FILE}\0check\0{number}\0id"
+
+    def add_factor(typed: str) -> tuple[SetSetting, str]:
+        name, _, listed = typed.partition(":")
+        levels = [each.strip() for each in listed.split(",") if each.strip()]
+        if not name.strip() or len(set(levels)) < 2:
+            raise EditRefused(f"A factor has a name and at least two levels: “noise: quiet, loud”; not “{typed}”")
+        value: Json = {"kind": "between", "levels": {each: {} for each in levels}}
+        edit, id = _add(STUDY_FILE, ("factors", name.strip()), value)
+        return edit, f"{id}\0kind"
+
+    def add_level(factor: str, typed: str) -> tuple[SetSetting, str]:
+        if typed in _table(_table(factors.get(factor)).get("levels")):
+            raise EditRefused(f"{factor} has a level “{typed}” already")
+        return _add(STUDY_FILE, ("factors", factor, "levels", typed), {})
+
+    def add_value(factor: str, level: str, typed: str) -> tuple[SetSetting, str]:
+        key, equals, text = (each.strip() for each in typed.partition("="))
+        value, _, problem = parse_typed_value(text)
+        if not key or not equals or problem:
+            raise EditRefused(problem or f"Write a memory key and its value: “distraction = true”; not “{typed}”")
+        return _add(STUDY_FILE, ("factors", factor, "levels", level, "memory", key), value)
+
+    yield Addition(FieldChoice("check", "a check", "somebody confirms it before a session"), add_check, "A new check",
+                   "What somebody confirms before a session: The door is closed")  # fmt: skip
+    yield Addition(FieldChoice("factor", "a factor", "what differs between sessions"), add_factor, "A new factor",
+                   "Its name and its levels: noise: quiet, loud")  # fmt: skip
+    factors = _table(values.get("factors"))
+    for factor, table in factors.items():
+        levels = _table(_table(table).get("levels"))
+        yield Addition(FieldChoice(f"level {factor}", f"a level of {factor}", "beside " + ", ".join(levels)),
+                       partial(add_level, factor), f"A new level of {factor}", "Its name: loud")  # fmt: skip
+        for level in levels:
+            yield Addition(
+                FieldChoice(f"value {factor} {level}", f"a start value of {factor} = {level}", "in its sessions only"),
+                partial(add_value, factor, level), f"A start value of {factor} = {level}",
+                "A memory key and its value: distraction = true")  # fmt: skip
+
+
+def _table(value: Any) -> Mapping[str, Any]:
+    return value if isinstance(value, dict) else {}
 
 
 def _leaves(file: str, values: Mapping[str, Any], path: tuple[str, ...] = ()) -> Iterator[EditField]:
@@ -227,7 +298,9 @@ def _leaves(file: str, values: Mapping[str, Any], path: tuple[str, ...] = ()) ->
                 edits=partial(_setting, file, at, str if isinstance(value, str) else type(value)),
             )  # fmt: skip
         else:
-            yield EditField("\0".join((file, *at)), ".".join(at), "fixed", shown="…", note="e opens the file")
+            label = ".".join(at)
+            shown, note = ("nothing", f"{label}; a adds a start value") if value == {} else ("…", "e opens the file")
+            yield EditField("\0".join((file, *at)), label, "fixed", shown=shown, note=note)
 
 
 def _is_plain(value: Any) -> bool:

@@ -14,7 +14,7 @@ from rise_engine.study.study_toml import load_study
 from rise_tui.editing.model.act_form import action_fields, new_action_parameters, parameter_note
 from rise_tui.editing.model.act_rows import action_rows, scale_line
 from rise_tui.editing.model.act_times import action_times
-from rise_tui.editing.model.data_fields import key_fields, setting_fields
+from rise_tui.editing.model.data_fields import additions, key_fields, setting_fields
 from rise_tui.editing.model.draft import FilePlace, StudyDraft, draft_of
 from rise_tui.editing.model.file_lines import file_lines
 from rise_tui.editing.model.study_rows import find_at, study_rows, used_by
@@ -112,6 +112,38 @@ def test_the_design_of_a_study_has_a_row_for_each_value_of_a_check(tmp_path: Pat
         ("door", "The lamp is on", "before"),
         ("two", "Ready", "after"),
     ]
+
+
+def test_a_check_a_factor_a_level_and_what_it_changes_are_added_to_a_study(tmp_path: Path) -> None:
+    write_study(tmp_path, DESIGN, plan=False)
+    workspace = Workspace(tmp_path)
+
+    def add(chosen: str, typed: str) -> None:
+        found = {each.choice.value: each for each in additions(draft_of(workspace))}
+        edit, id = found[chosen].make(typed)
+        workspace.apply(edit)
+        assert id in [each.id for each in setting_fields(draft_of(workspace))]
+
+    add("check", "The door is closed")
+    add("factor", "noise: quiet, loud")
+    add("level noise", "babble")
+    add("value noise loud", "distraction = true")
+    add("value noise babble", "distraction = babble")
+    for chosen, typed, why in (
+        ("factor", "noise", "A factor has a name and at least two levels"),
+        ("factor", "noise: quiet, quiet", "A factor has a name and at least two levels"),
+        ("level noise", "loud", "noise has a level “loud” already"),
+        ("value noise loud", "distraction", "Write a memory key and its value"),
+    ):
+        with pytest.raises(EditRefused, match=why):
+            add(chosen, typed)
+    study = load_study(tmp_path, check_scenarios=False, held=workspace.files).study
+    assert study is not None
+    assert [each.ask for each in study.checks] == ["The door is closed"]
+    noise = next(each for each in study.factors if each.name == "noise")
+    assert {each.name: dict(each.memory) for each in noise.levels} == {
+        "quiet": {}, "loud": {"distraction": True}, "babble": {"distraction": "babble"},
+    }  # fmt: skip
 
 
 def test_a_key_that_does_something_else_of_the_same_kind_keeps_its_label(study: Path) -> None:
