@@ -190,7 +190,7 @@ def _select_study(selection: Selection, path: Path, *, all: bool, alone: bool) -
     for session in state.sessions:
         why = _why_left_out(session)
         if session.info is None:
-            selection.remarks.append(f"{session.name} is not in the export: its folder is not there any more")
+            selection.remarks.append(f"{session.name} is not in the export: it {session.missing}")
         elif session.entry.participant in state.places.withdrawn:
             selection.remarks.append(f"{session.name} is not in the export: its participant has withdrawn")
         elif why and not all:

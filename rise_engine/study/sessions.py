@@ -53,13 +53,18 @@ class Verdict(NamedTuple):
     """Session time of the last thing that is known."""
 
 
+_MOVED_AWAY = "is not in the study's sessions any more"
+
+
 class StudySession(Struct, frozen=True):
     """A session of the study, with what only its folder knows."""
 
     entry: SessionEntry
     path: Path
     info: SessionInfo | None
-    """None: the folder is not there any more, and the log alone knows of it."""
+    """None: the log alone knows of it (`missing`)."""
+    missing: str = ""
+    """Why only the log knows of it: `is not in the study's sessions any more`, or `cannot be read: ...`."""
     abandoned: bool = False
     """Whether somebody has chosen not to go on with it."""
     left_open: bool = False
@@ -99,20 +104,25 @@ def read_sessions(folder: Path, study_id: str, log: Sequence[LogEntry]) -> list[
         about.setdefault(_text(each, "folder") or _text(each, "session"), []).append(each)
     found: dict[str, StudySession] = {}
     passed_over: set[str] = set()
+    unreadable: dict[str, str] = {}
     for path in session_folders(folder):
-        with suppress(SessionError):  # what the log says of it is all there is
+        try:
             info = read_info(path, compare=False)
-            session = _from_folder(path, info, outcomes.get(path.name)) if info.study == study_id else None
-            if session is None:
-                passed_over.add(path.name)
-            else:
-                differences = session_differences(path, about.get(path.name, ()))
-                session = replace(session, differences=tuple(differences))
-                found[path.name] = _reassign(session, moved.get(path.name))
+        except SessionError as error:  # what the log says of it is all there is
+            unreadable[path.name] = f"cannot be read: {error}"
+            continue
+        session = _from_folder(path, info, outcomes.get(path.name)) if info.study == study_id else None
+        if session is None:
+            passed_over.add(path.name)
+        else:
+            differences = session_differences(path, about.get(path.name, ()))
+            session = replace(session, differences=tuple(differences))
+            found[path.name] = _reassign(session, moved.get(path.name))
     for each in log:
         name = _text(each, "folder")
         if each.kind == "session" and name not in found and name not in passed_over:
-            found[name] = _reassign(_from_log(folder, each, outcomes.get(name)), moved.get(name))
+            session = _from_log(folder, each, outcomes.get(name), unreadable.get(name, _MOVED_AWAY))
+            found[name] = _reassign(session, moved.get(name))
     begun = [_text(each, "folder") for each in log if each.kind == "session"]
     places = {name: place for place, name in enumerate(begun)}  # all that tells the order where no dates are told
     return sorted(
@@ -160,11 +170,12 @@ def _from_folder(path: Path, info: SessionInfo, outcome: LogEntry | None) -> Stu
         condition=info.condition,
         slot=info.slot or None,
     )
-    return StudySession(_with_outcome(entry, outcome), path, info, is_abandoned(path), entry.status == "unfinished")
+    left_open = entry.status == "unfinished"
+    return StudySession(_with_outcome(entry, outcome), path, info, abandoned=is_abandoned(path), left_open=left_open)
 
 
-def _from_log(folder: Path, session: LogEntry, outcome: LogEntry | None) -> StudySession:
-    """A session whose folder somebody has moved away."""
+def _from_log(folder: Path, session: LogEntry, outcome: LogEntry | None, missing: str) -> StudySession:
+    """A session whose folder somebody has moved away, or that cannot be read."""
     slot = session.get("slot")
     entry = SessionEntry(
         participant=_text(session, "participant"),
@@ -177,7 +188,7 @@ def _from_log(folder: Path, session: LogEntry, outcome: LogEntry | None) -> Stud
         condition=_text(session, "condition"),
         slot=slot if isinstance(slot, int) else None,
     )
-    return StudySession(_with_outcome(entry, outcome), folder / SESSIONS / entry.folder, None)
+    return StudySession(_with_outcome(entry, outcome), folder / SESSIONS / entry.folder, None, missing)
 
 
 def _with_outcome(entry: SessionEntry, outcome: LogEntry | None) -> SessionEntry:

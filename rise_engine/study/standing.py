@@ -294,7 +294,7 @@ def _due(
             due.append(f"{name} cannot begin: {standing.why}")
     due += [f"{name} is not in participants.csv any more, but in the study's log" for name in sorted(unlisted - gone)]
     due += [
-        f"{each.name} of {each.entry.participant} is not in the study's sessions any more"
+        f"{each.name} of {each.entry.participant} {each.missing}"
         for each in sessions
         if each.info is None and each.entry.participant not in gone
     ]

@@ -118,7 +118,7 @@ def test_a_study_without_sessions(study: Path) -> None:
     assert result.exit_code == 2
     lines = result.stderr.splitlines()
     assert lines[0] == "error: there is no session to export" and len(lines) == 9
-    assert lines[1].endswith("is not in the export: its folder is not there any more")
+    assert lines[1].endswith("is not in the export: it is not in the study's sessions any more")
 
 
 def test_what_is_private_cannot_be_known_of_one(study: Path) -> None:

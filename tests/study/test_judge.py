@@ -132,6 +132,15 @@ def test_a_session_whose_folder_was_moved_away_still_counts(folder: Path) -> Non
     assert state.standing.due == (f"{path.name} of P01 is not in the study's sessions any more",)
 
 
+def test_a_session_that_cannot_be_read_is_not_said_to_be_missing(folder: Path) -> None:
+    path = session(folder, "P01", OutcomeReport(status="complete"))
+    with OpenStudy(folder):
+        pass
+    (path / "session.toml").write_text("format = 99\n")
+    (due,) = read_state(folder).standing.due
+    assert due.startswith(f"{path.name} of P01 cannot be read: ") and "newer version (format 99" in due
+
+
 def test_what_another_computer_may_still_run_is_not_judged(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     path = session(folder, "P01", end=False)
     holder = LockHolder(1, "lab-2", "anna", "2026-11-22T14:00:00+01:00")
