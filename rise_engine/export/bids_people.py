@@ -7,7 +7,7 @@ import re
 from msgspec import Struct
 from msgspec.structs import replace
 
-from rise_engine.export.bids_tables import Columns
+from rise_engine.export.bids_tables import ENTITIES, Columns
 from rise_engine.export.table_schema import Column
 from rise_engine.study.model import Participant, Study
 
@@ -131,7 +131,7 @@ def _fits(name: str, values: list[str]) -> bool:
             return all(each in _HANDS for each in said)
         case "participant_id" | "group" | "species" | "strain" | "strain_rrid" | "HED":
             return False
-    return True
+    return name not in ENTITIES
 
 
 def cut_age(column: str, value: str) -> str:

@@ -26,6 +26,11 @@ Columns: TypeAlias = Mapping[str, Column]
 """By the name that each has in BIDS, in their order."""
 NOTHING = "n/a"
 """What stands in an empty cell."""
+ENTITIES = frozenset(
+    "subject session sample task tracksys acquisition nucleus volume ceagent staining tracer reconstruction direction "
+    "run proc modality echo flip inv mt part recording space chunk suffix scans fmap datatype extension".split()
+)
+"""What names of files say in BIDS. No column is called so: pybids would take its description for the entity's value."""
 _EMPTY = re.compile(r"\b[Ee]mpty\b")
 _BLANKS = re.compile(r"[\s\x00-\x1f\x7f-\x9f\u2028\u2029]+")
 _TRIAL_TYPES = {
@@ -122,8 +127,6 @@ def session_columns(factors: Iterable[Column], *, dated: bool) -> Columns:
 
     :param factors: the columns of the factors.
     :param dated: whether it is told when sessions began; an empty time is none of BIDS.
-
-    None is called as an entity of BIDS (`session`, `run`): pybids would take its description for the entity's value.
     """
     table = "The table of events of the session, in the participant's folder."
     began = "When the session began, in the time of the place where it ran."
@@ -228,7 +231,9 @@ def trial_columns(declared: Iterable[str]) -> Columns:
     """
     columns = _picked(TRIALS, _OF_TRIALS) | {column.name: column for column in map(declared_column, declared)}
     return {
-        (f"trial_{name}" if name in EVENT_COLUMNS else name): replace(column, value=_of_trial(column))
+        (f"trial_{name}" if name in EVENT_COLUMNS or name in ENTITIES else name): replace(
+            column, value=_of_trial(column)
+        )
         for name, column in columns.items()
     }
 

@@ -16,6 +16,7 @@ from msgspec.structs import replace
 from rise_engine.analysis.model import ActPart, Cue, Phase, PlayedAct, Point, SessionData, SessionFacts
 from rise_engine.export.bids import write_bids
 from rise_engine.export.bids_people import Labels
+from rise_engine.export.bids_tables import ENTITIES, trial_columns
 from rise_engine.export.format import ExportContext, ExportError
 from rise_engine.kernel.records import NoteRecord
 from rise_engine.session.levels import ExportLevel
@@ -285,9 +286,9 @@ def test_participants_and_sessions(dataset: Path) -> None:
 
 def test_no_column_is_called_as_an_entity(dataset: Path) -> None:
     """pybids takes what a sidecar says of `session` for the entity, and cannot count it."""
-    entities = {"subject", "session", "task", "acquisition", "run", "recording", "datatype", "suffix", "extension"}
     for path in dataset.rglob("*.json"):
-        assert not entities & set(json.loads(path.read_text("utf-8"))), path
+        assert not ENTITIES & set(json.loads(path.read_text("utf-8"))), path
+    assert {"trial_task", "step"} <= set(trial_columns(["task", "step"])) and "task" not in trial_columns(["task"])
 
 
 def test_the_stimuli_have_no_code_that_is_no_address(dataset: Path) -> None:
