@@ -81,6 +81,10 @@ class TaskView(Struct, gc=False):
         return self.function in ACT_FUNCTIONS
 
 
+_NO_ACTIONS: dict[str, ActionView] = {}
+"""Of every task that is no act: a session of hours has hundreds of thousands of them."""
+
+
 def add_record(tasks: dict[int, TaskView], record: AnyRecord) -> None:
     """Take a record into the task that it is about, in the order of the session; others change nothing.
 
@@ -125,6 +129,7 @@ def add_task_record(tasks: dict[int, TaskView], record: TaskRecord) -> TaskView:
             record.ref,
             record.cause,
             record.via,
+            {} if record.function in ACT_FUNCTIONS else _NO_ACTIONS,
         )
         tasks[record.id] = task
     else:
@@ -139,7 +144,7 @@ def add_task_record(tasks: dict[int, TaskView], record: TaskRecord) -> TaskView:
 def add_action_record(tasks: dict[int, TaskView], record: ActionRecord) -> None:
     """As `add_record`."""
     task = tasks.get(record.task)
-    if task is None:
+    if task is None or task.actions is _NO_ACTIONS:
         return
     status = record.status
     action = task.actions.get(record.action)
