@@ -168,10 +168,14 @@ def _state_facts(phases: Iterable[Phase]) -> Iterable[StateFacts]:
         yield StateFacts(rule, state, len(visits), round(sum(lengths), 6), summarise(lengths), back)
 
 
+_OF_MISTAKES = (ControlRecord, FailureRecord, RobotRecord, RuleRecord, StopRecord)
+
+
 def _mistakes(data: SessionData, begun: list[PlayedAct]) -> MistakeFacts:
     marks = Counter(point.name for point in data.points if point.kind == "mistake")
     actions = Counter(part.status for act in data.acts for part in act.parts)
-    control = [record for record in data.records if isinstance(record, ControlRecord) and record.status != "asked"]
+    told = [record for record in data.records if isinstance(record, _OF_MISTAKES)]  # read once, and few
+    control = [record for record in told if isinstance(record, ControlRecord) and record.status != "asked"]
     return MistakeFacts(
         marks={mark: marks[mark] for mark in MARKS if marks[mark]},
         marked=Share(sum(key.mark is not None for key in data.keys), len(data.keys)),
@@ -179,13 +183,13 @@ def _mistakes(data: SessionData, begun: list[PlayedAct]) -> MistakeFacts:
         canceled=sum(act.status == "CANCELED" for act in begun),
         actions_failed={name: actions[name] for name in _NOT_DONE if actions[name]},
         aborted=sum(act.status == "ABORTED" for act in begun),
-        failures=sum(isinstance(record, FailureRecord) and record.status == "asked" for record in data.records),
-        rules_faulted=sum(isinstance(record, RuleRecord) and record.status == "faulted" for record in data.records),
+        failures=sum(isinstance(record, FailureRecord) and record.status == "asked" for record in told),
+        rules_faulted=sum(isinstance(record, RuleRecord) and record.status == "faulted" for record in told),
         # The engine stops everything when a session ends: that is no stop of anybody.
         stops=sum(
             isinstance(record, StopRecord) and record.status == "requested" and record.source != ENGINE
-            for record in data.records
+            for record in told
         ),
-        robot_lost=sum(isinstance(record, RobotRecord) and record.status != "connected" for record in data.records),
+        robot_lost=sum(isinstance(record, RobotRecord) and record.status != "connected" for record in told),
         control_changes=max(0, len(control) - 1),
     )
