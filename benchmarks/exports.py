@@ -20,13 +20,13 @@ from measure import Report
 from rise_engine.export.formats import format_names
 from rise_engine.kernel.inputs import Note, OutcomeReport, SessionStarted
 from rise_engine.session.journal_reader import read_journal
+from rise_engine.study.plan import runs_of
 from rise_engine.study.planning import plan_study
-from rise_engine.study.state import OpenStudy
+from rise_engine.study.state import OpenStudy, read_state
 from rise_engine.study.study_toml import load_study
 from tests.analysis.samples import BEGAN, DESIGN, WIZARD, Script, act, play_session, sessions_of, task, write_scenario
 
 PARTICIPANTS = 100
-RUNS = 2
 RECORDS = 1_200
 HOUR = 3_600.0
 SECONDS = 60.0
@@ -67,7 +67,7 @@ def hour(late: float) -> Script:
 
 
 def make_study(folder: Path) -> None:
-    """A study of PARTICIPANTS with RUNS sessions each."""
+    """A study of PARTICIPANTS with two sessions each."""
     folder.mkdir()
     write_scenario(folder / "scenario")
     (folder / "study.toml").write_text(DESIGN.replace("n = 3", f"n = {PARTICIPANTS}"), "utf-8")
@@ -78,17 +78,16 @@ def make_study(folder: Path) -> None:
     assert study is not None
     plan_study(study, load_study(folder).scenarios)
     number = 0
-    for slot, name in enumerate(names, 1):
-        for run in range(1, RUNS + 1):
-            factors = {"hesitation": ("yes", "no")[slot % 2], "noise": ("quiet", "loud")[(slot + run) % 2]}
+    for slot, name in zip(read_state(folder).plan, names, strict=False):
+        for run in runs_of(study, slot):
             first = SessionStarted(
                 participant=name,
-                condition="+".join(factors.values()),
-                factors=factors,
+                condition=run.condition,
+                factors=run.factors,
                 study=study.id,
                 study_hash=study.hash,
-                slot=slot,
-                run=run,
+                slot=run.slot,
+                run=run.run,
                 attempt=1,
                 purpose="counted",
             )
