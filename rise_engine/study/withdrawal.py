@@ -188,7 +188,7 @@ def _by_owner(entries: Sequence[LogEntry], participant: str) -> list[LogEntry]:
 
 def _is_about(entry: LogEntry, participant: str, own: set[str]) -> bool:
     """Whether an entry is about them; an export that holds them is erased, so it need not be known any more."""
-    sessions = {str(entry.get("session")), str(entry.get("folder"))}
+    sessions = {str(entry.get("session")), str(entry.get("folder")), *Path(str(entry.get("path"))).parts}
     return entry.get("participant") == participant or participant in _named(entry) or bool(sessions & own)
 
 

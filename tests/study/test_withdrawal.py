@@ -337,6 +337,16 @@ def test_in_a_copy_of_a_study_the_original_keeps_its_exports(made: Folder, tmp_p
     assert not (copy / WORK_FOLDER).exists()
 
 
+def test_a_line_that_calls_a_session_of_theirs_somebody_elses_export_goes_with_it(made: Folder) -> None:
+    with LockedLog(made.study) as log:
+        for path in (f"sessions/{made.sessions[0].name}", f"scenario/../sessions/{made.sessions[1].name}"):
+            log.append("exported", path=path, participants=["P02"], sessions=[], folder=True)
+            log.append("written", path=path, participants=["P02"], sha256="0")
+    withdraw(made.study, "P01")
+    assert not any(each.name in (made.study / LOG_FILE).read_text() for each in made.sessions[:2])
+    assert [each.get("path") for each in read_log(made.study) if each.kind == "exported"] == ["p02.csv"]
+
+
 def test_an_export_is_listed_before_it_is_written(made: Folder) -> None:
     out = made.root / "again.csv"
     result = run("export", made.sessions[2], "--format", "csv", "-o", out)
