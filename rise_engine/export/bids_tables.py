@@ -26,10 +26,11 @@ Columns: TypeAlias = Mapping[str, Column]
 """By the name that each has in BIDS, in their order."""
 NOTHING = "n/a"
 """What stands in an empty cell."""
-ENTITIES = frozenset(
+_OF_FILES = (
     "subject session sample task tracksys acquisition nucleus volume ceagent staining tracer reconstruction direction "
-    "run proc modality echo flip inv mt part recording space chunk suffix scans fmap datatype extension".split()
+    "run proc modality echo flip inv mt part recording space chunk suffix scans fmap datatype extension"
 )
+ENTITIES = frozenset(_OF_FILES.split())
 """What names of files say in BIDS. No column is called so: pybids would take its description for the entity's value."""
 _EMPTY = re.compile(r"\b[Ee]mpty\b")
 _BLANKS = re.compile(r"[\s\x00-\x1f\x7f-\x9f\u2028\u2029]+")
