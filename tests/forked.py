@@ -1,4 +1,4 @@
-"""Processes of `rise-engine` that need not load the program anew.
+"""Processes of `rise-engine`, and of other programs of ours, that need not load their modules anew.
 
 To start Python and load the program takes longer than most of what the tests ask of it. So each run of tests has one
 process that has loaded everything and does nothing; each command is a fork of it, with its own standard streams,
@@ -8,17 +8,20 @@ are loaded) is that of the first one: tests of these use `subprocess`.
 
 from __future__ import annotations
 
+import asyncio
 import gc
 import io
 import json
 import os
+import runpy
 import select
 import signal
 import socket
 import subprocess
 import sys
 import threading
-from collections.abc import Mapping
+import warnings
+from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from importlib import import_module
 from pathlib import Path
@@ -27,13 +30,17 @@ from typing import IO, Any
 from tests.patience import PATIENCE
 
 ENGINE = str(Path(sys.executable).with_name("rise-engine"))
-PIPE, DEVNULL = subprocess.PIPE, subprocess.DEVNULL
+PIPE, DEVNULL, STDOUT = subprocess.PIPE, subprocess.DEVNULL, subprocess.STDOUT
 
 _server: tuple[socket.socket, subprocess.Popen[bytes]] | None = None
 
 
 class Forked:
-    """Like `subprocess.Popen` with `text=True`, for `rise-engine`. Use it as a context, or wait for its end."""
+    """Like `subprocess.Popen` with `text=True`, for `rise-engine`. Use it as a context, or wait for its end.
+
+    :param module: instead of `rise-engine`, what `python -m` runs.
+    :param loads: further modules that the first process has loaded from then on.
+    """
 
     stdin: IO[str] | None = None
     stdout: IO[str] | None = None
@@ -42,13 +49,15 @@ class Forked:
     def __init__(
         self,
         *arguments: object,
+        module: str = "",
+        loads: Sequence[str] = (),
         stdin: int | None = DEVNULL,
         stdout: int | IO[Any] | None = PIPE,
         stderr: int | IO[Any] | None = PIPE,
         env: Mapping[str, str] | None = None,
         cwd: str | os.PathLike[str] | None = None,
     ) -> None:
-        self.args = [ENGINE, *map(str, arguments)]
+        self.args = [module or ENGINE, *map(str, arguments)]
         self.returncode: int | None = None
         self._end, theirs = socket.socketpair()
         given: list[int] = [theirs.fileno()]
@@ -59,12 +68,16 @@ class Forked:
                 given.append(its)
             elif stream == DEVNULL:
                 given.append(os.open(os.devnull, os.O_RDWR))
+            elif stream == STDOUT:
+                given.append(os.dup(given[-1]))
             elif isinstance(stream, int) or stream is None:
                 given.append(os.dup(number if stream is None else stream))
             else:
                 given.append(os.dup(stream.fileno()))
         what = {
             "arguments": self.args[1:],
+            "module": module,
+            "loads": [*loads],
             "environment": dict(os.environ if env is None else env),
             "folder": os.fspath(cwd or Path.cwd()),
         }
@@ -142,13 +155,56 @@ class Forked:
         self.wait()
 
 
+class AsyncForked:
+    """The same for a loop, like what `asyncio.create_subprocess_exec` gives: its streams are those of asyncio."""
+
+    stdin: asyncio.StreamWriter
+    stdout: asyncio.StreamReader
+    stderr: asyncio.StreamReader
+
+    def __init__(self, process: Forked) -> None:
+        self._process = process
+        self.pid = process.pid
+        self.send_signal, self.kill, self.terminate = process.send_signal, process.kill, process.terminate
+
+    @classmethod
+    async def start(cls, *arguments: object, **more: Any) -> AsyncForked:
+        """The arguments are those of `Forked`."""
+        made = cls(Forked(*arguments, **more))
+        loop = asyncio.get_running_loop()
+        for name in ("stdout", "stderr"):
+            if (pipe := getattr(made._process, name)) is not None:
+                reader = asyncio.StreamReader()
+                await loop.connect_read_pipe(lambda reader=reader: asyncio.StreamReaderProtocol(reader), pipe)  # type: ignore[misc]
+                setattr(made, name, reader)
+        if (pipe := made._process.stdin) is not None:
+            transport, protocol = await loop.connect_write_pipe(asyncio.streams.FlowControlMixin, pipe)
+            made.stdin = asyncio.StreamWriter(transport, protocol, None, loop)
+        return made
+
+    @property
+    def returncode(self) -> int | None:
+        return self._process.poll()
+
+    async def wait(self) -> int:
+        loop, end = asyncio.get_running_loop(), self._process._end
+        if self.returncode is None:
+            ended = loop.create_future()
+            loop.add_reader(end, ended.set_result, None)
+            try:
+                await ended
+            finally:
+                loop.remove_reader(end)
+        return self._process.wait()
+
+
 def run_engine(
     *arguments: object,
     stdin: str | None = None,
     timeout: float | None = PATIENCE,
     **more: Any,
 ) -> subprocess.CompletedProcess[str]:
-    """`rise-engine`, run to its end. `more` is for `Forked`."""
+    """`rise-engine`, or another program, run to its end. `more` is for `Forked`."""
     process = Forked(*arguments, stdin=DEVNULL if stdin is None else PIPE, **more)
     try:
         out, err = process.communicate(stdin, timeout)
@@ -180,8 +236,8 @@ def _fork_server() -> socket.socket:
 # --- in the server ---
 
 
-def _serve(control: socket.socket) -> list[str]:
-    """Fork for each request until nobody is left who asks. Returns, in each fork, the arguments of its command."""
+def _serve(control: socket.socket) -> str:
+    """Fork for each request until nobody is left who asks. Returns, in each fork, the module that it is to run."""
     running: dict[int, socket.socket] = {}
     woken, wakes = socket.socketpair()
     woken.setblocking(False)
@@ -201,6 +257,11 @@ def _serve(control: socket.socket) -> list[str]:
             os._exit(0)
         what = json.loads(control.recv(int.from_bytes(head, "big"), socket.MSG_WAITALL))
         end = socket.socket(fileno=given[0])
+        if new := {what["module"], *what["loads"]} - sys.modules.keys() - {""}:
+            for name in new:
+                with suppress(ImportError):
+                    import_module(name)
+            gc.freeze()
         pid = os.fork()
         if pid == 0:
             signal.set_wakeup_fd(-1)
@@ -209,7 +270,7 @@ def _serve(control: socket.socket) -> list[str]:
             for connection in (control, end, woken, wakes, *running.values()):
                 connection.close()
             _become(what, given[1:])
-            return what["arguments"]  # type: ignore[no-any-return]
+            return what["module"]  # type: ignore[no-any-return]
         running[pid] = end
         end.sendall(pid.to_bytes(4, "big"))
         for each in given[1:]:
@@ -232,7 +293,9 @@ def _become(what: dict[str, Any], streams: list[int]) -> None:
     for number, stream in enumerate(streams):
         os.dup2(stream, number)
         os.close(stream)
-    sys.argv = [ENGINE, *what["arguments"]]
+    sys.argv = [what["module"] or ENGINE, *what["arguments"]]
+    if what["environment"].get("PYTHONWARNINGS") == "error":
+        warnings.simplefilter("error")
     unbuffered = bool(what["environment"].get("PYTHONUNBUFFERED"))
     sys.stdin = sys.__stdin__ = os.fdopen(0, encoding="utf-8", errors="surrogateescape", closefd=False)  # type: ignore[misc]
     for name, number, errors in (("stdout", 1, "strict"), ("stderr", 2, "backslashreplace")):
@@ -253,5 +316,9 @@ if __name__ == "__main__":
     with suppress(SystemExit):
         program.main(["check", str(Path(__file__).parents[1] / "scenarios" / "greeting")], standalone_mode=False)
     sys.modules["tests.forked"] = sys.modules["__main__"]
-    _serve(socket.socket(fileno=int(sys.argv[1])))
-    program.main(prog_name="rise-engine")
+    if name := _serve(socket.socket(fileno=int(sys.argv[1]))):
+        if not hasattr(sys.modules.get(name), "__path__"):
+            sys.modules.pop(name, None)  # it runs as `__main__`
+        runpy.run_module(name, run_name="__main__", alter_sys=True)
+    else:
+        program.main(prog_name="rise-engine")

@@ -6,7 +6,7 @@ import ast
 import gc
 import re
 import sys
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from functools import cache
 from pathlib import Path
 from typing import NamedTuple
@@ -37,12 +37,61 @@ def modules() -> dict[str, Path]:
     return found
 
 
-def classes() -> Iterator[tuple[str, str]]:
-    """Name and module of every class, also of private ones and of those in classes and functions."""
-    for module, file in modules().items():
-        for node in ast.walk(parsed(file)):
+class Facts(NamedTuple):
+    """What a file has, from one way through its tree."""
+
+    classes: list[ast.ClassDef]
+    """Also private ones, and those in classes and functions."""
+    docstrings: list[tuple[int, str]]
+    """Every string that stands for itself, with its first line: of modules, classes, functions and attributes."""
+    names: set[str]
+    """Everything that is named: defined, used, given as an argument, imported."""
+    texts: list[str]
+    """The strings that its code works with."""
+    imports: list[ast.Import | ast.ImportFrom]
+    for_types: set[int]
+    """Which of `imports` are only for types, by their place in it."""
+
+
+@cache
+def facts(file: Path) -> Facts:
+    found = Facts([], [], set(), [], [], set())
+    described: set[ast.expr] = set()
+    typing: set[ast.AST] = set()
+    for node in ast.walk(parsed(file)):
+        if isinstance(node, ast.Name):
+            found.names.add(node.id)
+        elif isinstance(node, ast.Attribute):
+            found.names.add(node.attr)
+        elif isinstance(node, ast.Constant):
+            if isinstance(node.value, str) and node not in described:
+                found.texts.append(node.value)
+        elif isinstance(node, ast.Expr):
+            if isinstance(node.value, ast.Constant) and isinstance(node.value.value, str):
+                described.add(node.value)
+                found.docstrings.append((node.lineno, node.value.value))
+        elif isinstance(node, ast.arg | ast.keyword):
+            found.names.add(node.arg or "")
+        elif isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef | ast.ClassDef):
+            found.names.add(node.name)
             if isinstance(node, ast.ClassDef):
-                yield node.name, module
+                found.classes.append(node)
+        elif isinstance(node, ast.alias):
+            found.names.update(node.name.split("."))
+        elif isinstance(node, ast.Import | ast.ImportFrom):
+            if node in typing:
+                found.for_types.add(len(found.imports))
+            found.imports.append(node)
+        elif isinstance(node, ast.If) and "TYPE_CHECKING" in ast.unparse(node.test):
+            typing.update(inner for each in node.body for inner in ast.walk(each))
+    return found
+
+
+def classes() -> Iterator[tuple[str, str]]:
+    """Name and module of every class."""
+    for module, file in modules().items():
+        for node in facts(file).classes:
+            yield node.name, module
 
 
 # --- imports ----------------------------------------------------------------------------------------------------------
@@ -52,24 +101,17 @@ def classes() -> Iterator[tuple[str, str]]:
 def imports(module: str, *, types: bool) -> set[str]:
     """The modules of ours that it imports sooner or later, in functions too; with `types` also those for types only."""
     found: set[str] = set()
-    tree = parsed(modules()[module])
-    for node in ast.walk(tree) if types else _executed(tree):
+    known = facts(modules()[module])
+    for number, node in enumerate(known.imports):
+        if number in known.for_types and not types:
+            continue
         if isinstance(node, ast.Import):
             found.update(name for alias in node.names if (name := _ours(alias.name)) is not None)
-        elif isinstance(node, ast.ImportFrom):
+        else:
             for alias in node.names:
                 if (name := _ours(f"{node.module}.{alias.name}")) is not None:
                     found.add(name)
     return found - {module}
-
-
-def _executed(node: ast.AST) -> Iterator[ast.AST]:
-    for child in ast.iter_child_nodes(node):
-        if isinstance(child, ast.If) and "TYPE_CHECKING" in ast.unparse(child.test):
-            yield from (each for other in child.orelse for each in (other, *_executed(other)))
-        else:
-            yield child
-            yield from _executed(child)
 
 
 def _ours(name: str) -> str | None:
@@ -128,18 +170,11 @@ DATA = {"json", "toml", "xml", "jsonl", "csv", "rng", "svg", "sock", "lock", "se
 """Endings of files that a user has."""
 
 
-def docstrings(file: Path) -> Iterator[tuple[int, str]]:
-    """Every string that stands for itself, with its first line: of modules, classes, functions and attributes."""
-    for node in ast.walk(parsed(file)):
-        if isinstance(node, ast.Expr) and isinstance(node.value, ast.Constant) and isinstance(node.value.value, str):
-            yield node.lineno, node.value.value
-
-
-def dead_names() -> Iterator[Reference]:
+def dead_names(files: Iterable[Path]) -> Iterator[Reference]:
     """Names in backticks that nothing has."""
     known = _identifiers() | FOREIGN
-    for file in modules().values():
-        for line, text in docstrings(file):
+    for file in files:
+        for line, text in facts(file).docstrings:
             for match in QUOTED.finditer(text):
                 quoted = match[1].strip().removesuffix("()")
                 dead = (
@@ -151,23 +186,23 @@ def dead_names() -> Iterator[Reference]:
                     yield Reference(file, line + text[: match.start()].count("\n"), quoted)
 
 
-def dead_files() -> Iterator[Reference]:
+def dead_files(files: Iterable[Path]) -> Iterator[Reference]:
     """Files of this project (pages, modules, tests) that are not there."""
     names = {path.name for folder in ("docs", "tests", "benchmarks") for path in (ROOT / folder).rglob("*.*")}
     names |= {path.name for path in (*ROOT.glob("*.md"), *modules().values())}
-    for file in modules().values():
-        for line, text in docstrings(file):
+    for file in files:
+        for line, text in facts(file).docstrings:
             for match in FILE.finditer(text):
                 named = match[0]
                 if not ((ROOT / named).exists() if "/" in named else named in names):
                     yield Reference(file, line + text[: match.start()].count("\n"), named)
 
 
-def dead_sections() -> Iterator[Reference]:
+def dead_sections(files: Iterable[Path]) -> Iterator[Reference]:
     """Numbers of sections that their page does not have."""
     numbered = {name: _sections(ROOT / page) for name, page in PAGES.items()}
-    for file in modules().values():
-        for line, text in docstrings(file):
+    for file in files:
+        for line, text in facts(file).docstrings:
             flat = text.replace("\n", " ")
             for match in SECTION.finditer(flat):
                 page = match["page"]
@@ -246,22 +281,6 @@ def _identifiers() -> set[str]:
     found = _stems()
     texts = [page.read_text(encoding="utf-8") for page in (ROOT / "docs").rglob("*.md")]
     for file in modules().values():
-        tree = parsed(file)
-        for node in ast.walk(tree):
-            if isinstance(node, ast.ClassDef | ast.FunctionDef | ast.AsyncFunctionDef):
-                found.add(node.name)
-            elif isinstance(node, ast.Name):
-                found.add(node.id)
-            elif isinstance(node, ast.Attribute):
-                found.add(node.attr)
-            elif isinstance(node, ast.arg | ast.keyword) and node.arg:
-                found.add(node.arg)
-            elif isinstance(node, ast.alias):
-                found.update(node.name.split("."))
-        words = {id(node.value) for node in ast.walk(tree) if isinstance(node, ast.Expr)}
-        texts += [
-            node.value
-            for node in ast.walk(tree)
-            if isinstance(node, ast.Constant) and isinstance(node.value, str) and id(node) not in words
-        ]
+        found |= facts(file).names
+        texts += facts(file).texts
     return found | {word for text in texts for word in re.findall(r"\w+", text)}

@@ -137,27 +137,26 @@ def test_no_files_import_one_another_in_a_circle(types: bool) -> None:
 
 
 def test_no_file_that_a_docstring_names_is_missing() -> None:
-    assert [str(each) for each in dead_files()] == []
+    assert [str(each) for each in dead_files(modules().values())] == []
 
 
 def test_no_name_in_a_docstring_leads_nowhere() -> None:
     """Modules, classes, functions and attributes in backticks."""
-    assert [str(each) for each in dead_names()] == []
+    assert [str(each) for each in dead_names(modules().values())] == []
 
 
 def test_no_section_that_a_docstring_cites_is_missing() -> None:
-    assert [str(each) for each in dead_sections()] == []
+    assert [str(each) for each in dead_sections(modules().values())] == []
 
 
-def test_what_leads_nowhere_would_be_found(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+def test_what_leads_nowhere_would_be_found(tmp_path: Path) -> None:
     file = tmp_path / "module.py"
     file.write_text(
         '''"""`rise_engine.nowhere.Thing`, `NoSuchThing`, `Kernel.no_such_method`, `rise_engine.kernel.kernel.Kernel`;
 docs/nowhere.md, docs/README.md (semantics, sections 98 and 99.1; semantics.md 97)."""''',
         encoding="utf-8",
     )
-    monkeypatch.setattr("tests.sources.modules", lambda: {**modules(), "module": file})
-    found = [each for finder in (dead_names, dead_files, dead_sections) for each in finder() if each.file == file]
+    found = [each for finder in (dead_names, dead_files, dead_sections) for each in finder([file])]
     assert [(each.line, each.text) for each in found] == [
         *((1, "rise_engine.nowhere.Thing"), (1, "NoSuchThing"), (1, "Kernel.no_such_method")),
         (2, "docs/nowhere.md"),

@@ -8,11 +8,10 @@ from collections.abc import Iterator
 from functools import cache
 from pathlib import Path
 
-import pytest
 import yaml
 
 from rise_engine import __version__
-from tests.sources import classes, modules, parsed, resolves
+from tests.sources import classes, facts, modules, parsed, resolves
 
 ROOT = Path(__file__).parents[1]
 DOCS = ROOT / "docs"
@@ -37,10 +36,9 @@ def name_of(page: Path) -> str:
     return str(page.relative_to(ROOT))
 
 
-@pytest.mark.parametrize("page", PAGES, ids=name_of)
-def test_links_lead_somewhere(page: Path) -> None:
-    targets = LINK.findall(page.read_text(encoding="utf-8"))
-    assert [target for target in targets if not (page.parent / target).exists()] == []
+def test_links_lead_somewhere() -> None:
+    links = ((page, target) for page in PAGES for target in LINK.findall(page.read_text(encoding="utf-8")))
+    assert [(name_of(page), target) for page, target in links if not (page.parent / target).exists()] == []
 
 
 def test_the_index_has_every_page() -> None:
@@ -136,10 +134,9 @@ def dead_modules(text: str) -> Iterator[str]:
         yield from (f"{module}.{name}" for name in names.split(", ") if not resolves(f"{module}.{name}"))
 
 
-@pytest.mark.parametrize("page", PAGES, ids=name_of)
-def test_every_file_and_name_of_the_code_is_there(page: Path) -> None:
-    text = page.read_text(encoding="utf-8")
-    assert [*dead_places(text), *dead_modules(text)] == []
+def test_every_file_and_name_of_the_code_is_there() -> None:
+    texts = ((name_of(page), page.read_text(encoding="utf-8")) for page in PAGES)
+    assert [(page, dead) for page, text in texts for dead in (*dead_places(text), *dead_modules(text))] == []
 
 
 def test_what_is_not_there_would_be_found() -> None:
@@ -182,11 +179,7 @@ def defined_names() -> set[str]:
     for file in modules().values():
         for name, inner in members(file).items():
             found |= {name, *inner}
-        found |= {
-            node.value
-            for node in ast.walk(parsed(file))
-            if isinstance(node, ast.Constant) and isinstance(node.value, str) and node.value.isidentifier()
-        }
+        found |= {text for text in facts(file).texts if text.isidentifier()}
     return found
 
 

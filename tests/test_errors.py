@@ -8,27 +8,19 @@ from __future__ import annotations
 import ast
 import builtins
 import re
-from pathlib import Path
 
 import rise_engine.errors
-from tests.sources import parsed
+from tests.sources import ROOT, facts, modules
 
-ROOT = Path(__file__).parents[1]
 ERRORS = ROOT / "rise_engine" / "errors.py"
-PACKAGES = ("rise_engine", "rise_tui", "adapters/rise_adapters")
 LONGEST = 110
 _DRAWING = re.compile(r"^    RiseError\n(?:     .*\n)*", re.MULTILINE)
 
 
 def classes() -> dict[str, ast.ClassDef]:
     """Every public class by its name."""
-    found: dict[str, ast.ClassDef] = {}
-    for package in PACKAGES:
-        for file in sorted((ROOT / package).rglob("*.py")):
-            for node in ast.walk(parsed(file)):
-                if isinstance(node, ast.ClassDef) and not node.name.startswith("_"):
-                    found.setdefault(node.name, node)
-    return found
+    everything = (node for file in modules().values() for node in facts(file).classes)
+    return {node.name: node for node in everything if not node.name.startswith("_")}
 
 
 def drawing() -> str:
@@ -56,9 +48,9 @@ def test_the_drawing_is_the_tree() -> None:
 def test_the_engine_raises_nothing_outside_of_the_tree() -> None:
     """Its own exceptions, that is; a base called so is an exception of Python's."""
     outside: list[str] = []
-    for file in (ROOT / "rise_engine").rglob("*.py"):
-        for node in ast.walk(parsed(file)):
-            bases = [ast.unparse(base) for base in node.bases] if isinstance(node, ast.ClassDef) else []
+    for module, file in modules().items():
+        for node in facts(file).classes if module.startswith("rise_engine") else ():
+            bases = [ast.unparse(base) for base in node.bases]
             if bases and all(hasattr(builtins, base) and base.endswith(("Error", "Exception")) for base in bases):
                 outside.append(f"{file.relative_to(ROOT)}: {bases}")
     assert outside == ["rise_engine/errors.py: ['Exception']"]

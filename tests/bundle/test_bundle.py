@@ -68,11 +68,14 @@ def study(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 @pytest.fixture(scope="module")
-def bundle(study: Path) -> Path:
-    """At level shared."""
-    out = study.parent / "bundle"
-    bundle_of(study, out, license="CC-BY-4.0")
-    return out
+def report(study: Path) -> BundleReport:
+    """Of a bundle at level shared."""
+    return bundle_of(study, study.parent / "bundle", license="CC-BY-4.0")
+
+
+@pytest.fixture(scope="module")
+def bundle(study: Path, report: BundleReport) -> Path:
+    return study.parent / "bundle"
 
 
 # --- what is in it --------------------------------------------------------------------------------------------------
@@ -112,7 +115,7 @@ def test_nothing_private_is_in_it(study: Path, bundle: Path) -> None:
 
 
 def test_at_level_public_there_is_no_free_speech_either(study: Path, bundle: Path, tmp_path: Path) -> None:
-    report = bundle_of(study, tmp_path / "public", "public")
+    report = bundle_of(study, tmp_path / "public", "public", sessions_of(study)[1:3])
     assert "shall we go on" in texts_in(bundle)
     assert "shall we go on" not in texts_in(tmp_path / "public")
     assert all(each.proved for each in prove_sessions(tmp_path / "public", None))
@@ -120,7 +123,7 @@ def test_at_level_public_there_is_no_free_speech_either(study: Path, bundle: Pat
 
 
 def test_at_level_full_everything_is_as_it_was(study: Path, tmp_path: Path) -> None:
-    report = bundle_of(study, tmp_path / "full", "full")
+    report = bundle_of(study, tmp_path / "full", "full", sessions_of(study)[1:3])
     folder = sessions_of(study)[1]
     for name in ("journal.jsonl", "session.toml", "scenario/acts/all.xml"):
         assert (tmp_path / "full" / "sessions" / folder.name / name).read_bytes() == (folder / name).read_bytes()
@@ -157,15 +160,13 @@ def test_an_export_of_the_bundle_is_the_export_of_the_study(study: Path, bundle:
     assert check_bundle(bundle).whole  # an export is noted in studies, and not in bundles
 
 
-def test_what_is_said_of_it(study: Path, tmp_path: Path) -> None:
-    report = bundle_of(study, tmp_path / "bundle")
+def test_what_is_said_of_it(report: BundleReport, bundle: Path) -> None:
     assert any(line.startswith("sessions/: 7 sessions of 3 participants") for line in report.contents)
     assert any("1 participant of participants.csv who has no session" in line for line in report.left_out)
     told = "\n".join(report.look_at)
-    assert "LICENSE: nobody has said" in told
     assert "6 sentences that wizards said freely" in told
     assert "words that could be names: Nodd" in told
-    readme = (tmp_path / "bundle" / "README.md").read_text("utf-8")
+    readme = (bundle / "README.md").read_text("utf-8")
     assert all(f"- {line}" in readme for line in (*report.contents, *report.left_out))
 
 
@@ -204,6 +205,7 @@ def test_the_plan_is_left_out_while_somebody_is_to_come(tmp_path: Path) -> None:
     report = bundle_of(study, tmp_path / "bundle", folders=folders)
     assert not (tmp_path / "bundle" / "plan.csv").exists()
     assert any("what the next participants get" in line for line in report.left_out)
+    assert any("LICENSE: nobody has said" in line for line in report.look_at)
 
 
 def test_a_session_that_cannot_be_shared_is_left_out_with_a_sentence(tmp_path: Path) -> None:

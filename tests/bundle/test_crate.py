@@ -45,12 +45,13 @@ def _add_hash(graph: Graph) -> None:
 
 
 BROKEN: dict[str, Callable[[Graph], object]] = {
-    "a file that is not there": _lose_file,
-    "no licence": lambda graph: graph[1].pop("license"),
-    "no date": lambda graph: graph[1].pop("datePublished"),
-    "no instrument": lambda graph: _of(graph, "CreateAction").pop("instrument"),
-    "a word that the context does not have": _add_hash,
+    "does not include the Data Entity 'gone.csv'": _lose_file,
+    "The Root Data Entity MUST have a `license` property": lambda graph: graph[1].pop("license"),
+    "The Root Data Entity MUST have a `datePublished`": lambda graph: graph[1].pop("datePublished"),
+    "The Action MUST have an instrument": lambda graph: _of(graph, "CreateAction").pop("instrument"),
+    'The 1 occurrence of the JSON-LD key "sha256" is not allowed': _add_hash,
 }
+"""What is refused, in the validator's words."""
 
 
 @pytest.fixture(scope="module")
@@ -72,23 +73,21 @@ def graph_of(bundle: Path) -> Graph:
 @pytest.mark.skipif(
     not PYTHON.exists(), reason="roc-validator is not here: `./dev test` makes .venv-crate for it when it can"
 )
-def test_the_validator_takes_it_and_refuses_broken_ones(bundle: Path, tmp_path: Path) -> None:
-    """All in one process, because to start the validator takes longer than to validate."""
-    crates = {"whole": bundle}
-    for name, damage in BROKEN.items():
-        crates[name] = Path(shutil.copytree(bundle, tmp_path / name))
-        document = json.loads((crates[name] / METADATA).read_text("utf-8"))
+def test_the_validator_takes_it_and_refuses_a_broken_one(bundle: Path, tmp_path: Path) -> None:
+    broken = Path(shutil.copytree(bundle, tmp_path / "broken"))
+    document = json.loads((broken / METADATA).read_text("utf-8"))
+    for damage in BROKEN.values():
         damage(document["@graph"])
-        (crates[name] / METADATA).write_text(json.dumps(document), "utf-8")
-    command = [PYTHON, Path(__file__).with_name("crate_validator.py"), CONTEXT, *crates.values()]
+    (broken / METADATA).write_text(json.dumps(document), "utf-8")
+    command = [PYTHON, Path(__file__).with_name("crate_validator.py"), CONTEXT, bundle, broken]
     done = subprocess.run(list(map(str, command)), capture_output=True, text=True, timeout=600, cwd=tmp_path)
     assert done.returncode == 0, done.stderr
     found = json.loads(done.stdout)
-    refused = {
-        name: [text for severity, text in found[str(path)] if severity == "REQUIRED"] for name, path in crates.items()
-    }
-    assert refused.pop("whole") == []
-    assert {name for name, texts in refused.items() if texts} == set(BROKEN), refused
+    required, refused = (
+        [text for severity, text in found[str(crate)] if severity == "REQUIRED"] for crate in (bundle, broken)
+    )
+    assert required == []
+    assert [words for words in BROKEN if not any(words in text for text in refused)] == [], refused
     wished = {text for severity, text in found[str(bundle)] if severity != "REQUIRED"}
     assert {text for text in wished if "author" not in text} <= NOT_NEEDED
 

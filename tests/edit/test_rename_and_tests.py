@@ -25,7 +25,7 @@ from rise_engine.trial.keeping import text_of_test
 from rise_engine.trial.playing import play_test, refusal, said_texts, started_acts
 from rise_engine.trial.study_test import read_study_test
 from rise_engine.trial.trial import Trial
-from tests.chance import searched
+from tests.chance import searched, some
 from tests.edit.samples import SCENARIOS, after, state_of, study_files
 from tests.trial.task_files import task_file_text
 
@@ -166,7 +166,7 @@ def test_everything_that_tests_mention_is_renamed_and_they_pass(study: str) -> N
     names = mentioned(study)
     assert set(NAMES[study]) <= set(names)
     changed: set[str] = set()
-    for kind, name in names:
+    for kind, name in dict.fromkeys((*NAMES[study], *some(names))):
         there, back = renamed(kind, name)
         try:
             now = after(before, there)

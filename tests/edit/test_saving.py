@@ -5,8 +5,6 @@ from __future__ import annotations
 import json
 import os
 import shutil
-import subprocess
-import sys
 from pathlib import Path
 
 import pytest
@@ -17,8 +15,9 @@ from rise_engine.edit.study_folder import read_study_files
 from rise_engine.scenario.interrupted_save import NOTE
 from tests.chance import examples
 from tests.edit.samples import SCENARIOS
+from tests.forked import run_engine
 
-KILLS = examples(200)
+KILLS = examples(130)
 
 
 class Killed(BaseException):
@@ -41,14 +40,8 @@ def test_kills_leave_the_old_files_or_the_new_ones(tmp_path: Path) -> None:
     folder = tmp_path / "greeting"
     shutil.copytree(SCENARIOS / "greeting", folder)
     environment = {**os.environ, "XDG_STATE_HOME": str(tmp_path / "state")}
-    ran = subprocess.run(
-        [sys.executable, "-m", "tests.edit.kill_saves", str(folder), str(KILLS)],
-        capture_output=True,
-        env=environment,
-        cwd=SCENARIOS.parent,
-        check=False,
-    )
-    assert ran.returncode == 0, ran.stderr.decode()
+    ran = run_engine(folder, KILLS, module="tests.edit.kill_saves", env=environment, cwd=SCENARIOS.parent)
+    assert ran.returncode == 0, ran.stderr
     found = json.loads(ran.stdout)
     assert len(found) == KILLS
     for each in found:

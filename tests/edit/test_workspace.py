@@ -21,6 +21,7 @@ from rise_engine.edit.plan import EditRefused, Files
 from rise_engine.edit.workspace import Workspace, diff_of
 from rise_engine.scenario.loader import load
 from tests.edit.samples import SCENARIOS, SPELLINGS, study_files
+from tests.forked import run_engine
 
 SPEECH = "acts/greeting.xml"
 FACE = "acts/signals.xml"
@@ -409,9 +410,8 @@ def test_a_program_and_a_person_change_one_study(folder: Path) -> None:
     """Somebody has the study open; `rise-engine edit` may not, `sed` does; nothing of anybody is lost."""
     study = Workspace(folder)
     study.apply(SAY)
-    engine = [sys.executable, "-m", "rise_engine", "edit", str(folder), "-"]
     edits = '{"edit": "set_start_value", "key": "person_y", "value": 0.5}'
-    refused = subprocess.run(engine, input=edits, capture_output=True, text=True, check=False)
+    refused = run_engine("edit", folder, "-", stdin=edits)
     assert refused.returncode == 1
     assert f"process {os.getpid()} on " in refused.stderr
     subprocess.run(["sed", "-i", "s/<duration>600</<duration>650</", str(folder / FACE)], check=True)
@@ -421,14 +421,11 @@ def test_a_program_and_a_person_change_one_study(folder: Path) -> None:
     assert (outside.files, outside.clash) == ((FACE,), ())
     assert study.save().files == (SPEECH,)
     study.close()
-    made = subprocess.run(engine, input=edits, capture_output=True, text=True, check=False)
+    made = run_engine("edit", folder, "-", stdin=edits)
     assert (made.returncode, made.stderr) == (0, "")
 
     disk = _disk(folder)
     assert b"I am Floka." in disk[SPEECH]
     assert b"<duration>650<" in disk[FACE]
     assert b"0.5" in disk["memory.json"]
-    check = subprocess.run(
-        [sys.executable, "-m", "rise_engine", "check", str(folder)], capture_output=True, check=False
-    )
-    assert check.returncode == 0
+    assert load(folder).errors == []

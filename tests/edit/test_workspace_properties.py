@@ -9,13 +9,14 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from rise_engine.edit.edits import AddAction, AnyEdit, RemoveVariant, Rename, SetParameter, SetStartValue
 from rise_engine.edit.plan import EditRefused, Files
 from rise_engine.edit.workspace import Workspace
 from rise_engine.scenario.loader import load
+from tests.chance import examples
 from tests.edit.samples import SCENARIOS
 
 _OUTSIDE = {
@@ -75,6 +76,7 @@ def _edit(study: Workspace, which: int) -> bool:
     return study.files is not before
 
 
+@settings(max_examples=examples(40))
 @given(st.lists(_DOINGS, max_size=14))
 def test_only_what_is_right_is_saved_and_nothing_of_others_is_overwritten(doings: list[tuple[str, int]]) -> None:
     with _folder() as folder:
@@ -132,6 +134,7 @@ def _save(study: Workspace, folder: Path, disk: Files) -> None:
         assert load(folder).errors == []
 
 
+@settings(max_examples=examples(40))
 @given(st.lists(st.integers(0, len(EDITS) - 1), max_size=10), st.integers(0, 10))
 def test_steps_go_back_and_forth_over_a_save_and_changes_of_others(edits: list[int], save_at: int) -> None:
     """A file that no step touches is changed by somebody else on the way: the steps stay, and so does the change."""

@@ -19,17 +19,11 @@ from tests.explore.world import World
 
 ROOT = Path(__file__).parents[2]
 STUDIES = Path(__file__).parent / "studies"
-SHIPPED = ("greeting", "lab_opening", "lablinking", "negation")
 
 
 @cache
 def shipped(name: str) -> Scenario:
     return loaded(ROOT / "scenarios" / name)
-
-
-@cache
-def faulty(name: str) -> Scenario:
-    return loaded(STUDIES / name)
 
 
 def loaded(folder: Path) -> Scenario:

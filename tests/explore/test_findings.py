@@ -16,30 +16,30 @@ from rise_engine.explore.explored import Explored
 from rise_engine.explore.space import Space
 from rise_engine.explore.stepper import Stepper
 from tests.chance import searched
-from tests.explore.exploring import SHIPPED, STUDIES, loaded, of_kind, quickly_explored, shipped
+from tests.explore.exploring import STUDIES, loaded, of_kind, quickly_explored, shipped
 
 FAULTY = "tests/explore/studies"
 
 
-def with_tables(study: str, tables: str, folder: Path) -> Exploration:
+def with_tables(study: str, tables: str, folder: Path, faults: int = 0) -> Exploration:
     """A faulty study explored with something more in its scenario.toml."""
     copy = folder / study
     shutil.copytree(STUDIES / study, copy)
     toml = copy / "scenario.toml"
     toml.write_text(f"{toml.read_text()}\n{tables}\n")
     scenario = loaded(copy)
-    return explore(scenario, replace(bounds_of(scenario), stop=False, lost=False))
+    return explore(scenario, replace(bounds_of(scenario), stop=False, lost=False, faults=faults))
 
 
 # --- the five faults of the versions that were shipped before, and that they are gone ---
 
 
 def test_a_line_that_grows_is_found_and_is_gone() -> None:
-    before = of_kind(quickly_explored(f"{FAULTY}/greeting"), "line-grows")
+    before = of_kind(quickly_explored(f"{FAULTY}/greeting", faults=0), "line-grows")
     assert "R_Notice can stand in the line any number of times" in before[0].text
     assert before[0].path is not None
     assert len(before[0].path.steps) <= 6
-    now = of_kind(quickly_explored("scenarios/greeting"), "line-grows")
+    now = of_kind(quickly_explored("scenarios/greeting", faults=0), "line-grows")
     assert not any(finding.act == "R_Notice" for finding in now)
 
 
@@ -50,7 +50,7 @@ GREETED = """
 
 
 def test_a_visitor_who_is_never_greeted_is_found(tmp_path: Path) -> None:
-    broken = of_kind(with_tables("greeting", GREETED, tmp_path), "eventually")
+    broken = of_kind(with_tables("greeting", GREETED, tmp_path, faults=1), "eventually")
     assert len(broken) == 1
     assert broken[0].path is not None
     assert [step.move.how for step in broken[0].path.steps if step.move.is_mishap] == ["failed"]
@@ -63,16 +63,16 @@ ONE_GAZE = """
 
 
 def test_two_gazes_at_once_are_found_and_are_gone(tmp_path: Path) -> None:
-    before = of_kind(quickly_explored(f"{FAULTY}/lab_opening"), "two-at-once")
+    before = of_kind(quickly_explored(f"{FAULTY}/lab_opening", faults=0), "two-at-once")
     assert any("R_LookAhead and R_Thinking can run at once, and both use gaze" in finding.text for finding in before)
     assert of_kind(with_tables("lab_opening", ONE_GAZE, tmp_path), "always")
-    now = of_kind(quickly_explored("scenarios/lab_opening"), "two-at-once")
+    now = of_kind(quickly_explored("scenarios/lab_opening", faults=0), "two-at-once")
     assert not any("R_LookAhead" in finding.text for finding in now)
 
 
 def test_a_guest_who_is_not_noticed_is_found_and_is_gone() -> None:
-    assert quickly_explored(f"{FAULTY}/lab_opening").keys["Default pose"]["g"] == "never"
-    assert quickly_explored("scenarios/lab_opening").keys["Default pose"]["g"] == "always"
+    assert quickly_explored(f"{FAULTY}/lab_opening", faults=0).keys["Default pose"]["g"] == "never"
+    assert quickly_explored("scenarios/lab_opening", faults=0).keys["Default pose"]["g"] == "always"
 
 
 TRIES = """
@@ -86,13 +86,22 @@ def test_a_value_that_leads_nowhere_is_found_and_leads_somewhere_now(tmp_path: P
     assert [finding.state for finding in stuck] == ["Start"]
     assert stuck[0].path is not None
     assert [step.move.kind for step in stuck[0].path.steps] == ["try", "key"]
-    tries = Bounds(stop=False, lost=False, tries={"task": (2.5, "two")})
+    tries = Bounds(stop=False, lost=False, faults=0, tries={"task": (2.5, "two")})
     assert not of_kind(explore(shipped("lablinking"), tries), "dead-end")
 
 
-@pytest.mark.parametrize("name", [*SHIPPED[:3], pytest.param("negation", marks=searched)])
-def test_in_shipped_studies_nothing_gets_stuck_and_the_end_can_be_reached(name: str) -> None:
-    exploration = quickly_explored(f"scenarios/{name}")
+@pytest.mark.parametrize(
+    ("name", "bounds"),
+    [
+        ("greeting", {"faults": 0}),
+        ("lab_opening", {}),
+        ("lablinking", {}),
+        pytest.param("greeting", {}, marks=searched),
+        pytest.param("negation", {}, marks=searched),
+    ],
+)
+def test_in_shipped_studies_nothing_gets_stuck_and_the_end_can_be_reached(name: str, bounds: dict[str, int]) -> None:
+    exploration = quickly_explored(f"scenarios/{name}", **bounds)
     assert exploration.is_complete
     assert not [finding.text for finding in exploration.findings if finding.level == "problem"]
     assert exploration.told[0].startswith("From ")
@@ -137,7 +146,7 @@ def test_broken_off_it_says_so_and_calls_nothing_stuck() -> None:
 
 
 def test_several_cores_find_the_same() -> None:
-    bounds = Bounds(stop=False, lost=False)
+    bounds = Bounds(stop=False, lost=False, faults=0)
     alone, together = explore(shipped("lablinking"), bounds), explore(shipped("lablinking"), bounds, cores=2)
     assert together.situations == alone.situations
     assert {finding.text for finding in together.findings} == {finding.text for finding in alone.findings}
@@ -173,7 +182,7 @@ def test_acts_that_nothing_tells_apart_are_taken_for_one() -> None:
 def test_any_pace_finds_at_least_what_a_pace_finds() -> None:
     found = {}
     for pace in (None, (0.5, 3.0)):
-        scenario = shipped("greeting")
+        scenario = shipped("lablinking")
         bounds = Bounds(stop=False, lost=False, faults=0, pace=pace)
         space = Space(Stepper(scenario, bounds, sessions_of(scenario), main_rule(scenario)))
         space.begin()

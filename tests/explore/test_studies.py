@@ -145,7 +145,7 @@ def test_the_quiz_has_no_way_out_for_a_value() -> None:
 
 @pytest.mark.slow
 def test_a_key_of_the_quiz_does_nothing() -> None:
-    found = explore_naively(study("quiz"), keys=("answer", "question"), world=World(stop=True, beside=1, faults=1))
+    found = explore_naively(study("quiz"), keys=("answer", "question"), world=World(by_hand=False, beside=1, faults=1))
     assert found.complete
     states = {rule.state for each in found.states for rule in each.rules}
     assert "Ready" in states and not states & {"Hint", "Hinted"}

@@ -2,57 +2,55 @@
 
 from __future__ import annotations
 
-import subprocess
 import sys
-from collections.abc import Iterator
-from contextlib import contextmanager
 from pathlib import Path
 
 import pytest
+import rise_adapters
 
 from rise_engine.checks import CheckContext, run_check
+from rise_engine.checks.child import ChildRequest
+from rise_engine.checks.robot import look_at_robot
+from rise_engine.ports.bridge import RosConnection, RosTransport
 from rise_engine.study.model import Study, StudyCheck
 from tests.engine.processes import folder
-from tests.patience import PATIENCE
 from tests.ros.contract.peers import environment, missing
-from tests.ros.session_node_bench import until
+from tests.ros.programs import Program
 
 pytestmark = [pytest.mark.dds, pytest.mark.slow]
 
-TRANSPORTS = [kind for kind in ("dds", "rclpy") if not missing(kind)]
-
-
-@contextmanager
-def robot_process(ros: str, log: Path) -> Iterator[None]:
-    """A robot that writes down what it does."""
-    command = [sys.executable, "-m", "rise_ros.examples.simulated_robot", "--robot", "rise", "--ros", ros]
-    with log.open("wb") as file:
-        process = subprocess.Popen(command, stdin=subprocess.DEVNULL, stdout=file, stderr=subprocess.STDOUT)
-    try:
-        yield
-    finally:
-        process.kill()
-        process.wait()
+TRANSPORTS: list[RosTransport] = [kind for kind in ("dds", "rclpy") if not missing(kind)]
+RISE = Path(rise_adapters.__file__).parent / "robots" / "rise.toml"
+PATIENT, HASTY = "{ server = 100, acceptance = 20 }", "{ server = 0.1 }"
+"""How long a robot is waited for: on a machine that is busy, and when it is not there."""
 
 
 @pytest.mark.parametrize("ros", TRANSPORTS)
-async def test_a_robot_on_the_wire(ros: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+async def test_a_robot_on_the_wire(ros: RosTransport, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     for name, value in environment().items():
         monkeypatch.setenv(name, value)
-    scenario = folder(tmp_path / "scenario", 'robot = "rise"\nmode = "real"\nlanguage = "de"\n')
-    study = Study(str(tmp_path), "Lab", "lab", 1, 4, "scenario", "real")
-    context = CheckContext(study, "P07", str(scenario), "real")
-    robot, sound = StudyCheck("robot", auto="robot"), StudyCheck("sound", auto="sound")
+    scenario = folder(tmp_path / "scenario", 'robot = "patient"\nmode = "real"\nlanguage = "de"\n')
+    (scenario / "robots").mkdir()
+    for name, deadlines in (("patient", PATIENT), ("hasty", HASTY)):
+        profile = RISE.read_text("utf-8").replace("[options]\n", f"[options]\ndeadlines = {deadlines}\n", 1)
+        (scenario / "robots" / f"{name}.toml").write_text(profile, "utf-8")
+    connection = RosConnection(ros)
+    request = ChildRequest("robot", str(scenario), "hasty", "real", connection)
+    missing_robot = await look_at_robot(request)
+    assert not missing_robot.passed and "is its wrapper running?" in missing_robot.reason
 
-    missing_robot = await run_check(robot, context)
-    assert missing_robot.result == "failed" and "is its wrapper running?" in missing_robot.reason
-
-    log = tmp_path / "robot.log"
-    with robot_process(ros, log):
-        await until(lambda: b"point_at" in log.read_bytes(), PATIENCE)
-        found = await run_check(robot, context)
-        assert found.result == "passed" and found.value.endswith(": 2 actions offered"), found
-        assert b'Speech "' not in log.read_bytes()  # nothing is sent to it
-        heard = await run_check(sound, context)
-        assert (heard.result, heard.question) == ("asked", "The robot said “Hallo”, and it was heard")
-        assert b'Speech "Hallo"' in log.read_bytes()
+    command = (sys.executable, "-m", "rise_ros.examples.simulated_robot", "--robot", "rise", "--ros", ros)
+    robot = Program(tmp_path / "robot.log", *command)
+    try:
+        await robot.says("point_at")
+        found = await look_at_robot(ChildRequest("robot", str(scenario), None, "real", connection))
+        assert found.passed and found.value.endswith(": 2 actions offered"), found
+        assert 'Speech "' not in robot.said()  # nothing is sent to it
+        study = Study(str(tmp_path), "Lab", "lab", 1, 4, "scenario", "real")
+        context = CheckContext(study, "P07", str(scenario), "real", ros=connection)
+        heard = await run_check(StudyCheck("sound", auto="sound"), context)
+        assert (heard.result, heard.question) == ("asked", "The robot said “Hallo”, and it was heard"), heard
+        assert 'Speech "Hallo"' in robot.said()
+    finally:
+        robot.process.kill()
+        robot.process.wait()

@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import json
 import subprocess
-import sys
 from pathlib import Path
 
 import pytest
 
 from rise_engine.cli.program import split_ros_args
+from tests.forked import run_engine
 from tests.ros.contract.peers import environment
+from tests.ros.programs import LOADS
 
 pytestmark = pytest.mark.slow
 
@@ -19,14 +20,7 @@ GREETING = str(ROOT / "scenarios" / "greeting")
 
 
 def rise_engine(*arguments: str, **more: str) -> subprocess.CompletedProcess[str]:
-    return subprocess.run(
-        [sys.executable, "-m", "rise_engine", *arguments],
-        env={**environment(), **more},
-        stdin=subprocess.DEVNULL,
-        capture_output=True,
-        text=True,
-        timeout=60,
-    )
+    return run_engine(*arguments, loads=LOADS, env={**environment(), **more})
 
 
 @pytest.mark.parametrize(

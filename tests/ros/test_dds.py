@@ -6,8 +6,6 @@ from __future__ import annotations
 import asyncio
 import os
 import signal
-import subprocess
-import sys
 import time
 from collections.abc import AsyncIterator, Callable, Iterator
 from contextlib import contextmanager
@@ -26,6 +24,7 @@ from rise_adapters.ros2.transport.dds import DdsTransport, domain, graph, names,
 from rise_adapters.ros2.transport.dds.entities import dds_qos, list_matched
 from rise_adapters.ros2.transport.port import PortError, QoS, RemoteEndpoint
 
+from tests.forked import PIPE, Forked
 from tests.patience import PATIENCE
 from tests.ros.dds_peer import SET, TEXT
 from tests.ros.domains import own_domain
@@ -53,12 +52,12 @@ async def transport() -> AsyncIterator[DdsTransport]:
 
 
 @contextmanager
-def peer(role: str) -> Iterator[subprocess.Popen[str]]:
-    process = subprocess.Popen(
-        [sys.executable, "-m", "tests.ros.dds_peer", role],
-        stdin=subprocess.PIPE,
-        stdout=subprocess.PIPE,
-        text=True,
+def peer(role: str) -> Iterator[Forked]:
+    process = Forked(
+        role,
+        module="tests.ros.dds_peer",
+        stdin=PIPE,
+        stderr=None,
         cwd=ROOT,
         env={**{k: v for k, v in os.environ.items() if k != "AMENT_PREFIX_PATH"}, **ENVIRONMENT},
     )

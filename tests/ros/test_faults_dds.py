@@ -5,7 +5,6 @@ from __future__ import annotations
 
 import asyncio
 import json
-import sys
 import time
 from collections.abc import AsyncIterator, Callable
 from contextlib import asynccontextmanager
@@ -18,6 +17,7 @@ from rise_adapters.ros2.robot import Ros2Robot
 
 from rise_engine.engine.clock import RealClock
 from rise_engine.engine.engine import Engine
+from tests.forked import AsyncForked
 from tests.ros.badrobot import Plan
 from tests.ros.bench import GAZE, SPEECH, TYPES, Records, profile, scenario
 from tests.ros.contract.peers import ROOT, environment
@@ -38,7 +38,7 @@ TASK = "2/1"
 class Process:
     """A bad robot in a process of its own, and what it has said."""
 
-    def __init__(self, process: asyncio.subprocess.Process) -> None:
+    def __init__(self, process: AsyncForked | asyncio.subprocess.Process) -> None:
         self.process = process
         self.events: list[dict[str, Any]] = []
         self._reading = asyncio.ensure_future(self._read())
@@ -81,9 +81,11 @@ class Session(Records):
         """A robot. It has to be loaded first: one that is to come soon is made before it is needed."""
         order = {"names": TYPES, "plans": [msgspec.to_builtins(plan) for plan in plans or (Plan(),)]}
         made = Process(
-            await asyncio.create_subprocess_exec(
-                *(sys.executable, "-m", "tests.ros.badrobot", json.dumps(order)),
-                stdout=asyncio.subprocess.PIPE,
+            await AsyncForked.start(
+                json.dumps(order),
+                module="tests.ros.badrobot",
+                loads=("rise_adapters.ros2.transport.dds",),
+                stderr=None,
                 cwd=ROOT,
                 env=environment(),
             )

@@ -52,7 +52,7 @@ def test_each_check_finds_what_reading_all_files_finds(name: str, tmp_path: Path
     whole = content(SCENARIOS / name)
     checker = ScenarioChecker(tmp_path / name)
     history: list[dict[str, bytes | None]] = [dict(whole)]
-    for step in range(examples(80)):
+    for step in range(examples(40)):
         if random.random() < 0.4:
             held = random.choice(history)
         else:

@@ -11,6 +11,7 @@ import pytest
 from rise_engine.scenario.loader import LoadResult, load
 from rise_engine.scenario.source_files import SourceFile
 from rise_engine.scenario.tree import FileTree, UnreadableError
+from tests.chance import SEARCH
 from tests.scenario.folders import SPEECH, act, folder, found
 
 SCENARIOS = Path("scenarios")
@@ -38,7 +39,7 @@ def test_a_study_that_lies_in_memory_alone_is_the_one_on_the_disk(name: str, tmp
     assert not (tmp_path / name).exists()
 
 
-@pytest.mark.parametrize("name", STUDIES)
+@pytest.mark.parametrize("name", STUDIES if SEARCH else STUDIES[:1])
 def test_what_is_held_is_read_as_if_it_had_been_saved(name: str, tmp_path: Path) -> None:
     """One file after the other is cut in the middle, taken away, and made anew."""
     study = tmp_path / name

@@ -357,7 +357,8 @@ def test_a_fault_in_ssml_stands_in_the_use(tmp_path: Path) -> None:
 # --- limits ----------------------------------------------------------------------------------------------------------
 
 
-def test_templates_that_double_each_other_are_stopped(tmp_path: Path) -> None:
+def test_templates_that_double_each_other_are_stopped(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(expansion, "MAX_ELEMENTS", 4_000)
     body = "".join(
         f'<Template name="T{n}"><use template="T{n + 1}"/><use template="T{n + 1}"/></Template>\n' for n in range(40)
     )

@@ -12,7 +12,7 @@ from tests.chance import some
 from tests.scenario.folders import folder
 from tests.scenario.test_worst_cases import (
     SIZE,
-    _not_for_ever,  # noqa: F401  # gives up after twenty seconds of processor time
+    _not_for_ever,  # noqa: F401  # gives up after some seconds of processor time
     act,
     many,
     rule,

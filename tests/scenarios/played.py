@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import Any
 
 from rise_engine.kernel.records import ENDINGS, FINAL
+from tests.forked import run_engine
 
 SCENARIOS = Path(__file__).parents[2] / "scenarios"
 
@@ -24,7 +25,10 @@ def command(name: str, *more: str, script: Path | None = None) -> list[str]:
 
 
 def process(arguments: list[str], **environment: str) -> subprocess.CompletedProcess[bytes]:
-    """`rise-engine` as a process of its own."""
+    """`rise-engine` as a process of its own; with an environment, one that has started with it."""
+    if not environment:
+        done = run_engine(*arguments)
+        return subprocess.CompletedProcess(arguments, done.returncode, done.stdout.encode(), done.stderr.encode())
     return subprocess.run(
         [Path(sys.executable).with_name("rise-engine"), *arguments],
         capture_output=True,

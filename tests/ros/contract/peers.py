@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import os
-import subprocess
-import sys
 import tempfile
 import threading
 import time
@@ -17,6 +15,7 @@ from pathlib import Path
 from types import TracebackType
 from typing import Any
 
+from tests.forked import PIPE, Forked
 from tests.patience import PATIENCE
 from tests.ros.domains import own_domain
 
@@ -125,17 +124,14 @@ class Peer:
         environment."""
         self.kind = kind
         self._errors = tempfile.TemporaryFile()  # noqa: SIM115  closed with the process, in __exit__
-        self.process = subprocess.Popen(
-            [
-                *(sys.executable, "-m", "tests.ros.contract.peer", kind, node or f"peer_{uuid.uuid4().hex[:8]}"),
-                *(f"share={each}" for each in (share,) if each is not None),
-                *arguments,
-            ],
-            stdin=subprocess.PIPE,
-            stdout=subprocess.PIPE,
+        self.process = Forked(
+            *(kind, node or f"peer_{uuid.uuid4().hex[:8]}"),
+            *(f"share={each}" for each in (share,) if each is not None),
+            *arguments,
+            module="tests.ros.contract.peer",
+            loads=("rise_adapters.ros2.transport.dds",),
+            stdin=PIPE,
             stderr=self._errors,
-            text=True,
-            bufsize=1,
             cwd=ROOT,
             env=environment() | dict(settings or {}),
         )
