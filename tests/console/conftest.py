@@ -15,10 +15,12 @@ from rise_tui.console.bars import ConsoleBars
 from rise_tui.console.screen import ConsoleScreen
 from rise_tui.panes.pane import Pane
 from rise_tui.widgets.row_list import RowList
+from tests.console import pilots
 from tests.console.fake import DEMO, FakeClient, FakeLauncher, demo
 from tests.patience import PATIENCE
 from tests.virtual_time import VirtualLoop, real_monotonic
 
+pilots.install()
 VIRTUAL_TIME = {"model", "panes", "screens"}
 """Folders whose tests have to do with nothing that has a clock of its own: no terminal, no thread, no process."""
 
