@@ -21,7 +21,7 @@ from tests.patience import PATIENCE
 from tests.virtual_time import VirtualLoop, real_monotonic
 
 pilots.install()
-VIRTUAL_TIME = {"model", "panes", "screens"}
+VIRTUAL_TIME = {"editing", "model", "panes", "screens"}
 """Folders whose tests have to do with nothing that has a clock of its own: no terminal, no thread, no process."""
 
 
