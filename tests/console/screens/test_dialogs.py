@@ -281,6 +281,7 @@ def test_what_cannot_be_read_is_not_shown(tmp_path: Path) -> None:
 
 # --- all of them ----------------------------------------------------------------------------------------------------
 
+
 async def test_every_dialog_can_be_left_by_esc_and_stops_too() -> None:
     async with console() as it:
         before, client = it.app.focused, it.client
