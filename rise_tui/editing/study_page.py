@@ -11,6 +11,7 @@ from textual.containers import Horizontal
 from textual.widget import Widget
 
 from rise_engine.edit.edits import AddAct, AddRule, AnyEdit, CopyAct, CopyRule, RemoveAct, RemoveRule, Rename
+from rise_engine.scenario.loader import LoadResult
 from rise_tui.editing.model.act_rows import action_with
 from rise_tui.editing.model.draft import FilePlace, is_study_alone
 from rise_tui.editing.model.fields import FieldChoice
@@ -48,6 +49,8 @@ class StudyPage(EditPage):
         self.beside.can_focus = False
         self._wanted = ""
         self._rows: list[ListRow] = []
+        self._made_from: tuple[LoadResult, int, str] | None = None
+        """What the rows were made from."""
 
     def compose(self) -> ComposeResult:
         with Horizontal():
@@ -89,7 +92,10 @@ class StudyPage(EditPage):
 
     def draw(self) -> None:
         self.set_class(self.size.width >= BESIDE, "-beside")
-        self._rows = study_rows(self.draft, max(20, self.rows.row_width), self._wanted)
+        made_from = self.draft.checked, max(20, self.rows.row_width), self._wanted
+        if self._made_from is None or made_from[0] is not self._made_from[0] or made_from[1:] != self._made_from[1:]:
+            self._made_from = made_from
+            self._rows = study_rows(self.draft, *made_from[1:])
         self.rows.show(self._rows)
         self._draw_beside()
 

@@ -65,13 +65,13 @@ class SpeechField(TextField):
 
     def action_complete(self) -> None:
         if completion := self._line.suggest(self.value):
-            self._replace_text(completion)
+            self.replace_text(completion)
 
     def action_earlier(self) -> None:
-        self._replace_text(self._line.history.earlier(self.value))
+        self.replace_text(self._line.history.earlier(self.value))
 
     def action_later(self) -> None:
-        self._replace_text(self._line.history.later(self.value))
+        self.replace_text(self._line.history.later(self.value))
 
     def action_interrupt(self) -> None:
         self.post_message(self.SubmitSpeech(at_once=True))
@@ -84,7 +84,8 @@ class SpeechField(TextField):
         event.stop()
         self.post_message(self.SubmitSpeech(at_once=False))
 
-    def _replace_text(self, text: str) -> None:
+    def replace_text(self, text: str) -> None:
+        """Show this text, with the cursor behind it."""
         self.value = text
         self.cursor_position = len(text)
 
@@ -177,7 +178,8 @@ class SpeechInput(Vertical):
 
     def restore(self, typed: str) -> None:
         """It was not taken: it is there again when the line is opened, unless something else was begun."""
-        self.field.value = self.field.value or typed
+        if not self.field.value:
+            self.field.replace_text(typed)
         self.draw()
 
     def draw(self) -> None:

@@ -3,10 +3,11 @@ from __future__ import annotations
 import asyncio
 from collections.abc import AsyncIterator, Callable, Mapping
 from contextlib import asynccontextmanager
-from typing import Any
+from typing import Any, TypeVar
 
 import pytest
 from textual.pilot import Pilot
+from textual.screen import Screen
 from textual.widgets import Input
 
 from rise_engine.protocol.session_options import SessionOptions
@@ -15,11 +16,14 @@ from rise_tui.console.bars import ConsoleBars
 from rise_tui.console.screen import ConsoleScreen
 from rise_tui.panes.pane import Pane
 from rise_tui.widgets.row_list import RowList
+from tests.console import pilots
 from tests.console.fake import DEMO, FakeClient, FakeLauncher, demo
 from tests.patience import PATIENCE
 from tests.virtual_time import VirtualLoop, real_monotonic
 
-VIRTUAL_TIME = {"model", "panes", "screens"}
+pilots.install()
+Shown = TypeVar("Shown", bound=Screen[Any])
+VIRTUAL_TIME = {"editing", "model", "panes", "screens"}
 """Folders whose tests have to do with nothing that has a clock of its own: no terminal, no thread, no process."""
 
 
@@ -81,6 +85,11 @@ class Console:
     def notice(self) -> str:
         return self.bars.notice_line.text
 
+    async def focus(self, pane: str) -> None:
+        """Bring a list or a pane to the front; its rows are there then."""
+        self.screen.pane_layout.focus_pane(pane)
+        await self.pilot.pause()
+
     async def press(self, *keys: str) -> None:
         """Like a person: a moment between two keys."""
         for key in keys:
@@ -100,6 +109,19 @@ class Console:
         while not held():
             assert real_monotonic() < end, what or "did not happen in time"
             await self.pilot.pause(0.02)
+
+    async def shows(self, kind: type[Shown]) -> Shown:
+        """The screen of this kind that opens over the console."""
+        await self.until(
+            lambda: isinstance(self.app.screen, kind) and self.app.screen.is_mounted, f"no {kind.__name__}"
+        )
+        await self.pilot.pause()
+        assert isinstance(self.app.screen, kind)
+        return self.app.screen
+
+    async def back(self) -> None:
+        """Wait until nothing is left over the console."""
+        await self.until(lambda: self.app.screen is self.screen, "the console did not come back")
 
     async def sent(self, function: str, behavior: str) -> None:
         await self.until(lambda: (function, behavior) in self.client.asked(), f"{function} {behavior} was not sent")

@@ -276,11 +276,13 @@ class FakeLauncher(Launcher):
     ) -> None:
         self.clients = list(clients)
         self.started: list[SessionOptions] = []
+        self.prepared = prepared
+        """What a folder is read as; None: the scenario that runs."""
         self.prepared_with: list[SessionOptions] = []
 
         def prepare(settings: SessionOptions) -> LoadedScenario:
             self.prepared_with.append(settings)
-            return prepared if prepared is not None else self.clients[0].scenario
+            return self.prepared if self.prepared is not None else self.clients[0].scenario
 
         def start(scenario: Scenario, settings: SessionOptions) -> FakeClient:
             self.started.append(settings)

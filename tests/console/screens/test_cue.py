@@ -87,48 +87,70 @@ def mark(it: Console, status: str = "marked") -> None:
     it.client.emit(CueRecord(0, 0.0, "", status, "wizard:anna"))  # type: ignore[arg-type]
 
 
-async def test_space_marks_the_cue_with_the_time_of_the_key() -> None:
-    async with console() as it:
-        it.client.time = 90.0
-        await it.press("space")
-        await it.sent("markCue", "")
-        pressed = it.client.sent[-1].pressed
-        assert pressed is not None and 89.7 < pressed <= 90.0
-
-
-async def test_a_held_space_bar_is_one_cue() -> None:
-    async with console() as it:
-        for _ in range(6):
-            await it.pilot.press("space")
-            await it.pilot.pause(0.03)
-        await it.pilot.pause(0.1)
-        assert it.client.asked() == [("markCue", "")]
-
-
-async def test_the_status_line_counts_from_the_cue_until_the_answer() -> None:
-    async with console() as it:
-        mark(it)
-        await it.until(lambda: "◔ cue 0.0 s" in it.bars.status_line.text)
-        it.client.time += 1.4
-        await it.until(lambda: "◑ cue 1.4 s" in it.bars.status_line.text)
-        it.client.time += 1.0
-        await it.until(lambda: "● cue 2.4 s !" in it.bars.status_line.text)
-        mark(it, "answered")
-        await it.until(lambda: "✓ answered 2.4 s" in it.bars.status_line.text)
-        it.client.time += 6
-        await it.until(lambda: "answered" not in it.bars.status_line.text)
-
-
-async def test_the_status_line_counts_until_the_robot_is_heard() -> None:
+@pytest.mark.slow
+async def test_space_marks_the_cue_and_the_status_line_counts_until_the_answer() -> None:
     async with console() as it:
 
         def line() -> str:
             return it.bars.status_line.text
 
+        await it.press("underscore")
+        await it.until(lambda: "not now, no cue is open" in it.notice)
+        assert it.client.asked() == []
+        it.client.time = 90.0
+        for _ in range(6):  # held down
+            await it.pilot.press("space")
+            await it.pilot.pause(0.03)
+        await it.pilot.pause(0.1)
+        assert it.client.asked() == [("markCue", "")]
+        pressed = it.client.sent[-1].pressed
+        assert pressed is not None and 89.7 < pressed <= 90.0
+        it.client.sent.clear()
         mark(it)
+        await it.until(lambda: "◔ cue 0.0 s" in line())
+        assert "Filler" not in it.notice
+        it.client.time += 1.4
+        await it.until(lambda: "◑ cue 1.4 s" in line())
         it.client.time += 1.0
-        task = it.client.act("Greet")
-        it.client.emit(CueRecord(0, 0.0, "", "answered", "wizard:anna", task=task, since=1.0))
+        await it.until(lambda: "● cue 2.4 s !" in line())
+        await it.until(lambda: "no answer for 2.4 s:  , says Filler" in it.notice, "it is offered when it is due")
+        await it.pilot.pause(0.3)
+        assert it.client.asked() == [], "and never said by the console"
+        await it.press("ctrl+x")
+        await it.until(lambda: "SAFE" in it.notice and "says Filler" not in it.notice)
+        await it.press("ctrl+x")
+        await it.until(lambda: "says Filler" in it.notice)
+        mark(it, "answered")
+        await it.until(lambda: "✓ answered 2.4 s" in line() and "Filler" not in it.notice)
+        it.client.time += 6
+        await it.until(lambda: "answered" not in line())
+        mark(it)
+        await it.until(lambda: "cue 0.0 s" in line())
+        await it.press("underscore")  # takes it back
+        await it.sent("undoCue", "")
+        mark(it, "undone")
+        await it.until(lambda: "cue 0" not in line())
+        await it.until(lambda: ", Filler" in it.bars.key_hints.text)
+        await it.press("comma")
+        await it.sent("nextFiller", "")
+        assert it.client.sent[-1].pressed is not None
+
+
+@pytest.mark.slow
+async def test_the_status_line_counts_until_the_robot_is_heard_or_says_that_it_was_not() -> None:
+    async with console() as it:
+
+        def line() -> str:
+            return it.bars.status_line.text
+
+        def answer() -> int:
+            mark(it)
+            it.client.time += 1.0
+            task = it.client.act("Greet")
+            it.client.emit(CueRecord(0, 0.0, "", "answered", "wizard:anna", task=task, since=1.0))
+            return task
+
+        task = answer()
         it.client.action(task, "Greet", "2", "Animation", "started")
         it.client.action(task, "Greet", "2", "Animation", "accepted")
         it.client.action(task, "Greet", "1", "Speech", "started", message="Hello Ada!")
@@ -138,68 +160,34 @@ async def test_the_status_line_counts_until_the_robot_is_heard() -> None:
         assert "answered" not in line()
         it.client.action(task, "Greet", "1", "Speech", "accepted", message="Hello Ada!")
         await it.until(lambda: "✓ answered 1.7 s" in line())
-
-
-async def test_an_answer_that_is_never_heard_is_said_to_be_none() -> None:
-    async with console() as it:
-        mark(it)
-        it.client.time += 1.0
-        task = it.client.act("Greet")
-        it.client.emit(CueRecord(0, 0.0, "", "answered", "wizard:anna", task=task, since=1.0))
-        await it.until(lambda: "◑ cue 1.0 s" in it.bars.status_line.text)
+        it.client.end_task(task, "Greet")
+        it.client.time += 6
+        task = answer()
+        await it.until(lambda: "◑ cue 1.0 s" in line())
         it.client.time += 20
-        await it.until(lambda: "● cue 21 s !" in it.bars.status_line.text)
+        await it.until(lambda: "● cue 21 s !" in line())
         it.client.end_task(task, "Greet", "ABORTED", "no voice")
-        await it.until(lambda: "✗ not said" in it.bars.status_line.text)
+        await it.until(lambda: "✗ not said" in line())
 
 
 @pytest.mark.slow
 async def test_the_cue_moves_nothing_else_in_the_status_line() -> None:
-    for size in ((80, 24), (120, 40), (200, 50)):
-        async with console(size=size) as it:
-            await it.until(lambda it=it: "LIVE" in it.bars.status_line.text)  # type: ignore[misc]
+    async with console(size=(80, 24)) as it:
+        for size in ((80, 24), (120, 40), (200, 50)):
+            await it.pilot.resize_terminal(*size)
+            await it.until(lambda: "LIVE" in it.bars.status_line.text and "cue" not in it.bars.status_line.text)
             before = it.bars.status_line.text
             mark(it)
             it.client.time += 0.4
-            await it.until(lambda it=it: "cue 0.4 s" in it.bars.status_line.text)  # type: ignore[misc]
+            await it.until(lambda: "cue 0.4 s" in it.bars.status_line.text)
             after = it.bars.status_line.text
             for word in ("DEBUG", "REC", "LIVE", "anna"):
                 assert before.index(word) == after.index(word)
+            mark(it, "undone")
 
 
-async def test_the_comma_asks_for_the_next_filler_and_its_hint_names_it() -> None:
-    async with console() as it:
-        await it.until(lambda: ", Filler" in it.bars.key_hints.text)
-        await it.press("comma")
-        await it.sent("nextFiller", "")
-        assert it.client.sent[-1].pressed is not None
-
-
-async def test_a_filler_is_offered_when_it_is_due_and_never_said_by_the_console() -> None:
-    async with console() as it:
-        mark(it)
-        it.client.time += 1.0
-        await it.until(lambda: "cue 1.0 s" in it.bars.status_line.text)
-        assert "Filler" not in it.notice
-        it.client.time += 1.1
-        await it.until(lambda: "no answer for 2.1 s:  , says Filler" in it.notice)
-        await it.pilot.pause(0.3)
-        assert it.client.asked() == []
-        it.client.act("Greet")
-        mark(it, "answered")
-        await it.until(lambda: "Filler" not in it.notice)
-
-
-async def test_nothing_is_offered_that_could_not_be_said() -> None:
-    async with console() as it:
-        mark(it)
-        it.client.time += 3
-        await it.until(lambda: "says Filler" in it.notice)
-        await it.press("ctrl+x")
-        await it.until(lambda: "SAFE" in it.notice and "says Filler" not in it.notice)
-
-
-async def test_a_scenario_without_fillers_names_none() -> None:
+@pytest.mark.slow
+async def test_without_fillers_none_is_named_and_a_cue_that_a_rule_waits_for_is_held_back_in_safe() -> None:
     client = FakeClient(replace(demo(), act_settings={}))
     async with console(client=client) as it:
         await it.until(lambda: "space cue" in it.bars.key_hints.text)
@@ -207,30 +195,11 @@ async def test_a_scenario_without_fillers_names_none() -> None:
         await it.press("comma")
         await it.until(lambda: "this scenario has no filler" in it.notice)
         assert client.asked() == []
-
-
-async def test_a_key_takes_the_cue_back() -> None:
-    async with console() as it:
-        await it.press("underscore")
-        await it.until(lambda: "not now, no cue is open" in it.notice)
-        assert it.client.asked() == []
-        mark(it)
-        await it.until(lambda: "cue 0.0 s" in it.bars.status_line.text)
-        await it.press("underscore")
-        await it.sent("undoCue", "")
-        mark(it, "undone")
-        await it.until(lambda: "cue 0" not in it.bars.status_line.text)
-
-
-@pytest.mark.slow
-async def test_a_cue_that_a_rule_waits_for_starts_something_so_safe_holds_it_back() -> None:
-    client = FakeClient(replace(demo(), topics=frozenset({"cue"})))
-    async with console(client=client) as it:
+        it.screen.input.switch_safe()
+        await it.press("space")
+        await it.sent("markCue", "")
+    async with console(client=FakeClient(replace(demo(), topics=frozenset({"cue"})))) as it:
         it.screen.input.switch_safe()
         await it.press("space")
         await it.until(lambda: "cue not" in it.notice or "cue: not now" in it.notice)
         assert it.client.asked() == []
-    async with console() as it:
-        it.screen.input.switch_safe()
-        await it.press("space")
-        await it.sent("markCue", "")

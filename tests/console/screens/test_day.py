@@ -17,7 +17,7 @@ from textual.timer import Timer
 from rise_engine.kernel.records import MemoryRecord
 from tests.console.conftest import Console, console
 
-FOCUS_CHANGES, RECORDS = 60, 1_500
+FOCUS_CHANGES, RECORDS = 30, 600
 SLACK = 10
 """Objects more or less of one kind that are a matter of the moment: what is just on its way."""
 

@@ -68,9 +68,8 @@ async def study(size: tuple[int, int]) -> AsyncIterator[tuple[Console, KernelCli
         yield it, client
 
 
-@pytest.mark.parametrize("size", [(80, 24), (120, 40)])
-async def test_four_keys_after_the_stop_the_cut_sentence_is_said(size: tuple[int, int]) -> None:
-    async with study(size) as (it, client):
+async def test_four_keys_after_the_stop_the_cut_sentence_is_said() -> None:
+    async with study((80, 24)) as (it, client):
         session = client.session
         await it.press("t")
         for _ in range(40):

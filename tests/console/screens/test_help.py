@@ -19,7 +19,7 @@ from rise_tui.screens.help import (
     searched_text,
     study_help_entries,
 )
-from tests.console.conftest import Console, console
+from tests.console.conftest import console
 from tests.console.fake import FakeClient, demo
 
 
@@ -105,34 +105,24 @@ def test_nothing_found_says_so() -> None:
 # --- on the screen --------------------------------------------------------------------------------------------------
 
 
-async def opened(it: Console) -> HelpScreen:
-    await it.press("question_mark")
-    await it.until(lambda: isinstance(it.app.screen, HelpScreen))
-    screen = it.app.screen
-    assert isinstance(screen, HelpScreen)
-    await it.until(lambda: "Stop everything" in screen.list.text)
-    return screen
-
-
 @pytest.mark.slow
-@pytest.mark.parametrize("size", [(80, 24), (120, 40)])
-async def test_it_opens_searches_scrolls_and_closes(size: tuple[int, int]) -> None:
-    async with console(size=size) as it:
-        it.screen.pane_layout.focus_pane("memory")
-        screen = await opened(it)
-        assert screen.list.text.splitlines()[0].strip() == "Here: Memory"
-        assert screen.list.region.right <= size[0] and screen.list.region.bottom <= size[1]
-        await it.press("pagedown", "down")
-        assert screen.list.scroll_offset.y > 1
-        await it.press(*"zoom")
-        await it.until(lambda: "Gives the focused list" in screen.list.text)
-        assert "Stop everything" not in screen.list.text and screen.list.scroll_offset.y == 0
-        await it.press("escape")
-        assert it.app.screen is it.screen and it.client.sent == []
-
-
-async def test_half_a_regular_expression_shows_everything() -> None:
-    async with console() as it:
-        screen = await opened(it)
-        await it.press("slash", "left_parenthesis")
-        assert "Stop everything" in screen.list.text
+async def test_it_opens_searches_scrolls_and_closes() -> None:
+    async with console(size=(80, 24)) as it:
+        for size in ((80, 24), (120, 40)):
+            await it.pilot.resize_terminal(*size)
+            await it.focus("memory")
+            await it.press("question_mark")
+            screen = await it.shows(HelpScreen)
+            await it.until(lambda screen=screen: "Stop everything" in screen.list.text)  # type: ignore[misc]
+            assert "act Greet" in screen.list.text
+            assert screen.list.text.splitlines()[0].strip() == "Here: Memory"
+            assert screen.list.region.right <= size[0] and screen.list.region.bottom <= size[1]
+            await it.press("pagedown", "down")
+            assert screen.list.scroll_offset.y > 1
+            await it.press("slash", "left_parenthesis")  # half a regular expression
+            assert "Stop everything" in screen.list.text
+            await it.press("backspace", "backspace", *"zoom")
+            await it.until(lambda screen=screen: "Gives the focused list" in screen.list.text)  # type: ignore[misc]
+            assert "Stop everything" not in screen.list.text and screen.list.scroll_offset.y == 0
+            await it.press("escape")
+            assert it.app.screen is it.screen and it.client.sent == []

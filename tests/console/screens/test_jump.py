@@ -14,10 +14,7 @@ from tests.console.conftest import Console, console
 
 async def jumping(it: Console) -> JumpScreen:
     await it.press("ctrl+d")
-    await it.until(lambda: isinstance(it.app.screen, JumpScreen))
-    screen = it.app.screen
-    assert isinstance(screen, JumpScreen)
-    return screen
+    return await it.shows(JumpScreen)
 
 
 def text_of(screen: JumpScreen) -> str:
@@ -36,71 +33,51 @@ def test_a_label_names_letter_and_title() -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("size", [(80, 24), (120, 40), (200, 50)])
-async def test_the_letters_stand_on_every_list_pane_and_tab(size: tuple[int, int]) -> None:
-    async with console(size=size) as it:
-        screen = await jumping(it)
-        said = text_of(screen)
-        for name, letter in LETTERS.items():
-            title = it.pane(name).TITLE
-            assert f"[{letter}]{title.lower()}" in said.lower(), name
-        assert "esc leaves" in said
-        for region, line in screen._labels:
-            assert region.width and line_width(line) <= region.width
-            assert region.right <= size[0] and region.bottom <= size[1]
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("size", [(80, 24), (200, 50)])
-@pytest.mark.parametrize("name", list(LETTERS))
-async def test_a_letter_goes_there_also_to_a_hidden_tab(name: str, size: tuple[int, int]) -> None:
-    async with console(size=size) as it:
-        await jumping(it)
-        await it.press(LETTERS[name])
-        await it.until(lambda: it.app.screen is it.screen)
-        await it.until(lambda: it.pane(name).row_view.has_focus)
-        assert name in {pane.SCOPE for pane in it.screen.pane_layout.visible_panes()}
+async def test_a_letter_stands_on_every_list_pane_and_tab_and_goes_there() -> None:
+    async with console(size=(80, 24)) as it:
+        for size in ((80, 24), (120, 40), (200, 50)):
+            await it.pilot.resize_terminal(*size)
+            for name, letter in LETTERS.items():
+                screen = await jumping(it)
+                said = text_of(screen)
+                assert f"[{letter}]{it.pane(name).TITLE.lower()}" in said.lower(), name
+                assert "esc leaves" in said
+                for region, line in screen._labels:
+                    assert region.width and line_width(line) <= region.width
+                    assert region.right <= size[0] and region.bottom <= size[1]
+                await it.press(letter)
+                await it.back()
+                await it.until(lambda name=name: it.pane(name).row_view.has_focus)  # type: ignore[misc]
+                assert name in {pane.SCOPE for pane in it.screen.pane_layout.visible_panes()}, "also a hidden tab"
         assert it.client.sent == []
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("key", ["escape", "g", "n", "b", "enter", "space", "comma", "tab", "f3", "ctrl+d"])
-async def test_any_other_key_leaves_and_does_nothing(key: str) -> None:
+async def test_any_other_key_leaves_and_does_nothing_and_stop_works() -> None:
     async with console() as it:
         before = it.app.focused
+        for key in ("escape", "g", "n", "b", "enter", "space", "comma", "tab", "f3", "ctrl+d"):
+            await jumping(it)
+            await it.press(key)
+            await it.back()
+            await it.pilot.pause(0.1)
+            assert it.client.sent == [] and it.screen.focused is before, key
+            assert it.pane("acts").row_view.has_focus and "again?" not in it.text("acts")
         await jumping(it)
-        await it.press(key)
-        await it.until(lambda: it.app.screen is it.screen)
-        await it.pilot.pause(0.1)
-        assert it.client.sent == [] and it.screen.focused is before
-        assert it.pane("acts").row_view.has_focus and "again?" not in it.text("acts")
-
-
-@pytest.mark.parametrize("key", ["f9", "ctrl+g"])
-async def test_stop_works_while_jumping(key: str) -> None:
-    async with console() as it:
-        await jumping(it)
-        await it.press(key)
-        await it.sent("stopAll", "")
-
-
-async def test_from_a_zoomed_pane_to_any_other_which_is_then_zoomed() -> None:
-    async with console() as it:
-        await it.press("f3", "f4")
+        await it.press("f9", "ctrl+g")
+        await it.until(lambda: it.client.asked() == [("stopAll", "")] * 2)
+        await it.press("escape")
+        await it.press("f3", "f4")  # from a zoomed pane to any other, which is zoomed then
         assert "[a]acts" in text_of(await jumping(it))
         await it.press(LETTERS["memory"])
         await it.until(lambda: it.pane("memory").row_view.has_focus)
         assert [pane.SCOPE for pane in it.screen.pane_layout.visible_panes()] == ["memory"]
-
-
-async def test_a_click_or_another_size_leaves() -> None:
-    async with console() as it:
         await jumping(it)
         await it.pilot.click(offset=(60, 20))
-        await it.until(lambda: it.app.screen is it.screen)
+        await it.back()
         await jumping(it)
         await it.pilot.resize_terminal(100, 35)
-        await it.until(lambda: it.app.screen is it.screen)
+        await it.back()
 
 
 def test_the_key_is_in_the_registry() -> None:

@@ -12,6 +12,7 @@ from rise_tui.config.key_file import FIXED, read_keys
 from rise_tui.config.keymap import KeyFile, textual_keymap
 from rise_tui.config.paths import config_folder, key_file_path
 from rise_tui.key_labels import first_key_label, key_label, keys_of, use_own_keys
+from rise_tui.screens.help import HelpScreen
 from tests.console.conftest import console
 from tests.console.fake import DEMO, demo
 from tests.console.terminals import ROOT, terminal
@@ -160,9 +161,13 @@ def test_the_guide_names_every_action_that_is_not_of_one_pane() -> None:
 # --- in the console ---------------------------------------------------------------------------------------------------
 
 
-async def test_the_console_follows_the_file(tmp_path: Path) -> None:
+@pytest.mark.slow
+async def test_the_console_follows_the_file_and_shows_its_keys(tmp_path: Path) -> None:
     keys = written(tmp_path, '[keys]\nstop = "f12"\nhelp = "f5"\ncue = "%"\ntheme = "f6"\nfiller = []\n')
     async with console(keys=keys) as it:
+        hints = it.bars.key_hints.text
+        assert "F5 help" in hints and "? help" not in hints
+        assert first_key_label(BY_ID["cue"]) == "%" and keys_of(BY_ID["help"]) == ("f5",)
         await it.press("question_mark", "f9", "ctrl+g", "space", "comma")
         assert it.client.sent == [] and it.app.screen is it.screen, "a key that was taken away does something"
         await it.press("percent_sign")
@@ -172,15 +177,7 @@ async def test_the_console_follows_the_file(tmp_path: Path) -> None:
         await it.press("f6")
         await it.until(lambda: it.app.screen is not it.screen)  # an action that had no key
         await it.press("escape", "f5")
-        await it.until(lambda: type(it.app.screen).__name__ == "HelpScreen")
-
-
-async def test_the_keys_shown_are_the_keys_that_work(tmp_path: Path) -> None:
-    keys = written(tmp_path, '[keys]\nhelp = "f5"\ncue = "%"\n')
-    async with console(keys=keys) as it:
-        hints = it.bars.key_hints.text
-        assert "F5 help" in hints and "? help" not in hints
-        assert first_key_label(BY_ID["cue"]) == "%" and keys_of(BY_ID["help"]) == ("f5",)
+        await it.shows(HelpScreen)
     async with console() as it:
         assert "? help" in it.bars.key_hints.text, "the keys of another console are left over"
 

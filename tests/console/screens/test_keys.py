@@ -1,157 +1,105 @@
-"""No accidents (console.md 2.1 to 2.4): which keys start something, and where."""
+"""No accidents (console.md 2.1 to 2.4): which keys start something, and where. The rules themselves: test_input.py."""
 
 from __future__ import annotations
-
-import asyncio
 
 import pytest
 from textual import events
 
-from rise_engine.protocol.client import ClientInput, Reply
 from rise_tui.model.control import ControlLost
 from rise_tui.rendering.terminal_reader import mark_together
-from tests.console.conftest import console
+from tests.console.conftest import Console, console
 
 TAKEN = ControlLost("wizard:ben", 83.0)
 GREET = ("startCommunicationRobotAct", "Greet")
+GOODBYE = ("startCommunicationRobotAct", "Goodbye")
+
+pytestmark = pytest.mark.slow  # many keys each
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize(
-    ("key", "function", "behavior"),
-    [
-        ("g", "startCommunicationRobotAct", "Greet"),
-        ("full_stop", "startCommunicationRobotAct", "Filler"),
-        ("m", "startInteractionRule", "Main"),
-        ("n", "raiseEventTopic", "/next"),
-        ("u", "assignValue", "understood = true"),
-    ],
-)
-async def test_a_scenario_key_submits_its_task_as_the_wizard(key: str, function: str, behavior: str) -> None:
+async def test_a_scenario_key_submits_its_task_as_the_wizard_whatever_list_has_the_focus() -> None:
     async with console() as it:
-        await it.press(key)
-        await it.sent(function, behavior)
-        assert [message.source for message in it.client.sent] == ["wizard:anna"]
+        for key, function, behavior in (
+            ("g", *GREET),
+            ("full_stop", "startCommunicationRobotAct", "Filler"),
+            ("m", "startInteractionRule", "Main"),
+            ("n", "raiseEventTopic", "/next"),
+            ("u", "assignValue", "understood = true"),
+        ):
+            await it.press(key)
+            await it.sent(function, behavior)
+        assert [message.source for message in it.client.sent] == ["wizard:anna"] * 5
+        for pane in ("acts", "rules", "memory", "act", "rule", "scheduler", "log"):
+            it.client.sent.clear()
+            await it.pilot.pause(0.6)  # beyond the time in which a second press is the same one
+            await it.focus(pane)
+            await it.press("g")
+            await it.until(lambda: it.client.asked() == [GREET], pane)
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize("pane", ["acts", "rules", "memory", "act", "rule", "scheduler", "log"])
-async def test_scenario_keys_work_whatever_list_has_the_focus(pane: str) -> None:
+async def test_while_typing_and_in_dialogs_no_key_starts_anything_and_both_stop_keys_work() -> None:
     async with console() as it:
-        it.screen.pane_layout.focus_pane(pane)
-        await it.press("g")
-        await it.sent(*GREET)
+        for pane, *opening in (
+            ("acts",),
+            ("acts", "slash"),
+            ("memory", "enter"),
+            ("memory", "insert"),
+            ("acts", "question_mark"),
+            ("acts", "colon"),
+            ("acts", "f8"),
+            ("acts", "ctrl+c"),
+        ):
+            await it.focus(pane)
+            await it.press(*opening)
+            if opening:
+                await it.press("g", "m", "n", "p")
+                assert it.client.sent == [], opening
+            await it.press("f9", "ctrl+g")  # also when everything is stopped already
+            await it.until(lambda: it.client.asked() == [("stopAll", "")] * 2, str(opening))
+            it.client.sent.clear()
+            await it.press("escape", "escape")
+            await it.back()
 
 
-@pytest.mark.parametrize("opening", [("slash",), ("f3", "f3", "f3", "enter"), ("f3", "f3", "f3", "insert")])
-async def test_no_key_starts_anything_while_typing(opening: tuple[str, ...]) -> None:
+async def test_a_key_takes_away_what_has_been_read_and_nothing_that_has_not_been_shown(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
     async with console() as it:
-        await it.press(*opening)
-        await it.press("g", "m", "n", "p")
-        assert it.client.sent == []
+        painting, store = it.screen.refresh_scheduler, it.screen.session.store
 
+        async def shown(text: str) -> None:
+            it.screen.show_notice(text)
+            await it.until(lambda: text in it.notice)
+            painting._notice_at -= 2  # it has been there long enough to be read
 
-@pytest.mark.parametrize("opening", ["question_mark", "colon", "f8", "ctrl+c"])
-async def test_no_key_starts_anything_while_a_dialog_is_open(opening: str) -> None:
-    async with console() as it:
-        await it.press(opening)
-        await it.until(lambda: it.app.screen is not it.screen)
-        await it.press("g", "m", "n", "p")
-        assert it.client.sent == []
-
-
-async def test_that_a_command_is_on_its_way_is_to_be_seen_before_the_answer(monkeypatch: pytest.MonkeyPatch) -> None:
-    async with console() as it:
-        answer: asyncio.Event = asyncio.Event()
-        send = it.client.send
-
-        async def sends(message: ClientInput) -> Reply:
-            await answer.wait()
-            return await send(message)
-
-        monkeypatch.setattr(it.client, "send", sends)
-        await it.press("g")
-        await it.until(lambda: "sent" in it.row("acts", "Greet"))
-        answer.set()
-        await it.sent(*GREET)
-
-
-async def test_a_key_takes_the_notice_away() -> None:
-    async with console() as it:
-        it.screen.show_notice("read me")
-        await it.until(lambda: "read me" in it.notice)
-        it.screen.refresh_scheduler._notice_at -= 2  # it has been there long enough to be read
+        await shown("read me")
         await it.press("down")
         await it.until(lambda: not it.notice)
-
-
-async def test_a_key_takes_no_notice_away_that_has_not_been_shown(monkeypatch: pytest.MonkeyPatch) -> None:
-    async with console() as it:
-        painting, store = it.screen.refresh_scheduler, it.screen.session.store
-        it.screen.show_notice("read me")
-        await it.until(lambda: "read me" in it.notice)
-        painting._notice_at -= 2
-        monkeypatch.setattr(painting, "_paint", lambda: None)  # two keys in the time of one frame
-        painting.dismiss_read_notices()
-        assert store.notice is None
-        it.screen.show_notice("it was refused")
-        painting.dismiss_read_notices()
-        assert store.notice is not None and store.notice.text == "it was refused"
-
-
-async def test_a_key_takes_no_word_of_control_away_that_has_not_been_shown(monkeypatch: pytest.MonkeyPatch) -> None:
-    async with console() as it:
-        painting, store = it.screen.refresh_scheduler, it.screen.session.store
+        await shown("read me")
         store.control_lost = TAKEN
         painting.schedule({"status"})
         await it.until(lambda: painting._control_lost_at)
-        painting._control_lost_at -= 2  # it has been there long enough to be read
+        painting._control_lost_at -= 2
         monkeypatch.setattr(painting, "_paint", lambda: None)  # two keys in the time of one frame
         painting.dismiss_read_notices()
-        assert store.control_lost is None
+        assert store.notice is None and store.control_lost is None
+        it.screen.show_notice("it was refused")
         store.control_lost = TAKEN
         painting.dismiss_read_notices()
-        assert store.control_lost is TAKEN
+        assert store.notice is not None and store.notice.text == "it was refused" and store.control_lost is TAKEN
 
 
-async def test_stopped_keys_start_nothing_and_say_why() -> None:
-    async with console() as it:
-        it.client.stop("latched", ("speech",))
-        await it.until(lambda: it.screen.session.store.key_state == "STOPPED")
-        await it.press("g", "enter")
-        assert it.client.sent == []
-        assert "STOPPED" in it.notice and "ctrl+r" in it.notice
+async def armed(it: Console) -> None:
+    await it.press("b")
+    await it.until(lambda: "again?" in it.row("acts", "Goodbye"))
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize("key", ["f9", "ctrl+g"])
-@pytest.mark.parametrize(
-    "opening", [(), ("slash",), ("f3", "f3", "f3", "enter"), ("question_mark",), ("colon",), ("f8",), ("ctrl+c",)]
-)
-async def test_stop_works_on_every_screen_in_every_dialog_and_while_typing(key: str, opening: tuple[str, ...]) -> None:
-    async with console() as it:
-        await it.press(*opening)
-        await it.press(key)
-        await it.sent("stopAll", "")
-
-
-async def test_stop_is_never_refused_even_when_stopped_already() -> None:
-    async with console() as it:
-        await it.press("f9", "f9")
-        await it.until(lambda: it.client.asked() == [("stopAll", ""), ("stopAll", "")])
-
-
-async def test_a_paste_triggers_nothing() -> None:
+async def test_what_is_pasted_pressed_twice_or_once_too_little_starts_nothing() -> None:
     async with console() as it:
         it.app.post_message(events.Paste("gmnp\ng"))
         await it.pilot.pause(0.1)
         assert it.client.sent == []
-
-
-async def test_a_paste_without_brackets_triggers_nothing_and_is_told() -> None:
-    async with console() as it:
         pasted = [events.Key(key, key if len(key) == 1 else "\r") for key in ("g", "m", "enter", "p", "g")]
-        mark_together(pasted, True)  # all in one read of the terminal
+        mark_together(pasted, True)  # all in one read of the terminal, without brackets
         for key in pasted:
             it.app.post_message(key)
         await it.pilot.pause(0.2)
@@ -160,38 +108,22 @@ async def test_a_paste_without_brackets_triggers_nothing_and_is_told() -> None:
         await it.pilot.pause(0.3)
         await it.press("g")
         await it.sent(*GREET)
-
-
-async def test_a_second_press_within_the_debounce_time_counts_once() -> None:
-    async with console() as it:
         await it.press("p")
         await it.pilot.pause(0.2)
         await it.press("p")
-        assert it.client.asked() == [("startCommunicationRobotAct", "Praise")]
+        assert it.client.asked() == [GREET, ("startCommunicationRobotAct", "Praise")]
         assert "taken once" in it.notice
-
-
-async def test_a_hold_act_needs_a_second_key() -> None:
-    async with console() as it:
-        await it.press("b")
-        assert it.client.sent == []
-        await it.until(lambda: "again?" in it.row("acts", "Goodbye"))
-        assert "Goodbye" in it.notice
-        await it.press("enter")
-        await it.sent("startCommunicationRobotAct", "Goodbye")
-        assert len(it.client.sent) == 1  # and not the act under the cursor as well
-
-
-async def test_a_hold_act_takes_its_own_key_as_the_second_one() -> None:
-    async with console() as it:
-        await it.press("b")
-        await it.pilot.pause(0.3)
-        await it.press("b")
-        await it.sent("startCommunicationRobotAct", "Goodbye")
-
-
-async def test_esc_forgets_the_first_press_of_a_hold_act() -> None:
-    async with console() as it:
-        await it.press("b", "escape", "escape")
+        it.client.sent.clear()
+        await armed(it)
+        assert "Goodbye" in it.notice and it.client.sent == []
+        await it.press("escape", "escape")
         await it.until(lambda: "again?" not in it.text("acts"))
-        assert it.client.sent == []
+        assert it.client.sent == [], "esc forgets the first press"
+        for second in ("enter", "b"):
+            await it.pilot.pause(3)
+            await armed(it)
+            await it.pilot.pause(0.3)
+            await it.press(second)
+            await it.pilot.pause(1)
+            assert it.client.asked() == [GOODBYE], "and not the act under the cursor as well"
+            it.client.sent.clear()

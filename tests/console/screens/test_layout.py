@@ -38,59 +38,14 @@ def test_too_small(size: tuple[int, int]) -> None:
     assert is_too_small(*size)
 
 
-async def test_the_layout_is_given_as_plain_words_and_restored() -> None:
-    async with console(size=(80, 24)) as it:
-        it.screen.pane_layout.focus_pane("scheduler")
-        it.screen.pane_layout.focus_pane("memory")
-        state = it.screen.pane_layout.layout_state()
-        assert state == {"upper": "memory", "lower": "scheduler", "front": "memory", "focus": "memory"}
-    async with console(size=(120, 40)) as it:
-        it.screen.pane_layout.restore_state(state)
-        await it.until(lambda: it.pane("memory").row_view.has_focus)
-        assert {pane.SCOPE for pane in it.screen.pane_layout.visible_panes()} == {
-            "acts",
-            "rules",
-            "memory",
-            "scheduler",
-        }
-        assert it.screen.pane_layout.layout_state() == state
-
-
-async def test_what_nobody_sees_yet_is_made_after_the_first_frame() -> None:
-    async with console(size=(80, 24)) as it:
-        await it.until(lambda: all(pane.row_view.is_mounted for pane in it.screen.pane_layout.panes.values()))
+def visible(it: Console) -> set[str]:
+    return {pane.SCOPE for pane in it.screen.pane_layout.visible_panes()}
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("name", ["act", "memory", "scheduler", "log"])
-async def test_who_is_quicker_than_that_sees_the_pane_all_the_same(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(Layout, "_mount_hidden", lambda self: None)
-    async with console(size=(70, 20)) as it:
-        panes = it.screen.pane_layout
-        assert [pane.SCOPE for pane in panes.panes.values() if pane.children] == ["acts", "rules", "rule"]
-        panes.focus_pane(name)
-        await it.until(lambda: it.pane(name).row_view.has_focus)
-        assert {pane.SCOPE for pane in panes.visible_panes()} == {"acts", "rules", name}
-        await it.until(lambda: it.pane(name).row_view.size.height > 0)
-        assert len(it.pane(name).children) > 1
-        made: list[str] = []
-        monkeypatch.setattr(Pane, "_contents", lambda self: made.append(self.SCOPE) or iter(()))
-        panes.focus_pane("rule")
-        panes.focus_pane(name)
-        assert made == []
-
-
-@pytest.mark.parametrize("state", [{}, {"upper": "log", "lower": "acts", "front": "nothing", "focus": "?"}])
-async def test_a_state_that_makes_no_sense_changes_nothing(state: dict[str, str]) -> None:
-    async with console(size=(120, 40)) as it:
-        before = it.screen.pane_layout.layout_state()
-        it.screen.pane_layout.restore_state(state)
-        assert it.screen.pane_layout.layout_state() == before
-        assert it.pane("acts").row_view.has_focus
-
-
-async def test_shift_tab_goes_the_other_way_round() -> None:
+async def test_the_layout_is_given_as_plain_words_and_restored() -> None:
     async with console(size=(80, 24)) as it:
+        await it.until(lambda: all(pane.row_view.is_mounted for pane in it.screen.pane_layout.panes.values()))
         await it.press("tab", "tab")
         assert it.pane("act").row_view.has_focus
         seen = []
@@ -100,46 +55,79 @@ async def test_shift_tab_goes_the_other_way_round() -> None:
             assert pane is not None
             seen.append(pane.SCOPE)
         assert seen == ["rule", "scheduler", "log"]
+        await it.focus("scheduler")
+        await it.focus("memory")
+        state = it.screen.pane_layout.layout_state()
+        assert state == {"upper": "memory", "lower": "scheduler", "front": "memory", "focus": "memory"}
+    async with console(size=(120, 40)) as it:
+        before = it.screen.pane_layout.layout_state()
+        for nonsense in ({}, {"upper": "log", "lower": "acts", "front": "nothing", "focus": "?"}):
+            it.screen.pane_layout.restore_state(nonsense)
+            assert it.screen.pane_layout.layout_state() == before and it.pane("acts").row_view.has_focus
+        it.screen.pane_layout.restore_state(state)
+        await it.until(lambda: it.pane("memory").row_view.has_focus)
+        assert visible(it) == {"acts", "rules", "memory", "scheduler"}
+        assert it.screen.pane_layout.layout_state() == state
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("name", ["acts", "rules", "rule", "act", "memory", "log", "scheduler"])
-async def test_any_list_or_pane_can_be_zoomed_says_so_and_esc_goes_back(name: str) -> None:
+async def test_who_is_quicker_than_what_is_made_after_the_first_frame_sees_the_pane_all_the_same(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr(Layout, "_mount_hidden", lambda self: None)
+    async with console(size=(70, 20)) as it:
+        panes, names = it.screen.pane_layout, ("act", "memory", "scheduler", "log")
+        assert [pane.SCOPE for pane in panes.panes.values() if pane.children] == ["acts", "rules", "rule"]
+        for name in names:
+            panes.focus_pane(name)
+            await it.until(lambda name=name: it.pane(name).row_view.has_focus)  # type: ignore[misc]
+            assert visible(it) == {"acts", "rules", name}
+            await it.until(lambda name=name: it.pane(name).row_view.size.height > 0)  # type: ignore[misc]
+            assert len(it.pane(name).children) > 1
+        made: list[str] = []
+        monkeypatch.setattr(Pane, "_contents", lambda self: made.append(self.SCOPE) or iter(()))
+        for name in ("rule", *names):
+            panes.focus_pane(name)
+        assert made == []
+
+
+@pytest.mark.slow
+async def test_any_list_or_pane_can_be_zoomed_says_so_and_esc_goes_back() -> None:
     async with console(size=(80, 24)) as it:
-        it.screen.pane_layout.focus_pane(name)
-        before = {pane.SCOPE for pane in it.screen.pane_layout.visible_panes()}
-        await it.press("f4")
-        await it.until(lambda: it.pane(name).region.width == 80)
-        assert [pane.SCOPE for pane in it.screen.pane_layout.visible_panes()] == [name]
-        await it.until(lambda: "ZOOMED, ESC GOES BACK" in it.pane(name).title.text)
-        await it.press("escape")
-        await it.until(lambda: {pane.SCOPE for pane in it.screen.pane_layout.visible_panes()} == before)
-        assert "ZOOMED" not in it.pane(name).title.text and it.pane(name).row_view.has_focus
+        for name in ("acts", "rules", "rule", "act", "memory", "log", "scheduler"):
+            await it.focus(name)
+            before = visible(it)
+            await it.press("f4")
+            await it.until(lambda name=name: it.pane(name).region.width == 80)  # type: ignore[misc]
+            assert visible(it) == {name}
+            await it.until(lambda name=name: "ZOOMED, ESC GOES BACK" in it.pane(name).title.text)  # type: ignore[misc]
+            await it.press("escape")
+            await it.until(lambda before=before: visible(it) == before)  # type: ignore[misc]
+            assert "ZOOMED" not in it.pane(name).title.text and it.pane(name).row_view.has_focus
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("size", [(80, 24), (120, 40), (200, 50)])
-async def test_nothing_moves_when_what_panes_show_changes(size: tuple[int, int]) -> None:
-    async with console(size=size) as it:
-        before = {name: pane.region for name, pane in it.screen.pane_layout.panes.items()}
-        it.client.rule("Main", "entered", "waiting", previous="greeting", trigger="/Greet_end", transition=0)
-        for number in range(60):
-            it.client.task("raiseEventTopic", f"/topic{number}", "SUCCEEDED")
-            it.client.emit(MemoryRecord(0, 0.0, "", f"key{number}", number, None, "file", created=True))
-        it.client.act("Greet")
-        await it.until(lambda: "► running" in it.row("acts", "Greet"))
-        await it.until(lambda: len(it.screen.session.store.log.all) > 60)
-        await it.pilot.pause(0.1)
-        assert {name: pane.region for name, pane in it.screen.pane_layout.panes.items()} == before
-
-
-@pytest.mark.parametrize("size", [(80, 24), (120, 40), (200, 50)])
-async def test_every_cell_beside_the_bars_belongs_to_a_pane(size: tuple[int, int]) -> None:
-    async with console(size=size) as it:
-        room = it.screen.pane_layout.region
-        taken = sum(pane.region.area for pane in it.screen.pane_layout.visible_panes())
-        borders = 2 * room.height
-        assert room.area - borders <= taken <= room.area
+async def test_nothing_moves_when_what_panes_show_changes_and_every_cell_belongs_to_a_pane() -> None:
+    async with console(size=(80, 24)) as it:
+        for size in ((80, 24), (120, 40), (200, 50)):
+            await it.pilot.resize_terminal(*size)
+            await it.pilot.pause(0.1)
+            room = it.screen.pane_layout.region
+            taken = sum(pane.region.area for pane in it.screen.pane_layout.visible_panes())
+            borders = 2 * room.height
+            assert room.area - borders <= taken <= room.area
+            before = {name: pane.region for name, pane in it.screen.pane_layout.panes.items()}
+            it.client.rule("Main", "entered", "waiting", previous="greeting", trigger="/Greet_end", transition=0)
+            for number in range(60):
+                it.client.task("raiseEventTopic", f"/topic{number}", "SUCCEEDED")
+                it.client.emit(MemoryRecord(0, 0.0, "", f"key{size}{number}", number, None, "file", created=True))
+            task = it.client.act("Greet")
+            await it.until(lambda: "► running" in it.row("acts", "Greet"))
+            await it.until(lambda: len(it.screen.session.store.log.all) > 60)
+            await it.pilot.pause(0.1)
+            assert {name: pane.region for name, pane in it.screen.pane_layout.panes.items()} == before
+            it.client.end_task(task, "Greet")
+            it.client.rule("Main", "stopped", None)
 
 
 # --- small windows --------------------------------------------------------------------------------------------------
@@ -169,40 +157,24 @@ def test_a_stop_is_seen_there_too() -> None:
     assert "STOPPED" in sentences(20, 3, stopped=True)[0]
 
 
-async def shrunk(it: Console) -> TooSmallScreen:
-    await it.pilot.resize_terminal(60, 20)
-    await it.until(lambda: isinstance(it.app.screen, TooSmallScreen))
-    screen = it.app.screen
-    assert isinstance(screen, TooSmallScreen)
-    await it.until(lambda: "60 x 20" in screen.lines.text)
-    return screen
-
-
+@pytest.mark.slow
 async def test_in_a_small_window_stopping_works_and_nothing_else() -> None:
-    async with console(size=(80, 24)) as it:
-        await shrunk(it)
+    async with console(size=(60, 20), ready="") as it:
+        screen = await it.shows(TooSmallScreen)  # also when it begins so
+        await it.until(lambda: "60 x 20" in screen.lines.text)
         await it.press("g", "m", "enter", "colon", "question_mark", "escape")
-        assert it.client.sent == [] and isinstance(it.app.screen, TooSmallScreen)
+        assert it.client.sent == [] and it.app.screen is screen
         await it.press("f9")
         await it.sent("stopAll", "")
         await it.pilot.resize_terminal(80, 24)
-        await it.until(lambda: it.app.screen is it.screen)
+        await it.back()
         assert it.pane("acts").row_view.has_focus
-
-
-async def test_a_console_that_begins_in_a_small_window_says_so_at_once() -> None:
-    async with console(size=(50, 10)) as it:
-        await it.until(lambda: isinstance(it.app.screen, TooSmallScreen))
-
-
-@pytest.mark.slow
-async def test_a_window_that_grows_below_a_question_leaves_the_question() -> None:
-    async with console(size=(80, 24)) as it:
-        await shrunk(it)
+        await it.pilot.resize_terminal(60, 20)
+        await it.shows(TooSmallScreen)
         await it.press("ctrl+c")
-        await it.until(lambda: isinstance(it.app.screen, Dialog))
+        await it.shows(Dialog)
         await it.pilot.resize_terminal(80, 24)
         await it.pilot.pause(0.1)
-        assert isinstance(it.app.screen, Dialog)
+        assert isinstance(it.app.screen, Dialog), "a window that grows below a question leaves the question"
         await it.press("escape")
-        await it.until(lambda: it.app.screen is it.screen)
+        await it.back()

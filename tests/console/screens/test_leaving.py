@@ -21,87 +21,91 @@ from tests.console.conftest import Console, console
 from tests.console.fake import FakeClient, FakeLauncher, demo
 from tests.patience import PATIENCE
 
-ENDED = "ended: the record is in "
-
 pytestmark = pytest.mark.slow  # many keys each
 
 
 async def leaving(it: Console) -> list[str]:
     """What the question offers."""
     await it.press("ctrl+c")
-    await it.until(lambda: isinstance(it.app.screen, Dialog) and it.app.screen.query("#buttons"))
-    return [str(button.label) for button in it.app.screen.query(Button)]
+    dialog = await it.shows(Dialog)
+    await it.until(lambda: dialog.query("#buttons"))
+    return [str(button.label) for button in dialog.query(Button)]
 
 
 async def asked_to_end(it: Console) -> str:
     """What the question before the end says."""
     await leaving(it)
     await it.press("ctrl+x")
-    await it.until(lambda: isinstance(it.app.screen, EndSessionDialog) and it.app.screen.query("#word"))
-    question = it.app.screen
-    assert isinstance(question, EndSessionDialog)
+    question = await it.shows(EndSessionDialog)
+    await it.until(lambda: question.query("#word"))
     return "\n".join([str(question.query_one("#box").border_title), *question._lines])
 
 
-def begun(client: FakeClient, participant: str, condition: str = "") -> FakeClient:
-    client.emit(SessionRecord(0, 0.0, "", status="started", participant=participant, condition=condition))
-    return client
+async def has_left(it: Console, said: str, code: int = 0) -> None:
+    await it.until(lambda: not it.app.is_running)
+    assert it.app.exit_message == said and it.app.return_code == code
 
 
-async def test_no_key_of_any_study_ends_a_session() -> None:
+async def test_leaving_asks_once_and_no_key_of_any_study_ends_a_session() -> None:
     with pytest.raises(KeyRefusedError):
         bindable_key_name(END_KEY)
     async with console() as it:
+        assert await leaving(it) == ["Stay (esc)", "Detach (d)", "End the session (ctrl+x)"]
+        assert it.app.focused is not None and it.app.focused.id == "answer-d"
+        await it.press("ctrl+c")
+        assert len(it.app.screen_stack) == 3, "a second ctrl+c asks nothing more"
+        await it.press("escape")
+        await it.back()
+        assert it.client.closed == []
         await leaving(it)
         for key in (*"abcefghijklmnopqrstuvwxyz0123456789", "full_stop", "space", "f5"):
             await it.pilot.press(key)
         await it.pilot.pause(0.1)
         assert it.client.closed == [] and isinstance(it.app.screen, Dialog)
         await it.press("ctrl+x")
-        await it.until(lambda: isinstance(it.app.screen, EndSessionDialog))
+        question = await it.shows(EndSessionDialog)
         for word in ("e", "enter", "n", "x", "enter"):
             await it.press(word)
-        assert it.client.closed == [] and isinstance(it.app.screen, EndSessionDialog)
-        assert "that is not the word" in str(it.app.screen.query_one("#answer", Static).content)
+        assert it.client.closed == [] and it.app.screen is question
+        assert "that is not the word" in str(question.query_one("#answer", Static).content)
         await it.press("escape")
-        await it.until(lambda: it.app.screen is it.screen)
-        assert it.client.closed == []
+        await it.back()
+        await asked_to_end(it)
+        it.client.control_record("taken", "wizard:ben", "wizard:ben")  # while the question is open
+        await it.until(lambda: not it.screen.session.store.has_control)
+        await it.press("e", "n", "d", "enter")
+        await it.back()
+        assert it.client.closed == [] and "the session goes on: ben has control" in it.notice
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize("size", [(80, 24), (120, 40)])
-async def test_ending_names_who_and_all_that_runs(size: tuple[int, int]) -> None:
-    client = begun(FakeClient(demo()), "P07", "hesitation")
+async def test_ending_names_who_and_all_that_runs_and_stop_works_while_the_word_is_typed(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setenv("HOME", "/home/lab")
+    client = FakeClient(demo())
+    client.emit(SessionRecord(0, 0.0, "", status="started", participant="P07", condition="hesitation"))
     client.rule("Main", "entered", "waiting")
     client.act("Greet")
     client.act("Praise", "PENDING", position=0)
-    async with console(client=client, size=size) as it:
+    async with console(client=client, size=(80, 24)) as it:
+        await it.press("ctrl+n")  # who has locked the keys can still end the session
         said = await asked_to_end(it)
         for piece in ("End the session of P07 · hesitation?", "P07 · hesitation · Demo study", "cannot be continued"):
             assert piece in said
         for piece in ("rule Main: in waiting", "act Greet", "act Praise, waiting"):
             assert piece in said
         assert max(map(len, said.splitlines())) <= 66
-        box = it.app.screen.query_one("#box").region
-        assert box.height <= size[1] and it.app.screen.query_one("#word").region.y < box.bottom - 1
-
-
-async def test_stop_works_while_the_word_is_typed_and_the_question_stays() -> None:
-    async with console() as it:
-        await asked_to_end(it)
+        for size in ((120, 40), (80, 24)):
+            await it.pilot.resize_terminal(*size)
+            box = it.app.screen.query_one("#box").region
+            assert box.height <= size[1] and it.app.screen.query_one("#word").region.y < box.bottom - 1
         await it.press("e", "n", "f9")
         await it.sent("stopAll", "")
-        assert isinstance(it.app.screen, EndSessionDialog) and it.client.closed == []
+        assert isinstance(it.app.screen, EndSessionDialog) and client.closed == []
         await it.press("d", "enter")
-        await it.until(lambda: it.client.closed == [True])
-
-
-async def test_who_has_locked_the_keys_can_still_end_the_session() -> None:
-    async with console() as it:
-        await it.press("ctrl+n")
-        await asked_to_end(it)
-        await it.press("e", "n", "d", "enter")
-        await it.until(lambda: it.client.closed == [True])
+        await it.until(lambda: client.closed == [True])
+        folder = "~/rise-sessions/2026-11-21_141503_demo-study_debug"
+        await has_left(it, f"ended: the record is in {folder}\nwhat happened: rise-engine report {folder}")
 
 
 async def test_of_much_that_runs_it_is_said_how_much_more() -> None:
@@ -113,38 +117,28 @@ async def test_of_much_that_runs_it_is_said_how_much_more() -> None:
         assert said.count("act Filler") == 5 and "and 4 more" in said and "no participant named" in said
 
 
-async def test_leaving_offers_to_detach_to_end_and_to_stay() -> None:
+@pytest.mark.parametrize(
+    ("way", "said", "code"),
+    [
+        ("d", "", 0),
+        ("enter", "", 0),
+        (signal.SIGHUP, "SIGHUP: ", 129),
+        (signal.SIGTERM, "SIGTERM: ", 143),
+    ],
+)
+async def test_detaching_leaves_the_session_alone_and_so_does_a_signal(
+    way: str | signal.Signals, said: str, code: int
+) -> None:
     async with console() as it:
-        assert await leaving(it) == ["Stay (esc)", "Detach (d)", "End the session (ctrl+x)"]
-        assert it.app.focused is not None and it.app.focused.id == "answer-d"
-        await it.press("escape")
-        await it.until(lambda: it.app.screen is it.screen)
-        assert it.client.closed == []
-
-
-@pytest.mark.parametrize("key", ["d", "enter"])
-async def test_detaching_leaves_the_session_alone(key: str) -> None:
-    async with console() as it:
-        await leaving(it)
-        await it.press(key)
+        if isinstance(way, signal.Signals):
+            it.app._leave_by_signal(way)
+        else:
+            await leaving(it)
+            await it.press(way)
         await it.until(lambda: it.client.closed == [False])
-        await it.until(lambda: not it.app.is_running)
-        assert it.app.exit_message == "detached: Demo study goes on; come back with: rise-tui"
-        assert it.app.return_code == 0
+        await has_left(it, f"{said}detached: Demo study goes on; come back with: rise-tui", code)
 
 
-async def test_ending_ends_the_session_and_says_where_its_record_is(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setenv("HOME", "/home/lab")
-    async with console() as it:
-        await asked_to_end(it)
-        await it.press("e", "n", "d", "enter")
-        await it.until(lambda: it.client.closed == [True])
-        await it.until(lambda: not it.app.is_running)
-        said = f"{ENDED}~/rise-sessions/2026-11-21_141503_demo-study_debug"
-        assert it.app.exit_message == f"{said}\nwhat happened: rise-engine report {said.removeprefix(ENDED)}"
-
-
-@pytest.mark.slow
 @pytest.mark.parametrize("role", ["wizard", "observer"])
 async def test_who_has_no_control_can_only_leave(role: str) -> None:
     client = FakeClient(demo(), you=f"{role}:ben", role=role)  # type: ignore[arg-type]
@@ -155,33 +149,6 @@ async def test_who_has_no_control_can_only_leave(role: str) -> None:
         assert client.closed == [] and isinstance(it.app.screen, Dialog)
         await it.press("d")
         await it.until(lambda: client.closed == [False])
-
-
-async def test_control_that_is_lost_while_the_question_is_open_ends_nothing() -> None:
-    async with console() as it:
-        await asked_to_end(it)
-        it.client.control_record("taken", "wizard:ben", "wizard:ben")
-        await it.until(lambda: not it.screen.session.store.has_control)
-        await it.press("e", "n", "d", "enter")
-        await it.until(lambda: it.app.screen is it.screen)
-        assert it.client.closed == [] and "the session goes on: ben has control" in it.notice
-
-
-async def test_a_second_ctrl_c_asks_nothing_more() -> None:
-    async with console() as it:
-        await leaving(it)
-        await it.press("ctrl+c")
-        assert len(it.app.screen_stack) == 3
-
-
-@pytest.mark.parametrize("number", [signal.SIGHUP, signal.SIGTERM])
-async def test_a_signal_detaches(number: signal.Signals) -> None:
-    async with console() as it:
-        it.app._leave_by_signal(number)
-        await it.until(lambda: it.client.closed == [False])
-        await it.until(lambda: not it.app.is_running)
-        assert it.app.exit_message == f"{number.name}: detached: Demo study goes on; come back with: rise-tui"
-        assert it.app.return_code == 128 + number
 
 
 async def test_a_session_whose_engine_has_gone_goes_on_in_the_same_console() -> None:

@@ -19,8 +19,8 @@ def soon(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(session_module, "REATTACH_SECONDS", 0.05)
 
 
-async def attached_again(it: Console) -> None:
-    await it.until(lambda: it.screen.session.store.log.rebuild_count == 2)
+async def attached_again(it: Console, times: int = 2) -> None:
+    await it.until(lambda: it.screen.session.store.log.rebuild_count == times)
 
 
 # --- the connection ---------------------------------------------------------------------------------------------------
@@ -40,9 +40,17 @@ async def test_a_cut_connection_comes_back_by_itself_with_the_true_state() -> No
         it.client.act("Filler")
         await it.until(lambda: it.pane("log").row_view.count == 3)
         assert "LIVE" in it.bars.status_line.text and not it.bars.alarm_bar.display
+        it.client.cut()
+        it.client.control_record("taken", "wizard:ben", "wizard:ben")
+        await attached_again(it, 3)
+        await it.until(lambda: "ben took control while the connection was cut" in it.bars.attention_bar.text)
+        assert "WATCHING · ben has control" in it.bars.status_line.text
+        it.client.gone = "its process is not there any more"
+        it.client.cut()
+        await it.until(lambda: "ENGINE GONE" in it.bars.alarm_bar.text, "an engine may go while the connection is cut")
 
 
-async def test_what_was_sent_while_it_was_cut_is_not_shown_as_sent_any_more() -> None:
+async def test_what_was_sent_while_it_was_cut_is_not_shown_as_sent_and_a_stop_is_asked_for_again() -> None:
     client = FakeClient(demo())
     client.answers = False
     async with console(client=client) as it:
@@ -51,16 +59,10 @@ async def test_what_was_sent_while_it_was_cut_is_not_shown_as_sent_any_more() ->
         client.cut()
         await attached_again(it)
         await it.until(lambda: "sent" not in it.row("acts", "Greet"))
-
-
-async def test_a_stop_that_was_on_its_way_is_asked_for_again() -> None:
-    client = FakeClient(demo())
-    client.answers = False
-    async with console(client=client) as it:
         await it.press("f9")
         await it.until(lambda: "STOP sent" in it.bars.alarm_bar.text)
         client.cut()
-        await attached_again(it)
+        await attached_again(it, 3)
         await it.until(lambda: "STOP may not have arrived: press F9 again" in it.notice)
 
 
@@ -81,61 +83,20 @@ async def test_while_it_is_cut_the_screen_says_so_and_keys_are_refused() -> None
         await attached_again(it)
         await it.until(lambda: not it.bars.alarm_bar.display)
         assert client.sent == [], "nothing was queued"
-
-
-async def test_control_that_was_lost_while_it_was_cut_is_told() -> None:
-    async with console() as it:
-        it.client.cut()
-        it.client.control_record("taken", "wizard:ben", "wizard:ben")
-        await attached_again(it)
-        await it.until(lambda: "ben took control while the connection was cut" in it.bars.attention_bar.text)
-        assert "WATCHING · ben has control" in it.bars.status_line.text
-
-
-async def test_control_comes_back_with_the_connection_when_nobody_else_has_it() -> None:
-    async with console() as it:
-        it.client.cut()
-        it.client.you = "wizard:anna#2"  # the engine has not yet noticed that the first one is cut
-        await attached_again(it)
+        client.cut()
+        client.you = "wizard:anna#2"  # the engine has not yet noticed that the first one is cut
+        await attached_again(it, 3)
         await it.until(lambda: "WATCHING · anna has control" in it.bars.status_line.text)
         assert not it.bars.attention_bar.display
-        it.client.control_record("released", "wizard:anna", None)
-        await it.until(lambda: it.client.verbs == ["take"])
+        client.task("assignValue", '{"task": 3}', "SUCCEEDED", ref="anna-1")
+        await it.pilot.pause(0.2)
+        assert "task = 3" not in it.notice, "a second console of the same wizard is another one"
+        client.control_record("released", "wizard:anna", None)
+        await it.until(lambda: client.verbs == ["take"], "control comes back when nobody else has it")
         await it.until(lambda: "LIVE" in it.bars.status_line.text and "anna#2" in it.bars.status_line.text)
 
 
-async def test_a_second_console_of_the_same_wizard_is_another_one() -> None:
-    async with console(client=FakeClient(demo(), you="wizard:anna#2")) as it:
-        await it.until(lambda: "WATCHING · anna has control" in it.bars.status_line.text)
-        it.client.task("assignValue", '{"task": 3}', "SUCCEEDED", ref="anna-1")
-        await it.pilot.pause(0.2)
-        assert "task = 3" not in it.notice
-
-
 # --- the engine -------------------------------------------------------------------------------------------------------
-
-
-async def test_an_engine_that_has_gone_says_that_the_session_can_be_recovered() -> None:
-    async with console(size=(80, 24)) as it:
-        it.client.end("its process is not there any more")
-        await it.until(lambda: "ENGINE GONE" in it.bars.alarm_bar.text)
-        assert "its process is not there any more" in it.bars.alarm_bar.text
-        assert "ctrl+c recovers the session, or leaves" in it.bars.alarm_bar.text
-        assert "GONE" in it.bars.status_line.text
-
-
-async def test_an_engine_that_goes_while_the_connection_is_cut() -> None:
-    async with console() as it:
-        it.client.gone = "its process is not there any more"
-        it.client.cut()
-        await it.until(lambda: "ENGINE GONE" in it.bars.alarm_bar.text)
-
-
-async def test_nothing_to_recover_is_not_promised() -> None:
-    async with console(client=FakeClient(demo(), folder="")) as it:
-        it.client.end("a bug")
-        await it.until(lambda: "ENGINE GONE" in it.bars.alarm_bar.text)
-        assert "recovered" not in it.bars.alarm_bar.text
 
 
 async def test_a_session_that_somebody_ends_is_told_as_that() -> None:
@@ -147,32 +108,40 @@ async def test_a_session_that_somebody_ends_is_told_as_that() -> None:
         assert "the session is over" in it.notice
 
 
+async def test_nothing_to_recover_is_not_promised() -> None:
+    client = FakeClient(demo(), folder="")
+    client.journal(trouble="the disk is read-only")
+    async with console(client=client) as it:
+        await it.until(lambda: "NOT RECORDING" in it.bars.alarm_bar.text, "trouble of before shows at once")
+        client.end("a bug")
+        await it.until(lambda: "ENGINE GONE" in it.bars.alarm_bar.text)
+        assert "recovered" not in it.bars.alarm_bar.text
+
+
 # --- the record -------------------------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("size", [(80, 24), (120, 40)])
-async def test_a_record_that_fails_is_an_alarm_and_nothing_starts(size: tuple[int, int]) -> None:
-    async with console(size=size) as it:
+async def test_a_record_that_lags_shows_and_one_that_fails_is_an_alarm_and_nothing_starts() -> None:
+    async with console(size=(80, 24)) as it:
+        it.client.journal(behind=0.4)
+        it.client.journal(behind=3.2)
+        await it.until(lambda: "disk 3 s behind" in it.bars.status_line.text)
+        it.client.journal()
+        await it.until(lambda: "behind" not in it.bars.status_line.text)
         it.client.journal(trouble="no space is left on the disk")
         await it.until(lambda: "NOT RECORDING" in it.bars.alarm_bar.text and it.bars.alarm_bar.display)
-        said = it.bars.alarm_bar.text
-        assert "no space is left on the disk" in said
-        assert "the session is paused: nothing starts until the disk takes records again" in said
-        assert "F9 still stops the robot" in said and "…" not in said
+        for size in ((120, 40), (80, 24)):
+            await it.pilot.resize_terminal(*size)
+            said = it.bars.alarm_bar.text
+            assert "no space is left on the disk" in said
+            assert "the session is paused: nothing starts until the disk takes records again" in said
+            assert "F9 still stops the robot" in said and "…" not in said
         assert "PAUSED" in it.bars.status_line.text and "LIVE" not in it.bars.status_line.text
         await it.press("g")
         await it.until(lambda: "Greet not started: NOT RECORDING, the session is paused: no space" in it.notice)
         assert it.client.sent == []
         await it.press("f9")
         await it.sent("stopAll", "")
-        it.client.journal()
-        await it.until(lambda: "NOT RECORDING" not in it.bars.alarm_bar.text)
-        assert "the disk takes records again" in it.notice
-
-
-async def test_a_stop_and_a_failing_record_both_show() -> None:
-    async with console(size=(80, 24)) as it:
-        it.client.journal(trouble="no space is left on the disk")
         it.client.stop("latched", ("pepper/speech",), ("pepper/base",))
         await it.until(lambda: "STOPPED" in it.bars.alarm_bar.text)
         lines = it.bars.alarm_bar.text.splitlines()
@@ -184,22 +153,14 @@ async def test_a_stop_and_a_failing_record_both_show() -> None:
         it.client.stop("requested")
         await it.until(lambda: "STOP requested" in it.bars.alarm_bar.text)
         assert "NOT RECORDING" in it.bars.alarm_bar.text
-
-
-async def test_a_disk_that_lags_shows() -> None:
-    async with console(size=(80, 24)) as it:
-        it.client.journal(behind=0.4)
-        it.client.journal(behind=3.2)
-        await it.until(lambda: "disk 3 s behind" in it.bars.status_line.text)
         it.client.journal()
-        await it.until(lambda: "behind" not in it.bars.status_line.text)
-
-
-async def test_trouble_that_was_there_before_shows_at_once() -> None:
-    client = FakeClient(demo())
-    client.journal(trouble="the disk is read-only")
-    async with console(client=client) as it:
-        await it.until(lambda: "NOT RECORDING" in it.bars.alarm_bar.text)
+        await it.until(lambda: "NOT RECORDING" not in it.bars.alarm_bar.text)
+        assert "the disk takes records again" in it.notice
+        it.client.end("its process is not there any more")
+        await it.until(lambda: "ENGINE GONE" in it.bars.alarm_bar.text)
+        assert "its process is not there any more" in it.bars.alarm_bar.text
+        assert "ctrl+c recovers the session, or leaves" in it.bars.alarm_bar.text
+        assert "GONE" in it.bars.status_line.text
 
 
 # --- a replay ---------------------------------------------------------------------------------------------------------
@@ -255,14 +216,8 @@ async def test_a_console_that_lay_behind_shows_the_state_as_it_is_and_says_that_
         await it.until(lambda: it.pane("log").row_view.count == 4)
         await it.press("f9")
         await it.until(lambda: ("stopAll", "") in client.asked())
-
-
-async def test_control_that_has_gone_meanwhile_is_seen() -> None:
-    async with console() as it:
-        client, store = it.client, it.screen.session.store
         state = client.attach_reply().view
-        had = store.has_control
         state.control = "wizard:ben"
         client._queue.put_nowait([Resync(state, len(state.tasks))])
         await it.until(lambda: store.view.control == "wizard:ben")
-        assert (store.control_lost is not None) == (had and not store.has_control)
+        assert store.control_lost is not None, "control that has gone meanwhile is seen"

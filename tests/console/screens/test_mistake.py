@@ -56,8 +56,15 @@ def record(it: Console, id: int, mark: str) -> None:
     it.client.emit(MistakeRecord(0, 0.0, "", id, "Greet", mark, "wizard:anna"))  # type: ignore[arg-type]
 
 
-async def test_the_newest_act_is_wrong_at_once() -> None:
+@pytest.mark.slow
+async def test_the_newest_act_is_wrong_at_once_and_a_letter_is_the_better_word(monkeypatch: pytest.MonkeyPatch) -> None:
     async with console() as it:
+        await it.press("exclamation_mark")
+        await it.until(lambda: "you have done nothing yet" in it.notice or "nothing has been started" in it.notice)
+        it.client.task("raiseEventTopic", "/next", "SUCCEEDED", source="ros:camera")
+        await it.press("exclamation_mark")
+        await it.until(lambda: "you have done nothing yet" in it.notice)
+        assert marks(it) == [] and not it.bars.mistake_line.is_open
         it.client.act("Praise", "SUCCEEDED")
         id = it.client.act("Greet")
         await it.press("exclamation_mark")
@@ -68,35 +75,65 @@ async def test_the_newest_act_is_wrong_at_once() -> None:
         await it.until(lambda: "! marked wrong" in it.bars.mistake_line.text and "Greet" in it.bars.mistake_line.text)
         for piece in ("w wrong", "l late", "e early", "d double", "u undo", "esc"):
             assert piece in it.bars.mistake_line.text
+        await it.press("escape")
+        for key, better in (("l", "late"), ("e", "early"), ("d", "double"), ("u", "none"), ("w", ""), ("escape", "")):
+            it.client.sent.clear()
+            await it.pilot.pause(0.6)  # beyond the time in which a second press is the same one
+            await it.press("exclamation_mark", key)
+            wanted = [f"{id} wrong", *([f"{id} {better}"] if better else [])]
+            await it.until(lambda wanted=wanted: marks(it) == wanted, key)  # type: ignore[misc]
+            await it.until(lambda: it.pane("acts").row_view.has_focus and not it.bars.mistake_line.is_open)
+            await it.pilot.pause(0.1)
+            assert marks(it) == wanted, "wrong it is already"
+            assert it.bars.notice_line.display
+        it.client.sent.clear()
+        await it.pilot.pause(0.6)
+        await it.press("exclamation_mark", "p")  # any other key closes it and does what it always does
+        await it.sent(ACT, "Praise")
+        assert marks(it) == [f"{id} wrong"] and not it.bars.mistake_line.is_open
+        await it.pilot.pause(0.6)
+        await it.press("exclamation_mark", "f3")
+        await it.until(lambda: it.pane("rule").row_view.has_focus)
+        await it.press("f2")
+        monkeypatch.setattr(line, "OPEN_SECONDS", 0.2)
+        await it.pilot.pause(0.6)
+        await it.press("exclamation_mark")
+        await it.until(lambda: not it.bars.mistake_line.is_open and it.pane("acts").row_view.has_focus)
+        await it.press("g")  # closed by itself, it swallows nothing
+        await it.sent(ACT, "Greet")
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(("key", "mark"), [("l", "late"), ("e", "early"), ("d", "double"), ("u", "none")])
-async def test_a_letter_is_the_better_word(key: str, mark: str) -> None:
-    async with console() as it:
-        id = it.client.act("Greet")
-        await it.press("exclamation_mark", key)
-        await it.until(lambda: marks(it) == [f"{id} wrong", f"{id} {mark}"])
-        await it.until(lambda: it.pane("acts").row_view.has_focus and not it.bars.mistake_line.is_open)
-        assert it.bars.notice_line.display
-
-
-@pytest.mark.parametrize("key", ["w", "escape"])
-async def test_wrong_it_is_already(key: str) -> None:
-    async with console() as it:
-        id = it.client.act("Greet")
-        await it.press("exclamation_mark", key)
-        await it.until(lambda: not it.bars.mistake_line.is_open)
-        await it.pilot.pause(0.1)
-        assert marks(it) == [f"{id} wrong"]
-
-
-async def test_its_letters_are_not_the_scenarios_keys_while_it_is_open(monkeypatch: pytest.MonkeyPatch) -> None:
+async def test_whatever_key_was_pressed_last_is_marked_by_its_name() -> None:
     scenario = demo()
-    keys = {**scenario.keys, "e": replace(scenario.keys["g"], key="e", label="e")}
-    async with console(client=FakeClient(replace(scenario, keys=keys))) as it:
-        it.client.act("Praise")
-        await it.press("exclamation_mark", "e")
+    judged = replace(scenario.keys["n"], key="k", label="k", behavior="/understood", title="understood", keep=2.0)
+    keys = {**scenario.keys, "e": replace(scenario.keys["g"], key="e", label="e"), "k": judged}
+    async with console(client=FakeClient(replace(scenario, keys=keys)), size=(80, 24)) as it:
+        tasks = it.screen.session.store.view.tasks
+        for key, function, name in (
+            ("n", "raiseEventTopic", "n: raised next"),
+            ("u", "assignValue", "u: understood = true"),
+            ("m", "startInteractionRule", "m: rule Main"),
+            ("p", ACT, "Praise"),
+            ("space", "markCue", "cue"),
+            ("k", "raiseEventTopic", "k: understood"),  # it may come early: what the author calls it
+        ):
+            it.client.sent.clear()
+            await it.press(key)
+            await it.until(lambda function=function: it.client.sent and it.client.sent[0].function == function)  # type: ignore[misc]
+            await it.until(lambda: it.client._tasks in tasks)
+            id = it.client._tasks
+            it.client.act("Praise", source="rule:Main")  # what the key has led to
+            await it.pilot.pause(0.6)
+            await it.press("exclamation_mark")
+            await it.until(lambda id=id: marks(it) == [f"{id} wrong"], name)  # type: ignore[misc]
+            record(it, id, "wrong")
+            await it.until(lambda name=name: f"! marked wrong {name} " in it.bars.mistake_line.text, name)  # type: ignore[misc]
+            assert "d double" in it.bars.mistake_line.text
+            await it.press("escape")
+        it.client.sent.clear()
+        await it.pilot.pause(0.6)
+        await it.press("exclamation_mark", "e")  # its letters are not the scenario's keys while it is open
         await it.until(lambda: len(marks(it)) == 2)
         await it.pilot.pause(0.1)
         assert (ACT, "Greet") not in it.client.asked()
@@ -104,88 +141,13 @@ async def test_its_letters_are_not_the_scenarios_keys_while_it_is_open(monkeypat
         await it.sent(ACT, "Greet")
 
 
-async def test_any_other_key_closes_it_and_does_what_it_always_does() -> None:
-    async with console() as it:
-        id = it.client.act("Greet")
-        await it.press("exclamation_mark", "p")
-        await it.sent(ACT, "Praise")
-        assert marks(it) == [f"{id} wrong"] and not it.bars.mistake_line.is_open
-        await it.press("exclamation_mark", "f3")
-        await it.until(lambda: it.pane("rule").row_view.has_focus)
-
-
-async def test_it_closes_by_itself_and_then_swallows_nothing(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(line, "OPEN_SECONDS", 0.2)
-    async with console() as it:
-        it.client.act("Greet")
-        await it.press("exclamation_mark")
-        await it.until(lambda: not it.bars.mistake_line.is_open and it.pane("acts").row_view.has_focus)
-        await it.press("g")
-        await it.sent(ACT, "Greet")
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize(
-    ("key", "function", "behavior", "name"),
-    [
-        ("n", "raiseEventTopic", "/next", "n: raised next"),
-        ("u", "assignValue", "understood = true", "u: understood = true"),
-        ("m", "startInteractionRule", "Main", "m: rule Main"),
-        ("p", ACT, "Praise", "Praise"),
-        ("space", "markCue", "", "cue"),
-    ],
-)
-async def test_whatever_key_was_pressed_last_is_marked_by_its_name(
-    key: str, function: str, behavior: str, name: str
-) -> None:
-    async with console(size=(80, 24)) as it:
-        await it.press("g", key)
-        await it.sent(function, behavior)
-        await it.until(lambda: len(it.screen.session.store.view.tasks) == 2)
-        await it.press("exclamation_mark")
-        await it.until(lambda: marks(it) == ["2 wrong"])
-        record(it, 2, "wrong")
-        await it.until(lambda: "! marked wrong" in it.bars.mistake_line.text)
-        assert f" {name} " in it.bars.mistake_line.text and "d double" in it.bars.mistake_line.text
-
-
-async def test_a_feedback_key_that_may_come_early_is_marked_by_what_the_author_calls_it() -> None:
-    scenario = demo()
-    judged = replace(scenario.keys["n"], key="k", label="k", behavior="/understood", title="understood", keep=2.0)
-    async with console(client=FakeClient(replace(scenario, keys={**scenario.keys, "k": judged}))) as it:
-        it.client.act("Greet")
-        await it.press("k")
-        await it.until(lambda: len(it.screen.session.store.view.tasks) == 2)
-        it.client.act("Praise", source="rule:Main")  # what the key has led to
-        await it.press("exclamation_mark")
-        await it.until(lambda: marks(it) == ["2 wrong"])
-        record(it, 2, "wrong")
-        await it.until(lambda: "! marked wrong k: understood " in it.bars.mistake_line.text)
-
-
-async def test_a_second_console_is_the_same_person() -> None:
+async def test_a_second_console_is_the_same_person_and_the_mark_stands_in_the_log() -> None:
     client = FakeClient(demo(), you="wizard:anna#2", holder="wizard:anna#2")
-    client.task("raiseEventTopic", "/next", "SUCCEEDED")
-    async with console(client=client) as it:
+    id = client.act("Greet", "SUCCEEDED")
+    async with console(client=client, size=(200, 50)) as it:
         await it.press("exclamation_mark")
         await it.until(lambda: marks(it) == ["1 wrong"])
-
-
-async def test_without_a_deed_there_is_nothing_to_mark() -> None:
-    async with console() as it:
-        await it.press("exclamation_mark")
-        await it.until(lambda: "you have done nothing yet" in it.notice or "nothing has been started" in it.notice)
-        it.client.task("raiseEventTopic", "/next", "SUCCEEDED", source="ros:camera")
-        await it.press("exclamation_mark")
-        await it.until(lambda: "you have done nothing yet" in it.notice)
-        assert marks(it) == [] and not it.bars.mistake_line.is_open
-
-
-async def test_the_mark_stands_in_the_log() -> None:
-    async with console(size=(200, 50)) as it:
-        id = it.client.act("Greet", "SUCCEEDED")
         log = it.pane("log").row_view
-        await it.until(lambda: log.count == 1)
         record(it, id, "late")
         await it.until(lambda: "late" in plain_text(log.row_at(0).line))
         record(it, id, "none")

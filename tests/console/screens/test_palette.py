@@ -114,38 +114,44 @@ def test_a_hold_act_stays_one_and_keeps_its_debounce() -> None:
 
 async def opened(it: Console, typed: str = "", key: str = "colon") -> Palette:
     await it.press(key)
-    await it.until(lambda: isinstance(it.app.screen, Palette))
-    screen = it.app.screen
-    assert isinstance(screen, Palette)
+    screen = await it.shows(Palette)
     await it.until(lambda: screen.current is not None)
     await it.press(*typed)
     return screen
 
 
+async def closed(it: Console) -> None:
+    await it.press("escape")
+    await it.back()
+
+
 @pytest.mark.slow
-@pytest.mark.parametrize("size", [(80, 24), (120, 40), (200, 50)])
-@pytest.mark.parametrize("key", ["colon", "ctrl+p"])
-async def test_enter_does_what_the_cursor_is_on(key: str, size: tuple[int, int]) -> None:
-    async with console(size=size) as it:
-        screen = await opened(it, "praise", key)
-        assert screen.list.region.right <= size[0] and screen.list.region.bottom <= size[1]
-        await it.until(lambda: screen.current is not None and screen.current.title == "Praise")
-        await it.press("enter")
-        await it.sent("startCommunicationRobotAct", "Praise")
-        assert it.app.screen is it.screen
-
-
-async def test_the_cursor_goes_up_and_down_and_a_letter_brings_it_back_to_the_first() -> None:
-    async with console() as it:
+async def test_enter_does_what_the_cursor_is_on_or_says_why_not() -> None:
+    async with console(size=(80, 24)) as it:
+        for size, key in (((80, 24), "colon"), ((120, 40), "ctrl+p"), ((200, 50), "colon")):
+            await it.pilot.resize_terminal(*size)
+            await it.pilot.pause(0.6)
+            screen = await opened(it, "praise", key)
+            assert screen.list.region.right <= size[0] and screen.list.region.bottom <= size[1]
+            await it.until(lambda screen=screen: screen.current is not None and screen.current.title == "Praise")  # type: ignore[misc]
+            await it.press("enter")
+            await it.sent("startCommunicationRobotAct", "Praise")
+            await it.back()
+            it.client.sent.clear()
         screen = await opened(it)
         await it.press("down", "down", "up", "pagedown", "pageup", "down")
         assert screen.list.cursor == 2
-        await it.press("z", "o")
+        await it.press("z", "o")  # a letter brings it back to the first
         assert screen.list.cursor == 0 and screen.current is not None and screen.current.title == "Zoom"
-
-
-async def test_what_cannot_be_done_says_why_in_its_line_and_when_it_is_chosen() -> None:
-    async with console() as it:
+        await closed(it)
+        screen = await opened(it, "qqqq")
+        assert "nothing found" in screen.list.text
+        await it.press("enter")
+        assert it.app.screen is screen
+        await closed(it)
+        await opened(it, "g")
+        await closed(it)
+        assert it.client.sent == [] and it.pane("acts").row_view.has_focus, "letters start nothing"
         it.client.stop("latched")
         await it.until(lambda: it.screen.session.store.key_state == "STOPPED")
         screen = await opened(it, "praise")
@@ -153,36 +159,14 @@ async def test_what_cannot_be_done_says_why_in_its_line_and_when_it_is_chosen() 
         await it.press("enter")
         await it.until(lambda: "Praise: not now, STOPPED" in it.notice)
         assert it.client.sent == []
-
-
-async def test_leaving_asks_as_its_key_does() -> None:
-    async with console() as it:
         screen = await opened(it, "leave")
         await it.until(lambda: screen.current is not None and screen.current.title == "Leave")
         await it.press("enter")
         await it.until(lambda: it.app.screen.has_class("-quit"))
 
 
-async def test_esc_does_nothing_and_letters_start_nothing() -> None:
-    async with console() as it:
-        await opened(it, "g")
-        await it.press("escape")
-        await it.until(lambda: it.app.screen is it.screen)
-        assert it.client.sent == [] and it.pane("acts").row_view.has_focus
-
-
-async def test_nothing_found_chooses_nothing() -> None:
-    async with console() as it:
-        screen = await opened(it, "qqqq")
-        assert "nothing found" in screen.list.text
-        await it.press("enter")
-        assert it.app.screen is screen
-        await it.press("escape")
-        await it.until(lambda: it.app.screen is it.screen)
-
-
 @pytest.mark.slow
-async def test_moving_over_a_theme_shows_it_and_esc_brings_back_the_one_before() -> None:
+async def test_moving_over_a_theme_shows_it_enter_takes_it_and_esc_brings_back_the_one_before() -> None:
     async with console() as it:
         before = it.app.theme
         screen = await opened(it, "theme light")
@@ -191,17 +175,10 @@ async def test_moving_over_a_theme_shows_it_and_esc_brings_back_the_one_before()
         await it.until(lambda: it.app.theme == before)
         await it.press(*"light")
         await it.until(lambda: it.app.theme == "rise-light" and screen.current is not None)
-        await it.press("escape")
-        await it.until(lambda: it.app.screen is it.screen and it.app.theme == before)
-
-
-@pytest.mark.slow
-async def test_a_theme_is_chosen_by_enter_and_stays() -> None:
-    async with console() as it:
+        await closed(it)
+        await it.until(lambda: it.app.theme == before)
         it.screen.action_do("theme")
-        await it.until(lambda: isinstance(it.app.screen, Palette))
-        screen = it.app.screen
-        assert isinstance(screen, Palette)
+        screen = await it.shows(Palette)
         await it.until(lambda: screen.current is not None)
         assert {command.kind for command in screen._commands} == {"theme"}
         seen = set()
@@ -210,8 +187,7 @@ async def test_a_theme_is_chosen_by_enter_and_stays() -> None:
             seen.add(it.app.theme)
             await it.press("down")
         assert seen == {theme.name for theme in themes.THEMES}
-        last = it.app.theme
         await it.press("enter")
-        await it.until(lambda: it.app.screen is it.screen)
+        await it.back()
         await it.pilot.pause(0.1)
-        assert it.app.theme == last == themes.THEMES[-1].name
+        assert it.app.theme == themes.THEMES[-1].name

@@ -109,70 +109,46 @@ async def changed(it: Console) -> None:
 
 
 @pytest.mark.slow
-async def test_layout_filters_and_theme_come_back() -> None:
+async def test_layout_filters_and_theme_come_back_and_with_fresh_nothing() -> None:
     async with console(ui_state=UiState(Preferences())) as it:
+        it.screen.pane_layout.focus_pane("scheduler")
         await changed(it)
         await it.press("f4")  # zoomed, which is for the moment
         await it.until(lambda: kept_places().filters == {"acts": "gre"} and kept_places().layout["upper"] == "memory")
         await it.until(lambda: load_saved(state_folder() / PREFERENCES_NAME, Preferences)[0].theme == "light")
     preferences = load_saved(state_folder() / PREFERENCES_NAME, Preferences)[0]
-    async with console(ui_state=UiState(preferences), theme=preferences.theme) as it:
-        assert it.screen.pane_layout.panes["acts"].filter_text == "gre" and "Praise" not in it.text("acts")
-        assert it.screen.pane_layout.panes["memory"].display and not it.screen.pane_layout.is_zoomed
-        assert short_name(it.app.theme) == "light"
-
-
-@pytest.mark.slow
-async def test_a_new_session_begins_with_the_usual_layout_and_without_filters() -> None:
-    """The next participant's console has nothing of the one before but the theme."""
-    async with console(ui_state=UiState(Preferences())) as it:
-        await changed(it)
-        await it.until(lambda: kept_places().filters and kept_places().session)
-    client = FakeClient(demo(), folder="/home/lab/rise-sessions/2026-11-21_160000_demo-study_debug")
-    async with console(client=client, ui_state=UiState(Preferences())) as it:
-        assert it.screen.pane_layout.panes["acts"].filter_text == "" and "Praise" in it.text("acts")
-        assert it.screen.pane_layout.panes["rule"].display and not it.screen.pane_layout.panes["memory"].display
-        assert it.pane("acts").row_view.has_focus
-
-
-@pytest.mark.slow
-async def test_a_new_session_keeps_the_pane_below_and_begins_with_the_rule_of_the_first_key() -> None:
-    async with console(ui_state=UiState(Preferences())) as it:
-        it.screen.pane_layout.focus_pane("memory")
-        it.screen.pane_layout.focus_pane("scheduler")
-        await it.until(lambda: kept_places().layout.get("lower") == "scheduler")
-    client = FakeClient(demo(), folder="/home/lab/rise-sessions/2026-11-21_160000_demo-study_debug")
-    async with console(client=client, ui_state=UiState(Preferences())) as it:
+    async with console(ui_state=UiState(preferences, fresh=True)) as it:
         panes = it.screen.pane_layout.panes
+        assert panes["acts"].filter_text == "" and not panes["memory"].display
+    async with console(ui_state=UiState(preferences), theme=preferences.theme) as it:
+        panes = it.screen.pane_layout.panes
+        assert panes["acts"].filter_text == "gre" and "Praise" not in it.text("acts")
+        assert panes["memory"].display and not it.screen.pane_layout.is_zoomed
+        assert short_name(it.app.theme) == "light"
+    client = FakeClient(demo(), folder="/home/lab/rise-sessions/2026-11-21_160000_demo-study_debug")
+    async with console(client=client, ui_state=UiState(Preferences())) as it:
+        # The next participant's console has nothing of the one before but the theme and the pane below.
+        panes = it.screen.pane_layout.panes
+        assert panes["acts"].filter_text == "" and "Praise" in it.text("acts")
         assert panes["scheduler"].display and panes["rule"].display and not panes["memory"].display
         await it.until(lambda: it.text("rule").lstrip().startswith("Main"))  # `Again` comes before it in the alphabet
         assert it.pane("acts").row_view.has_focus
 
 
 @pytest.mark.slow
-async def test_with_fresh_nothing_comes_back() -> None:
-    async with console(ui_state=UiState(Preferences())) as it:
-        await changed(it)
-        await it.until(lambda: kept_places().filters)
-    async with console(ui_state=UiState(Preferences(), fresh=True)) as it:
-        assert (
-            it.screen.pane_layout.panes["acts"].filter_text == "" and not it.screen.pane_layout.panes["memory"].display
-        )
-
-
-async def test_those_who_only_watch_change_nothing() -> None:
+async def test_those_who_only_watch_change_nothing_and_a_theme_of_the_command_line_is_for_once() -> None:
     async with console(ui_state=UiState(Preferences(), keeps_changes=False)) as it:
         await changed(it)
         await it.pilot.pause(1.3)
         assert not state_folder().exists()
-
-
-@pytest.mark.slow
-async def test_a_theme_that_was_not_changed_is_not_kept() -> None:
+    layout = {"upper": "nothing", "front": "", "focus": "gone"}
+    path = state_folder() / f"{session_name(demo().folder)}.json"
+    write_saved(path, SavedLayout(layout, {"nothing": "x", "log": "/("}))  # panes that are unknown change nothing
     async with console(ui_state=UiState(Preferences(theme="light")), theme="contrast") as it:
+        assert it.screen.pane_layout.panes["rule"].display
         it.screen.pane_layout.focus_pane("memory")
         await it.until(lambda: kept_places().layout.get("upper") == "memory")
-        assert not (state_folder() / PREFERENCES_NAME).exists(), "a theme of the command line is for once"
+        assert not (state_folder() / PREFERENCES_NAME).exists()
 
 
 async def test_two_consoles_keep_what_each_has_changed() -> None:
@@ -191,15 +167,6 @@ async def test_a_broken_file_is_told_once_and_harms_nothing(name: str) -> None:
     async with console(ui_state=UiState(preferences, remark=said)) as it:
         await it.until(lambda: f"{name} was not used" in it.notice)
         assert len(list(it.screen.pane_layout.visible_panes())) == 4
-
-
-async def test_panes_that_are_unknown_change_nothing() -> None:
-    layout = {"upper": "nothing", "front": "", "focus": "gone"}
-    write_saved(
-        state_folder() / f"{session_name(demo().folder)}.json", SavedLayout(layout, {"nothing": "x", "log": "/("})
-    )
-    async with console(ui_state=UiState(Preferences())) as it:
-        assert it.screen.pane_layout.panes["rule"].display
 
 
 @pytest.mark.pty

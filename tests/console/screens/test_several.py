@@ -2,15 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from typing import Any
 
 import pytest
-from textual.widgets import Input
+from textual.widgets import Button, Input
 
 from rise_engine.kernel.records import NoteRecord
 from rise_tui.actions import ACTIONS
 from rise_tui.key_labels import why_unavailable
+from rise_tui.model.store import Store
 from rise_tui.screens.dialog import Dialog
 from tests.console.conftest import Console, console
 from tests.console.fake import FakeClient, demo
@@ -28,40 +28,36 @@ def ben(**more: Any) -> FakeClient:
 async def opened(it: Console, key: str = "f8") -> str:
     """The question about control: what it says and offers."""
     await it.press(key)
-    await it.until(lambda: isinstance(it.app.screen, Dialog) and it.app.screen.query("#buttons"))
-    dialog = it.app.screen
-    assert isinstance(dialog, Dialog)
-    return "\n".join([*dialog._lines, *(str(button.label) for button in dialog.query("Button").results())])  # type: ignore[attr-defined]
+    dialog = await it.shows(Dialog)
+    await it.until(lambda: dialog.query("#buttons"))
+    return "\n".join([*dialog._lines, *(str(button.label) for button in dialog.query(Button))])
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize("size", [(80, 24), (120, 40), (200, 50)])
-async def test_every_screen_says_who_has_control(size: tuple[int, int]) -> None:
-    async with console(size=size) as it:
-        await it.until(lambda: "anna" in it.bars.status_line.text and "LIVE" in it.bars.status_line.text)
-        assert "control" not in it.bars.status_line.text
-        it.client.control_record("taken", BEN, BEN)
-        await it.until(lambda: "WATCHING · ben has control" in it.bars.status_line.text)
-        assert "LIVE" not in it.bars.status_line.text
-        assert ("● ok" if size[0] < 100 else "● connected") in it.bars.status_line.text
-        it.client.control_record("released", BEN, None)
-        await it.until(lambda: "nobody has control" in it.bars.status_line.text)
+async def test_every_screen_says_who_has_control() -> None:
+    async with console(size=(80, 24)) as it:
+        for size in ((80, 24), (120, 40), (200, 50)):
+            await it.pilot.resize_terminal(*size)
+            await it.until(lambda: "anna" in it.bars.status_line.text and "LIVE" in it.bars.status_line.text)
+            assert "control" not in it.bars.status_line.text
+            it.client.control_record("taken", BEN, BEN)
+            await it.until(lambda: "WATCHING · ben has control" in it.bars.status_line.text)
+            assert "LIVE" not in it.bars.status_line.text
+            assert ("● ok" if size[0] < 100 else "● connected") in it.bars.status_line.text
+            it.client.control_record("released", BEN, None)
+            await it.until(lambda: "nobody has control" in it.bars.status_line.text)
+            it.client.control_record("taken", ANNA, ANNA)
 
 
-async def test_a_console_that_watches_starts_nothing_and_says_who_can() -> None:
+async def test_a_console_that_watches_starts_nothing_says_who_can_and_stops_everything() -> None:
     async with console(client=ben()) as it:
         await it.press("g")
         await it.until(lambda: it.notice.endswith("act Greet not started: anna has control (F8)"))
         await it.press("enter")
-        assert "not started: anna has control (F8)" in it.notice or "anna has control (F8)" in it.notice
-        for action in ("acts.start", "memory.add", "rule.raise", "settings", "rules.start"):
+        assert "anna has control (F8)" in it.notice
+        for action in ("acts.start", "memory.add", "rule.raise", "settings", "rules.start", "take-over"):
             it.screen.action_do(action)
             assert "anna has control (F8)" in it.notice, action
-        assert it.client.sent == []
-
-
-async def test_a_console_that_watches_can_stop_everything() -> None:
-    async with console(client=ben()) as it:
+        assert it.client.sent == [] and it.client.take_overs == 0
         await it.press("f9")
         await it.sent("stopAll", "")
         assert it.client.sent[0].source == BEN
@@ -70,74 +66,77 @@ async def test_a_console_that_watches_can_stop_everything() -> None:
         assert "ctrl+r" not in it.bars.alarm_bar.text
         await it.press("ctrl+r")
         assert it.app.screen is it.screen and "anna has control" in it.notice
-
-
-@pytest.mark.parametrize(("client", "told"), [(ben, "the stop is released"), (None, "the stop is released: LIVE")])
-async def test_who_watches_is_not_told_to_be_live(client: Callable[[], FakeClient] | None, told: str) -> None:
-    async with console(client=client() if client is not None else None) as it:
-        it.client.stop("latched", ("speech",))
-        await it.until(lambda: "STOPPED" in it.bars.alarm_bar.text)
         it.client.stop("released")
-        await it.until(lambda: it.notice.strip().endswith(told))
+        await it.until(lambda: it.notice.strip().endswith("the stop is released"), "who watches is not live")
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize(("key", "verb"), [("t", "take"), ("a", "ask")])
-@pytest.mark.parametrize("open_with", ["f8", "ctrl+y"])
-async def test_one_takes_control_or_asks_for_it(open_with: str, key: str, verb: str) -> None:
-    async with console(client=ben()) as it:
-        said = await opened(it, open_with)
-        assert "anna has control" in said and "they are told" in said
-        await it.press(key)
-        await it.until(lambda: it.client.verbs == [verb])
-        if verb == "take":
-            await it.until(lambda: "LIVE" in it.bars.status_line.text and "ben" in it.bars.status_line.text)
-            assert "you have control" in it.notice
-        else:
-            await it.until(lambda: "anna sees that you ask for control" in it.notice)
-            assert "WATCHING · anna has control" in it.bars.status_line.text
-            said = await opened(it)
-            assert "Ask no longer (r)" in said and "Take it (t)" in said
-            await it.press("r")
-            await it.until(lambda: it.client.verbs == [verb, "release"])
-
-
-async def test_esc_leaves_control_where_it_is() -> None:
+async def test_one_takes_control_or_asks_for_it_and_esc_leaves_it_where_it_is() -> None:
     async with console(client=ben()) as it:
         await opened(it)
         await it.press("escape")
-        await it.until(lambda: it.app.screen is it.screen)
+        await it.back()
         assert it.client.verbs == []
+        it.client.reject = "the session has not begun yet"
+        await opened(it)
+        await it.press("t")
+        await it.until(lambda: "control is where it was: the session has not begun yet" in it.notice)
+        it.client.reject = ""
+        it.client.verbs.clear()
+        await opened(it)
+        it.client.control_record("taken", "wizard:carol", "wizard:carol")
+        await it.back()  # the question is closed when control changes
+        assert it.client.verbs == []
+        await it.until(lambda: "carol has control" in it.bars.status_line.text)
+        it.client.control_record("taken", ANNA, ANNA)
+        await it.until(lambda: "anna has control" in it.bars.status_line.text)
+        said = await opened(it, "ctrl+y")
+        assert "anna has control" in said and "they are told" in said
+        await it.press("a")
+        await it.until(lambda: it.client.verbs == ["ask"])
+        await it.until(lambda: "anna sees that you ask for control" in it.notice)
+        assert "WATCHING · anna has control" in it.bars.status_line.text
+        said = await opened(it)
+        assert "Ask no longer (r)" in said and "Take it (t)" in said
+        await it.press("r")
+        await it.until(lambda: it.client.verbs == ["ask", "release"])
+        it.client.control_record("taken", ANNA, ANNA)
+        await it.until(lambda: "anna has control" in it.bars.status_line.text)
+        await opened(it)
+        await it.press("t")
+        await it.until(lambda: it.client.verbs == ["ask", "release", "take"])
+        await it.until(lambda: "LIVE" in it.bars.status_line.text and "ben" in it.bars.status_line.text)
+        await it.until(lambda: "you have control" in it.notice)
 
 
-async def test_who_has_control_is_asked_in_a_line_that_stays_and_gives_it() -> None:
-    async with console() as it:
+async def test_who_has_control_is_asked_in_a_line_that_stays_gives_it_and_releases_it() -> None:
+    async with console(size=(80, 24)) as it:
+        line = it.bars.attention_bar
         it.client.control_record("asked", BEN, ANNA)
-        await it.until(
-            lambda: "ben asks for control: F8 to answer" in it.bars.attention_bar.text and it.bars.attention_bar.display
-        )
+        await it.until(lambda: "ben asks for control: F8 to answer" in line.text and line.display)
         await it.pilot.pause(1.1)
         await it.press("down", "up")
-        assert it.bars.attention_bar.display, "a key is no answer"
+        assert line.display, "a key is no answer"
         assert "F8 control" in it.bars.key_hints.text
         said = await opened(it)
         assert "ben asks for control" in said and "Give it to ben (g)" in said
         await it.press("g")
         await it.until(lambda: it.client.verbs == ["give"])
         await it.until(lambda: "WATCHING · ben has control" in it.bars.status_line.text)
-        assert not it.bars.attention_bar.display and "you gave control to ben" in it.notice
-
-
-async def test_who_has_control_releases_it() -> None:
-    async with console() as it:
+        assert not line.display and "you gave control to ben" in it.notice
+        it.client.control_record("given", BEN, ANNA)
+        await it.until(lambda: "ben gave you control" in it.notice)
+        it.client.stop("latched", ("speech",))
+        await it.until(lambda: "STOPPED" in it.bars.alarm_bar.text)
+        it.client.stop("released")
+        await it.until(lambda: it.notice.strip().endswith("the stop is released: LIVE"))
         assert "Release it (r)" in await opened(it)
         await it.press("r")
-        await it.until(lambda: it.client.verbs == ["release"])
+        await it.until(lambda: it.client.verbs == ["give", "release"])
         await it.until(lambda: "nobody has control" in it.bars.status_line.text)
         assert "you released control" in it.notice
 
 
-async def test_control_that_was_taken_shows_until_a_key_is_pressed() -> None:
+async def test_control_that_was_taken_shows_until_a_key_is_pressed_or_it_comes_back() -> None:
     async with console(size=(80, 24)) as it:
         it.client.time = 872.0
         it.client.control_record("taken", BEN, BEN)
@@ -150,33 +149,11 @@ async def test_control_that_was_taken_shows_until_a_key_is_pressed() -> None:
         await it.press("down")
         await it.until(lambda: not it.bars.attention_bar.display)
         assert "WATCHING · ben has control" in it.bars.status_line.text
-
-
-async def test_control_that_comes_back_clears_the_line() -> None:
-    async with console() as it:
+        it.client.control_record("given", BEN, ANNA)
         it.client.control_record("taken", BEN, BEN)
         await it.until(lambda: it.bars.attention_bar.display)
         it.client.control_record("given", BEN, ANNA)
         await it.until(lambda: not it.bars.attention_bar.display)
-        assert "ben gave you control" in it.notice
-
-
-async def test_a_question_about_control_is_closed_when_control_changes() -> None:
-    async with console(client=ben()) as it:
-        await opened(it)
-        it.client.control_record("taken", "wizard:carol", "wizard:carol")
-        await it.until(lambda: it.app.screen is it.screen)
-        assert it.client.verbs == []
-        await it.until(lambda: "carol has control" in it.bars.status_line.text)
-
-
-async def test_a_refused_verb_says_why() -> None:
-    client = ben()
-    client.reject = "the session has not begun yet"
-    async with console(client=client) as it:
-        await opened(it)
-        await it.press("t")
-        await it.until(lambda: "control is where it was: the session has not begun yet" in it.notice)
 
 
 async def test_an_observer_never_takes_control() -> None:
@@ -195,41 +172,29 @@ async def test_an_observer_never_takes_control() -> None:
 
 
 @pytest.mark.parametrize("you", [ANNA, BEN])
-async def test_a_note_is_added_from_every_console(you: str) -> None:
+async def test_a_note_is_added_from_every_console_and_one_that_was_not_taken_is_there_the_next_time(you: str) -> None:
     async with console(client=FakeClient(demo(), you=you)) as it:
-        await it.press("ctrl+o")
-        await it.until(lambda: isinstance(it.app.focused, Input) and it.bars.note_line.display)
-        await it.press(*"gmn", "enter")
-        await it.until(lambda: bool(it.client.notes))
-        assert (it.client.notes[0].text, it.client.notes[0].source) == ("gmn", you)
-        assert it.client.sent == []
-        await it.until(lambda: f"note by {you[7:]}: gmn" in it.notice)
-        assert it.pane("acts").row_view.has_focus and not it.bars.note_line.display
-
-
-async def test_esc_leaves_the_note_and_stop_works_while_it_is_typed() -> None:
-    async with console() as it:
+        line = it.bars.note_line
         await it.press("ctrl+o", "x", "f9")
         await it.sent("stopAll", "")
         await it.press("escape")
-        await it.until(lambda: not it.bars.note_line.display)
+        await it.until(lambda: not line.display)
         assert it.client.notes == []
-
-
-async def test_a_note_that_was_not_taken_is_there_the_next_time() -> None:
-    client = FakeClient(demo())
-    client.reject = "the disk is full"
-    async with console(client=client) as it:
+        await it.press("ctrl+o", "backspace")
+        await it.until(lambda: isinstance(it.app.focused, Input) and line.display)
+        await it.press(*"gmn", "enter")
+        await it.until(lambda: bool(it.client.notes))
+        assert (it.client.notes[0].text, it.client.notes[0].source) == ("gmn", you)
+        assert it.client.asked() == [("stopAll", "")]
+        await it.until(lambda: f"note by {you[7:]}: gmn" in it.notice)
+        assert it.pane("acts").row_view.has_focus and not line.display
+        it.client.emit(NoteRecord(0, 0.0, "", "the child laughed", "wizard:carol"))
+        await it.until(lambda: "note by carol: the child laughed" in it.notice)
+        it.client.reject = "the disk is full"
         await it.press("ctrl+o", *"cup", "enter")
         await it.until(lambda: "the note was not taken: the disk is full" in it.notice)
         await it.press("ctrl+o")
-        await it.until(lambda: it.bars.note_line.value == "cup")
-
-
-async def test_a_note_of_somebody_else_is_told() -> None:
-    async with console() as it:
-        it.client.emit(NoteRecord(0, 0.0, "", "the child laughed", BEN))
-        await it.until(lambda: "note by ben: the child laughed" in it.notice)
+        await it.until(lambda: line.value == "cup")
 
 
 async def test_changed_files_are_taken_over_or_it_says_why_not() -> None:
@@ -239,16 +204,10 @@ async def test_changed_files_are_taken_over_or_it_says_why_not() -> None:
         it.client.reject = "an act runs or waits"
         it.screen.action_do("take-over")
         await it.until(lambda: it.notice.endswith("the session goes on as it was: an act runs or waits"))
-    async with console(client=ben()) as it:
-        it.screen.action_do("take-over")
-        await it.until(lambda: "anna has control (F8)" in it.notice)
-        assert it.client.take_overs == 0
 
 
 def test_what_changes_a_session_needs_control() -> None:
     """Every action that sends something is closed to a console that watches, but for stopping, notes and control."""
-    from rise_tui.model.store import Store
-
     client = ben()
     attach_reply = client.attach_reply()
     store = Store(attach_reply, "ben", client.now)

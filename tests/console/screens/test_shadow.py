@@ -50,23 +50,41 @@ async def play_until(c: Console, at: float) -> None:
     await c.pilot.pause(0.2)
 
 
-@pytest.mark.parametrize("size", [(80, 24), (120, 40)])
-async def test_it_cannot_be_taken_for_a_session(folder: Path, size: tuple[int, int]) -> None:
-    async with shadow(folder, size) as c:
-        assert " SHADOW " in c.bars.status_line.text
-        assert "REC" not in c.bars.status_line.text and "DEBUG" not in c.bars.status_line.text
-        assert c.bars.shadow_bar.has_class("-on")
-        assert "cue 0 of 5" in c.bars.shadow_bar.text
-        assert "PAUSED at 00:00:00   F8 plays on from here" in c.bars.shadow_bar.text
+@pytest.mark.slow
+async def test_it_cannot_be_taken_for_a_session_and_paused_no_key_is_kept(folder: Path) -> None:
+    async with shadow(folder, (80, 24)) as c:
+        line, bar = c.bars.status_line, c.bars.shadow_bar
+        assert " SHADOW " in line.text
+        assert "REC" not in line.text and "DEBUG" not in line.text
+        assert bar.has_class("-on")
+        for size in ((120, 40), (80, 24)):
+            await c.pilot.resize_terminal(*size)
+            await c.until(lambda: "PAUSED at 00:00:00   F8 plays on from here" in bar.text)
+            assert "cue 0 of 5" in bar.text
+        await c.press("p")
+        assert "paused: F8 plays it" in c.notice
         await c.press("f8")
-        await c.until(lambda: "F8 pauses" in c.bars.shadow_bar.text)
+        await c.until(lambda: "F8 pauses" in bar.text)
+        for action in ("settings", "memory.save"):  # nothing of the first session can be changed
+            c.screen.action_do(action)
+            assert "shadow of a session that is over" in c.screen.store.notice.text  # type: ignore[union-attr]
         await play_until(c, 1.1)
-        assert "cue 1 of 5" in c.bars.shadow_bar.text
-        assert "sent nowhere" in c.bars.shadow_bar.text
-        assert "cue" in c.bars.status_line.text
+        assert "cue 1 of 5" in bar.text
+        assert "sent nowhere" in bar.text
+        assert "cue" in line.text
+        await c.press("ctrl+y")  # the twin
+        await c.until(lambda: "PAUSED at 00:00:01" in bar.text)
+        await c.pilot.pause(30)
+        assert "PAUSED at 00:00:01" in bar.text
+        await c.press("p")
+        assert "paused" in c.notice
+    assert kept(folder) == []
 
 
-async def test_a_key_is_kept_and_then_what_the_first_wizard_did_is_seen(folder: Path) -> None:
+@pytest.mark.slow
+async def test_keys_are_kept_with_the_care_of_the_console_and_then_what_the_first_wizard_did_is_seen(
+    folder: Path,
+) -> None:
     async with shadow(folder) as c:
         await c.press("f8")
         await play_until(c, 4.0)
@@ -76,41 +94,21 @@ async def test_a_key_is_kept_and_then_what_the_first_wizard_did_is_seen(folder: 
         assert "s after the cue" in c.notice and "Repeat" in c.notice
         await c.until(lambda: "Praise" in started(c))
         assert not c.screen.store.sent
-    (key,) = kept(folder)
-    assert (key.function, key.behavior, key.cue) == (ACT, "Repeat", cue_numbers(folder)[0])
-
-
-async def test_paused_no_key_is_kept(folder: Path) -> None:
-    async with shadow(folder) as c:
-        await c.press("p")
-        assert "paused: F8 plays it" in c.notice
-        await c.press("ctrl+y")  # the twin
-        await play_until(c, 1.5)
-        await c.press("f8")
-        await c.until(lambda: "PAUSED at 00:00:01" in c.bars.shadow_bar.text)
-        await c.pilot.pause(30)
-        assert "PAUSED at 00:00:01" in c.bars.shadow_bar.text
-        await c.press("p")
-        assert "paused" in c.notice
-    assert kept(folder) == []
-
-
-async def test_the_care_of_the_console_is_the_same(folder: Path) -> None:
-    """An act that needs two presses needs them here; what the keys do not start is not kept."""
-    async with shadow(folder) as c:
-        await c.press("f8")
-        await play_until(c, 1.5)
+        await play_until(c, 10.5)
         await c.press("i")
-        assert "again" in c.notice
+        assert "again" in c.notice, "an act that needs two presses needs them here"
         await c.pilot.pause(1)
-        assert kept(folder) == []
+        assert len(kept(folder)) == 1
         await c.press("enter")
-        await c.until(lambda: kept(folder))
+        await c.until(lambda: len(kept(folder)) == 2)
         await c.press("ctrl+x", "p")
         assert "SAFE" in c.notice
-    assert [key.behavior for key in kept(folder)] == ["Hint"]
+    first, second = cue_numbers(folder)[:2]
+    assert [(key.behavior, key.cue) for key in kept(folder)] == [("Repeat", first), ("Hint", second)]
+    assert {key.function for key in kept(folder)} == {ACT}
 
 
+@pytest.mark.slow
 async def test_stop_speech_notes_and_marks_are_kept_too(folder: Path) -> None:
     async with shadow(folder) as c:
         await c.press("f8")
@@ -131,37 +129,29 @@ async def test_stop_speech_notes_and_marks_are_kept_too(folder: Path) -> None:
     assert [each.text for each in found.lines if isinstance(each, ShadowNote)] == ["odd"]
 
 
-async def test_nothing_of_the_first_session_can_be_changed(folder: Path) -> None:
+async def left(c: Console) -> None:
+    await c.press("ctrl+c")
+    await c.until(lambda: c.app.screen.has_class("-quit"))
+    await c.press("l")
+    await c.until(lambda: c.app.exit_message)
+
+
+@pytest.mark.slow
+async def test_who_leaves_is_told_how_to_go_on_and_before_it_began_leaves_nothing(folder: Path) -> None:
     async with shadow(folder) as c:
-        await c.press("f8")
-        for action in ("settings", "memory.save"):
-            c.screen.action_do(action)
-            assert "shadow of a session that is over" in c.screen.store.notice.text  # type: ignore[union-attr]
-
-
-async def test_who_leaves_is_told_how_to_go_on(folder: Path) -> None:
+        await left(c)
+        assert c.app.exit_message == "nothing was played, and nothing is kept"
+    assert not (folder / "shadow").exists()
     async with shadow(folder) as c:
         await c.press("f8")
         await play_until(c, 12)
-        await c.press("ctrl+c")
-        await c.until(lambda: c.app.screen.has_class("-quit"))
-        await c.press("l")
-        await c.until(lambda: c.app.exit_message)
+        await left(c)
         assert c.app.exit_message.endswith("--recover")
         assert "/shadow; to go on: rise-tui --shadow" in c.app.exit_message
     assert read_shadows(folder)[0][0].resume_at == (10.0, cue_numbers(folder)[1])
 
 
-async def test_who_leaves_before_it_began_leaves_nothing(folder: Path) -> None:
-    async with shadow(folder) as c:
-        await c.press("ctrl+c")
-        await c.until(lambda: c.app.screen.has_class("-quit"))
-        await c.press("l")
-        await c.until(lambda: c.app.exit_message)
-        assert c.app.exit_message == "nothing was played, and nothing is kept"
-    assert not (folder / "shadow").exists()
-
-
+@pytest.mark.slow
 async def test_at_the_end_it_says_what_to_do_next(folder: Path) -> None:
     async with shadow(folder, (80, 24)) as c:
         await c.press("f8")

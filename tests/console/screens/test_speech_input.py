@@ -124,52 +124,50 @@ def said(client: FakeClient) -> list[tuple[str, str]]:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(("key", "calling_type"), [("enter", "Blocking"), ("ctrl+j", "Interrupt")])
-async def test_what_is_shown_is_said_in_its_turn_or_at_once(key: str, calling_type: str) -> None:
-    async with console() as it:
-        assert "say > ctrl+t to type" in shown(it)
-        await it.press("ctrl+t", *"To the ", "left_curly_bracket", *"si", "tab")
-        await it.until(lambda: "will say  “To the left”" in preview(it))
-        assert it.bars.speech_input.field.value == "To the {side}"
-        before = it.client.now()
-        await it.press(key)
-        await it.sent("say", "To the left")
-        assert said(it.client) == [("To the left", calling_type)]
-        assert it.client.sent[-1].pressed == pytest.approx(before, abs=0.5)
-        await it.until(lambda: it.pane("acts").row_view.has_focus)
-        assert not it.bars.speech_input.is_open
-
-
-async def test_in_safe_nothing_is_said_and_what_was_typed_is_kept() -> None:
-    async with console() as it:
-        await it.press("ctrl+x")
-        await it.until(lambda: it.screen.session.store.input_mode == "SAFE")
-        await it.press("ctrl+t", *"Hello", "enter")
-        await it.until(lambda: "not said: SAFE" in it.notice)
-        assert said(it.client) == [] and it.bars.speech_input.field.value == "Hello"
-
-
-@pytest.mark.slow
-async def test_a_missing_value_says_so_and_is_not_said() -> None:
-    async with console() as it:
+async def test_what_is_shown_is_said_in_its_turn_or_at_once() -> None:
+    async with console(size=(80, 24)) as it:
+        line = it.bars.speech_input
+        assert "say > ctrl+t to type" in shown(it) and line.size.height == 1
+        for key, calling_type in (("enter", "Blocking"), ("ctrl+j", "Interrupt")):
+            await it.press("ctrl+t", *"To the ", "left_curly_bracket", *"si", "tab")
+            await it.until(lambda: "will say  “To the left”" in preview(it))
+            assert line.field.value == "To the {side}" and line.size.height == 2
+            before = it.client.now()
+            await it.press(key)
+            await it.sent("say", "To the left")
+            assert said(it.client) == [("To the left", calling_type)]
+            assert it.client.sent[-1].pressed == pytest.approx(before, abs=0.5)
+            await it.until(lambda: it.pane("acts").row_view.has_focus)
+            assert not line.is_open
+            it.client.sent.clear()
         await it.press("ctrl+t", *"Hello ", "left_curly_bracket", *"nobody", "right_curly_bracket")
         await it.until(lambda: "cannot be said: nobody has no value" in preview(it))
         await it.press("enter", "ctrl+j")
         await it.pilot.pause(0.1)
-        assert it.client.asked() == [] and it.bars.speech_input.is_open
-
-
-async def test_letters_in_the_field_start_nothing() -> None:
-    async with console() as it:
-        await it.press("ctrl+t", *"gmnp", "space", "comma", "exclamation_mark")
+        assert it.client.asked() == [] and line.is_open
+        line.field.value = ""
+        await it.press(*"gmnp", "space", "comma", "exclamation_mark")
         await it.pilot.pause(0.1)
-        assert it.client.asked() == [] and it.bars.speech_input.field.value == "gmnp ,!"
+        assert it.client.asked() == [] and line.field.value == "gmnp ,!", "letters in the field start nothing"
+        for key in ("a", "b", "enter"):
+            it.screen.input.observe_key(key, monotonic(), typing=True, together=True)
+        line.field.value = "ab"
+        line.field.post_message(SpeechField.SubmitSpeech(at_once=False))
+        await it.until(lambda: "faster than anybody types" in it.notice)
+        assert it.client.asked() == [] and line.field.value == "ab", "a pasted line end says nothing"
+        await it.pilot.pause(1)
+        await it.press("escape", "ctrl+x")
+        await it.until(lambda: it.screen.session.store.input_mode == "SAFE")
+        await it.press("ctrl+t", "enter")
+        await it.until(lambda: "not said: SAFE" in it.notice)
+        assert said(it.client) == [] and line.field.value == "ab"
 
 
+@pytest.mark.slow
 async def test_it_is_sent_until_the_engine_answers_and_then_what_the_robot_does() -> None:
     client = FakeClient(demo())
     client.answers = False
-    async with console(client=client) as it:
+    async with console(client=client, size=(80, 24)) as it:
         await it.press("ctrl+t", *"Hi", "enter")
         await it.until(lambda: "↑ sent  “Hi”" in shown(it))
         id = client.task("say", "Hi", "PENDING", ref=client.sent[0].ref)
@@ -181,30 +179,21 @@ async def test_it_is_sent_until_the_engine_answers_and_then_what_the_robot_does(
         await it.until(lambda: "✓ said  “Hi”" in shown(it))
         client.time += 6
         await it.until(lambda: "ctrl+t to type" in shown(it))
-
-
-async def test_what_was_rejected_is_still_there() -> None:
-    client = FakeClient(demo())
-    client.reject = "the robot cannot speak"
-    async with console(client=client) as it:
+        client.answer()
+        await it.pilot.pause()
+        client.reject = "the robot cannot speak"
         await it.press("ctrl+t", *"Hi", "enter")
         await it.until(lambda: "say Hi was rejected: the robot cannot speak" in it.notice)
         await it.until(lambda: "Hi   not said; ctrl+t goes on" in shown(it))
         await it.press("ctrl+t")
-        assert it.bars.speech_input.field.value == "Hi"
+        assert it.bars.speech_input.field.value == "Hi", "what was rejected is still there"
+        await it.press("escape", "f2", "ctrl+t", *" Ada", "escape")
+        await it.until(lambda: "Hi Ada   not said" in shown(it), "it goes on behind what was typed")
+        assert it.pane("rules").row_view.has_focus, "where the focus was before"
 
 
 @pytest.mark.slow
-async def test_esc_keeps_what_was_typed() -> None:
-    async with console() as it:
-        await it.press("f2", "ctrl+t", *"Hi", "escape")
-        await it.until(lambda: "Hi   not said" in shown(it))
-        assert it.pane("rules").row_view.has_focus
-        await it.press("ctrl+t", *" Ada")
-        assert it.bars.speech_input.field.value == "Hi Ada"
-
-
-async def test_earlier_speech_also_that_of_another_console() -> None:
+async def test_earlier_speech_also_that_of_another_console_and_what_both_keys_do() -> None:
     client = FakeClient(demo())
     client.task("say", "Once upon a time", "SUCCEEDED", source="wizard:ben")
     async with console(client=client) as it:
@@ -220,42 +209,15 @@ async def test_earlier_speech_also_that_of_another_console() -> None:
         await it.press("backspace", *"Onc")
         await it.press("tab")
         assert field.value == "Once upon a time"
-
-
-async def test_the_hints_name_both_keys_and_what_each_does() -> None:
-    async with console() as it:
+        client.task_record(2, "say", "Hi", "SUCCEEDED")
+        long, title = client.task("say", "A" * 60, "ACTIVE"), it.pane("acts").title
+        await it.until(lambda: "► “AAAA" in title.text and " s" in title.text, "what is said now stands over the acts")
+        client.task_record(long, "say", "A" * 60, "SUCCEEDED")
         it.client.act("Greet")
-        await it.press("ctrl+t")
         await it.until(lambda: "enter waits for Greet  ^J interrupts it" in it.bars.key_hints.text)
         assert "F9/^G STOP" in it.bars.key_hints.text
         it.client.act("Praise", "PENDING")
         await it.until(lambda: "enter waits for Greet and 1 more  ^J interrupts Greet" in it.bars.key_hints.text)
-
-
-async def test_a_pasted_text_with_a_line_end_is_not_said() -> None:
-    async with console() as it:
-        await it.press("ctrl+t")
-        for key in ("a", "b", "enter"):
-            it.screen.input.observe_key(key, monotonic(), typing=True, together=True)
-        it.bars.speech_input.field.value = "ab"
-        it.bars.speech_input.field.post_message(SpeechField.SubmitSpeech(at_once=False))
-        await it.until(lambda: "faster than anybody types" in it.notice)
-        assert it.client.asked() == [] and it.bars.speech_input.field.value == "ab"
-
-
-async def test_what_is_said_now_stands_over_the_acts() -> None:
-    async with console() as it:
-        it.client.task("say", "A" * 60, "ACTIVE")
-        title = it.pane("acts").title
-        await it.until(lambda: "► “AAAA" in title.text and " s" in title.text)
-
-
-@pytest.mark.parametrize("size", [(80, 24), (120, 40)])
-async def test_it_takes_one_row_and_while_it_is_open_one_more(size: tuple[int, int]) -> None:
-    async with console(size=size) as it:
-        assert it.bars.speech_input.size.height == 1
-        await it.press("ctrl+t")
-        await it.until(lambda: it.bars.speech_input.size.height == 2)
 
 
 async def press_at_once(it: Console, *keys: str) -> None:
@@ -268,7 +230,8 @@ async def press_at_once(it: Console, *keys: str) -> None:
     await it.pilot.pause(0.3)
 
 
-async def test_the_very_next_key_goes_into_the_field() -> None:
+@pytest.mark.slow
+async def test_a_busy_console_starts_nothing_that_was_meant_for_a_line() -> None:
     async with console() as it:
         focused: list[object] = []
 
@@ -278,35 +241,29 @@ async def test_the_very_next_key_goes_into_the_field() -> None:
             return done
 
         await it.until(taken)
-        assert isinstance(focused[-1], SpeechField)  # in the same moment
+        assert isinstance(focused[-1], SpeechField), "the very next key goes into the field"
         await it.press("g", "m")
         assert it.bars.speech_input.field.value == "gm" and it.client.asked() == []
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("key", ["ctrl+t", "ctrl+o"])
-@pytest.mark.parametrize("before", [(), ("b",), ("exclamation_mark",)], ids=["at rest", "armed", "marking"])
-async def test_a_busy_console_starts_nothing_that_was_meant_for_a_line(before: tuple[str, ...], key: str) -> None:
-    async with console() as it:
+        it.bars.speech_input.field.value = ""
+        await it.press("escape")
         it.client.act("Greet", source="wizard:anna")
         await it.until(lambda: "running" in it.row("acts", "Greet"))
-        await press_at_once(it, *before, key, "p", "m")
-        assert {function for function, _ in it.client.asked()} <= {"markMistake"}
-        assert isinstance(field := it.screen.focused, Input) and field.value == "pm"
-
-
-async def test_a_busy_console_takes_the_letter_of_a_mistake_for_nothing_else() -> None:
-    async with console() as it:
-        it.client.act("Greet", source="wizard:anna")
-        await it.until(lambda: "running" in it.row("acts", "Greet"))
+        for key in ("ctrl+t", "ctrl+o"):
+            for before in ((), ("b",), ("exclamation_mark",)):  # at rest, armed, marking
+                await it.pilot.pause(5)
+                await press_at_once(it, *before, key, "p", "m")
+                assert {function for function, _ in it.client.asked()} <= {"markMistake"}, (key, before)
+                field = it.screen.focused
+                assert isinstance(field, Input) and field.value == "pm"
+                field.value = ""
+                await it.press("escape")
+        it.client.sent.clear()
+        await it.pilot.pause(5)
         await press_at_once(it, "exclamation_mark", "u")
         assert {function for function, _ in it.client.asked()} == {"markMistake"}
-
-
-async def test_a_pasted_text_opens_nothing_and_answers_nothing() -> None:
-    async with console() as it:
-        it.client.act("Greet")
-        for key in ("f", "exclamation_mark", "colon", "space", "g", "enter"):
+        it.client.sent.clear()
+        await it.pilot.pause(5)
+        for key in ("f", "exclamation_mark", "colon", "space", "g", "enter"):  # pasted
             it.app.post_message(events.Key(key, {"exclamation_mark": "!", "colon": ":", "space": " "}.get(key, key)))
         await it.until(lambda: "several keys at once" in it.notice)
         await it.pilot.pause(0.2)

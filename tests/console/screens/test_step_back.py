@@ -44,41 +44,37 @@ async def step_sent(it: Console) -> dict[str, Any]:
     return found
 
 
-@pytest.mark.parametrize("size", [(80, 24), (120, 40)])
-@pytest.mark.parametrize(
-    ("keys", "step"),
-    [
-        (("b",), {"take_back": ["task", "new"], "enter": True, "stop_acts": False}),
-        (("w",), {"take_back": ["task", "new"], "enter": False, "stop_acts": False}),
-        (("k", "b"), {"take_back": [], "enter": True, "stop_acts": False}),
-        (("k", "t", "b"), {"take_back": ["task", "new"], "enter": True, "stop_acts": False}),
-        (("down", "right", "down", "left", "b"), {"take_back": ["task"], "enter": True, "stop_acts": True}),
-    ],
-)
-async def test_each_key_is_taken_back_or_kept(
-    size: tuple[int, int], keys: tuple[str, ...], step: dict[str, Any]
-) -> None:
-    async with console(size=size) as it:
+async def test_each_key_is_taken_back_or_kept_and_escape_stays() -> None:
+    async with console(size=(80, 24)) as it:
+        await it.press("left")
+        assert it.app.screen is it.screen
         went_on(it)
-        await asked(it)
-        assert "from waiting back to greeting" in text_of(it, "lines") and "says “" in text_of(it, "lines")
-        shown = text_of(it, "choices")
-        assert "task: 5 → 4" in shown and "new: x → not there" in shown.replace('"', "") and "its acts: Greet" in shown
-        assert it.app.screen.query_one("#answer-w").region.bottom <= size[1]
-        await it.press(*keys)
-        assert await step_sent(it) == {"rule": "Main", **step}
-
-
-async def test_escape_stays_and_a_first_state_has_none_before_it() -> None:
-    async with console() as it:
-        went_on(it)
+        for size in ((80, 24), (120, 40)):
+            await it.pilot.resize_terminal(*size)
+            for keys, step in (
+                (("b",), {"take_back": ["task", "new"], "enter": True, "stop_acts": False}),
+                (("w",), {"take_back": ["task", "new"], "enter": False, "stop_acts": False}),
+                (("k", "b"), {"take_back": [], "enter": True, "stop_acts": False}),
+                (("k", "t", "b"), {"take_back": ["task", "new"], "enter": True, "stop_acts": False}),
+                (("down", "right", "down", "left", "b"), {"take_back": ["task"], "enter": True, "stop_acts": True}),
+            ):
+                await asked(it)
+                assert "from waiting back to greeting" in text_of(it, "lines") and "says “" in text_of(it, "lines")
+                shown = text_of(it, "choices").replace('"', "")
+                assert "task: 5 → 4" in shown and "new: x → not there" in shown and "its acts: Greet" in shown
+                assert it.app.screen.query_one("#answer-w").region.bottom <= size[1]
+                await it.press(*keys)
+                assert await step_sent(it) == {"rule": "Main", **step}
+                await it.back()
+                it.client.sent.clear()
+                await it.pilot.pause(0.6)
         await asked(it)
         await it.press("escape")
-        await it.until(lambda: it.app.screen is it.screen)
+        await it.back()
         assert it.client.asked() == []
         it.client.rule("Main", "stopped", "waiting")
         it.client.rule("Main", "started", "greeting", trigger="start")
         it.client.rule("Main", "entered", "greeting", trigger="start")
         await it.until(lambda: "in greeting" in it.text("rule"))
         await it.press("left")
-        await it.until(lambda: "has been in a state before" in it.notice)
+        await it.until(lambda: "has been in a state before" in it.notice, "a first state has none before it")

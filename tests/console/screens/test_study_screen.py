@@ -9,6 +9,7 @@ from typing import Any
 
 import pytest
 from msgspec.structs import replace
+from textual import events
 from textual.pilot import Pilot
 from textual.screen import Screen
 from textual.widgets import Input, Static
@@ -121,6 +122,31 @@ class Day:
         await self.press("escape")
         await self.until(lambda: self.top is self.screen, "the screen of the study did not come back")
 
+    async def gone_back(self) -> None:
+        """Nothing is left over the list of participants."""
+        await self.until(lambda: self.top is self.screen, "the screen of the study did not come back")
+        await self.pilot.pause(0.1)
+
+    async def over(self) -> None:
+        """The session that runs ends by itself, and the wizard goes back to the study."""
+        console = await self.shows(ConsoleScreen)
+        self.client.end_in_order("ended by SIGTERM")
+        await self.until(lambda: console.store.ended_in_order)
+        await self.press("ctrl+c")
+        await self.gone_back()
+
+    async def says_end(self) -> None:
+        await self.type("end")
+        await self.press("enter")
+
+    async def answer_debrief(self) -> OutcomeDialog:
+        screen = await self.shows(ChecksScreen)
+        await self.until(lambda: "debrief: answer with y or n" in self.text_of(screen))
+        await self.press("y", "enter")
+        found = await self.shows(OutcomeDialog)
+        assert isinstance(found, OutcomeDialog)
+        return found
+
     async def ask_to_end(self) -> None:
         await self.press("ctrl+c")
         await self.shows(Dialog)
@@ -147,55 +173,94 @@ async def day(
 # --- what is shown ----------------------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("size", [(80, 24), (120, 40), (200, 50)])
-async def test_every_state_is_a_word_and_a_glyph_and_who_is_next_is_selected(size: tuple[int, int]) -> None:
-    async with day(size=size) as at:
-        shown = at.screen.lists.people.text
-        words = ("✓ complete", "- excluded", "- withdrawn", "◐ unfinished", "? to judge", "◇ to go on", "■ aborted")
-        for word in (*words, "✗ no consent", "○ waiting"):
-            assert word in shown
-        assert at.screen.lists.people.current_id == "P07"
-        assert next(line for line in shown.splitlines() if "P07" in line).startswith(" → P07")
-        assert "next: P07" in at.screen.lists.people_head.text
-        assert "REAL" in at.screen.head.text and "wizard anna" in at.screen.head.text
-        assert "2 of 24 complete" in at.screen.lists.beside_head.text and "Media of P01" in at.screen.lists.beside.text
-        assert all(len(line) <= size[0] for line in [*shown.splitlines(), *at.screen.lists.beside.text.splitlines()])
-
-
-async def test_a_running_session_is_shown_as_running() -> None:
-    people = (person(1, "running", sessions=(entry("P01", status="running", outcome=None),)), person(2, "waiting"))
-    async with day(FakeStudy(StudyNow(study(), standing(participants=people, next="")))) as at:
-        assert "► running" in at.screen.lists.people.text and "nobody can begin now" in at.screen.lists.people_head.text
-
-
-async def test_a_study_that_is_complete_says_so() -> None:
-    people = (person(1, "complete"), person(2, "complete"))
-    done = standing(participants=people, next="", complete=2, wanted=2)
-    async with day(FakeStudy(StudyNow(study(n=2), done))) as at:
-        assert "the study is complete" in at.screen.lists.people_head.text
-
-
-async def test_labels_stand_for_levels_and_cells_are_filled_against_the_plan() -> None:
-    async with day(size=(120, 40)) as at:
-        assert "de  A" in at.screen.lists.beside.text and "1 complete, 1 begun" in at.screen.lists.beside.text
+@pytest.mark.slow
+async def test_every_state_is_a_word_and_a_glyph_and_who_is_next_is_selected() -> None:
+    async with day(size=(80, 24)) as at:
+        lists = at.screen.lists
+        assert lists.people.current_id == "P07"
+        for size in ((80, 24), (200, 50), (120, 40)):
+            await at.pilot.resize_terminal(*size)
+            await at.pilot.pause(0.1)
+            shown = lists.people.text
+            words = ("✓ complete", "- excluded", "- withdrawn", "◐ unfinished", "? to judge", "◇ to go on", "■ aborted")
+            for word in (*words, "✗ no consent", "○ waiting"):
+                assert word in shown
+            assert next(line for line in shown.splitlines() if "P07" in line).startswith(" → P07")
+            assert "next: P07" in lists.people_head.text
+            assert "REAL" in at.screen.head.text and "wizard anna" in at.screen.head.text
+            assert "2 of 24 complete" in lists.beside_head.text and "Media of P01" in lists.beside.text
+            assert all(len(line) <= size[0] for line in [*shown.splitlines(), *lists.beside.text.splitlines()])
+        assert "de  A" in lists.beside.text and "1 complete, 1 begun" in lists.beside.text
         await at.select("P01")
         at.screen.draw()
-        assert "A+loud" in at.screen.lists.beside.text and "yes+loud" not in at.screen.lists.beside.text
+        assert "A+loud" in lists.beside.text and "yes+loud" not in lists.beside.text, "labels stand for levels"
+        await at.press("tab")
+        assert at.app.focused is lists.beside
+        await at.press("tab")
+        assert at.app.focused is lists.people
+        assert "recorded by" not in at.screen.head.text
+        before, recorded = at.source.loads, at.source.now.study
+        assert recorded is not None
+        camera = RecordingSettings((RecorderSettings("camera", "obs"),))
+        at.source.now = replace(at.source.now, study=replace(recorded, recording=camera))
+        await at.press("ctrl+r")  # reads it again
+        await at.until(lambda: at.source.loads > before and "recorded by camera (obs)" in at.screen.head.text)
+        people = (person(1, "running", sessions=(entry("P01", status="running", outcome=None),)), person(2, "waiting"))
+        at.source.change(standing=standing(participants=people, next=""))
+        await at.until(lambda: "► running" in lists.people.text and "nobody can begin now" in lists.people_head.text)
+        done = standing(participants=(person(1, "complete"), person(2, "complete")), next="", complete=2, wanted=2)
+        at.source.change(study=study(n=2), standing=done)
+        await at.until(lambda: "the study is complete" in lists.people_head.text)
 
 
-@pytest.mark.parametrize("size", [(80, 24), (120, 40)])
-async def test_a_hidden_study_shows_no_condition_before_and_none_of_others(size: tuple[int, int]) -> None:
-    hidden = study(assignment=AssignmentSettings(strata=("language",), hidden=True))
-    async with day(FakeStudy(StudyNow(hidden, standing(), after=pending("after"))), size=size) as at:
-        at.screen.lists.people.action_edge(1)
-        for name in ("P01", "P05", "P07", "P08"):
-            await at.select(name)
-            at.screen.draw()
-            everything = at.screen.lists.people.text + at.screen.lists.beside.text
-            assert not any(word in everything for word in ("quiet", "loud", "yes", "A+", " A ", " B "))
-        assert "de  " in at.screen.lists.beside.text and "1 complete, 1 begun" in at.screen.lists.beside.text
-        await at.select("P07")
+@pytest.mark.slow
+async def test_participants_are_found_by_typing_and_help_and_palette_know_this_screen() -> None:
+    async with day() as at:
+        lists = at.screen.lists
+        await at.press("slash")
+        await at.type("to go")
+        assert lists.people.count == 1 and "find to go  1 of 10" in lists.people_head.text
         await at.press("enter")
+        assert lists.selected is not None and lists.selected.participant == "P07"
+        await at.press("escape")
+        assert lists.people.count == 10
+        await at.press("slash")
+        await at.type("zzz")
+        assert "nothing matches" in lists.people.text
+        await at.press("escape")
+        assert lists.people.count == 10 and at.app.focused is lists.people
+        await at.press("question_mark")
+        shown = await at.shows(HelpScreen)
+        assert "Rehearse" in shown.list.text and "to judge" in shown.list.text
+        await at.press("escape")
+        await at.press("colon")
+        await at.shows(Palette)
+        await at.type("say who")
+        await at.press("enter")
+        await at.shows(WizardNameDialog)
+
+
+@pytest.mark.slow
+async def test_a_hidden_study_shows_no_condition_before_and_none_of_others() -> None:
+    hidden = study(assignment=AssignmentSettings(strata=("language",), hidden=True))
+    async with day(FakeStudy(StudyNow(hidden, standing(), after=pending("after")))) as at:
+        at.screen.lists.people.action_edge(1)
+        for size in ((120, 40), (80, 24)):
+            await at.pilot.resize_terminal(*size)
+            for name in ("P01", "P05", "P07", "P08"):
+                await at.select(name)
+                at.screen.draw()
+                everything = at.screen.lists.people.text + at.screen.lists.beside.text
+                assert not any(word in everything for word in ("quiet", "loud", "yes", "A+", " A ", " B "))
+            assert "de  " in at.screen.lists.beside.text and "1 complete, 1 begun" in at.screen.lists.beside.text
+        await at.select("P07")
+        await at.press("r")
+        rehearsal = await at.shows(RehearsalDialog)
+        assert "as they would run it" not in rehearsal.list.text and "condition A+quiet" in rehearsal.list.text
+        await at.press("enter")
+        await at.shows(ChecksScreen)
+        assert at.source.planned[0].condition == "yes+quiet"
+        await at.press("escape", "enter")
         plan = await at.shows(ChecksScreen)
         assert "hidden until the session begins" in plan.list.text
         assert not any(word in plan.list.text for word in ("quiet", "loud", "A+"))
@@ -211,209 +276,153 @@ async def test_a_hidden_study_shows_no_condition_before_and_none_of_others(size:
         await at.until(lambda: "P07 run 2 · A+loud" in at.app.console_screen.bars.status_line.text)  # type: ignore[union-attr]
 
 
+@pytest.mark.slow
 async def test_a_study_that_does_not_load_shows_its_findings_and_starts_nothing_until_it_is_mended() -> None:
     finding = "study.toml:14:1: error: there is no key `scenerio` here; did you mean `scenario`?"
     source = FakeStudy(StudyNow(None, None, (finding,)))
     async with day(source) as at:
-        assert "nothing can be started" in at.screen.lists.people.text and "`scenerio`" in at.screen.lists.people.text
+        people = at.screen.lists.people
+        assert "nothing can be started" in people.text and "`scenerio`" in people.text
         await at.press("enter")
         assert "the study does not load" in at.notice and source.planned == []
         await at.press("r")
         assert isinstance(at.top, StudyScreen)
-        source.change(study=study(), standing=standing(), problems=())
-        await at.until(lambda: "P07" in at.screen.lists.people.text, "it was not read again")
-        assert at.screen.lists.people.cursor >= 0
-
-
-async def test_a_key_reads_it_again() -> None:
-    async with day() as at:
-        before = at.source.loads
-        await at.press("ctrl+r")
-        await at.until(lambda: at.source.loads > before)
-
-
-async def test_participants_are_found_by_typing() -> None:
-    async with day() as at:
-        await at.press("slash")
-        await at.type("to go")
-        assert at.screen.lists.people.count == 1 and "find to go  1 of 10" in at.screen.lists.people_head.text
-        await at.press("enter")
-        assert at.screen.lists.selected is not None and at.screen.lists.selected.participant == "P07"
-        await at.press("escape")
-        assert at.screen.lists.people.count == 10
-        await at.press("slash")
-        await at.type("zzz")
-        assert "nothing matches" in at.screen.lists.people.text
-        await at.press("escape")
-        assert at.screen.lists.people.count == 10 and at.app.focused is at.screen.lists.people
-
-
-async def test_help_and_palette_know_this_screen() -> None:
-    async with day() as at:
-        await at.press("question_mark")
-        shown = await at.shows(HelpScreen)
-        assert "Rehearse" in shown.list.text and "to judge" in shown.list.text
-        await at.press("escape")
-        await at.press("colon")
-        await at.shows(Palette)
-        await at.type("say who")
-        await at.press("enter")
-        await at.shows(WizardNameDialog)
-
-
-async def test_who_was_named_is_selected() -> None:
-    async with day(participant="P10") as at:
-        assert at.screen.lists.people.current_id == "P10"
-
-
-async def test_the_cursor_goes_to_the_next_one_when_a_session_has_ended_elsewhere() -> None:
-    people = (person(1, "running", sessions=(entry("P01", status="running", outcome=None),)), person(2, "waiting"))
-    async with day(FakeStudy(StudyNow(study(), standing(participants=people, next="")))) as at:
-        assert at.screen.lists.people.current_id == "P01"
+        running = (person(1, "running", sessions=(entry("P01", status="running", outcome=None),)), person(2, "waiting"))
+        source.change(study=study(), standing=standing(participants=running, next=""), problems=())
+        await at.until(lambda: people.current_id == "P01", "it was not read again")
         done = (person(1, "to-go-on", sessions=(entry("P01"),)), person(2, "waiting"))
-        at.source.change(standing=standing(participants=done, next="P02"))
-        await at.until(lambda: at.screen.lists.people.current_id == "P02")
-        at.source.change(standing=standing(participants=done, next="P01"))
+        source.change(standing=standing(participants=done, next="P02"))
+        await at.until(lambda: people.current_id == "P02", "a session has ended elsewhere")
+        source.change(standing=standing(participants=done, next="P01"))
         await at.until(lambda: "next: P01" in at.screen.lists.people_head.text)
-        assert at.screen.lists.people.current_id == "P02"  # nobody is moved under the wizard's hand
-
-
-async def test_tab_goes_to_the_plan_and_back() -> None:
-    async with day() as at:
-        await at.press("tab")
-        assert at.app.focused is at.screen.lists.beside
-        await at.press("tab")
-        assert at.app.focused is at.screen.lists.people
+        assert people.current_id == "P02"  # nobody is moved under the wizard's hand
 
 
 # --- what would run, and why not --------------------------------------------------------------------------------------
 
-
-@pytest.mark.parametrize("size", [(80, 24), (120, 40)])
-async def test_enter_says_what_would_run_and_esc_leaves_it(size: tuple[int, int]) -> None:
-    async with day(size=size) as at:
-        await at.press("enter")
-        plan = await at.shows(ChecksScreen)
-        for piece in (
-            "P07 · run 2 of 2",
-            "A+loud",
-            "REAL",
-            "pepper",
-            "LabLinking: setting the table",
-            "yes, slot 7",
-            "/home/lab/lablinking/sessions",
-            "anna",
-            "run 1 · ✓ complete · A+quiet · 2026-11-21 14:15 · 24:10",
-            "consent, lights, door, disk, tracker",
-        ):
-            assert piece in plan.list.text, piece
-        assert at.source.checked == []
-        box = plan.query_one("#box").region
-        assert box.height <= size[1] and plan.answer_line.region.bottom < box.bottom
-        await at.press("escape")
-        await at.until(lambda: at.top is at.screen)
-        assert at.source.started == [] and "nothing has been started for P07" in at.notice
-
-
 NOT_RECORDED = "nothing is recorded: P07 has not consented to it (consent_recording of participants.csv has no date)"
 
 
-@pytest.mark.parametrize(
-    ("recorders", "unrecorded", "lines"),
-    [
-        ("", "", []),
-        ("camera (obs), bag (rosbag2)", "", ["recorded by  camera (obs), bag (rosbag2)"]),
-        (
-            "markers on LSL",
-            NOT_RECORDED,
-            [
-                "recorded by  markers on LSL",
-                "nothing is recorded: P07 has not consented to it",
-                "(consent_recording of participants.csv has no date)",
-            ],
-        ),
-    ],
-)
-async def test_what_records_it_stands_there_or_why_nothing_does(
-    recorders: str, unrecorded: str, lines: list[str]
-) -> None:
-    async with day(size=(80, 24)) as at:
-        at.source.recorders, at.source.unrecorded = recorders, unrecorded
+@pytest.mark.slow
+async def test_enter_says_what_would_run_and_esc_leaves_it() -> None:
+    async with day(participant="P10") as at:
+        assert at.screen.lists.people.current_id == "P10", "who was named is selected"
+        await at.select("P07")
+        for size in ((120, 40), (80, 24)):
+            await at.pilot.resize_terminal(*size)
+            await at.press("enter")
+            plan = await at.shows(ChecksScreen)
+            for piece in (
+                "P07 · run 2 of 2",
+                "A+loud",
+                "REAL",
+                "pepper",
+                "LabLinking: setting the table",
+                "yes, slot 7",
+                "/home/lab/lablinking/sessions",
+                "anna",
+                "run 1 · ✓ complete · A+quiet · 2026-11-21 14:15 · 24:10",
+                "consent, lights, door, disk, tracker",
+            ):
+                assert piece in plan.list.text, piece
+            assert at.source.checked == []
+            box = plan.query_one("#box").region
+            assert box.height <= size[1] and plan.answer_line.region.bottom < box.bottom
+            await at.press("escape")
+            await at.gone_back()
+            assert at.source.started == [] and "nothing has been started for P07" in at.notice
+        for recorders, unrecorded, lines in (
+            ("camera (obs), bag (rosbag2)", "", ["recorded by  camera (obs), bag (rosbag2)"]),
+            (
+                "markers on LSL",
+                NOT_RECORDED,
+                [
+                    "recorded by  markers on LSL",
+                    "nothing is recorded: P07 has not consented to it",
+                    "(consent_recording of participants.csv has no date)",
+                ],
+            ),
+            ("", "", []),
+        ):
+            at.source.recorders, at.source.unrecorded = recorders, unrecorded
+            await at.press("enter")
+            plan = await at.shows(ChecksScreen)
+            shown = [line.strip() for line in plan.list.text.splitlines()]
+            found = [line for line in shown if line.startswith(("recorded by", "nothing is", "(consent_"))]
+            assert found == lines
+            assert "checks       consent, lights, door, disk, tracker" in shown
+            box = plan.query_one("#box").region
+            assert box.height <= 24 and plan.answer_line.region.bottom < box.bottom
+            await at.press("escape")
+        at.source.language, at.source.warning = "de", "P07 (en) is next; you are about to open P08 (de)"
+        await at.select("P08")
         await at.press("enter")
         plan = await at.shows(ChecksScreen)
-        shown = [line.strip() for line in plan.list.text.splitlines()]
-        found = [line for line in shown if line.startswith(("recorded by", "nothing is", "(consent_"))]
-        assert found == lines
-        assert "checks       consent, lights, door, disk, tracker" in shown
-        box = plan.query_one("#box").region
-        assert box.height <= 24 and plan.answer_line.region.bottom < box.bottom
+        assert "not in turn  P07 (en) is next; you are about to open P08 (de)" in plan.list.text
+        assert "P08 · run 2 of 2   language de" in plan.list.text
 
 
-async def test_the_head_says_what_records_every_session() -> None:
-    async with day(size=(120, 40)) as at:
-        assert "recorded by" not in at.screen.head.text
-        study = at.source.now.study
-        assert study is not None
-        camera = RecordingSettings((RecorderSettings("camera", "obs"),))
-        at.source.now = replace(at.source.now, study=replace(study, recording=camera))
-        await at.press("ctrl+r")
-        await at.until(lambda: "recorded by camera (obs)" in at.screen.head.text)
-
-
-@pytest.mark.parametrize(
-    ("participant", "said"),
-    [("P09", "consent_recording"), ("P01", "is complete"), ("P03", "fire alarm"), ("P04", "is withdrawn")],
-)
-async def test_who_cannot_begin_is_told_why(participant: str, said: str) -> None:
-    async with day() as at:
-        await at.select(participant)
+@pytest.mark.slow
+async def test_who_cannot_begin_is_told_why() -> None:
+    keys = KeyFile(keys={"cue": ("g",)}, locations={("cue", "g"): SourceLocation("keys.toml", 2, 7)})
+    async with day(keys=keys, participant="p07") as at:
+        assert "there is no participant 'p07' in participants.csv; did you mean `P07`?" in at.notice
+        for participant, said in (
+            ("P09", "consent_recording"),
+            ("P01", "is complete"),
+            ("P03", "fire alarm"),
+            ("P04", "is withdrawn"),
+        ):
+            await at.select(participant)
+            await at.press("enter")
+            assert said in at.notice and at.top is at.screen and at.source.planned == []
+        await at.select("P07")
+        loads, at.source.refusal = at.source.loads, "study.toml was changed since the plan was made"
         await at.press("enter")
-        assert said in at.notice and at.top is at.screen and at.source.planned == []
-
-
-async def test_a_plan_that_is_refused_says_why_and_the_study_is_read_again() -> None:
-    source = FakeStudy()
-    source.refusal = "study.toml was changed since the plan was made"
-    async with day(source) as at:
-        loads = source.loads
-        await at.press("enter")
-        await at.until(lambda: "study.toml was changed" in at.notice)
-        await at.until(lambda: source.loads > loads)
+        await at.until(lambda: "study.toml was changed" in at.notice and at.source.loads > loads)
         assert at.top is at.screen
-
-
-async def test_keys_of_the_users_own_that_the_scenario_has_too_are_told_before_anything_begins() -> None:
-    source = FakeStudy()
-    at_key = SourceLocation("keys.toml", 2, 7)
-    keys = KeyFile(keys={"cue": ("g",)}, locations={("cue", "g"): at_key})
-    async with day(source, keys=keys) as at:
-        source.keys = {"g": KeyBinding("g", "g", "startCommunicationRobotAct", "Greet", SourceLocation("s", 1))}
+        at.source.refusal = ""
+        at.source.keys = {"g": KeyBinding("g", "g", "startCommunicationRobotAct", "Greet", SourceLocation("s", 1))}
         await at.press("enter")
-        await at.until(lambda: "`g` is given to `cue`" in at.notice)
-        assert at.top is at.screen and source.started == []
+        await at.until(lambda: "`g` is given to `cue`" in at.notice, "keys of the user's own that the scenario has too")
+        assert at.top is at.screen and at.source.started == []
 
 
 # --- checks -----------------------------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("size", [(80, 24), (120, 40)])
-async def test_checks_run_by_themselves_and_asked_ones_wait_for_an_answer(size: tuple[int, int]) -> None:
-    async with day(size=size) as at:
+@pytest.mark.slow
+async def test_checks_run_by_themselves_and_asked_ones_wait_for_an_answer() -> None:
+    async with day() as at:
+        screen = await at.checks()
+        await at.press("y", "escape")
+        await at.gone_back()
+        assert at.source.started == [], "leaving the checks starts nothing"
+        at.source.checked.clear()
+        at.source.noted.clear()
         screen = await at.checks()
         assert sorted(at.source.checked) == ["consent", "disk", "door", "lights", "tracker"]
         assert at.source.most_at_once == 1  # a robot that speaks and a program that listens are not one check
-        shown = at.text_of(screen)
-        assert "✓ passed" in shown and "34.1 GB free" in shown and "60 Hz, 2 eyes" in shown
-        assert "lights and door: answer with y or n" in shown and screen.list.current_id == "lights"
+        for size in ((120, 40), (80, 24)):
+            await at.pilot.resize_terminal(*size)
+            await at.pilot.pause(0.1)
+            shown = at.text_of(screen)
+            assert "✓ passed" in shown and "34.1 GB free" in shown and "60 Hz, 2 eyes" in shown
+            assert "lights and door: answer with y or n" in shown and screen.list.current_id == "lights"
         await at.press("enter")
         assert "not yet: lights and door" in at.text_of(screen) and at.source.started == []
-        await at.press("y")
+        for _ in range(8):  # held down
+            await at.pilot.press("y")
+            await at.pilot.pause(0.03)
+        assert [item.status for item in screen.checks.items if item.check.ask] == ["passed", "asked"]
         assert screen.list.current_id == "door"
+        await at.pilot.pause(1)
         await at.press("y")
         assert "enter: begin the session of P07 in REAL" in at.text_of(screen)
-        await at.press("enter")
+        for _ in range(5):
+            await at.pilot.press("enter")
         await at.shows(ConsoleScreen)
-        request, reports, wizard = at.source.started[0]
+        ((request, reports, wizard),) = at.source.started
         assert (request.participant, request.purpose, wizard) == ("P07", "counted", "anna")
         assert [(each.id, each.result) for each in reports] == [
             (id, "passed") for id in ("consent", "lights", "door", "disk", "tracker")
@@ -422,27 +431,16 @@ async def test_checks_run_by_themselves_and_asked_ones_wait_for_an_answer(size: 
         assert ("lights", "passed") in at.source.noted and ("disk", "passed") in at.source.noted
 
 
-async def test_a_key_that_is_held_down_answers_once() -> None:
-    async with day() as at:
-        screen = await at.checks()
-        for _ in range(8):
-            await at.pilot.press("y")
-            await at.pilot.pause(0.03)
-        assert [item.status for item in screen.checks.items if item.check.ask] == ["passed", "asked"]
-        await at.pilot.pause(1)
-        await at.press("y")
-        for _ in range(5):
-            await at.pilot.press("enter")
-        await at.shows(ConsoleScreen)
-        assert len(at.source.started) == 1
-
-
+@pytest.mark.slow
 async def test_a_failed_check_blocks_is_made_again_or_skipped_with_a_reason() -> None:
     source = FakeStudy()
     source.results = {"tracker": "no answer from 10.0.0.7"}
     async with day(source) as at:
         screen = await at.checks()
-        await at.press("y", "y", "enter")
+        await at.press("n")
+        assert "✗ failed" in screen.list.text and screen.list.current_id == "lights"
+        await at.press("y", "y", "enter")  # an answer of no can be taken back
+        assert ("lights", "failed") in source.noted
         assert "not yet: tracker failed" in at.text_of(screen) and "no answer from 10.0.0.7" in at.text_of(screen)
         assert screen.list.current_id == "tracker"
         source.results = {}
@@ -456,79 +454,53 @@ async def test_a_failed_check_blocks_is_made_again_or_skipped_with_a_reason() ->
         await at.press("s", "enter")
         assert "who skips a check says why" in at.text_of(screen) and source.started == []
         await at.type("it is broken")
-        await at.press("enter", "enter")
-        await at.shows(ConsoleScreen)
+        await at.press("enter")
+        source.held, source.refusal = Event(), "the study changed while the session was prepared: try again"
+        await at.press("enter")
+        await at.until(lambda: bool(source.started))
+        source.held.set()
+        await at.until(lambda: "the study changed while" in at.notice, "an engine that refuses says why")
+        assert at.top is at.screen and at.app.console_screen is None
         report = source.started[0][1][-1]
         assert (report.id, report.result, report.reason, report.source) == (
             *("tracker", "skipped", "it is broken"),
             "wizard:anna",
         )
         assert report.value == "failed before: again"
-
-
-async def test_an_answer_of_no_blocks_and_can_be_taken_back() -> None:
-    async with day() as at:
-        screen = await at.checks()
-        await at.press("n")
-        assert "✗ failed" in screen.list.text and screen.list.current_id == "lights"
-        await at.press("y", "y", "enter")
-        await at.shows(ConsoleScreen)
-        assert ("lights", "failed") in at.source.noted
-
-
-async def test_consent_is_never_skipped() -> None:
-    source = FakeStudy()
-    source.results = {"consent": "consent_recording has no date"}
-    async with day(source) as at:
+        source.held, source.refusal = None, ""
+        source.results = {"consent": "consent_recording has no date"}
         screen = await at.checks()
         screen.list.select("consent")
         await at.press("s")
         assert "consent cannot be skipped" in at.text_of(screen) and not screen.reason_bar.is_open
         await at.press("y")
         assert "the program itself looks" in at.text_of(screen)
-
-
-async def test_what_does_not_block_is_not_in_the_way() -> None:
-    source = FakeStudy(StudyNow(study(checks=(StudyCheck("disk", auto="disk", blocks=False),)), standing()))
-    source.results = {"disk": "only 2 GB are free"}
-    async with day(source) as at:
+        await at.press("escape")
+        source.change(study=study(checks=(StudyCheck("disk", auto="disk", blocks=False),)))
+        source.results = {"disk": "only 2 GB are free"}
         screen = await at.checks()
-        assert "enter: begin the session" in at.text_of(screen)
-
-
-async def test_without_checks_enter_begins() -> None:
-    async with day(FakeStudy(StudyNow(study(checks=()), standing()))) as at:
+        assert "enter: begin the session" in at.text_of(screen), "what does not block is not in the way"
+        await at.press("escape")
+        source.change(study=study(checks=()))
         await at.press("enter")
-        plan = await at.shows(ChecksScreen)
-        assert "enter: begin the session of P07 in REAL" in plan.answer_line.text
+        screen = await at.shows(ChecksScreen)
+        assert "enter: begin the session of P07 in REAL" in screen.answer_line.text, "without checks enter begins"
         await at.press("enter")
         await at.shows(ConsoleScreen)
-
-
-async def test_leaving_the_checks_starts_nothing() -> None:
-    async with day() as at:
-        await at.checks()
-        await at.press("y", "escape")
-        await at.until(lambda: at.top is at.screen)
-        assert at.source.started == []
-
-
-async def test_an_engine_that_refuses_says_why_and_the_screen_is_there_again() -> None:
-    async with day() as at:
-        await at.checks()
-        await at.press("y", "y")
-        at.source.refusal = "the study changed while the session was prepared: try again"
-        await at.press("enter")
-        await at.until(lambda: "the study changed while" in at.notice)
-        assert at.top is at.screen and at.app.console_screen is None
 
 
 # --- who sits here ----------------------------------------------------------------------------------------------------
 
 
+@pytest.mark.slow
 async def test_the_name_is_asked_once_and_kept() -> None:
     async with day(wizard="") as at:
         assert "no wizard named yet" in at.screen.head.text
+        await at.press("enter")
+        await at.shows(WizardNameDialog)
+        await at.press("escape")
+        await at.gone_back()
+        assert at.source.planned == []
         await at.press("enter")
         question = await at.shows(WizardNameDialog)
         assert question.field.value == ""  # a login is nobody's name in a real session
@@ -543,57 +515,28 @@ async def test_the_name_is_asked_once_and_kept() -> None:
         await at.shows(ChecksScreen)
 
 
-async def test_esc_at_the_name_begins_nothing() -> None:
-    async with day(wizard="") as at:
-        await at.press("enter")
-        await at.shows(WizardNameDialog)
-        await at.press("escape")
-        await at.until(lambda: at.top is at.screen)
-        assert at.source.planned == []
-
-
-async def test_in_debug_mode_the_login_is_offered() -> None:
-    async with day(FakeStudy(StudyNow(study(mode="debug"), standing())), wizard="") as at:
+async def test_a_real_study_offers_its_wizards_and_in_debug_mode_the_login_is_offered() -> None:
+    source = FakeStudy(StudyNow(study(mode="debug"), standing()))
+    async with day(source, wizard="") as at:
         await at.press("w")
         assert (await at.shows(WizardNameDialog)).field.value == "root"
-
-
-async def test_a_real_study_offers_its_wizards() -> None:
-    source = FakeStudy(StudyNow(study(wizards={"anna": "W1", "ben": "W2"}), standing()))
-    async with day(source, wizard="") as at:
+        await at.press("escape")
+        source.change(study=study(wizards={"anna": "W1", "ben": "W2"}))
+        await at.until(lambda: "REAL" in at.screen.head.text)
         await at.press("w")
         question = await at.shows(WizardNameDialog)
         await at.press("up", "right")
         assert question.field.value == "anna"
         await at.press("enter", "enter")
-        await at.until(lambda: at.top is at.screen)
+        await at.gone_back()
         assert "wizard anna" in at.screen.head.text
 
 
 # --- rehearsals -------------------------------------------------------------------------------------------------------
 
 
+@pytest.mark.slow
 async def test_a_rehearsal_takes_no_slot_asks_no_outcome_and_comes_back() -> None:
-    async with day() as at:
-        await at.press("r")
-        await at.shows(RehearsalDialog)
-        await at.press("enter")
-        plan = await at.shows(ChecksScreen)
-        assert "no: debug" in plan.list.text and "DEBUG" in plan.list.text
-        assert "enter: begin the debug session of P07 in DEBUG" in plan.answer_line.text
-        await at.press("enter")
-        await at.shows(ConsoleScreen)
-        assert at.source.started[0][0].purpose == "debug"
-        await at.ask_to_end()
-        await at.shows(EndSessionDialog)
-        await at.type("end")
-        await at.press("enter")
-        await at.leave_report()
-        assert at.client.closed == [True] and at.client.reports == []
-        assert "it does not count" in at.notice
-
-
-async def test_a_pilot_makes_the_checks_and_none_of_them_is_in_the_way() -> None:
     source = FakeStudy()
     source.results = {"tracker": "not there"}
     async with day(source) as at:
@@ -605,87 +548,101 @@ async def test_a_pilot_makes_the_checks_and_none_of_them_is_in_the_way() -> None
         await at.press("enter")
         await at.until(lambda: "answer with y or n" in at.text_of(plan))
         await at.press("y", "n")
-        assert "enter: begin the pilot session" in at.text_of(plan)
-
-
-async def test_a_rehearsal_in_a_hidden_study_does_not_show_the_participants_condition() -> None:
-    hidden = study(assignment=AssignmentSettings(hidden=True))
-    async with day(FakeStudy(StudyNow(hidden, standing()))) as at:
-        await at.press("r")
-        question = await at.shows(RehearsalDialog)
-        assert "as they would run it" not in question.list.text and "condition A+quiet" in question.list.text
+        assert "enter: begin the pilot session" in at.text_of(plan), "no check is in its way"
+        await at.press("escape", "r")
+        await at.shows(RehearsalDialog)
         await at.press("enter")
-        await at.shows(ChecksScreen)
-        assert at.source.planned[0].condition == "yes+quiet"
+        plan = await at.shows(ChecksScreen)
+        assert "no: debug" in plan.list.text and "DEBUG" in plan.list.text
+        assert "enter: begin the debug session of P07 in DEBUG" in plan.answer_line.text
+        await at.press("enter")
+        await at.shows(ConsoleScreen)
+        assert at.source.started[0][0].purpose == "debug"
+        await at.ask_to_end()
+        await at.shows(EndSessionDialog)
+        await at.says_end()
+        await at.leave_report()
+        assert at.client.closed == [True] and at.client.reports == []
+        assert "it does not count" in at.notice
 
 
 # --- the end of a session, and the next participant -------------------------------------------------------------------
 
 
-async def answer_debrief(at: Day) -> None:
-    screen = await at.shows(ChecksScreen)
-    await at.until(lambda: "debrief: answer with y or n" in at.text_of(screen))
-    await at.press("y", "enter")
-
-
-@pytest.mark.parametrize("size", [(80, 24), (120, 40)])
-async def test_a_session_ends_with_its_outcome_and_the_next_participant_is_selected(size: tuple[int, int]) -> None:
+@pytest.mark.slow
+async def test_a_session_ends_with_its_outcome_and_the_next_participant_is_selected() -> None:
     client = FakeClient(demo(), folder="/home/lab/lablinking/sessions/2026_P07")
     client.rule("Main", "entered", "waiting")
     client.act("Greet")
-    async with day(FakeStudy(client=client), size=size) as at:
+    async with day(FakeStudy(client=client)) as at:
+        await at.press("slash")
+        await at.type("to go")
+        await at.press("enter")
         await at.begin()
         await at.ask_to_end()
-        await answer_debrief(at)
-        question = await at.shows(OutcomeDialog)
+        question = await at.answer_debrief()
         said = "\n".join([str(question.query_one("#box").border_title), *question._lines])
         for piece in ("End the session of P07 run 2 · A+loud?", "rule Main: in waiting", "act Greet"):
             assert piece in said
-        box = question.query_one("#box").region
-        assert box.height <= size[1] and question.word.region.y < box.bottom - 2
+        for size in ((120, 40), (80, 24)):
+            await at.pilot.resize_terminal(*size)
+            box = question.query_one("#box").region
+            assert box.height <= size[1] and question.word.region.y < box.bottom - 2
         await at.press("right", "enter", "enter")
         at.source.now = replace(at.source.now, standing=standing(next="P10"))
-        await at.type("end")
-        await at.press("enter")
+        await at.says_end()
         await at.leave_report()
         outcome = at.client.reports[-1]
         assert isinstance(outcome, OutcomeReport)
         assert (outcome.status, outcome.reason, outcome.source) == ("complete", "", "wizard:anna")
         assert [each.id for each in at.client.reports[:-1]] == ["debrief"]  # type: ignore[union-attr]
         assert at.client.closed == [True]
+        await at.until(lambda: at.screen.lists.people.count == 10, "only those who were searched for are shown")
         await at.until(lambda: at.screen.lists.people.current_id == "P10")
         assert "P07, run 2: complete" in at.notice and at.app.console_screen is None
 
 
-async def test_after_a_session_that_was_searched_for_everybody_is_shown_and_who_is_next() -> None:
+@pytest.mark.slow
+async def test_every_step_to_the_end_can_be_left_stopped_and_refused_and_needs_what_it_asks_for() -> None:
     async with day() as at:
-        await at.press("slash")
-        await at.type("to go")
-        await at.press("enter")
         await at.begin()
+        console = at.app.console_screen
+        assert console is not None
+        console.action_do("settings")
+        await at.until(lambda: "the study says what runs" in console.bars.notice_line.text)
         await at.ask_to_end()
-        await answer_debrief(at)
-        await at.shows(OutcomeDialog)
+        checks = await at.shows(ChecksScreen)
+        for key in "abcdefghijklmopqtuvwxyz0123456789":
+            await at.pilot.press(key)
+        await at.press("f9")
+        await at.until(lambda: at.client.asked() == [("stopAll", "")])
+        assert at.top is checks
+        await at.press("escape")
+        await at.shows(ConsoleScreen)
+        await at.ask_to_end()
+        await at.answer_debrief()
+        for key in "abcefghijklmnopqrstuvwxyz":
+            await at.pilot.press(key)
+        await at.press("escape")
+        await at.shows(ConsoleScreen)
+        assert at.client.closed == [] and at.client.reports == [], "no key of any study ends its session"
+        at.client.reject = "only who holds control can say how it is to count"
+        await at.ask_to_end()
+        await at.answer_debrief()
         await at.press("right", "enter", "enter")
-        at.source.now = replace(at.source.now, standing=standing(next="P10"))
-        await at.type("end")
-        await at.press("enter")
-        await at.until(lambda: at.screen.lists.people.count == 10, "only those who were searched for are shown")
-        await at.until(lambda: at.screen.lists.people.current_id == "P10")
-
-
-async def test_aborted_and_excluded_need_a_reason_and_nothing_is_chosen_to_begin_with() -> None:
-    async with day() as at:
-        await at.begin()
+        await at.says_end()
+        await at.shows(ConsoleScreen)
+        await at.until(lambda: "this was not taken" in console.bars.notice_line.text)
+        assert at.client.closed == []
+        at.client.reject = ""
         await at.ask_to_end()
-        await answer_debrief(at)
-        question = await at.shows(OutcomeDialog)
+        question = await at.answer_debrief()
 
         def answer() -> str:
             return str(question.query_one("#answer", Static).content)
 
         await at.press("enter", "enter")
-        assert "say how it is to count" in answer()
+        assert "say how it is to count" in answer(), "nothing is chosen to begin with"
         await at.press("right")
         assert question.choice.value == "complete"
         await at.press("right")
@@ -698,103 +655,46 @@ async def test_aborted_and_excluded_need_a_reason_and_nothing_is_chosen_to_begin
         await at.press("enter")
         assert "that is not the word" in answer() and at.client.closed == []
         question.query_one("#word", Input).value = ""
-        await at.type("end")
-        await at.press("enter")
+        await at.says_end()
         await at.leave_report()
         outcome = at.client.reports[-1]
         assert isinstance(outcome, OutcomeReport) and (outcome.status, outcome.reason) == ("aborted", "the robot fell")
 
 
-async def test_no_key_of_any_study_ends_its_session_and_esc_leaves_every_step() -> None:
+@pytest.mark.slow
+async def test_a_session_whose_engine_has_gone_is_recovered_left_or_ended_by_somebody_else() -> None:
     async with day() as at:
         await at.begin()
-        await at.ask_to_end()
-        await at.shows(ChecksScreen)
-        for key in "abcdefghijklmopqtuvwxyz0123456789":
-            await at.pilot.press(key)
-        await at.press("escape")
-        await at.shows(ConsoleScreen)
-        await at.ask_to_end()
-        await answer_debrief(at)
-        await at.shows(OutcomeDialog)
-        for key in "abcefghijklmopqrstuvwxyz":
-            await at.pilot.press(key)
-        await at.press("escape")
-        await at.shows(ConsoleScreen)
-        assert at.client.closed == [] and at.client.reports == []
 
+        async def gone() -> Dialog:
+            at.client.end("the engine was killed")
+            await at.until(lambda: bool(at.app.console_screen.store.gone_reason))  # type: ignore[union-attr]
+            await at.press("ctrl+c")
+            found = await at.shows(Dialog)
+            assert isinstance(found, Dialog)
+            return found
 
-async def test_stop_works_while_the_outcome_is_asked() -> None:
-    async with day() as at:
+        assert "Back to the study" in [answer.title for answer in (await gone())._answers]
+        await at.press("r")
+        await at.until(lambda: len(at.source.recovered) == 1)
+        assert at.source.recovered[0].participant == "P07"
+        await at.until(lambda: len(at.source.clients) == 2 and not at.app.console_screen.store.gone_reason)  # type: ignore[union-attr]
+        await gone()
+        await at.press("b")
+        await at.gone_back()
+        await at.select("P07")
         await at.begin()
-        await at.ask_to_end()
-        await at.shows(ChecksScreen)
-        await at.press("f9")
-        await at.until(lambda: ("stopAll", "") in at.client.asked())
-        assert isinstance(at.top, ChecksScreen)
-
-
-async def test_an_outcome_that_is_not_taken_leaves_the_session_running() -> None:
-    async with day() as at:
-        await at.begin()
-        at.client.reject = "only who holds control can say how it is to count"
-        await at.ask_to_end()
-        await answer_debrief(at)
-        await at.shows(OutcomeDialog)
-        await at.press("right", "enter", "enter")
-        await at.type("end")
-        await at.press("enter")
-        console = await at.shows(ConsoleScreen)
-        await at.until(lambda: "this was not taken" in console.bars.notice_line.text)
-        assert at.client.closed == []
-
-
-async def test_detaching_leaves_the_session_running_and_the_console() -> None:
-    async with day() as at:
+        at.source.change(standing=standing(next="P10"))
+        await at.over()
+        assert "P07, run 2: ended by SIGTERM; enter says how it counts" in at.notice
+        await at.pilot.pause(0.2)
+        assert at.screen.lists.people.current_id == "P07"
         await at.begin()
         await at.press("ctrl+c")
         await at.shows(Dialog)
         await at.press("d")
         await at.until(lambda: at.client.closed == [False])
         assert at.client.reports == [] and "goes on; come back with: rise-tui" in at.app.exit_message
-
-
-async def test_a_session_that_somebody_else_has_ended_leads_back_to_the_study() -> None:
-    async with day() as at:
-        await at.begin()
-        at.client.end_in_order("ended by SIGTERM")
-        await at.until(lambda: at.app.console_screen is not None and at.app.console_screen.store.ended_in_order)
-        at.source.change(standing=standing(next="P10"))
-        await at.press("ctrl+c")
-        await at.until(lambda: at.top is at.screen)
-        assert "P07, run 2: ended by SIGTERM; enter says how it counts" in at.notice
-        await at.pilot.pause(0.2)
-        assert at.screen.lists.people.current_id == "P07"
-
-
-async def test_an_engine_that_has_gone_is_recovered_as_the_same_participants() -> None:
-    async with day() as at:
-        await at.begin()
-        at.client.end("the engine was killed")
-        await at.until(lambda: bool(at.app.console_screen.store.gone_reason))  # type: ignore[union-attr]
-        await at.press("ctrl+c")
-        question = await at.shows(Dialog)
-        assert "Back to the study" in [answer.title for answer in question._answers]
-        await at.press("r")
-        await at.until(lambda: len(at.source.recovered) == 1)
-        assert at.source.recovered[0].participant == "P07"
-        await at.shows(ConsoleScreen)
-
-
-async def test_an_engine_that_has_gone_can_be_left_for_the_study() -> None:
-    async with day() as at:
-        await at.begin()
-        at.client.end("the engine was killed")
-        await at.until(lambda: bool(at.app.console_screen.store.gone_reason))  # type: ignore[union-attr]
-        await at.press("ctrl+c")
-        await at.shows(Dialog)
-        await at.press("b")
-        await at.until(lambda: at.top is at.screen)
 
 
 def attached(role: Role = "wizard") -> FakeClient:
@@ -805,6 +705,7 @@ def attached(role: Role = "wizard") -> FakeClient:
     return source.session("P07", PlannedRun(7, 2, {}, "yes+loud", {}, DEMO, 1), "counted")
 
 
+@pytest.mark.slow
 async def test_a_console_that_was_not_told_the_study_finds_it_by_the_session() -> None:
     source, launcher = FakeStudy(), FakeLauncher(attached(), find_study=lambda reply: source)
     app = ConsoleApp(launcher.clients[0], launcher=launcher, wizard="anna")
@@ -815,11 +716,9 @@ async def test_a_console_that_was_not_told_the_study_finds_it_by_the_session() -
         await at.until(lambda: "P07 run 2 · A+loud" in console.bars.status_line.text)
         assert "yes" not in console.bars.status_line.text
         await at.ask_to_end()
-        await answer_debrief(at)
-        await at.shows(OutcomeDialog)
+        await at.answer_debrief()
         await at.press("right", "enter", "enter")
-        await at.type("end")
-        await at.press("enter")
+        await at.says_end()
         await at.shows(ReportScreen)
         await at.press("escape")
         await at.until(lambda: isinstance(at.top, StudyScreen) and at.top.wizard == "anna")
@@ -837,65 +736,48 @@ async def test_who_only_watches_sees_the_label_and_can_only_detach() -> None:
         assert [answer.title for answer in question._answers] == ["Detach"]
 
 
-async def test_settings_are_the_studys_in_its_sessions() -> None:
-    async with day() as at:
-        await at.begin()
-        console = at.app.console_screen
-        assert console is not None
-        console.action_do("settings")
-        await at.until(lambda: "the study says what runs" in console.bars.notice_line.text)
-
-
 # --- sessions that run, did not end, or were never judged -------------------------------------------------------------
 
 
-async def test_enter_goes_back_to_a_session_that_runs() -> None:
+@pytest.mark.slow
+async def test_a_session_that_runs_without_a_console_here_is_reached_and_stopped() -> None:
     running = entry("P01", status="running", outcome=None)
-    people = (person(1, "running", sessions=(running,)),)
-    source = FakeStudy(StudyNow(study(), standing(participants=people, next="")))
-    async with day(source, wizard="") as at:
-        await at.select("P01")
-        await at.press("enter")
-        await at.shows(ConsoleScreen)
-        assert source.attached == [running]
-
-
-async def test_stop_reaches_a_session_that_runs_without_a_console_here() -> None:
-    running = entry("P01", status="running", outcome=None)
-    people = (person(1, "running", sessions=(running,)),)
-    source = FakeStudy(StudyNow(study(), standing(participants=people, next="")))
-    async with day(source) as at:
-        await at.press("question_mark")
-        await at.shows(HelpScreen)
-        await at.press("f9")
-        await at.shows(ConsoleScreen)
-        await at.until(lambda: ("stopAll", "") in at.client.asked())
-
-
-async def test_a_rehearsal_that_runs_without_a_console_here_is_reached_and_stopped() -> None:
-    running = entry("P10", purpose="debug", status="running", outcome=None)
-    source = FakeStudy(StudyNow(study(), standing(rehearsals=(running,))))
+    rehearsal = entry("P10", purpose="debug", status="running", outcome=None)
+    source = FakeStudy()
     async with day(source, size=(120, 40)) as at:
-        assert "a debug session with P10 runs" in at.screen.lists.beside.text
-        await at.select("P10")
-        await at.press("enter")
-        await at.shows(ConsoleScreen)
-        assert source.attached == [running] and source.planned == []
-    async with day(source) as at:
-        await at.press("f9")
-        await at.shows(ConsoleScreen)
-        await at.until(lambda: ("stopAll", "") in at.client.asked())
-
-
-async def test_stop_says_that_nothing_runs_here() -> None:
-    async with day() as at:
         await at.press("f9")
         assert "nothing runs" in at.notice
         screen = await at.checks()
         await at.press("ctrl+g")
         assert "nothing runs" in at.text_of(screen)
+        await at.press("escape")
+        people = (person(1, "running", sessions=(running,)),)
+        source.change(standing=standing(participants=people, next=""))
+        await at.until(lambda: "► running" in at.screen.lists.people.text)
+        await at.press("question_mark")
+        await at.shows(HelpScreen)
+        await at.press("f9")
+        await at.until(lambda: bool(source.clients) and ("stopAll", "") in at.client.asked())
+        await at.over()
+        await at.select("P01")
+        await at.press("enter")
+        await at.shows(ConsoleScreen)
+        assert source.attached[-1] == running
+        await at.over()
+        source.change(standing=standing(rehearsals=(rehearsal,)))
+        await at.until(lambda: "a debug session with P10 runs" in at.screen.lists.beside.text)
+        await at.select("P10")
+        before = len(source.planned)
+        await at.press("enter")
+        await at.shows(ConsoleScreen)
+        assert source.attached[-1] == rehearsal and len(source.planned) == before
+        await at.over()
+        await at.press("f9")
+        await at.shows(ConsoleScreen)
+        await at.until(lambda: ("stopAll", "") in at.client.asked())
 
 
+@pytest.mark.slow
 async def test_stop_while_a_session_is_starting_stops_it_as_soon_as_it_is_reached() -> None:
     source = FakeStudy()
     source.held = Event()
@@ -912,102 +794,115 @@ async def test_stop_while_a_session_is_starting_stops_it_as_soon_as_it_is_reache
         await at.until(lambda: ("stopAll", "") in at.client.asked())
 
 
-async def test_an_unfinished_session_is_recovered_with_its_participant_named() -> None:
+@pytest.mark.slow
+async def test_sessions_are_judged_given_up_corrected_and_recovered() -> None:
     async with day() as at:
-        await at.select("P05")
-        await at.press("enter")
-        question = await at.shows(Dialog)
+
+        async def asked_about(participant: str) -> Dialog:
+            await at.select(participant)
+            await at.press("enter")
+            found = await at.shows(Dialog)
+            assert isinstance(found, Dialog)
+            return found
+
+        async def judged() -> tuple[str, str, str, str]:
+            await at.until(lambda: bool(at.source.judged))
+            found, status, reason, wizard = at.source.judged.pop()
+            return found.participant, status, reason, wizard
+
+        question = await asked_about("P05")
         said = "\n".join((question._title, *question._lines))
         for piece in ("P05 · run 1 · A+quiet did not end", "Begun 2026-11-21 14:15", "as far as 00:14:32"):
             assert piece in said
-        await at.press("r")
-        await at.shows(ConsoleScreen)
-        assert [each.participant for each in at.source.recovered] == ["P05"]
-
-
-async def test_an_unfinished_session_is_given_up_with_its_outcome() -> None:
-    async with day() as at:
-        await at.select("P05")
+        await at.press("escape")
+        await at.gone_back()
+        assert at.source.judged == [] and at.source.recovered == []
+        await at.select("P06")
         await at.press("enter")
-        await at.shows(Dialog)
+        outcome = await at.answer_debrief()
+        assert at.source.noted == [("debrief", "passed")]
+        assert "nobody said how it counts" in "\n".join(outcome._lines) and not outcome.query("#word")
+        at.source.refusal = "study.jsonl cannot be written: no space left"
+        await at.press("right", "enter", "enter")
+        await at.until(lambda: "no space left" in at.notice)
+        at.source.refusal = ""
+        await at.select("P06")
+        await at.press("enter")
+        await at.answer_debrief()
+        await at.press("right", "enter", "enter")
+        assert await judged() == ("P06", "complete", "", "anna")
+        await at.select("P08")
+        await at.press("o")
+        outcome = await at.shows(OutcomeDialog)
+        assert "It counts as aborted" in str(outcome.query_one("#lines", Static).render())
+        await at.press("right", "enter", "enter")
+        assert "say why" in str(outcome.query_one("#answer", Static).render()) and at.source.judged == []
+        await at.type("heard all of it")
+        await at.press("enter")
+        assert await judged() == ("P08", "complete", "heard all of it", "anna")
+        await at.select("P10")
+        await at.press("o")
+        assert "P10 has no session yet" in at.notice
+        await asked_about("P05")
         await at.press("g")
         await at.shows(OutcomeDialog)
         await at.press("right", "right", "enter")
         await at.type("power cut")
         await at.press("enter")
-        await at.until(lambda: bool(at.source.judged))
-        found, status, reason, wizard = at.source.judged[0]
-        assert (found.participant, status, reason, wizard) == ("P05", "aborted", "power cut", "anna")
+        assert await judged() == ("P05", "aborted", "power cut", "anna")
         await at.until(lambda: "P05, run 1: aborted" in at.notice)
         assert at.screen.lists.people.current_id == "P07"
-
-
-async def test_leaving_an_unfinished_session_changes_nothing() -> None:
-    async with day() as at:
-        await at.select("P05")
-        await at.press("enter")
-        await at.shows(Dialog)
-        await at.press("escape")
-        await at.until(lambda: at.top is at.screen)
-        assert at.source.judged == [] and at.source.recovered == []
-
-
-async def test_a_session_without_outcome_is_judged_afterwards() -> None:
-    async with day() as at:
-        await at.select("P06")
-        await at.press("enter")
-        await answer_debrief(at)
-        assert at.source.noted == [("debrief", "passed")]
-        question = await at.shows(OutcomeDialog)
-        assert "nobody said how it counts" in "\n".join(question._lines) and not question.query("#word")
-        await at.press("right", "enter", "enter")
-        await at.until(lambda: bool(at.source.judged))
-        assert at.source.judged[0][:3] == (entry("P06", outcome=None), "complete", "")
-
-
-async def test_an_outcome_that_cannot_be_written_is_told() -> None:
-    async with day() as at:
-        await at.select("P06")
-        await at.press("enter")
-        await answer_debrief(at)
-        await at.shows(OutcomeDialog)
-        at.source.refusal = "study.jsonl cannot be written: no space left"
-        await at.press("right", "enter", "enter")
-        await at.until(lambda: "no space left" in at.notice)
+        await asked_about("P05")
+        await at.press("r")
+        await at.shows(ConsoleScreen)
+        assert [each.participant for each in at.source.recovered] == ["P05"]
 
 
 # --- no accidents -----------------------------------------------------------------------------------------------------
 
 
-async def test_keys_that_come_together_start_nothing() -> None:
+@pytest.mark.slow
+async def test_keys_that_come_together_start_nothing_and_leaving_the_checks_asks_first(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
     async with day() as at:
         at.app._keys_together = True
-        from textual import events
-
         assert not at.app.admits(events.Key("enter", None)) and at.app.admits(events.Key("f9", None))
         at.app._keys_together = False
         assert at.app.admits(events.Key("enter", None))
-
-
-async def test_a_session_that_cannot_be_reached_leads_back_to_the_study(monkeypatch: pytest.MonkeyPatch) -> None:
-    async with day() as at:
-        client = FakeClient(demo())
-        client.gone = "it has just ended"
-        monkeypatch.setattr(at.source, "session", lambda *_: client)
+        with monkeypatch.context() as unreachable:
+            client = FakeClient(demo())
+            client.gone = "it has just ended"
+            unreachable.setattr(at.source, "session", lambda *_: client)
+            await at.checks()
+            await at.press("y", "y", "enter")
+            await at.until(lambda: "could not be reached: it has just ended" in at.notice)
+            with pytest.raises(EngineGone):
+                await client.attach()
+        at.source.started.clear()
         await at.checks()
-        await at.press("y", "y", "enter")
-        await at.until(lambda: "could not be reached: it has just ended" in at.notice)
-        with pytest.raises(EngineGone):
-            await client.attach()
+        await at.press("ctrl+c")
+        await at.shows(Dialog)
+        await at.press("escape")
+        await at.shows(ChecksScreen)
+        await at.press("ctrl+c")
+        await at.shows(Dialog)
+        await at.press("l")
+        await at.until(lambda: bool(at.app.exit_message))
+        assert at.source.started == []
 
 
 async def test_leaving_the_study_ends_nothing_and_says_how_to_come_back() -> None:
-    async with day() as at:
+    async with day(size=(60, 15)) as at:
+        await at.until(lambda: type(at.top).__name__ == "TooSmallScreen")
+        await at.pilot.resize_terminal(80, 24)
+        await at.gone_back()
         await at.press("ctrl+c")
         await at.pilot.pause(0.2)
         assert "rise-tui --config /home/lab/lablinking" in at.app.exit_message and at.app.return_code == 0
 
 
+@pytest.mark.slow
 async def test_leaving_while_a_session_is_starting_does_not_say_that_none_runs() -> None:
     source = FakeStudy()
     source.held = Event()
@@ -1022,25 +917,6 @@ async def test_leaving_while_a_session_is_starting_does_not_say_that_none_runs()
         assert at.app.exit_message.startswith(said)
 
 
-async def test_leaving_in_the_midst_of_the_checks_asks_first() -> None:
-    async with day() as at:
-        await at.checks()
-        await at.press("ctrl+c")
-        await at.shows(Dialog)
-        await at.press("escape")
-        await at.shows(ChecksScreen)
-        await at.press("ctrl+c")
-        await at.shows(Dialog)
-        await at.press("l")
-        await at.until(lambda: bool(at.app.exit_message))
-        assert at.source.started == []
-
-
-async def test_a_window_that_is_too_small_says_so() -> None:
-    async with day(size=(60, 15)) as at:
-        await at.until(lambda: type(at.top).__name__ == "TooSmallScreen")
-
-
 def test_the_checks_of_these_tests_are_of_every_kind() -> None:
     assert {bool(each.ask) for each in CHECKS} == {True, False} and any(each.run for each in CHECKS)
 
@@ -1048,113 +924,60 @@ def test_the_checks_of_these_tests_are_of_every_kind() -> None:
 # --- the report of a session -----------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("size", [(80, 24), (120, 40)])
-async def test_the_report_of_any_session_that_has_ended_is_read_by_keys_alone(size: tuple[int, int]) -> None:
-    async with day(size=size) as at:
-        await at.select("P01")
-        await at.press("v")
-        report = await at.shows(ReportScreen)
-        await at.until(lambda: "line 0 of" in report.text)
-        assert "(2 of 2)" in str(report.query_one("#box").border_title)  # the last one first
-        assert report.query_one("#box").region.bottom <= size[1]
-        widest = max(len(line) for line in report.text.split("\n"))
-        assert widest <= report.list.row_width
-        await at.press("pagedown")
-        assert report.list.scroll_y > 0
-        await at.press("home", "right", "right")
-        assert report.text.split("\n")[round(report.list.scroll_y)].strip() == "Acts"
-        await at.press("left")
-        assert report.text.split("\n")[round(report.list.scroll_y)].strip() == "Checks"
-        await at.press("left_square_bracket")
-        await at.until(lambda: len(at.source.reported) == 2)
-        assert "(1 of 2)" in str(report.query_one("#box").border_title)
-        assert at.source.reported == [each.folder for each in reversed(standing().participants[0].sessions)]
-        await at.press("escape")
-        assert at.top is at.screen
-
-
-async def test_nobody_waits_for_a_report() -> None:
+@pytest.mark.slow
+async def test_the_report_of_any_session_that_has_ended_is_read_by_keys_alone() -> None:
     source = FakeStudy()
-    source.report_held = Event()
-    try:
-        async with day(source) as at:
-            await at.select("P01")
+    async with day(source) as at:
+        await at.select("P10")
+        await at.press("v")
+        assert at.top is at.screen and "P10: no session has ended" in at.notice
+        await at.select("P01")
+        source.report_held = Event()
+        try:
             await at.press("v")
             report = await at.shows(ReportScreen)
             assert "reading the record" in report.text
             await at.press("escape")
             assert at.top is at.screen
             await at.press("down")
-            assert at.screen.lists.people.current_id == "P02"
+            assert at.screen.lists.people.current_id == "P02", "nobody waits for a report"
             source.report_held.set()
             await at.until(lambda: source.reported != [])
             assert at.top is at.screen
-    finally:
-        source.report_held.set()
-
-
-async def test_a_report_that_cannot_be_made_says_why() -> None:
-    source = FakeStudy()
-    source.report_refusal = "the journal cannot be read"
-    async with day(source) as at:
+        finally:
+            source.report_held.set()
         await at.select("P01")
+        source.report_refusal = "the journal cannot be read"
         await at.press("v")
         report = await at.shows(ReportScreen)
         await at.until(lambda: "there is no report: the journal cannot be read" in report.text)
         await at.press("enter")
         assert at.top is at.screen
-
-
-async def test_who_has_had_no_session_has_no_report() -> None:
-    async with day() as at:
-        await at.select("P10")
-        await at.press("v")
-        assert at.top is at.screen and "P10: no session has ended" in at.notice
-
-
-async def test_the_console_can_be_left_from_a_report() -> None:
-    async with day() as at:
-        await at.select("P01")
+        source.report_refusal = ""
+        for size in ((120, 40), (80, 24)):
+            await at.pilot.resize_terminal(*size)
+            source.reported.clear()
+            await at.press("v")
+            report = await at.shows(ReportScreen)
+            await at.until(lambda report=report: "line 0 of" in report.text)  # type: ignore[misc]
+            assert "(2 of 2)" in str(report.query_one("#box").border_title)  # the last one first
+            assert report.query_one("#box").region.bottom <= size[1]
+            widest = max(len(line) for line in report.text.split("\n"))
+            assert widest <= report.list.row_width
+            await at.press("pagedown")
+            assert report.list.scroll_y > 0
+            await at.press("home", "right", "right")
+            assert report.text.split("\n")[round(report.list.scroll_y)].strip() == "Acts"
+            await at.press("left")
+            assert report.text.split("\n")[round(report.list.scroll_y)].strip() == "Checks"
+            await at.press("left_square_bracket")
+            await at.until(lambda: len(source.reported) == 2)
+            assert "(1 of 2)" in str(report.query_one("#box").border_title)
+            assert source.reported == [each.folder for each in reversed(standing().participants[0].sessions)]
+            await at.press("escape")
+            assert at.top is at.screen
         await at.press("v")
         await at.shows(ReportScreen)
-        await at.press("ctrl+c")
+        await at.press("ctrl+c")  # the console can be left from a report
         await at.until(lambda: at.app.return_code == 0)
         assert "to come back to the study" in at.app.exit_message
-
-
-# --- whose turn it is, and what was said wrongly ----------------------------------------------------------------------
-
-
-async def test_somebody_who_is_not_next_is_named_with_their_language() -> None:
-    source = FakeStudy()
-    source.language, source.warning = "de", "P07 (en) is next; you are about to open P08 (de)"
-    async with day(source) as at:
-        await at.select("P08")
-        await at.press("enter")
-        shown = await at.shows(ChecksScreen)
-        assert "not in turn  P07 (en) is next; you are about to open P08 (de)" in shown.list.text
-        assert "P08 · run 2 of 2   language de" in shown.list.text
-
-
-async def test_an_outcome_is_corrected_with_a_reason() -> None:
-    async with day() as at:
-        await at.select("P08")
-        await at.press("o")
-        shown = await at.shows(OutcomeDialog)
-        assert "It counts as aborted" in str(shown.query_one("#lines", Static).render())
-        await at.press("right", "enter", "enter")
-        assert "say why" in str(shown.query_one("#answer", Static).render()) and at.source.judged == []
-        await at.type("heard all of it")
-        await at.press("enter")
-        await at.until(lambda: bool(at.source.judged))
-        found, status, reason, wizard = at.source.judged[0]
-        assert (found.participant, status, reason, wizard) == ("P08", "complete", "heard all of it", "anna")
-        await at.select("P10")
-        await at.press("o")
-        assert "P10 has no session yet" in at.notice
-
-
-async def test_an_unknown_participant_is_named_with_the_nearest() -> None:
-    async with day(participant="p07") as at:
-        await at.until(lambda: at.screen.is_read)
-        assert "there is no participant 'p07' in participants.csv; did you mean `P07`?" in at.notice

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any
 
 import pytest
 from textual.geometry import Region, Size
@@ -86,27 +85,32 @@ def test_a_box_stands_beside_what_it_points_at_and_within_the_room(part: Region,
 
 async def started(it: Console) -> TourScreen:
     it.screen.action_do("tour")
-    await it.until(lambda: isinstance(it.app.screen, TourScreen))
-    screen = it.app.screen
-    assert isinstance(screen, TourScreen)
+    screen = await it.shows(TourScreen)
     await it.until(lambda: "1 of 5" in screen.text)
     return screen
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("size", SIZES)
-async def test_enter_and_right_go_on_left_goes_back_and_the_last_one_ends_it(size: tuple[int, int]) -> None:
-    async with console(size=size) as it:
-        screen = await started(it)
-        for number, key in ((2, "enter"), (3, "right"), (2, "left"), (3, "enter"), (4, "enter"), (5, "right")):
-            await it.press(key)
-            await it.until(lambda number=number: f"{number} of 5" in screen.text)  # type: ignore[misc]
-            await it.until(lambda: screen._box.region.height == len(screen._box.lines))
-            assert Region(0, 0, *size).contains_region(screen._box.region)
-            assert not it.bars.status_line.region.overlaps(screen._box.region)
-        await it.press("enter")
-        await it.until(lambda: it.app.screen is it.screen)
-        assert it.client.sent == [] and it.pane("acts").row_view.has_focus
+async def test_enter_and_right_go_on_left_goes_back_and_the_last_one_ends_it() -> None:
+    async with console(size=(80, 24)) as it:
+        for size in SIZES:
+            await it.pilot.resize_terminal(*size)
+            screen = await started(it)
+            for number, key in ((2, "enter"), (3, "right"), (2, "left"), (3, "enter"), (4, "enter"), (5, "right")):
+                await it.press(key)
+                await it.until(lambda number=number, screen=screen: f"{number} of 5" in screen.text)  # type: ignore[misc]
+                await it.until(lambda screen=screen: screen._box.region.height == len(screen._box.lines))  # type: ignore[misc]
+                assert Region(0, 0, *size).contains_region(screen._box.region)
+                assert not it.bars.status_line.region.overlaps(screen._box.region)
+            await it.press("enter")
+            await it.back()
+            assert it.client.sent == [] and it.pane("acts").row_view.has_focus
+        seen: list[bool] = []
+        it.screen.open_tour(lambda: seen.append(True))
+        await it.shows(TourScreen)
+        assert seen == []
+        await it.press("escape")
+        await it.until(lambda: seen == [True], "it is seen once it has ended, however that was")
 
 
 async def test_keys_trigger_nothing_stop_works_and_the_alarm_is_not_covered() -> None:
@@ -120,50 +124,29 @@ async def test_keys_trigger_nothing_stop_works_and_the_alarm_is_not_covered() ->
         await it.until(lambda: it.bars.alarm_bar.display and it.bars.alarm_bar.region.height == 3)
         await it.until(lambda: not screen._box.region.overlaps(it.bars.alarm_bar.region))
         await it.press("escape")
-        await it.until(lambda: it.app.screen is it.screen)
+        await it.back()
         assert it.client.asked() == [("stopAll", "")]
 
 
-async def test_it_is_seen_once_it_has_ended_however_that_was() -> None:
-    async with console() as it:
-        seen: list[bool] = []
-        it.screen.open_tour(lambda: seen.append(True))
-        await it.until(lambda: isinstance(it.app.screen, TourScreen))
-        assert seen == []
-        await it.press("escape")
-        await it.until(lambda: seen == [True])
-
-
-async def test_an_offer_at_the_wrong_moment_shows_nothing_and_stays_open_for_the_next_time() -> None:
-    async with console() as it:  # its session is 83 s old
-        seen: list[bool] = []
-        it.screen.offer_tour(lambda: seen.append(True))
-        await it.pilot.pause(0.1)
-        assert it.app.screen is it.screen and seen == []
-
-
-async def test_a_first_run_is_offered_the_tour_once(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+@pytest.mark.slow
+async def test_a_first_run_is_offered_the_tour_once_and_only_where_something_is_kept(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     monkeypatch.setenv("XDG_STATE_HOME", str(tmp_path))
-    for run in ("first", "second"):
+    for options, age, offered in (
+        ({"fresh": True}, 2.0, False),
+        ({"keeps_changes": False}, 2.0, False),
+        ({}, 83.0, False),  # at the wrong moment: it stays open for the next time
+        ({}, 2.0, True),
+        ({}, 2.0, False),
+    ):
         client = FakeClient(demo())
-        client.time = 2.0
+        client.time = age
         preferences, _ = load_saved(state_folder() / PREFERENCES_NAME, Preferences)
-        async with console(client=client, ui_state=UiState(preferences)) as it:
-            if run == "first":
-                await it.until(lambda: isinstance(it.app.screen, TourScreen))
+        async with console(client=client, ui_state=UiState(preferences, **options)) as it:
+            if offered:
+                await it.shows(TourScreen)
                 await it.press("escape")
                 await it.until(lambda: load_saved(state_folder() / PREFERENCES_NAME, Preferences)[0].tour)
             await it.pilot.pause(0.1)
             assert it.app.screen is it.screen
-
-
-@pytest.mark.parametrize("options", [{"fresh": True}, {"keeps_changes": False}])
-async def test_no_tour_where_nothing_is_restored_or_kept(
-    options: dict[str, Any], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setenv("XDG_STATE_HOME", str(tmp_path))
-    client = FakeClient(demo())
-    client.time = 2.0
-    async with console(client=client, ui_state=UiState(Preferences(), **options)) as it:
-        await it.pilot.pause(0.1)
-        assert it.app.screen is it.screen
