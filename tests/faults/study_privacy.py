@@ -265,10 +265,8 @@ class Privacy:
     def _of_others(self, study: Path, participant: str, owners: dict[str, list[str]], session: str) -> dict[str, str]:
         """Every file of the study and outside of it that is nobody's who withdraws, and no export; with its hash."""
         own = {str(study / "sessions" / name) for name in (*owners[participant], session)}
-        killed = [
-            each.parent for each in study.glob("sessions/*/session.toml") if f'"{participant}"' in each.read_text()
-        ]
-        own |= {str(each) for each in killed}  # also theirs: an engine that was killed before anything happened
+        killed = study.glob(f"sessions/*_{participant}_*")  # theirs, although nothing has happened there
+        own |= {str(each) for each in killed}
         kept = {**hashes(study), **hashes(self.outside)}
         legitimate: tuple[str, ...] = (
             str(study / LOG_FILE),
