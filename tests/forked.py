@@ -9,6 +9,8 @@ are loaded) is that of the first one: tests of these use `subprocess`.
 from __future__ import annotations
 
 import asyncio
+import atexit
+import fcntl
 import gc
 import io
 import json
@@ -19,6 +21,7 @@ import signal
 import socket
 import subprocess
 import sys
+import termios
 import threading
 import warnings
 from collections.abc import Mapping, Sequence
@@ -39,6 +42,8 @@ class Forked:
     """Like `subprocess.Popen` with `text=True`, for `rise-engine`. Use it as a context, or wait for its end.
 
     :param module: instead of `rise-engine`, what `python -m` runs.
+    :param code: instead, what `python -c` runs.
+    :param terminal: whether `stdin` becomes its controlling terminal, whose keys can interrupt it.
     :param loads: further modules that the first process has loaded from then on.
     """
 
@@ -50,6 +55,8 @@ class Forked:
         self,
         *arguments: object,
         module: str = "",
+        code: str = "",
+        terminal: bool = False,
         loads: Sequence[str] = (),
         stdin: int | None = DEVNULL,
         stdout: int | IO[Any] | None = PIPE,
@@ -57,7 +64,7 @@ class Forked:
         env: Mapping[str, str] | None = None,
         cwd: str | os.PathLike[str] | None = None,
     ) -> None:
-        self.args = [module or ENGINE, *map(str, arguments)]
+        self.args = ["-c" if code else module or ENGINE, *map(str, arguments)]
         self.returncode: int | None = None
         self._end, theirs = socket.socketpair()
         given: list[int] = [theirs.fileno()]
@@ -77,6 +84,8 @@ class Forked:
         what = {
             "arguments": self.args[1:],
             "module": module,
+            "code": code,
+            "terminal": terminal,
             "loads": [*loads],
             "environment": dict(os.environ if env is None else env),
             "folder": os.fspath(cwd or Path.cwd()),
@@ -236,8 +245,8 @@ def _fork_server() -> socket.socket:
 # --- in the server ---
 
 
-def _serve(control: socket.socket) -> str:
-    """Fork for each request until nobody is left who asks. Returns, in each fork, the module that it is to run."""
+def _serve(control: socket.socket) -> dict[str, Any]:
+    """Fork for each request until nobody is left who asks. Returns, in each fork, what it is to do."""
     running: dict[int, socket.socket] = {}
     woken, wakes = socket.socketpair()
     woken.setblocking(False)
@@ -270,7 +279,7 @@ def _serve(control: socket.socket) -> str:
             for connection in (control, end, woken, wakes, *running.values()):
                 connection.close()
             _become(what, given[1:])
-            return what["module"]  # type: ignore[no-any-return]
+            return what  # type: ignore[no-any-return]
         running[pid] = end
         end.sendall(pid.to_bytes(4, "big"))
         for each in given[1:]:
@@ -293,7 +302,10 @@ def _become(what: dict[str, Any], streams: list[int]) -> None:
     for number, stream in enumerate(streams):
         os.dup2(stream, number)
         os.close(stream)
-    sys.argv = [what["module"] or ENGINE, *what["arguments"]]
+    if what["terminal"]:
+        os.setsid()
+        fcntl.ioctl(0, termios.TIOCSCTTY, 0)
+    sys.argv = ["-c" if what["code"] else what["module"] or ENGINE, *what["arguments"]]
     if what["environment"].get("PYTHONWARNINGS") == "error":
         warnings.simplefilter("error")
     unbuffered = bool(what["environment"].get("PYTHONUNBUFFERED"))
@@ -306,19 +318,50 @@ def _become(what: dict[str, Any], streams: list[int]) -> None:
         setattr(sys, f"__{name}__", text)
 
 
-if __name__ == "__main__":
+def _do(what: dict[str, Any]) -> int:
+    """Do what was asked for; the exit status. Raises SystemExit for one that is no number."""
+    try:
+        if what["code"]:
+            exec(what["code"], {"__name__": "__main__"})
+        elif name := what["module"]:
+            if not hasattr(sys.modules.get(name), "__path__"):
+                sys.modules.pop(name, None)  # it runs as `__main__`
+            runpy.run_module(name, run_name="__main__", alter_sys=True)
+        else:
+            program.main(prog_name="rise-engine")
+    except SystemExit as end:
+        if not isinstance(end.code, int | None):
+            raise
+        return end.code or 0
+    return 0
+
+
+def _end(status: int) -> None:
+    """End as Python does, without taking everything apart before, which takes longer than most commands."""
+    threading._shutdown()  # type: ignore[attr-defined]
+    atexit._run_exitfuncs()
+    try:
+        sys.stdout.flush()
+        sys.stderr.flush()
+    except Exception:  # what becomes of it then, Python says
+        sys.exit(status)
+    os._exit(status)
+
+
+def load_program() -> None:
+    """Load what the commands of `rise-engine` load, which they do late."""
     from rise_engine.cli import program
 
     for module in set(program.COMMANDS.values()):
         import_module(f"rise_engine.cli.{module}")
     for module in ("rise_adapters.simulated", "rise_adapters.ros2.profile_check"):
         import_module(module)
-    with suppress(SystemExit):
-        program.main(["check", str(Path(__file__).parents[1] / "scenarios" / "greeting")], standalone_mode=False)
+    import_module("rise_engine.scenario.loader").load(Path(__file__).parents[1] / "scenarios" / "greeting")
+
+
+if __name__ == "__main__":
+    from rise_engine.cli import program
+
+    load_program()
     sys.modules["tests.forked"] = sys.modules["__main__"]
-    if name := _serve(socket.socket(fileno=int(sys.argv[1]))):
-        if not hasattr(sys.modules.get(name), "__path__"):
-            sys.modules.pop(name, None)  # it runs as `__main__`
-        runpy.run_module(name, run_name="__main__", alter_sys=True)
-    else:
-        program.main(prog_name="rise-engine")
+    _end(_do(_serve(socket.socket(fileno=int(sys.argv[1])))))

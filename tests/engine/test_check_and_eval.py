@@ -31,6 +31,7 @@ from rise_engine.kernel.records import (
 from tests.chance import some
 
 from .processes import ENGINE, engine, folder
+from .started_anew import run_all
 
 pytestmark = pytest.mark.slow
 
@@ -227,56 +228,49 @@ ENCODINGS: tuple[dict[str, str], ...] = (
     {"PYTHONIOENCODING": "latin-1"},
 )
 HELLO = '<Dialog name="你好"><Speech><actionID>1</actionID><message>你好</message></Speech></Dialog>'
-
-
-def _raw(environment: dict[str, str], *arguments: object) -> subprocess.CompletedProcess[bytes]:
-    return subprocess.run(
-        [ENGINE, *map(str, arguments)], capture_output=True, env={**os.environ, **environment}, timeout=60, check=False
-    )
-
-
-@pytest.mark.parametrize("environment", ENCODINGS, ids=str)
-def test_a_file_name_that_is_no_text_is_shown_with_an_escape(tmp_path: Path, environment: dict[str, str]) -> None:
-    study = folder(tmp_path / "s")
-    try:
-        (study / "acts" / os.fsdecode(b"b\xff.xml")).write_text(BAD)
-    except OSError:
-        pytest.skip("this file system has no such names")
-    for options in ((), ("--json",)):
-        done = _raw(environment, "check", study, *options)
-        assert (done.returncode, done.stderr) == (1, b"")
-        assert b"\\udcff.xml" in done.stdout
-        if options:
-            assert json.loads(done.stdout)["findings"][0]["file"] == "acts/b\\udcff.xml"
-    refused = _raw(environment, "run", study, "--speed", "max")
-    assert refused.returncode == 1 and b"Traceback" not in refused.stderr and b"\\udcff.xml" in refused.stderr
+GREET = ("--act", "Greet", "--set", 'name="\\u4f60"', "--speed", "max")
 
 
 @pytest.mark.search
 @pytest.mark.parametrize("environment", some(ENCODINGS, 2), ids=str)
-def test_a_terminal_that_shows_only_ascii(tmp_path: Path, environment: dict[str, str]) -> None:
-    done = _raw(environment, "eval", '"你"')
-    assert (done.returncode, done.stderr) == (0, b"")
-    assert done.stdout.startswith(b"value")
-    refused = _raw(environment, "eval", "n €")
-    assert refused.returncode == 1 and b"Traceback" not in refused.stderr and b"error:" in refused.stderr
-    missing = _raw(environment, "check", tmp_path / "你")
-    assert missing.returncode == 2 and b"there is no folder" in missing.stderr
-    study = folder(
-        tmp_path / "s",
-        hello='<Dialog name="你好"><Speech><actionID>1</actionID><message>你好</message></Speech></Dialog>',
+def test_terminals_and_names_that_are_not_utf_8(tmp_path: Path, environment: dict[str, str]) -> None:
+    odd = folder(tmp_path / "odd")
+    try:
+        (odd / "acts" / os.fsdecode(b"b\xff.xml")).write_text(BAD)
+    except OSError:
+        pytest.skip("this file system has no such names")
+    study = folder(tmp_path / "s", hello=HELLO)
+    plain, as_json, refused, value, euro, missing, run, run_json, robots, schema = run_all(
+        environment,
+        ("check", odd),
+        ("check", odd, "--json"),
+        ("run", odd, "--speed", "max"),
+        ("eval", '"你"'),
+        ("eval", "n €"),
+        ("check", tmp_path / "你"),
+        ("run", study, *GREET),
+        ("run", study, *GREET, "--json"),
+        ("robots", "--json"),
+        ("schema", study, "--kind", "cra"),
     )
-    for options in ((), ("--json",)):
-        ran = _raw(environment, "run", study, "--act", "Greet", "--set", 'name="\\u4f60"', "--speed", "max", *options)
-        assert (ran.returncode, ran.stderr) == (0, b"")
-        assert b"\xe4\xbd\xa0" in ran.stdout or (not options and b"\\u4f60" in ran.stdout)
-    assert _raw(environment, "robots", "--json").returncode == 0
-    assert _raw(environment, "schema", study, "--kind", "cra").returncode == 0
+    for done in (plain, as_json):
+        assert (done.returncode, done.stderr) == (1, b"")
+        assert b"\\udcff.xml" in done.stdout
+    assert json.loads(as_json.stdout)["findings"][0]["file"] == "acts/b\\udcff.xml"
+    assert refused.returncode == 1 and b"Traceback" not in refused.stderr and b"\\udcff.xml" in refused.stderr
+    assert (value.returncode, value.stderr) == (0, b"")
+    assert value.stdout.startswith(b"value")
+    assert euro.returncode == 1 and b"Traceback" not in euro.stderr and b"error:" in euro.stderr
+    assert missing.returncode == 2 and b"there is no folder" in missing.stderr
+    for done in (run, run_json):
+        assert (done.returncode, done.stderr) == (0, b"")
+        assert b"\xe4\xbd\xa0" in done.stdout or (done is run and b"\\u4f60" in done.stdout)
+    assert robots.returncode == schema.returncode == 0
 
 
 def test_closed_streams_are_no_trouble(tmp_path: Path) -> None:
     study = folder(tmp_path / "s")
-    for redirected in (">&-", "2>&-", ">&- 2>&-", "<&-"):
+    for redirected in (">&-", "2>&-", "<&- >&- 2>&-"):
         line = f"{shlex.quote(ENGINE)} check {shlex.quote(str(study))} {redirected}"
         assert subprocess.run(["sh", "-c", line], capture_output=True, timeout=60, check=False).returncode == 0
 

@@ -7,8 +7,6 @@ import os
 import pty
 import re
 import shutil
-import subprocess
-import sys
 from pathlib import Path
 
 import msgspec
@@ -21,6 +19,7 @@ from rise_engine.edit.workspace import Workspace
 from rise_engine.scenario.loader import load
 from rise_engine.scenario.new_study import blank_study
 from tests.edit.samples import SCENARIOS
+from tests.forked import Forked
 
 SPEECH = "acts/greeting.xml"
 SAY = {"edit": "set_parameter", "act": "R_Introduction", "action": "1", "parameter": "message", "value": "I am Floka."}
@@ -184,12 +183,11 @@ def test_the_examples_on_the_page_of_edits(folder: Path) -> None:
 def test_new_asks_in_a_terminal(tmp_path: Path) -> None:
     ours, theirs = pty.openpty()
     os.write(ours, b"mine\nblank\nMy study\npepper\n")
-    ran = subprocess.run(
-        [sys.executable, "-m", "rise_engine", "new"], stdin=theirs, capture_output=True, cwd=tmp_path, check=False
-    )
+    ran = Forked("new", stdin=theirs, cwd=tmp_path)
+    _, errors = ran.communicate()
     os.close(ours)
     os.close(theirs)
-    assert ran.returncode == 0, ran.stderr
+    assert ran.returncode == 0, errors
     scenario = load(tmp_path / "mine").scenario
     assert scenario is not None
     assert (scenario.title, scenario.robot.name) == ("My study", "pepper")

@@ -8,6 +8,8 @@ from pathlib import Path
 
 import pytest
 
+from tests.forked import run_engine
+
 from .processes import FAST, act, engine, folder, records, task
 from .samples import assert_one_ending_each
 
@@ -156,7 +158,8 @@ def test_what_would_never_be_idle_ends_with_a_message(study: Path) -> None:
 
 
 def test_circles_without_any_time_passing_end_with_a_message(study: Path) -> None:
-    done = engine("run", study, "--rule", "Circle", *FAST, "--until", "1")
+    sooner = "from rise_engine.cli import main, run; run.LIVELOCK = 2_000; main()"
+    done = run_engine("run", study, "--rule", "Circle", *FAST, "--until", "1", code=sooner)
     assert done.returncode == 4 and "circles" in done.stderr
     found = [json.loads(line) for line in done.stdout.splitlines()]
     assert found[-1]["status"] == "ended"

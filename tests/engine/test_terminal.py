@@ -230,7 +230,7 @@ def test_a_stream_that_fails() -> None:
 
 def test_the_console_has_the_same_definition() -> None:
     code = "from rise_tui.rendering.text import clean; import rise_engine.text; assert clean is rise_engine.text.clean"
-    subprocess.run([sys.executable, "-c", code], check=True, timeout=60)
+    assert run_engine(code=code).returncode == 0
 
 
 # --- help ---

@@ -119,9 +119,9 @@ def is_near_an_end(made: Made, cut: int) -> bool:
 @pytest.mark.search
 @pytest.mark.slow
 def test_torn_at_every_byte(shared: Made) -> None:
-    """Around the ends of lines at every byte, within them at every sixth; in a search at every one."""
+    """Around the ends of lines at every byte, within them at every twelfth; in a search at every one."""
     for cut in last_lines(shared):
-        if not (SEARCH or cut % 6 == 0 or is_near_an_end(shared, cut)):
+        if not (SEARCH or cut % 12 == 0 or is_near_an_end(shared, cut)):
             continue
         data = shared.whole[:cut]
         shared.write(data)
@@ -136,8 +136,9 @@ def test_torn_at_every_byte(shared: Made) -> None:
         clean(shared)
 
 
+@pytest.mark.search
 def test_torn_at_the_very_beginning(shared: Made) -> None:
-    for cut in range(len(shared.lines[0]) + len(shared.lines[1]) - 1):
+    for cut in range(0, len(shared.lines[0]) + len(shared.lines[1]) - 1, 1 if SEARCH else 5):
         shared.write(shared.whole[:cut])
         with pytest.raises(SessionError):
             recover(shared.folder)

@@ -4,10 +4,8 @@ from __future__ import annotations
 
 import json
 import os
-import pty
 import select
 import shutil
-import sys
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -22,6 +20,7 @@ from rise_engine.scenario.loader import load
 from rise_engine.scenario.shipped_studies import shipped_studies
 from rise_engine.study.model import Study
 from rise_engine.study.study_toml import load_study
+from tests.forked import STDOUT, Forked
 from tests.study.designs import DESIGN, study_folder
 
 TWO_FACTORS = (
@@ -223,13 +222,14 @@ class Terminal:
     """`rise-engine study new` in a terminal of 80 columns."""
 
     def __init__(self, folder: Path) -> None:
-        self.pid, self.descriptor = pty.fork()
-        if self.pid == 0:
-            os.environ.update(COLUMNS="80", LINES="24")
-            program = (
-                "from rise_engine.checks import kinds; kinds.QUICK_SECONDS = 0.0; from rise_engine.cli import main"
-            )
-            os.execv(sys.executable, [sys.executable, "-c", f"{program}; main()", "study", "new", str(folder)])
+        self.descriptor, inner = os.openpty()
+        program = "from rise_engine.checks import kinds; kinds.QUICK_SECONDS = 0.0; from rise_engine.cli import main"
+        self.process = Forked(
+            *("study", "new", folder), code=f"{program}; main()", terminal=True, stdin=inner, stdout=inner,
+            stderr=STDOUT,
+            env={**os.environ, "COLUMNS": "80", "LINES": "24"},
+        )  # fmt: skip
+        os.close(inner)
         self.text = ""
         self.answered = 0
         """How far the text is that was there before the question that is to be answered."""
@@ -265,7 +265,7 @@ class Terminal:
         except OSError:  # the other side is closed
             pass
         os.close(self.descriptor)
-        return os.waitstatus_to_exitcode(os.waitpid(self.pid, 0)[1])
+        return self.process.wait()
 
 
 @pytest.fixture

@@ -4,8 +4,6 @@ from __future__ import annotations
 
 import errno
 import json
-import subprocess
-import sys
 from datetime import datetime, timedelta, timezone
 from pathlib import Path
 
@@ -15,6 +13,7 @@ from rise_engine.scenario.diagnostics import Diagnostics
 from rise_engine.session.disk import Disk
 from rise_engine.study import study_log
 from rise_engine.study.study_log import LOG_FILE, SET_ASIDE_FILE, LockedLog, StudyLogError, read_log
+from tests.forked import Forked
 
 BEGINNING = b'{"kind":"taken","at":"2026-11-21T14:15:03.000+01:00","slot":1,"participant":"P01"}\n'
 
@@ -155,8 +154,7 @@ for number in range(25):
 def test_many_writers_at_once(tmp_path: Path) -> None:
     """Each sees what all others wrote before: the number of entries before grows by one each time; also while the file
     is put anew."""
-    commands = [[sys.executable, "-c", WRITER, str(tmp_path), str(writer)] for writer in range(4)]
-    writers = [subprocess.Popen(command, stderr=subprocess.PIPE, text=True) for command in commands]
+    writers = [Forked(tmp_path, writer, code=WRITER) for writer in range(4)]
     assert [process.communicate()[1] for process in writers] == [""] * 4
     entries = read_log(tmp_path)
     assert [entry.get("before") for entry in entries] == list(range(100))

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import os
 import shutil
-import subprocess
 from datetime import date, timedelta
 from pathlib import Path
 
@@ -30,8 +29,8 @@ from rise_engine.study.withdrawal import plan_withdrawal, withdraw
 from rise_engine.study.withdrawal_work import WithdrawalError, WithdrawalPlan
 from rise_engine.study.withdrawn import is_withdrawn, without_salts
 from rise_engine.words import Words, parse_replacement
+from tests.forked import Forked
 
-from ..engine.processes import ENGINE
 from ..kills import every_kill
 from .studies import DESIGN, ENDED, session_folder, write_journal, write_study
 
@@ -46,7 +45,8 @@ def began(participant: str, slot: int, run: int = 1) -> SessionStarted:
 
 def session(study: Path, participant: str, slot: int, recording: str = "", run: int = 1) -> Path:
     path = session_folder(study, began(participant, slot, run))
-    size = sum(each.stat().st_size for each in (Path(recording), *Path(recording).rglob("*")) if each.is_file())
+    files = (Path(recording), *Path(recording).rglob("*")) if recording else ()
+    size = sum(each.stat().st_size for each in files if each.is_file())
     report = RecordingReport(t=1.0, name="camera", status="stopped", path=recording, bytes=size)
     inputs = [
         began(participant, slot, run),
@@ -294,8 +294,7 @@ def test_a_slot_that_another_has_got_is_not_said_to_be_free(made: Folder) -> Non
 @pytest.mark.parametrize(("typed", "code"), [("P01", 1), ("P02", 1), ("", 1)])
 def test_somebody_types_the_pseudonym(made: Folder, typed: str, code: int) -> None:
     ours, theirs = os.openpty()
-    command = [ENGINE, "study", "withdraw", str(made.study), "P01"]
-    process = subprocess.Popen(command, stdin=theirs, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+    process = Forked("study", "withdraw", made.study, "P01", stdin=theirs)
     os.close(theirs)
     os.write(ours, f"{typed}\n".encode())
     out, err = process.communicate(timeout=60)
