@@ -32,6 +32,13 @@ def pytest_asyncio_loop_factories(item: pytest.Item) -> Mapping[str, Callable[[]
 
 
 @pytest.fixture(autouse=True)
+def snapshots_in_virtual_time(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A snapshot is taken of an app that is started with a loop of its own."""
+    if "snap_compare" in request.fixturenames and request.path.parent.name in VIRTUAL_TIME:
+        monkeypatch.setattr(asyncio.events, "new_event_loop", VirtualLoop)
+
+
+@pytest.fixture(autouse=True)
 def steady_cursor(monkeypatch: pytest.MonkeyPatch) -> None:
     """A blinking cursor makes snapshots differ."""
     original = Input.__init__

@@ -1,6 +1,6 @@
 """Textual's pilot without the work that no test looks at; all of it was half of what the tests of the console cost.
 
-In virtual time nothing is left to do when time goes on, so nobody has to ask every widget, or how busy the processor is.
+In virtual time nothing is left to do when time goes on: nobody has to ask every widget, or how busy the processor is.
 What has changed is painted when the test looks, once; a terminal would also have seen each step on the way. Apps that
 load the same stylesheets with the same colours share what was parsed.
 """
@@ -44,7 +44,7 @@ async def wait_for_idle(min_sleep: float = 0.02, max_sleep: float = 1) -> None:
     await (asyncio.sleep(MOMENT) if in_virtual_time() else _wait_for_idle(min_sleep, max_sleep))
 
 
-async def wait_for_screen(self: Pilot[Any], timeout: float = 30.0) -> bool:
+async def wait_for_screen(self: Pilot[Any], timeout: float = 30.0) -> bool:  # noqa: ASYNC109 (as Textual has it)
     return await (asyncio.sleep(MOMENT, True) if in_virtual_time() else _wait_for_screen(self, timeout))
 
 

@@ -9,6 +9,7 @@ import pytest
 from textual import events
 from textual.pilot import Pilot
 
+from rise_engine.edit.plan import Files
 from rise_engine.edit.workspace import Workspace
 from rise_tui.editing.app import EditApp
 from rise_tui.editing.exploring import Explorer
@@ -17,6 +18,7 @@ from rise_tui.editing.screen import EditScreen
 from rise_tui.editing.sessions import RunningHere
 from rise_tui.editing.study import EditedStudy
 from rise_tui.rendering.terminal_reader import mark_together
+from tests.console.conftest import Shown
 from tests.patience import PATIENCE
 from tests.virtual_time import real_monotonic
 
@@ -93,6 +95,27 @@ class Editor:
         while not holds():
             assert real_monotonic() < end, what or f"did not happen in time; it says: {self.notice}"
             await self.pilot.pause(0.01)
+
+    async def shows(self, kind: type[Shown]) -> Shown:
+        """The dialog of this kind that opens over the editor."""
+        app = self.pilot.app
+        await self.until(lambda: isinstance(app.screen, kind) and app.screen.is_mounted, f"no {kind.__name__}")
+        await self.pilot.pause()
+        assert isinstance(app.screen, kind)
+        return app.screen
+
+    async def go_home(self) -> None:
+        """Leave the page that is open."""
+        while self.screen.opened is not None or self.pilot.app.screen is not self.screen:
+            await self.press("escape")
+
+    async def take_back(self, files: Files) -> None:
+        """Undo until the draft is as it was."""
+        while self.screen.study.draft.files != files:
+            before = self.screen.study.draft
+            self.screen.action_do("edit.undo")
+            await self.until(lambda before=before: self.screen.study.draft is not before)  # type: ignore[misc]
+            await self.until_carried_out()
 
     async def open(self, kind: str, name: str = "") -> None:
         self.screen.open_page(kind, name)

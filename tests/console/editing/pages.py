@@ -65,6 +65,12 @@ class PageApp(TerminalApp):
     def compose(self) -> ComposeResult:
         yield self._page
 
+    async def show(self, page: Widget) -> None:
+        """Another page instead of the one before."""
+        before, self._page = self._page, page
+        await before.remove()
+        await self.mount(page)
+
     def action_do(self, action: str) -> None:
         """What the frame does with an action of the editor."""
         if isinstance(self._page, RuleEditor) and not self._page.is_typing:

@@ -25,6 +25,7 @@ from rise_tui.editing.model.explored import (
 )
 from rise_tui.editing.rule_page import RulePage
 from rise_tui.screens.detail import DetailScreen
+from rise_tui.widgets.row_list import RowList
 from tests.console.editing.conftest import Editor, editor
 
 QUIZ = Path(__file__).parents[2] / "explore" / "studies" / "quiz"
@@ -86,11 +87,13 @@ def on_a_state(it: Editor, state: str) -> bool:
 
 async def open_list(it: Editor) -> FindingChooser:
     await it.press("f")
-    await it.until(lambda: isinstance(it.pilot.app.screen, FindingChooser))
-    found = it.pilot.app.screen
-    assert isinstance(found, FindingChooser)
+    found = await it.shows(FindingChooser)
     await it.until(lambda: found.list.count)
     return found
+
+
+def texts_of(rows: RowList) -> list[str]:
+    return ["".join(text for text, _ in rows.row_at(index).line) for index in range(rows.count)]
 
 
 async def add_a_state(it: Editor) -> None:
@@ -105,23 +108,13 @@ async def add_a_state(it: Editor) -> None:
 # --- what is shown ----------------------------------------------------------------------------------------------------
 
 
-async def test_what_was_found_is_said_in_a_line_that_is_in_nobodys_way(study: Path) -> None:
-    async with editor(study, explorer=Explorers(FOUND)) as it:
-        await it.until(lambda: "explored" in bottom(it))
-        assert bottom(it).strip() == "explored 1,266 situations: 1 problem and 2 warnings  f all 3"
-        assert "explored" not in it.notice
-
-
-async def test_nothing_found_is_a_quiet_line(study: Path) -> None:
-    async with editor(study, explorer=Explorers(MENDED)) as it:
-        await it.until(lambda: "explored" in bottom(it))
-        assert bottom(it).strip() == "explored 1,300 situations: nothing found that is wrong"
-
-
-async def test_a_finding_stands_beside_its_state_and_its_way(study: Path) -> None:
+@pytest.mark.slow
+async def test_a_finding_stands_beside_its_state_its_act_and_its_key(study: Path) -> None:
     found = ExploredStudy((STUCK, NOT_TAKEN, ALIKE, IDLE), 1_266, True, "14:05")
     async with editor(study, explorer=Explorers(found)) as it:
         await it.until(lambda: "explored" in bottom(it))
+        assert bottom(it).strip() == "explored 1,266 situations: 1 problem and 3 warnings  f all 4"
+        assert "explored" not in it.notice, "it is in nobody's way"
         await it.open("rule", "Greeting\0Nobody")
         await it.until(lambda: on_a_state(it, "Nobody"))
         graph, heading = shown_rule(it)
@@ -133,26 +126,48 @@ async def test_a_finding_stands_beside_its_state_and_its_way(study: Path) -> Non
         await it.open("rule", "Gaze")
         assert not any(row[0] in "✗▲" for row in shown_rule(it)[0].splitlines())
         assert bottom(it).startswith(" explored 1,266 situations")
-
-
-async def test_in_another_state_what_is_about_the_whole_rule_comes_first(study: Path) -> None:
-    async with editor(study, explorer=Explorers(FOUND)) as it:
-        await it.until(lambda: "explored" in bottom(it))
         await it.open("rule", "Greeting")
         await it.until(lambda: on_a_state(it, "Start"))
-        assert bottom(it).startswith(" ▲ explored: R_Nod may as well fail")
+        assert bottom(it).startswith(" ▲ explored: R_Nod may as well fail"), "what is about the whole rule comes first"
         assert "explored" not in shown_rule(it)[1]
-
-
-async def test_an_act_and_the_keys_have_theirs(study: Path) -> None:
-    async with editor(study, explorer=Explorers(FOUND)) as it:
-        await it.until(lambda: "explored" in bottom(it))
         await it.open("act", "R_Nod")
         assert bottom(it).startswith(" ▲ explored: R_Nod may as well fail")
         await it.open("keys")
         assert bottom(it).startswith(" ▲ explored: the key x never does anything")
 
 
+@pytest.mark.slow
+async def test_the_list_leads_to_the_state_the_act_the_key_and_shows_every_step(study: Path) -> None:
+    async with editor(study, explorer=Explorers(FOUND)) as it:
+        await it.until(lambda: it.screen.explored.at)
+        for down, opened in enumerate((("rule", "Greeting", "Nobody"), ("act", "R_Nod", ""), ("keys", "", ""))):
+            await open_list(it)
+            await it.press(*["down"] * down, "enter")
+            await it.until(lambda: it.screen.opened is not None)
+
+            def shown() -> tuple[str, str, str]:
+                page = it.screen.page
+                return page.KIND, page.shown_name, page.shown_state
+
+            await it.until(lambda opened=opened: shown() == opened)  # type: ignore[misc]
+        await it.go_home()
+        listed = await open_list(it)
+        assert "tab step by step" in str(listed.query_one("#box").border_subtitle)
+        await it.press("down")
+        assert "tab" not in str(listed.query_one("#box").border_subtitle)
+        await it.press("tab")
+        assert it.pilot.app.screen is listed
+        await it.press("up", "tab")
+        way = await it.shows(DetailScreen)
+        await it.until(lambda: way.list.count)
+        text = " ".join(" ".join(texts_of(way.list)).split())
+        assert text == f"{STUCK.text} HOW A SESSION COMES TO THAT 1. {STUCK.way[0]} 2. {STUCK.way[1]}"
+        await it.press("escape")
+        again = await it.shows(FindingChooser)
+        assert again is not listed and again.list.current_id == "0"
+
+
+@pytest.mark.slow
 async def test_the_list_has_it_after_what_the_check_has_found(study: Path) -> None:
     text = (study / RULE).read_text()
     (study / RULE).write_text(text.replace('eventTopic="/W_close"', 'eventTopic="/W_clse"', 1))
@@ -161,53 +176,29 @@ async def test_the_list_has_it_after_what_the_check_has_found(study: Path) -> No
         listed = await open_list(it)
         checked = len(it.screen.study.draft.findings)
         assert checked
-        texts = ["".join(text for text, _ in listed.list.row_at(index).line) for index in range(listed.list.count)]
-        assert ["explored:" in text for text in texts] == [False] * checked + [True] * 3
+        assert ["explored:" in text for text in texts_of(listed.list)] == [False] * checked + [True] * 3
         assert listed.query_one("#box").border_title == " What is wrong · explored 1,266 situations "
 
 
 @pytest.mark.parametrize(
-    ("down", "opened"), [(0, ("rule", "Greeting", "Nobody")), (1, ("act", "R_Nod", "")), (2, ("keys", "", ""))]
+    ("found", "said"),
+    [
+        (MENDED, "explored 1,300 situations: nothing found that is wrong"),
+        (None, "could not be explored: `rise-engine explore` says why"),
+    ],
 )
-async def test_enter_goes_to_the_state_the_act_the_key(study: Path, down: int, opened: tuple[str, str, str]) -> None:
-    async with editor(study, explorer=Explorers(FOUND)) as it:
-        await it.until(lambda: it.screen.explored.at)
-        await open_list(it)
-        await it.press(*["down"] * down, "enter")
-        await it.until(lambda: it.screen.opened is not None)
-        page = it.screen.page
-        await it.until(lambda: (page.KIND, page.shown_name, page.shown_state) == opened)
-
-
-async def test_tab_shows_every_step_in_full_and_esc_leads_back_to_the_list(study: Path) -> None:
-    async with editor(study, explorer=Explorers(FOUND)) as it:
-        await it.until(lambda: it.screen.explored.at)
-        listed = await open_list(it)
-        assert "tab step by step" in str(listed.query_one("#box").border_subtitle)
-        await it.press("down")
-        assert "tab" not in str(listed.query_one("#box").border_subtitle)
-        await it.press("tab")
-        assert it.pilot.app.screen is listed
-        await it.press("up", "tab")
-        await it.until(lambda: isinstance(it.pilot.app.screen, DetailScreen))
-        way = it.pilot.app.screen
-        assert isinstance(way, DetailScreen)
-        await it.until(lambda: way.list.count)
-        rows = ["".join(text for text, _ in way.list.row_at(index).line) for index in range(way.list.count)]
-        text = " ".join(" ".join(rows).split())
-        assert text == f"{STUCK.text} HOW A SESSION COMES TO THAT 1. {STUCK.way[0]} 2. {STUCK.way[1]}"
-        await it.press("escape")
-        await it.until(lambda: isinstance(it.pilot.app.screen, FindingChooser) and it.pilot.app.screen is not listed)
-        again = it.pilot.app.screen
-        assert isinstance(again, FindingChooser)
-        assert again.list.current_id == "0"
+async def test_what_is_said_when_nothing_was_found(study: Path, found: ExploredStudy | None, said: str) -> None:
+    async with editor(study, explorer=Explorers(found)) as it:
+        await it.until(lambda: said in bottom(it))
 
 
 # --- of when it is ----------------------------------------------------------------------------------------------------
 
 
-async def test_it_says_of_when_it_is_until_the_change_is_undone(study: Path) -> None:
-    async with editor(study, explorer=Explorers(FOUND)) as it:
+@pytest.mark.slow
+async def test_it_says_of_when_it_is_until_the_change_is_undone_or_it_is_explored_again(study: Path) -> None:
+    explorer = Explorers(FOUND)
+    async with editor(study, explorer=explorer) as it:
         await it.until(lambda: it.screen.explored.at)
         await add_a_state(it)
         await it.open("rule", "Greeting\0Nobody")
@@ -218,12 +209,6 @@ async def test_it_says_of_when_it_is_until_the_change_is_undone(study: Path) -> 
         )
         await it.press("escape", "ctrl+u")
         await it.until(lambda: "explored: Greeting can get stuck" in shown_rule(it)[1])
-
-
-async def test_after_saving_it_is_explored_again_and_until_then_says_so(study: Path) -> None:
-    explorer = Explorers(FOUND)
-    async with editor(study, explorer=explorer) as it:
-        await it.until(lambda: it.screen.explored.at)
         await add_a_state(it)
         explorer.found = MENDED
         explorer.may_answer.clear()
@@ -238,37 +223,30 @@ async def test_after_saving_it_is_explored_again_and_until_then_says_so(study: P
         assert "saved" in it.notice
 
 
+@pytest.mark.slow
 async def test_what_somebody_else_has_saved_is_explored_and_errors_are_not(study: Path) -> None:
     explorer = Explorers(FOUND)
+    text = (study / RULE).read_text()
+    wrong = text.replace('target="Nobody"', 'target="Nobod"', 1)
+    (study / RULE).write_text(wrong)
     async with editor(study, explorer=explorer) as it:
-        await it.until(lambda: it.screen.explored.at)
-        text = (study / RULE).read_text()
+        assert it.screen.study.draft.checked.errors
+        await it.press("down")
+        assert explorer.asked == 0
+        assert "explored" not in bottom(it)
+        (study / RULE).write_text(text)
+        it.screen.look_outside()
+        await it.until(lambda: it.screen.explored.at and explorer.asked == 1)
         (study / RULE).write_text(f"{text}\n")
         it.screen.look_outside()
         await it.until(lambda: explorer.asked == 2)
-        (study / RULE).write_text(text.replace('target="Nobody"', 'target="Nobod"', 1))
+        (study / RULE).write_text(wrong)
         it.screen.look_outside()
         await it.until(lambda: it.screen.study.draft.checked.errors)
         await it.until(lambda: "read again" in it.notice)
         await it.open("rule", "Greeting\0Nobody")
         await it.until(lambda: "explored (as saved at 14:05): Greeting can" in shown_rule(it)[1])
         assert explorer.asked == 2
-
-
-async def test_a_study_with_errors_is_not_explored(study: Path) -> None:
-    text = (study / RULE).read_text()
-    (study / RULE).write_text(text.replace('target="Nobody"', 'target="Nobod"', 1))
-    explorer = Explorers(FOUND)
-    async with editor(study, explorer=explorer) as it:
-        assert it.screen.study.draft.checked.errors
-        await it.press("down")
-        assert explorer.asked == 0
-        assert "explored" not in bottom(it)
-
-
-async def test_what_could_not_be_explored_says_so(study: Path) -> None:
-    async with editor(study, explorer=Explorers(None)) as it:
-        await it.until(lambda: "could not be explored: `rise-engine explore` says why" in bottom(it))
 
 
 async def test_the_next_save_and_the_end_of_the_editor_end_it(study: Path) -> None:

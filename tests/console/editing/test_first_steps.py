@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from rise_engine.edit.edits import AddRule, AddState, AddTransition, SetSetting, TransitionForm
+from rise_engine.edit.edits import AddRule, AddState, AddTransition, TransitionForm
 from rise_engine.edit.study_above import scenarios_below
 from rise_engine.edit.workspace import Workspace
 from rise_tui.editing.act_page import ActPage
@@ -37,7 +37,9 @@ def riddle(study: Path) -> Path:
     return study
 
 
+@pytest.mark.slow
 async def test_an_act_found_by_its_words_opens_on_them_also_in_a_later_wording(riddle: Path) -> None:
+    before = (riddle / "acts" / "riddle.xml").read_bytes()
     async with editor(riddle) as it:
         await it.press("slash")
         await it.type("bites nobody")
@@ -47,16 +49,11 @@ async def test_an_act_found_by_its_words_opens_on_them_also_in_a_later_wording(r
         page = it.screen.opened
         assert isinstance(page, ActPage)
         await it.until(lambda: page.action is not None and page.action.id == "2")
-
-
-async def test_a_field_from_a_template_says_that_it_is_not_changed_here(riddle: Path) -> None:
-    before = (riddle / "acts" / "riddle.xml").read_bytes()
-    async with editor(riddle) as it:
         await it.open("act", "R_Riddle")
         page = it.screen.opened
         assert isinstance(page, ActPage)
         await it.press("enter", "enter")
-        await it.until(lambda: "pointx" in it.notice and "`Look`" in it.notice)
+        await it.until(lambda: "pointx" in it.notice and "`Look`" in it.notice, "a field of a template says so")
         assert not page.is_typing
     assert (riddle / "acts" / "riddle.xml").read_bytes() == before
 
@@ -127,6 +124,7 @@ def test_the_folder_of_a_study_leads_to_its_scenarios(study: Path, tmp_path: Pat
     assert scenarios_below(above) == []
 
 
+@pytest.mark.slow
 async def test_what_a_key_does_is_said_in_words_and_a_taken_one_says_by_what(study: Path) -> None:
     async with editor(study) as found:
         await found.open("keys")
@@ -140,32 +138,19 @@ async def test_what_a_key_does_is_said_in_words_and_a_taken_one_says_by_what(stu
         await found.type("b")
         await found.press("enter")
         await found.until(lambda: "the key b is taken: rule Greeting" in found.notice)
-
-
-async def test_a_search_begins_in_the_list_where_a_page_has_none_and_says_that_nothing_was_found(study: Path) -> None:
-    async with editor(study) as found:
         await found.open("act", "R_Nod")
+        page = found.screen.opened
+        assert isinstance(page, ActPage) and "keys n 7" in page.head.text
+        # A search begins in the list where a page has none.
         await found.send_together("slash", *"Keys", "enter", "enter")
         await found.until(lambda: isinstance(found.screen.opened, KeysPage))
         await found.press("escape", "slash")
         await found.type("zzz")
         await found.until(lambda: "nothing has this name" in found.screen.home.rows.text)
-
-
-async def test_an_act_with_two_keys_names_both(study: Path) -> None:
-    async with editor(study) as found:
-        found.screen.make(SetSetting(("keys", "7"), {"act": "R_Nod"}))
-        await found.until(lambda: "key 7 starts" in found.notice)
-        await found.open("act", "R_Nod")
-        page = found.screen.opened
-        assert isinstance(page, ActPage) and "keys n 7" in page.head.text
-
-
-async def test_an_open_field_lies_over_the_whole_row_when_the_window_has_changed(study: Path) -> None:
-    async with editor(study) as found:
+        await found.press("escape")
         await found.send_together("slash", *"R_Introduction", "enter", "enter", "enter", "enter")
         await found.until(lambda: found.screen.page.is_typing)
         field = found.screen.query_one(FieldInput)
         await found.until(lambda: field.size.width > 50)
         await found.pilot.resize_terminal(108, 30)
-        await found.until(lambda: field.size.width > 80)
+        await found.until(lambda: field.size.width > 80, "an open field lies over the whole row of another window")

@@ -79,8 +79,8 @@ async def test_a_way_is_one_line_of_the_file_and_undo_gives_the_same_bytes(greet
     assert load(str(greeting)).scenario is not None
 
 
-async def test_a_draft_with_an_error_stands_beside_its_way_and_is_not_tried(greeting: Path) -> None:
-    async with opened(greeting, "Greeting") as (pilot, app, page):
+async def test_a_trial_goes_with_the_changes_is_kept_as_a_test_and_not_made_of_an_error(greeting: Path) -> None:
+    async with opened(greeting, "Greeting", (120, 40)) as (pilot, app, page):
         await press(pilot, "a", "right", "tab", *"person_near and not", "tab", *"Closed", "enter")
         assert page.draft.checked.scenario is None
         assert any(row.startswith("✗") for row in page.editor.graph.text.splitlines())
@@ -88,12 +88,6 @@ async def test_a_draft_with_an_error_stands_beside_its_way_and_is_not_tried(gree
         assert not page.is_trying
         assert "it can be tried when there is no error" in app.edit_screen.notice.text
         await press(pilot, "ctrl+u", "t")
-        assert page.is_trying
-
-
-async def test_a_trial_goes_with_the_changes_and_is_kept_as_a_test(greeting: Path) -> None:
-    async with opened(greeting, "Greeting", (120, 40)) as (pilot, _, page):
-        await press(pilot, "t")
         assert page.has_class("-trying") and page.editor.display and page.trial.rows.has_focus
         assert state_of(page) == "Nobody", "the cursor follows the trial"
         await press(pilot, "a")  # a key of the study: somebody comes near

@@ -179,11 +179,6 @@ async def test_a_cell_is_changed_and_nothing_else_of_its_file(folder: Path) -> N
         assert page.field.text.startswith("aaaa"), "tab goes on to the next column"
         await it.press("escape", "ctrl+u")
         await it.until(lambda: file_of(it, "prices") == PRICES)
-
-
-@pytest.mark.slow
-async def test_line_ends_in_a_cell_stay_and_pasted_ones_are_blanks(folder: Path) -> None:
-    async with editor(folder) as it:
         page = await open_at(it, "tables/prices.csv:3")
         await it.press("right", "enter")
         assert page.field.text == "two\nlines"
@@ -192,30 +187,11 @@ async def test_line_ends_in_a_cell_stay_and_pasted_ones_are_blanks(folder: Path)
         await it.press("enter")
         await it.until(lambda: "lines! !" in file_of(it, "prices"))
         cells = grid_of(it.screen.study.draft).tables["prices"].cells
-        assert cells.rows[1][1] == "two\nlines! !"
+        assert cells.rows[1][1] == "two\nlines! !", "line ends in a cell stay, and pasted ones are blanks"
 
 
 @pytest.mark.slow
-async def test_rows_are_added_and_removed_also_the_first_of_a_table(folder: Path) -> None:
-    async with editor(folder) as it:
-        page = await open_at(it, "tables/instructions.csv:3")
-        before = file_of(it, "instructions")
-        await it.press("a")
-        await it.until(lambda: file_of(it, "instructions").count("\nchair,") == 2)
-        await it.until(lambda: page.row is not None and page.row[0].number == 2)
-        await it.press("delete")
-        await it.until(lambda: file_of(it, "instructions") == before)
-        await it.press("home")
-        assert page.grid.current == GridRow("empty", -1)
-        await it.press("enter", "delete")
-        assert "there is no row under the cursor" in it.notice
-        await it.press("a")
-        await it.until(lambda: file_of(it, "empty") == "a,b\n…,…\n")
-        await it.until(lambda: page.row is not None and page.row[0] == GridRow("empty", 0))
-
-
-@pytest.mark.slow
-async def test_arrows_go_through_rows_columns_and_tables_and_a_row_is_found(folder: Path) -> None:
+async def test_arrows_go_through_rows_columns_and_tables_and_rows_are_found_added_and_removed(folder: Path) -> None:
     async with editor(folder) as it:
         page = await open_at(it, "tables/instructions.csv:13")
         assert page.value == "cat"
@@ -232,21 +208,26 @@ async def test_arrows_go_through_rows_columns_and_tables_and_a_row_is_found(fold
         await it.press("enter", "escape")
         await it.until(lambda: sum(row.number >= 0 for row in page.grid.grid.rows) == 14)
         assert page.place is not None and (page.place.file, page.place.line) == ("tables/instructions.csv", 6)
-
-
-@pytest.mark.slow
-async def test_what_is_wrong_is_said_while_it_is_typed(folder: Path) -> None:
-    async with editor(folder) as it:
-        await it.open("tables", "tables/empty.csv:1")
-        page = page_of(it)
-        await it.press("home", "a")
+        page = await open_at(it, "tables/instructions.csv:3")
+        before = file_of(it, "instructions")
+        await it.press("a")
+        await it.until(lambda: file_of(it, "instructions").count("\nchair,") == 2)
+        await it.until(lambda: page.row is not None and page.row[0].number == 2)
+        await it.press("delete")
+        await it.until(lambda: file_of(it, "instructions") == before)
+        await it.press("home")
+        assert page.grid.current == GridRow("empty", -1)
+        await it.press("enter", "delete")
+        assert "there is no row under the cursor" in it.notice
+        await it.press("a")  # also the first of a table
+        await it.until(lambda: file_of(it, "empty") == "a,b\n…,…\n")
         await it.until(lambda: page.row is not None and page.row[0] == GridRow("empty", 0))
         await it.press("right", "enter", "backspace", "enter")
         await it.until(lambda: file_of(it, "empty") == "a,b\n…,\n")
         await it.press("left", "enter", "backspace")
         await it.until(lambda: "a row of tables/empty.csv without any value would not be read" in page.said.text)
         await it.press("enter")
-        await it.until(lambda: "without any value" in it.notice)
+        await it.until(lambda: "without any value" in it.notice, "what is wrong is said while it is typed")
         assert file_of(it, "empty") == "a,b\n…,\n"
 
 

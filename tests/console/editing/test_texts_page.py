@@ -54,6 +54,19 @@ async def test_a_translation_is_changed_and_one_line_of_one_file_is_written(lab:
     file = lab / "texts" / "de.toml"
     before = file.read_text("utf-8")
     async with editor(lab) as it:
+        page, was = await open_at(it, "R_Praise/2/2"), german(it)
+        for text in ("Eins", "Zwei"):
+            await it.until(lambda: it.screen.page.is_typing) if text == "Zwei" else await it.press("enter")
+            page.field.select_all()
+            await it.type(text)
+            await it.press("tab")  # takes it and goes on
+            await it.until(lambda text=text: f'"{text}"' in german(it))  # type: ignore[misc]
+        await it.until(lambda: it.screen.page.is_typing)
+        assert page.entry is not None and page.entry.text.id == MISSING and page.field.text == ""
+        await it.press("escape")
+        assert not it.screen.page.is_typing
+        await it.press("ctrl+u", "ctrl+u")
+        await it.until(lambda: german(it) == was)
         page = await open_at(it, "R_Praise/2/2")
         await it.press("enter", "end", *["backspace"] * 12)
         await it.type("Prima")
@@ -61,34 +74,21 @@ async def test_a_translation_is_changed_and_one_line_of_one_file_is_written(lab:
         await it.until(lambda: "Prima" in german(it))
         assert page.rows.has_focus and "Prima" in page.rows.text and "1 change unsaved" in it.screen.top.text
         await it.press("ctrl+o")
-        await it.until(lambda: isinstance(it.pilot.app.screen, SaveDialog))
+        await it.shows(SaveDialog)
         await it.press("enter")
         await it.until(lambda: file.read_text("utf-8") != before)
-    now = file.read_text("utf-8").splitlines()
-    differ = [(was, is_now) for was, is_now in zip(before.splitlines(), now, strict=True) if was != is_now]
-    assert differ == [('"2/2" = { text = "Gut gemacht!", of = "Well done!" }',
-                       '"2/2" = { text = "Prima", of = "Well done!" }')]  # fmt: skip
+        now = file.read_text("utf-8").splitlines()
+        differ = [(was, is_now) for was, is_now in zip(before.splitlines(), now, strict=True) if was != is_now]
+        assert differ == [('"2/2" = { text = "Gut gemacht!", of = "Well done!" }',
+                           '"2/2" = { text = "Prima", of = "Well done!" }')]  # fmt: skip
+        file.write_text(file.read_text("utf-8").replace("Sehr gut!", "Hervorragend!"), "utf-8")
+        it.screen.look_outside()
+        await it.until(lambda: "Hervorragend!" in page.rows.text, "what somebody else writes is taken in")
 
 
-async def test_tab_takes_it_and_goes_on_and_undo_takes_it_back(lab: Path) -> None:
+async def test_the_original_is_changed_and_what_lacks_something_is_shown_and_taken_away(lab: Path) -> None:
     async with editor(lab) as it:
-        page, before = await open_at(it, "R_Praise/2/2"), german(it)
-        for text in ("Eins", "Zwei"):
-            await it.until(lambda: it.screen.page.is_typing) if text == "Zwei" else await it.press("enter")
-            page.field.select_all()
-            await it.type(text)
-            await it.press("tab")
-            await it.until(lambda text=text: f'"{text}"' in german(it))  # type: ignore[misc]
-        await it.until(lambda: it.screen.page.is_typing)
-        assert page.entry is not None and page.entry.text.id == MISSING and page.field.text == ""
-        await it.press("escape")
-        assert not it.screen.page.is_typing
-        await it.press("ctrl+u", "ctrl+u")
-        await it.until(lambda: german(it) == before)
-
-
-async def test_the_original_is_changed_and_its_translation_is_stale_then(lab: Path) -> None:
-    async with editor(lab) as it:
+        files = it.screen.study.draft.files
         page = await open_at(it, "R_Praise/2/2")
         await it.press("tab", "enter")
         assert page.field.text == "Well done!"
@@ -98,10 +98,14 @@ async def test_the_original_is_changed_and_its_translation_is_stale_then(lab: Pa
         await it.until(lambda: "Well done! Really." in it.draft_text)
         assert page.entry is not None and page.entry.state == "stale"
         assert "It was “Well done!”" in page.detail.text
-
-
-async def test_m_leaves_what_lacks_something_and_s_says_that_one_is_right_still(lab: Path) -> None:
-    async with editor(lab) as it:
+        await it.take_back(files)
+        page = await open_at(it, STALE)
+        await it.press("left", "delete")
+        assert "only a translation is taken away here" in it.notice
+        await it.press("right", "delete")
+        await it.until(lambda: "Sehr gut!" not in german(it))
+        assert page.entry is not None and page.entry.state == "missing"
+        await it.take_back(files)
         page = await open_at(it, STALE)
         await it.press("m")
         assert [page.rows.row_at(at).id for at in range(page.rows.count)] == [STALE, MISSING]
@@ -115,42 +119,6 @@ async def test_m_leaves_what_lacks_something_and_s_says_that_one_is_right_still(
         await it.press("m")
         assert page.rows.count == len(it.screen.study.draft.checked.texts)
         assert page.entry.text.id == MISSING, "the cursor stays on its text"
-
-
-async def test_what_is_wrong_is_said_while_it_is_typed(lab: Path) -> None:
-    async with editor(lab) as it:
-        page = await open_at(it, MISSING)
-        await it.press("enter")
-        await it.type("{persn}")
-        await it.until(lambda: "✗ the translation has {persn}" in page.said.text)
-        assert "✓ no errors" in it.screen.top.text, "typing changes nothing"
-        await it.press("escape")
-        assert "persn" not in it.draft_text
-
-
-async def test_what_is_pasted_is_one_line_and_no_command(lab: Path) -> None:
-    async with editor(lab) as it:
-        page = await open_at(it, MISSING)
-        await it.press("enter")
-        page.field.post_message(events.Paste("Das sieht\r\ntoll\taus.\n\x1b"))
-        await it.until(lambda: "toll" in page.field.text)
-        await it.press("enter")
-        await it.until(lambda: '"2/4" = { text = "Das sieht toll aus. ·"' in german(it))
-
-
-async def test_del_takes_a_translation_away_and_no_text(lab: Path) -> None:
-    async with editor(lab) as it:
-        page = await open_at(it, STALE)
-        await it.press("left", "delete")
-        assert "only a translation is taken away here" in it.notice
-        await it.press("right", "delete")
-        await it.until(lambda: "Sehr gut!" not in german(it))
-        assert page.entry is not None and page.entry.state == "missing"
-
-
-async def test_texts_are_found_by_typing_and_esc_shows_all(lab: Path) -> None:
-    async with editor(lab) as it:
-        page = await open_at(it, STALE)
         every = page.rows.count
         await it.press("slash")
         await it.type("klar genug")
@@ -161,8 +129,36 @@ async def test_texts_are_found_by_typing_and_esc_shows_all(lab: Path) -> None:
         assert page.rows.count == every and it.screen.opened is page
 
 
-async def test_j_opens_the_act_at_its_action_and_esc_leads_back_to_the_text(lab: Path) -> None:
+async def test_what_is_wrong_is_said_while_it_is_typed_what_is_pasted_is_one_line_and_stop_works(lab: Path) -> None:
+    sessions = OneSession(RunningHere("/tmp/a.sock", "P07"))
+    async with editor(lab, sessions=sessions) as it:
+        it.screen.look_outside()
+        await it.until(lambda: "a session with P07 runs" in it.screen.banner.text)
+        page = await open_at(it, MISSING)
+        await it.press("enter")
+        await it.type("{persn}")
+        await it.until(lambda: "✗ the translation has {persn}" in page.said.text)
+        assert "✓ no errors" in it.screen.top.text, "typing changes nothing"
+        await it.press("f9")
+        await it.until(lambda: sessions.stopped == 1)
+        assert it.screen.page.is_typing
+        await it.press("escape")
+        assert "persn" not in it.draft_text
+        await it.press("enter")
+        page.field.post_message(events.Paste("Das sieht\r\ntoll\taus.\n\x1b"))
+        await it.until(lambda: "toll" in page.field.text)
+        await it.press("enter")
+        await it.until(lambda: '"2/4" = { text = "Das sieht toll aus. ·"' in german(it))
+
+
+async def test_j_opens_the_act_at_its_action_and_a_finding_leads_to_its_text(lab: Path) -> None:
     async with editor(lab) as it:
+        await it.press("f")
+        await it.shows(Chooser)
+        await it.type("changed since")
+        await it.press("enter")
+        await it.until(lambda: isinstance(it.screen.opened, TextsPage) and page_of(it).entry is not None)
+        assert page_of(it).entry.text.id == STALE  # type: ignore[union-attr]
         await open_at(it, "R_Apology/5")
         await it.press("j")
         await it.until(lambda: isinstance(it.screen.opened, ActPage))
@@ -178,28 +174,23 @@ async def test_j_opens_the_act_at_its_action_and_esc_leads_back_to_the_text(lab:
         await it.until(lambda: isinstance(it.screen.opened, ActPage))
         await it.press("f2")
         await it.until(lambda: it.screen.opened is None)
-
-
-async def test_a_finding_leads_to_the_text_that_it_is_about(lab: Path) -> None:
-    async with editor(lab) as it:
-        await it.press("f")
-        await it.until(lambda: isinstance(it.pilot.app.screen, Chooser))
-        await it.type("changed since")
-        await it.press("enter")
-        await it.until(lambda: isinstance(it.screen.opened, TextsPage) and page_of(it).entry is not None)
-        assert page_of(it).entry.text.id == STALE  # type: ignore[union-attr]
+        await it.pilot.resize_terminal(120, 40)
+        await open_at(it, STALE)
+        await it.until(lambda: page_of(it).size.width == 120, "the list of the study gives its room")
+        await it.press("escape")
+        await it.until(lambda: it.screen.opened is None and it.screen.home.display)
 
 
 async def test_a_language_is_added_and_left_and_right_go_through_all(lab: Path) -> None:
     async with editor(lab) as it:
         page = await open_at(it, STALE)
         await it.press("a")
-        await it.until(lambda: isinstance(it.pilot.app.screen, AskText))
+        await it.shows(AskText)
         await it.type("french")
         await it.press("enter")
         await it.until(lambda: "write fr" in it.notice)
         await it.press("L")
-        await it.until(lambda: isinstance(it.pilot.app.screen, Chooser))
+        await it.shows(Chooser)
         await it.type("fr")
         await it.press("enter")
         await it.until(lambda: page.view.language == "fr")
@@ -228,7 +219,7 @@ async def test_with_the_first_language_it_is_asked_in_which_the_acts_are(study: 
         await it.press("tab")
         assert "a adds another" in it.notice
         await it.press("a")
-        await it.until(lambda: isinstance(it.pilot.app.screen, AskText))
+        await it.shows(AskText)
         await it.type("de")
         await it.press("enter")
         await it.until(lambda: "In which language are the acts?" in _title(it))
@@ -244,9 +235,8 @@ def _title(it: Editor) -> str:
     return asked._title if isinstance(asked, AskText) else ""
 
 
-@pytest.mark.parametrize("size", [(80, 24), (120, 40)])
-async def test_a_long_text_is_read_whole(lab: Path, size: tuple[int, int]) -> None:
-    async with editor(lab, size) as it:
+async def test_a_long_text_is_read_whole(lab: Path) -> None:
+    async with editor(lab, (80, 24)) as it:
         page = await open_at(it, MISSING)
         words = [f"Wort{number}" for number in range(400)]
         await it.press("enter")
@@ -254,25 +244,21 @@ async def test_a_long_text_is_read_whole(lab: Path, size: tuple[int, int]) -> No
         await it.until(lambda: "Wort399" in page.field.text)
         await it.press("enter")
         await it.until(lambda: "Wort399" in german(it))
-        seen: set[str] = set()
-        for _ in range(30):
-            await it.pilot.pause()
-            first = page.detail.scroll_offset.y
-            lines = page.detail.text.splitlines()[first : first + page.detail.size.height]
-            seen |= {word for line in lines for word in line.split()}
-            assert page.rows.size.height >= 3, "the list stays in view"
-            if set(words) <= seen:
-                break
-            await it.press("space")
-        assert set(words) <= seen
-
-
-async def test_the_list_of_the_study_gives_its_room_and_gets_it_back(lab: Path) -> None:
-    async with editor(lab, (120, 40)) as it:
-        await open_at(it, STALE)
-        await it.until(lambda: page_of(it).size.width == 120)
-        await it.press("escape")
-        await it.until(lambda: it.screen.opened is None and it.screen.home.display)
+        for size in ((80, 24), (120, 40)):
+            await it.pilot.resize_terminal(*size)
+            await it.press("home")
+            page = await open_at(it, MISSING)
+            seen: set[str] = set()
+            for _ in range(30):
+                await it.pilot.pause()
+                first = page.detail.scroll_offset.y
+                lines = page.detail.text.splitlines()[first : first + page.detail.size.height]
+                seen |= {word for line in lines for word in line.split()}
+                assert page.rows.size.height >= 3, "the list stays in view"
+                if set(words) <= seen:
+                    break
+                await it.press("space")
+            assert set(words) <= seen
 
 
 async def test_a_study_that_says_nothing_and_one_that_cannot_be_read(tmp_path: Path, study: Path) -> None:
@@ -292,28 +278,6 @@ async def test_a_study_that_says_nothing_and_one_that_cannot_be_read(tmp_path: P
         await it.type("x")
         await it.press("enter")
         await it.until(lambda: "texts/de.toml cannot be read, so it is not changed" in it.notice)
-
-
-async def test_what_somebody_else_writes_meanwhile_is_taken_in(lab: Path) -> None:
-    async with editor(lab) as it:
-        page = await open_at(it, STALE)
-        file = lab / "texts" / "de.toml"
-        file.write_text(file.read_text("utf-8").replace("Sehr gut!", "Hervorragend!"), "utf-8")
-        it.screen.look_outside()
-        await it.until(lambda: "Hervorragend!" in page.rows.text)
-
-
-async def test_f9_stops_while_a_text_is_typed(lab: Path) -> None:
-    sessions = OneSession(RunningHere("/tmp/a.sock", "P07"))
-    async with editor(lab, sessions=sessions) as it:
-        it.screen.look_outside()
-        await it.until(lambda: "a session with P07 runs" in it.screen.banner.text)
-        await open_at(it, STALE)
-        await it.press("enter")
-        await it.type("x")
-        await it.press("f9")
-        await it.until(lambda: sessions.stopped == 1)
-        assert it.screen.page.is_typing
 
 
 @pytest.mark.parametrize("size", [(80, 24), (120, 40)], ids=["small", "wide"])

@@ -181,40 +181,31 @@ def test_parts_of_several_robots() -> None:
 # --- on the screen --------------------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("size", [(80, 24), (120, 40), (200, 50)])
-async def test_a_lost_robot_stays_on_the_screen_until_it_is_back(size: tuple[int, int]) -> None:
-    async with console(size=size) as it:
-        lose(it.client)
-        await it.until(lambda: "ROBOT LOST   for 0 s" in it.bars.alarm_bar.text and it.bars.alarm_bar.display)
-        height = it.bars.alarm_bar.region.height
-        it.client.time += 4
-        await it.until(lambda: "ROBOT LOST   for 4 s" in it.bars.alarm_bar.text)
-        await it.press("down", "escape")
-        assert it.bars.alarm_bar.display and it.bars.alarm_bar.region.height == height == 3
-        it.client.journal(trouble=FULL)
-        await it.until(lambda: "NOT RECORDING" in it.bars.alarm_bar.text)
-        assert it.bars.alarm_bar.region.height == 3
-        it.client.journal()
-        it.client.emit(RobotRecord(0, 0.0, "", status="connected", detail=""))
-        await it.until(lambda: not it.bars.alarm_bar.display)
-
-
-async def test_a_degraded_robot_takes_one_amber_line_also_beside_the_question_for_control() -> None:
+@pytest.mark.slow
+async def test_a_lost_robot_stays_on_the_screen_until_it_is_back_and_a_degraded_one_takes_one_line() -> None:
     async with console(size=(80, 24)) as it:
+        alarm, line = it.bars.alarm_bar, it.bars.attention_bar
+        for size in ((80, 24), (200, 50), (120, 40)):
+            await it.pilot.resize_terminal(*size)
+            lose(it.client)
+            await it.until(lambda: "ROBOT LOST   for 0 s" in alarm.text and alarm.display)
+            height = alarm.region.height
+            it.client.time += 4
+            await it.until(lambda: "ROBOT LOST   for 4 s" in alarm.text)
+            await it.press("down", "escape")
+            it.screen.session.show_notice(Notice("something else"))
+            await it.until(lambda: "something else" in it.notice)
+            assert "ROBOT LOST" in alarm.text, "it is no notice that a key takes away"
+            assert alarm.display and alarm.region.height == height == 3
+            it.client.journal(trouble=FULL)
+            await it.until(lambda: "NOT RECORDING" in alarm.text)
+            assert alarm.region.height == 3
+            it.client.journal()
+            it.client.emit(RobotRecord(0, 0.0, "", status="connected", detail=""))
+            await it.until(lambda: not alarm.display)
         it.client.emit(RobotRecord(0, 0.0, "", status="degraded", detail="no server for gaze"))
-        await it.until(
-            lambda: "no server for gaze" in it.bars.attention_bar.text and it.bars.attention_bar.region.height == 1
-        )
+        await it.until(lambda: "no server for gaze" in line.text and line.region.height == 1)
         it.client.control_record("asked", "wizard:ben", "wizard:anna")
-        await it.until(lambda: it.bars.attention_bar.region.height == 2)
-        assert it.bars.attention_bar.text.splitlines()[0].strip() == "ben asks for control: F8 to answer"
-        assert not it.bars.alarm_bar.display
-
-
-async def test_an_alarm_is_no_notice_that_a_key_takes_away() -> None:
-    async with console() as it:
-        lose(it.client)
-        await it.until(lambda: it.bars.alarm_bar.display)
-        it.screen.session.show_notice(Notice("something else"))
-        await it.until(lambda: "something else" in it.notice)
-        assert "ROBOT LOST" in it.bars.alarm_bar.text
+        await it.until(lambda: line.region.height == 2)
+        assert line.text.splitlines()[0].strip() == "ben asks for control: F8 to answer"
+        assert not alarm.display

@@ -190,130 +190,112 @@ async def shown(it: Console) -> None:
     await it.until(lambda: it.bars.failure_bar.display and it.bars.failure_bar.region.height >= 4)
 
 
-@pytest.mark.parametrize("size", [(80, 24), (120, 40)])
-async def test_it_stays_on_every_pane_until_it_is_answered(size: tuple[int, int]) -> None:
-    async with console(size=size) as it:
+def bar_of(it: Console) -> str:
+    return it.bars.failure_bar.text
+
+
+@pytest.mark.slow
+async def test_it_stays_on_every_pane_until_it_is_answered() -> None:
+    async with console(size=(80, 24)) as it:
+        for key, title in (("ctrl+e", "Repeat the failed act"), ("ctrl+k", "Go on without the failed act")):
+            await it.press(key)
+            await it.until(lambda title=title: f"{title}: not now, no act has failed" in it.notice)  # type: ignore[misc]
         id = it.client.act("Greet", "ABORTED", reason="no voice")
         await shown(it)
-        for _ in range(6):
-            await it.press("f3")
-            assert it.bars.failure_bar.display and "Greet" in it.bars.failure_bar.text
+        for size in ((120, 40), (80, 24)):
+            await it.pilot.resize_terminal(*size)
+            await shown(it)
+            for _ in range(6):
+                await it.press("f3")
+                assert it.bars.failure_bar.display and "Greet" in bar_of(it)
         await it.press("f4", "escape", "g")  # zoomed, left, and another act started
-        assert "ctrl+e repeat" in it.bars.failure_bar.text or "runs again" in it.bars.failure_bar.text
+        assert "ctrl+e repeat" in bar_of(it) or "runs again" in bar_of(it)
         await it.press("ctrl+k")
         await it.sent("goOn", str(id))
         await it.until(lambda: not it.bars.failure_bar.display)
 
 
-async def test_beside_an_alarm_the_panes_can_still_be_seen() -> None:
+@pytest.mark.slow
+async def test_its_keys_repeat_what_was_asked_for_go_on_and_can_be_clicked() -> None:
     async with console(size=(80, 24)) as it:
+        failed = it.client.act("Greet", "ABORTED", reason="no voice")
+        await shown(it)
+        *others, keys = bar_of(it).splitlines()
+        await it.pilot.click(it.bars.failure_bar, offset=(keys.index("repeat"), 0))
+        await it.pilot.click(it.bars.failure_bar, offset=(0, len(others)))
+        assert it.client.asked() == []
+        await it.press("ctrl+x", "ctrl+e")  # SAFE: the same care as for every start
+        await it.until(lambda: "not now, SAFE" in it.notice)
+        await it.press("ctrl+x", "ctrl+e")
+        await it.sent(ACT, "Greet")
+        assert it.client.sent[-1].calling_type == "Blocking"
+        await it.until(lambda: "it runs again" in bar_of(it))
+        it.client.end_task(failed + 1, "Greet")
+        await it.until(lambda: not it.bars.failure_bar.display, "its success puts the bar away")
+        it.client.sent.clear()
+        id = it.client.act("Praise", "ABORTED", reason="no voice")
+        await it.until(lambda: "Praise" in bar_of(it) and it.bars.failure_bar.display)
+        *others, keys = bar_of(it).splitlines()
+        await it.pilot.click(it.bars.failure_bar, offset=(keys.index("without"), len(others)))
+        await it.until(lambda: it.client.asked() == [("goOn", str(id))])
+        it.client.sent.clear()
+        it.client.act("Filler", "ABORTED", reason="no voice")
+        await it.until(lambda: "Filler" in bar_of(it) and it.bars.failure_bar.display)
+        *others, keys = bar_of(it).splitlines()
+        await it.pilot.click(it.bars.failure_bar, offset=(keys.index("repeat"), len(others)))
+        await it.sent(ACT, "Filler")
+
+
+@pytest.mark.slow
+async def test_what_was_said_freely_is_said_again_and_beside_an_alarm_the_panes_can_still_be_seen() -> None:
+    async with console(size=(80, 24)) as it:
+        failed = it.client.task("say", "One moment please", "ABORTED", reason="no voice")
+        await shown(it)
+        assert "“One moment please”" in bar_of(it)
+        await it.press("ctrl+e")
+        await it.sent("say", "One moment please")
+        it.client.task_record(failed + 1, "say", "One moment please", "SUCCEEDED")
+        await it.until(lambda: not it.bars.failure_bar.display)
+        it.client.sent.clear()
         it.client.task("say", " ".join(["word"] * 200), "ABORTED", reason="a reason of some length " * 9)
         await shown(it)
         it.client.stop("latched", ("pepper/speech",))
         await it.until(lambda: it.bars.alarm_bar.display and it.bars.alarm_bar.region.height == 3)
-        await it.until(lambda: "ctrl+k go on" in it.bars.failure_bar.text)
+        await it.until(lambda: "ctrl+k go on" in bar_of(it) and "not now: STOPPED" in bar_of(it))
         assert it.screen.pane_layout.region.height >= 4 and it.bars.failure_bar.region.height >= 5
-
-
-async def test_repeating_starts_it_as_it_was_asked_for_and_its_success_puts_the_bar_away() -> None:
-    async with console() as it:
-        it.client.act("Greet", "ABORTED", reason="no voice")
-        await shown(it)
-        await it.press("ctrl+e")
-        await it.sent(ACT, "Greet")
-        assert it.client.sent[-1].calling_type == "Blocking"
-        await it.until(lambda: "it runs again" in it.bars.failure_bar.text)
-        it.client.end_task(2, "Greet")
-        await it.until(lambda: not it.bars.failure_bar.display)
-
-
-async def test_its_keys_can_be_clicked_too() -> None:
-    async with console(size=(80, 24)) as it:
-        it.client.act("Greet", "ABORTED", reason="no voice")
-        await shown(it)
-        *others, keys = it.bars.failure_bar.text.splitlines()
-        await it.pilot.click(it.bars.failure_bar, offset=(keys.index("repeat"), 0))
-        await it.pilot.click(it.bars.failure_bar, offset=(0, len(others)))
-        assert it.client.asked() == []
-        await it.pilot.click(it.bars.failure_bar, offset=(keys.index("without"), len(others)))
-        await it.sent("goOn", "1")
-        assert it.client.asked() == [("goOn", "1")]
-        it.client.act("Praise", "ABORTED", reason="no voice")
-        await it.until(lambda: "Praise" in it.bars.failure_bar.text and it.bars.failure_bar.display)
-        *others, keys = it.bars.failure_bar.text.splitlines()
-        await it.pilot.click(it.bars.failure_bar, offset=(keys.index("repeat"), len(others)))
-        await it.sent(ACT, "Praise")
-
-
-async def test_what_was_said_freely_is_said_again() -> None:
-    async with console() as it:
-        it.client.task("say", "One moment please", "ABORTED", reason="no voice")
-        await shown(it)
-        assert "“One moment please”" in it.bars.failure_bar.text
-        await it.press("ctrl+e")
-        await it.sent("say", "One moment please")
-
-
-async def test_the_same_care_as_for_every_start() -> None:
-    async with console() as it:
-        it.client.act("Greet", "ABORTED", reason="no voice")
-        await shown(it)
-        await it.press("ctrl+x", "ctrl+e")  # SAFE
-        await it.until(lambda: "not now, SAFE" in it.notice)
-        await it.press("ctrl+x")
-        it.client.stop("latched", ("pepper/speech",))
-        await it.until(lambda: "STOPPED" in it.bars.alarm_bar.text and "not now: STOPPED" in it.bars.failure_bar.text)
         await it.press("ctrl+e")
         await it.until(lambda: "Repeat the failed act: not now, STOPPED" in it.notice)
         assert it.client.asked() == []
 
 
-async def test_without_a_failure_the_keys_say_so() -> None:
-    async with console() as it:
-        for key, title in (("ctrl+e", "Repeat the failed act"), ("ctrl+k", "Go on without the failed act")):
-            await it.press(key)
-            await it.until(lambda title=title: f"{title}: not now, no act has failed" in it.notice)  # type: ignore[misc]
-        assert it.client.sent == []
-
-
 # --- the study waits for an answer ------------------------------------------------------------------------------------
 
 
-def ask(client: FakeClient, status: str = "asked", by: int | None = None) -> int:
+@pytest.mark.slow
+async def test_a_question_shows_its_three_answers() -> None:
     """An act of a rule has failed, and somebody is asked."""
-    client.rule("Main", "entered", "greeting", trigger="start")
-    id = client.task("startCommunicationRobotAct", "Greet", "ABORTED", reason="no voice", source="rule:Main")
-    client.emit(FailureRecord(0, 0.0, "", id, "Greet", "asked", "engine"))
-    return id
-
-
-@pytest.mark.parametrize("size", [(80, 24), (120, 40)])
-@pytest.mark.parametrize(
-    ("answer", "function", "status"),
-    [
-        (("ctrl+e",), "repeatAct", "repeated"),
-        (("ctrl+k",), "goOn", "gone-on"),
-        ((":", *"failed act's", "enter"), "stopRuleOfAct", "dropped"),
-    ],
-)
-async def test_a_question_shows_its_three_answers(
-    size: tuple[int, int], answer: tuple[str, ...], function: str, status: str
-) -> None:
-    async with console(size=size) as it:
-        id = ask(it.client)
-        await shown(it)
-        text = it.bars.failure_bar.text
-        assert "the study waits for your answer" in text
-        assert all(words in text for words in ("ctrl+e repeat", "ctrl+k go on", ": Stop the failed act's rule"))
-        await it.press(*answer)
-        await it.sent(function, str(id))
-        it.client.emit(FailureRecord(0, 0.0, "", id, "Greet", status, "wizard:anna", id + 1))  # type: ignore[arg-type]
-        await it.until(lambda: not it.bars.failure_bar.display)
-
-
-async def test_in_safe_mode_no_answer_makes_anything_happen() -> None:
-    async with console() as it:
-        ask(it.client)
-        await shown(it)
-        await it.press("ctrl+x", "ctrl+e", "ctrl+k")
-        assert it.client.asked() == [] and "SAFE" in it.notice
+    async with console(size=(80, 24)) as it:
+        it.client.rule("Main", "entered", "greeting", trigger="start")
+        for size in ((120, 40), (80, 24)):
+            await it.pilot.resize_terminal(*size)
+            for answer, function, status in (
+                (("ctrl+e",), "repeatAct", "repeated"),
+                (("ctrl+k",), "goOn", "gone-on"),
+                ((":", *"failed act's", "enter"), "stopRuleOfAct", "dropped"),
+            ):
+                it.client.sent.clear()
+                id = it.client.task(ACT, "Greet", "ABORTED", reason="no voice", source="rule:Main")
+                it.client.emit(FailureRecord(0, 0.0, "", id, "Greet", "asked", "engine"))
+                await shown(it)
+                await it.until(lambda: "the study waits for your answer" in bar_of(it))
+                assert all(
+                    words in bar_of(it) for words in ("ctrl+e repeat", "ctrl+k go on", ": Stop the failed act's rule")
+                )
+                await it.press("ctrl+x", "ctrl+e", "ctrl+k")  # SAFE: no answer makes anything happen
+                assert it.client.asked() == [] and "SAFE" in it.notice
+                await it.press("ctrl+x")
+                await it.pilot.pause(0.6)
+                await it.press(*answer)
+                await it.sent(function, str(id))
+                it.client.emit(FailureRecord(0, 0.0, "", id, "Greet", status, "wizard:anna", id + 1))  # type: ignore[arg-type]
+                await it.until(lambda: not it.bars.failure_bar.display)

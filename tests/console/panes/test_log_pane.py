@@ -56,11 +56,12 @@ def fully_shown(pane: LogPane) -> bool:
     return pane._search is None or pane._search.is_complete
 
 
+@pytest.mark.slow
 async def test_a_broken_expression_is_said_and_the_last_good_filter_stays() -> None:
     async with console(size=(120, 40)) as it:
         events(it, 20)
-        it.screen.pane_layout.focus_pane("log")
         pane, log = log_of(it)
+        await it.focus("log")
         await it.press("slash", *"/topic1")
         await it.until(lambda: log.count == 11)
         await it.press("(")
@@ -73,26 +74,44 @@ async def test_a_broken_expression_is_said_and_the_last_good_filter_stays() -> N
         await it.until(lambda: "at 8" not in pane.title.text)
         await it.press("enter")
         assert log.has_focus and pane.filter_text == "/topic1"
-
-
-async def test_what_was_found_is_marked_not_only_by_colour() -> None:
-    async with console(size=(200, 50)) as it:
-        events(it, 3)
-        pane, log = log_of(it)
-        it.screen.pane_layout.focus_pane("log")
-        pane.set_filter("topic2")
+        it.client.cut()
+        await it.until(lambda: it.client.attached == 2)
+        events(it, 1, 111)
+        await it.until(lambda: log.count == 12, "attaching again searches the new log")
+        pane.set_filter("topic111")
         await it.until(lambda: log.count == 1)
-        assert [text for text, role in log.row_at(0).line if role == "match"] == ["topic2"]
+        assert [text for text, role in log.row_at(0).line if role == "match"] == ["topic111"]
         style = log.styles_on("")["match"]
-        assert style.bold and style.underline
+        assert style.bold and style.underline, "what was found is marked not only by colour"
+        pane.set_filter("failed")
+        await it.until(lambda: log.count == 0)
+        task = it.client.act("Greet")
+        await it.until(lambda: row_of(task) in it.screen.session.store.log.all)
+        assert log.count == 0
+        it.client.end_task(task, "Greet", "ABORTED", "the robot fell silent")
+        await it.until(lambda: log.count == 1, "a task that ends otherwise is found then")
+        task = it.client.act("Greet", "SUCCEEDED")
+        pane.set_filter("late")
+        assert log.count == 0
+        for size in ((200, 50), (120, 40), (80, 24)):
+            it.client.emit(MistakeRecord(0, 0.0, "", task, "Greet", "none", "wizard:anna"))
+            await it.until(lambda: log.count == 0)
+            await it.pilot.resize_terminal(*size)
+            it.client.emit(MistakeRecord(0, 0.0, "", task, "Greet", "late", "wizard:anna"))
+            await it.until(lambda: log.count == 1 and "! late" in plain_text(log._lines.get(0, ())), str(size))
+            assert "Greet" in plain_text(log.row_at(0).line) and "✓" in plain_text(log.row_at(0).line)
+        pane.set_filter("! late")
+        assert log.count == 1
 
 
 @pytest.mark.slow
-async def test_a_hundred_thousand_rows_are_searched_in_slices_and_a_keystroke_restarts() -> None:
+async def test_a_hundred_thousand_rows_are_searched_in_slices_and_a_keystroke_restarts(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
     async with console() as it:
         pane, log = log_of(it)
         many(it, 100_000)
-        it.screen.pane_layout.focus_pane("log")
+        await it.focus("log")
         pane.set_filter("rare")
         assert pane._search is not None and not pane._search.is_complete
         assert log.count >= 1 and "…" in pane.title.text  # the newest are there at once
@@ -105,104 +124,60 @@ async def test_a_hundred_thousand_rows_are_searched_in_slices_and_a_keystroke_re
         await it.until(lambda: fully_shown(pane) and log.count == 100)
         assert "100 of 100000" in pane.title.text and "…" not in pane.title.text
         assert log.current_id == str(row_of(100_000))
-
-
-async def test_rows_in_view_stay_while_older_ones_are_found(monkeypatch: pytest.MonkeyPatch) -> None:
-    async with console() as it:
-        pane, log = log_of(it)
-        many(it, 60_000)
-        it.screen.pane_layout.focus_pane("log")
         with monkeypatch.context() as still:
             still.setattr(pane._slicer, "wake", lambda: None)  # its first slice is all there is for now
             pane.set_filter("often")
             await it.press("pageup")
-            assert log.count < 59_940
+            assert log.count < 99_900
         pane.repaint()
         seen = log.row_at(log.scroll_offset.y).id, log.current_id
-        await it.until(lambda: fully_shown(pane) and log.count == 59_940)
+        await it.until(lambda: fully_shown(pane) and log.count == 99_900)
         assert (log.row_at(log.scroll_offset.y).id, log.current_id) == seen and not log.following
-
-
-async def test_a_task_that_ends_otherwise_is_found_then() -> None:
-    async with console() as it:
-        pane, log = log_of(it)
-        it.screen.pane_layout.focus_pane("log")
-        pane.set_filter("failed")
-        task = it.client.act("Greet")
-        await it.until(lambda: it.screen.session.store.log.all == [row_of(task)])
-        assert log.count == 0
-        it.client.end_task(task, "Greet", "ABORTED", "the robot fell silent")
-        await it.until(lambda: log.count == 1)
-
-
-async def test_attaching_again_searches_the_new_log() -> None:
-    async with console() as it:
-        events(it, 30)
-        pane, log = log_of(it)
-        it.screen.pane_layout.focus_pane("log")
-        pane.set_filter("topic2")
-        await it.until(lambda: log.count == 11)
-        it.client.cut()
-        await it.until(lambda: it.client.attached == 2)
-        events(it, 1, 222)
-        await it.until(lambda: log.count == 12)
-
-
-@pytest.mark.slow
-async def test_a_mistake_shows_in_its_row_and_can_be_found() -> None:
-    for size in ((80, 24), (120, 40), (200, 50)):
-        async with console(size=size) as it:
-            task = it.client.act("Greet", "SUCCEEDED")
-            it.screen.pane_layout.focus_pane("log")
-            pane, log = log_of(it)
-            await it.until(lambda log=log: log.count == 1)  # type: ignore[misc]
-            pane.set_filter("late")
-            assert log.count == 0
-            it.client.emit(MistakeRecord(0, 0.0, "", task, "Greet", "late", "wizard:anna"))
-            await it.until(lambda log=log: "! late" in plain_text(log._lines.get(0, ())))  # type: ignore[misc]
-            assert "Greet" in plain_text(log.row_at(0).line) and "✓" in plain_text(log.row_at(0).line)
-            pane.set_filter("! late")
-            assert log.count == 1
+        for top in range(0, 20_000, 150):
+            log.scroll_to(y=top, animate=False)
+            for y in range(log.size.height):
+                log.render_line(y)
+        assert len(log._lines) <= log.size.height, "scrolling keeps no rows"
+        assert len(list(log.query("*"))) == 0
 
 
 # --- times -----------------------------------------------------------------------------------------------------------
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(
-    ("typed", "found"),
-    [("2:00", "/topic20"), ("1:59.6", "/topic20"), ("-9s", "/topic90"), ("0", "/topic0"), ("9h", "/topic99")],
-)
-async def test_going_to_a_time_finds_the_nearest_row(typed: str, found: str) -> None:
+async def test_going_to_a_time_finds_the_nearest_row_and_now_follows_again() -> None:
     async with console() as it:
         events(it, 100)  # at 100 s to 199 s
         pane, log = log_of(it)
-        it.screen.pane_layout.focus_pane("log")
+        await it.focus("log")
         await it.until(lambda: log.count == 100)
-        it.screen.action_do("log.time")
-        await it.until(lambda: isinstance(it.app.focused, Input))
-        await it.press(*typed, "enter")
-        await it.until(lambda: log.has_focus)
-        task = pane.selected_task
-        assert task is not None and task.behavior == found
-        assert log.following is (found == "/topic99")
 
+        async def ask() -> None:
+            it.screen.action_do("log.time")
+            await it.until(lambda: isinstance(it.app.focused, Input))
 
-async def test_now_follows_again_and_nonsense_is_said() -> None:
-    async with console() as it:
-        events(it, 60)
-        _, log = log_of(it)
-        it.screen.pane_layout.focus_pane("log")
-        await it.until(lambda: log.count == 60)
+        for typed, found in (
+            ("2:00", "/topic20"),
+            ("1:59.6", "/topic20"),
+            ("-9s", "/topic90"),
+            ("0", "/topic0"),
+            ("9h", "/topic99"),
+        ):
+            await ask()
+            await it.press(*typed, "enter")
+            await it.until(lambda: log.has_focus)
+            task = pane.selected_task
+            assert task is not None and task.behavior == found
+            assert log.following is (found == "/topic99")
         await it.press("home")
         await it.until(lambda: not log.following)
-        it.screen.action_do("log.time")
+        await ask()
         await it.press(*"soon", "enter")
         await it.until(lambda: "14:32" in it.notice)
         assert isinstance(it.app.focused, Input)
         await it.press(*["backspace"] * 4, *"now", "enter")
         await it.until(lambda: log.following)
-        assert log.current_id == str(row_of(60))
+        assert log.current_id == str(row_of(100))
 
 
 # --- details ---------------------------------------------------------------------------------------------------------
@@ -217,7 +192,7 @@ async def test_details_tell_everything_and_go_on_to_the_neighbours() -> None:
         it.client.end_task(task, "Greet", "ABORTED", "the gesture failed")
         it.client.emit(TimingRecord(0, 0.0, "", task, "Greet", "ABORTED", 108.0, 109.5, 110.0, 110.0, 110.4, 110.0))
         it.client.emit(MistakeRecord(0, 0.0, "", task, "Greet", "late", "wizard:anna"))
-        it.screen.pane_layout.focus_pane("log")
+        await it.focus("log")
         _, log = log_of(it)
         await it.until(lambda: log.count == 2)
         await it.press("enter")
@@ -232,16 +207,10 @@ async def test_details_tell_everything_and_go_on_to_the_neighbours() -> None:
         assert any(line[:2] == ["robot", "00:01:50.4"] for line in times)
         await it.press("left")
         await it.until(lambda: "/topic0" in screen.list.text)
-        await it.press("escape")
-        assert it.app.screen is it.screen and it.client.sent == []
-
-
-async def test_stop_works_above_the_details() -> None:
-    async with console() as it:
-        events(it, 1)
-        it.screen.pane_layout.focus_pane("log")
-        await it.press("enter", "f9")
+        await it.press("f9")
         await it.sent("stopAll", "")
+        await it.press("escape")
+        assert it.app.screen is it.screen and it.client.asked() == [("stopAll", "")]
 
 
 # --- copy ------------------------------------------------------------------------------------------------------------
@@ -255,32 +224,27 @@ class Terminal:
         monkeypatch.setattr(type(it.app), "copy_to_clipboard", lambda _, text: setattr(self, "copied", text))
 
 
-@pytest.mark.pty
 async def test_a_letter_copies_the_row_and_the_notice_says_so(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("TMUX", "/tmp/x,1,0")
     async with console(size=(120, 40)) as it:
         terminal = Terminal(it, monkeypatch)
         events(it, 3)
-        it.screen.pane_layout.focus_pane("log")
-        await it.until(lambda: log_of(it)[1].count == 3)
+        await it.focus("log")
+        pane, log = log_of(it)
+        await it.until(lambda: log.count == 3)
         await it.press("enter", "c")
         await it.until(lambda: "copied the row" in it.notice)
         assert terminal.copied.split("\t")[:2] == ["3", "102.0"] and "/topic2" in terminal.copied
         assert "set-clipboard on" in it.notice
-        pane, _ = log_of(it)
         pane.set_filter("topic0")
         it.screen.action_do("log.copy-all")
         await it.until(lambda: "copied 1 row;" in it.notice)
         assert terminal.copied.splitlines()[0] == "\t".join(COLUMNS) and len(terminal.copied.splitlines()) == 2
-
-
-@pytest.mark.pty
-async def test_too_much_is_not_copied_and_says_what_to_do(monkeypatch: pytest.MonkeyPatch) -> None:
-    async with console(size=(120, 40)) as it:
-        terminal = Terminal(it, monkeypatch)
+        terminal.copied = ""
+        await it.press("escape")
+        pane.set_filter("")
         many(it, 5000)
-        it.screen.pane_layout.focus_pane("log")
-        it.pane("log").repaint()
+        pane.repaint()
         it.screen.action_do("log.copy-all")
         await it.until(lambda: "not copied, 5000 rows: more than 75 kB" in it.notice and "filter" in it.notice)
         assert terminal.copied == ""
@@ -365,7 +329,7 @@ async def test_the_rows_shown_are_saved_to_the_folder_of_the_session(tmp_path: P
     (tmp_path / "mine.tsv").write_text("kept")
     async with console(size=(120, 40), client=FakeClient(demo(), folder=str(tmp_path))) as it:
         events(it, 20)
-        it.screen.pane_layout.focus_pane("log")
+        await it.focus("log")
         pane, log = log_of(it)
         pane.set_filter("topic1")
         await it.until(lambda: log.count == 11)
@@ -382,24 +346,6 @@ async def test_the_rows_shown_are_saved_to_the_folder_of_the_session(tmp_path: P
         await it.until(lambda: f"saved 11 rows to {tmp_path}/other.jsonl" in it.notice.replace("\n   ", ""))
         assert len((tmp_path / "other.jsonl").read_text("utf-8").splitlines()) == 11
         assert it.client.sent == []
-
-
-# --- flat memory -----------------------------------------------------------------------------------------------------
-
-
-@pytest.mark.slow
-async def test_scrolling_keeps_no_rows() -> None:
-    async with console() as it:
-        many(it, 20_000)
-        _, log = log_of(it)
-        it.screen.pane_layout.focus_pane("log")
-        it.pane("log").repaint()
-        for top in range(0, 20_000, 15):
-            log.scroll_to(y=top, animate=False)
-            for y in range(log.size.height):
-                log.render_line(y)
-        assert len(log._lines) <= log.size.height
-        assert len(list(log.query("*"))) == 0
 
 
 def test_marking_a_line() -> None:
@@ -423,7 +369,7 @@ async def test_older_tasks_that_are_in_the_record_only_are_told_of(
     monkeypatch.setattr("rise_engine.kernel.view.FORGET_AT_ONCE", 10)
     monkeypatch.chdir(tmp_path)
     async with console(size=(200, 50)) as it:
-        it.screen.pane_layout.focus_pane("log")
+        await it.focus("log")
         pane, log = log_of(it)
         store = it.screen.session.store
         events(it, 50)

@@ -92,27 +92,8 @@ def test_more_notes_than_anybody_writes_are_bounded() -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("size", [(80, 24), (120, 40), (200, 50)])
-async def test_notes_robot_failures_and_faults_are_rows_without_any_key(size: tuple[int, int]) -> None:
-    async with console(size=size) as it:
-        it.client.emit(NoteRecord(0, 0.0, "", "the child laughed", "wizard:ben"))
-        it.client.emit(RobotRecord(0, 0.0, "", "lost", "unplugged"))
-        it.client.emit(RuleRecord(0, 0.0, "", "Main", "faulted", None, reason="ran away"))  # type: ignore[arg-type]
-        task = it.client.act("Greet")
-        it.client.end_task(task, "Greet", "ABORTED", "no voice")
-        await it.until(lambda: len(texts(it)) == 4)
-        note, robot, fault, failed = texts(it)
-        assert "note" in note and "ben" in note and note.endswith("the child laughed")
-        assert "✗ lost" in robot and "unplugged" in robot
-        assert "Main ✗ faulted" in fault
-        assert "Greet ✗ failed" in failed and "no voice" in failed
-        assert pane_of(it).display and pane_of(it).task_log.size.height >= 3  # also beside the bar about the failed act
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("size", [(80, 24), (120, 40), (200, 50)])
-async def test_what_is_reported_about_the_session_is_in_the_log(size: tuple[int, int]) -> None:
-    async with console(size=size) as it:
+async def test_what_is_reported_about_the_session_is_in_the_log_without_any_key() -> None:
+    async with console(size=(80, 24)) as it:
         lights = (0, 0.0, "", "lights", "The lamp is on")
         it.client.emit(CheckRecord(*lights, "failed", "", "it is dark", "wizard:ben"))
         await it.until(lambda: "check failed: The lamp is on: it is dark" in it.notice)
@@ -123,15 +104,29 @@ async def test_what_is_reported_about_the_session_is_in_the_log(size: tuple[int,
         it.client.emit(SyncRecord(0, 0.0, "", 1, "sound", "", "node:camera"))
         it.client.emit(OutcomeRecord(0, 0.0, "", "aborted", "a fire drill", "wizard:anna"))
         await it.until(lambda: "the session counts as aborted: a fire drill" in it.notice)
-        await it.until(lambda: len(texts(it)) == 6, "that a recording goes on is no news")
-        dark, daylight, runs, stalled, mark, outcome = texts(it)
-        assert "check" in dark and "✗ failed" in dark
-        assert "- skipped" in daylight
-        assert "camera ► running" in runs and "camera ✗ stalled" in stalled
-        assert "sync" in mark and "mark 1" in mark
-        assert "outcome" in outcome and "a fire drill ■ aborted" in outcome
+        it.client.emit(NoteRecord(0, 0.0, "", "the child laughed", "wizard:ben"))
+        it.client.emit(RobotRecord(0, 0.0, "", "lost", "unplugged"))
+        it.client.emit(RuleRecord(0, 0.0, "", "Main", "faulted", None, reason="ran away"))  # type: ignore[arg-type]
+        task = it.client.act("Greet")
+        it.client.end_task(task, "Greet", "ABORTED", "no voice")
+        for size in ((200, 50), (120, 40), (80, 24)):
+            await it.pilot.resize_terminal(*size)
+            await it.until(lambda: len(texts(it)) == 10, "that a recording goes on is no news")
+            dark, daylight, runs, stalled, mark, outcome, note, robot, fault, failed = texts(it)
+            assert "check" in dark and "✗ failed" in dark
+            assert "- skipped" in daylight
+            assert "camera ► running" in runs and "camera ✗ stalled" in stalled
+            assert "sync" in mark and "mark 1" in mark
+            assert "outcome" in outcome and "a fire drill ■ aborted" in outcome
+            assert "note" in note and "ben" in note and note.endswith("the child laughed")
+            assert "✗ lost" in robot and "unplugged" in robot
+            assert "Main ✗ faulted" in fault
+            assert "Greet ✗ failed" in failed and "no voice" in failed
+            # Also beside the bar about the failed act.
+            assert pane_of(it).display and pane_of(it).task_log.size.height >= 3
 
 
+@pytest.mark.slow
 async def test_what_rules_did_for_themselves_is_hidden_counted_and_shown_on_request() -> None:
     async with console(size=(80, 24)) as it:
         for number in range(3):
@@ -139,7 +134,7 @@ async def test_what_rules_did_for_themselves_is_hidden_counted_and_shown_on_requ
         it.client.act("Greet", "SUCCEEDED", source="rule:Main")
         await it.until(lambda: len(texts(it)) == 1)
         assert "+3 by rules →" in pane_of(it).title.text
-        it.screen.pane_layout.focus_pane("log")
+        await it.focus("log")
         await it.press("right")
         await it.until(lambda: len(texts(it)) == 4)
         assert "+3 by rules ←" in pane_of(it).title.text
@@ -147,6 +142,20 @@ async def test_what_rules_did_for_themselves_is_hidden_counted_and_shown_on_requ
         await it.until(lambda: len(texts(it)) == 5)
         await it.press("left")
         await it.until(lambda: len(texts(it)) == 1)
+        it.client.emit(NoteRecord(0, 0.0, "", "the begin of laughter", "wizard:ben"))
+        pane = pane_of(it)
+        pane.set_filter("begin")  # finds notes, and only in what is shown
+        await it.until(lambda: len(texts(it)) == 1 and "laughter" in texts(it)[0])
+        pane.show_own_rows(True)
+        await it.until(lambda: len(texts(it)) == 4)
+        assert list(rows_of(pane.store, pane.task_log.ids))[3].behavior == "the begin of laughter"
+        keeper = UiState(Preferences(rules_own=True))
+        pane.show_own_rows(False)
+        keeper.restore(it.screen, "dark")
+        assert pane.own_rows_shown and keeper.collect_changes(it.screen, "dark") == [], "whether it is shown lasts"
+        pane.show_own_rows(False)
+        ((_, found),) = keeper.collect_changes(it.screen, "dark")
+        assert isinstance(found, Preferences) and not found.rules_own
 
 
 async def test_a_key_that_came_too_early_is_seen_although_a_rule_raised_its_event() -> None:
@@ -159,27 +168,3 @@ async def test_a_key_that_came_too_early_is_seen_although_a_rule_raised_its_even
         it.client.emit(EventRecord(0, 0.0, "", "/repeat", "rule:Again", None))
         await it.until(lambda: len(texts(it)) == 3)
         assert "/repeat - not taken" in texts(it)[1]
-
-
-async def test_a_filter_finds_notes_and_only_in_what_is_shown() -> None:
-    async with console(size=(120, 40)) as it:
-        it.client.task("raiseEventTopic", "/laughing", "SUCCEEDED", source="rule:Main")
-        it.client.emit(NoteRecord(0, 0.0, "", "the child laughed", "wizard:ben"))
-        it.client.act("Greet")
-        await it.until(lambda: len(texts(it)) == 2)
-        pane = pane_of(it)
-        pane.set_filter("laugh")
-        await it.until(lambda: len(texts(it)) == 1 and "child" in texts(it)[0])
-        pane.show_own_rows(True)
-        await it.until(lambda: len(texts(it)) == 2)
-        assert list(rows_of(pane.store, pane.task_log.ids))[1].behavior == "the child laughed"
-
-
-async def test_whether_the_rules_own_is_shown_lasts() -> None:
-    keeper = UiState(Preferences(rules_own=True))
-    async with console(size=(120, 40)) as it:
-        keeper.restore(it.screen, "dark")
-        assert pane_of(it).own_rows_shown and keeper.collect_changes(it.screen, "dark") == []
-        pane_of(it).show_own_rows(False)
-        ((_, kept),) = keeper.collect_changes(it.screen, "dark")
-        assert isinstance(kept, Preferences) and not kept.rules_own

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from itertools import product
 from pathlib import Path
 
 import pytest
@@ -53,76 +54,86 @@ class Painted:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("width", [40, 60, 80, 120])
-@pytest.mark.parametrize("height", [8, 24])
-async def test_it_fits_at_every_size(width: int, height: int) -> None:
+async def test_it_fits_at_every_size_and_a_move_repaints_only_the_rows_whose_marks_change(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
     client = FakeClient(replace(demo(), rules={"Forty": forty()}))
     async with console(client=client, size=(124, 40)) as it:
-        it.screen.pane_layout.focus_pane("rule")
+        await it.focus("rule")
         await it.press("f4")
-        pane(it).styles.width, pane(it).styles.height = width, height
-        await it.until(lambda: pane(it).size == (width, height))
-        for state, before, index in (("t5c", "t5b", 0), ("start", "t9c", 1), ("over", "goodbye", 0)):
-            it.client.rule("Forty", "entered", state, previous=before, trigger="/x", transition=index)
-            await it.until(lambda state=state: f"in {state}" in it.text("rule"), state)  # type: ignore[misc]
-            await it.until(
-                lambda state=state: any(f"● {state}  here" in row for row in in_view(it)),  # type: ignore[misc]
-                f"{state} is not in view",
-            )
-            assert not [row for row in it.text("rule").splitlines() if cell_len(row) > width]
-            assert pane(it).graph.size.height >= 2 and pane(it).row_list.size.height >= 2
-            assert pane(it).graph.region.bottom <= pane(it).region.bottom
+        for width, height in product((40, 60, 80, 120), (8, 24)):
+            pane(it).styles.width, pane(it).styles.height = width, height
+            await it.until(lambda size=(width, height): pane(it).size == size)  # type: ignore[misc]
+            for state, before, index in (("t5c", "t5b", 0), ("start", "t9c", 1), ("over", "goodbye", 0)):
+                client.rule("Forty", "entered", state, previous=before, trigger="/x", transition=index)
+                await it.until(lambda state=state: f"in {state}" in it.text("rule"), state)  # type: ignore[misc]
+                await it.until(
+                    lambda state=state: any(f"● {state}  here" in row for row in in_view(it)),  # type: ignore[misc]
+                    f"{state} is not in view",
+                )
+                assert not [row for row in it.text("rule").splitlines() if cell_len(row) > width]
+                assert pane(it).graph.size.height >= 2 and pane(it).row_list.size.height >= 2
+                assert pane(it).graph.region.bottom <= pane(it).region.bottom
+        pane(it).styles.width, pane(it).styles.height = 68, 24
+        client.rule("Forty", "entered", "t2a", previous="start", trigger="/to_2", transition=2)
+        await it.until(lambda: "● t2a" in it.text("rule"))
+        client.rule("Forty", "entered", "t2b", previous="t2a", trigger="/next", transition=0)
+        await it.until(lambda: "● t2b" in it.text("rule"))
+        painted, top = Painted(it, monkeypatch), pane(it).graph.scroll_offset.y
+        lines = pane(it).graph.text.splitlines()
+        client.rule("Forty", "entered", "t2a", previous="t2b", trigger="/repeat", transition=1)
+        await it.until(lambda: "● t2a" in it.text("rule"))
+        after = pane(it).graph.text.splitlines()
+        changed = {at for at, (one, other) in enumerate(zip(lines, after, strict=True)) if one != other}
+        assert pane(it).graph.scroll_offset.y == top, "it scrolled without need"
+        assert changed <= set(painted.rows) and painted.whole == 0
+        assert len(set(painted.rows)) <= len(changed) + 8, "rails of the old and the new way, and nothing else"
+        painted.rows.clear()
+        client.emit(MemoryRecord(0, 0.0, "", "task", 3, 2, "wizard:anna"))
+        client.act("Greet")
+        await it.pilot.pause(0.3)
+        assert not painted.rows and not painted.whole
+        top = pane(it).graph.scroll_offset.y
+        pane(it).graph.focus()
+        await it.press("pageup")
+        await it.until(lambda: pane(it).graph.scroll_offset.y < top, "the wizard cannot look at other states")
+        client.task("raiseEventTopic", "other", "SUCCEEDED")
+        await it.pilot.pause(0.2)
+        assert pane(it).graph.scroll_offset.y < top, "looking elsewhere was undone without need"
 
 
-async def test_marks_in_words_and_glyphs() -> None:
+@pytest.mark.slow
+async def test_marks_are_words_and_glyphs_keys_are_named_and_the_time_left_counts_down_by_itself(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
     async with console() as it:
+        made: list[int] = []
+        with monkeypatch.context() as counted:
+            counted.setattr(RulePane, "repaint", lambda self: made.append(1))
+            await it.pilot.pause(2.3)
+        assert not made, "nothing is painted when nothing counts"
+        label = next(one.label for one in demo().keys.values() if one.behavior == "Main")
+        await it.until(lambda: f"you: {label} starts it" in it.text("rule"))
+        it.client.rule("Main", "entered", "greeting", trigger="start")
+        await it.until(lambda: "in greeting" in it.text("rule"))
+        await it.focus("rule")
+        await it.press("enter")
+        await it.until(lambda: "Greet raises this event itself when it ends" in it.notice)
+        assert it.client.asked() == []
         it.client.rule("Main", "entered", "waiting", previous="greeting", trigger="/Greet_end", transition=0)
         await it.until(lambda: "● waiting  here" in it.text("rule"))
         text = it.text("rule")
         assert "◎ greeting  may follow  start" in text and "◎ over  may follow  end" in text
         assert "↓ Greet_end  taken last" in text
-        it.client.rule("Main", "stopped", None, trigger="wizard:anna", reason="stopped by wizard:anna")
-        await it.until(lambda: "here" not in it.text("rule"))
-        assert "stopped by wizard:anna" in it.text("rule") and "may follow" not in it.text("rule")
-
-
-async def test_a_move_repaints_only_the_rows_whose_marks_change(monkeypatch: pytest.MonkeyPatch) -> None:
-    client = FakeClient(replace(demo(), rules={"Forty": forty()}))
-    async with console(client=client, size=(120, 40)) as it:
-        it.client.rule("Forty", "entered", "t2a", previous="start", trigger="/to_2", transition=2)
-        await it.until(lambda: "● t2a" in it.text("rule"))
-        it.client.rule("Forty", "entered", "t2b", previous="t2a", trigger="/next", transition=0)
-        await it.until(lambda: "● t2b" in it.text("rule"))
-        painted, top = Painted(it, monkeypatch), pane(it).graph.scroll_offset.y
-        before = pane(it).graph.text.splitlines()
-        it.client.rule("Forty", "entered", "t2a", previous="t2b", trigger="/repeat", transition=1)
-        await it.until(lambda: "● t2a" in it.text("rule"))
-        after = pane(it).graph.text.splitlines()
-        changed = {at for at, (one, other) in enumerate(zip(before, after, strict=True)) if one != other}
-        assert pane(it).graph.scroll_offset.y == top, "it scrolled without need"
-        assert changed <= set(painted.rows) and painted.whole == 0
-        assert len(set(painted.rows)) <= len(changed) + 8, "rails of the old and the new way, and nothing else"
-        painted.rows.clear()
-        it.client.emit(MemoryRecord(0, 0.0, "", "task", 3, 2, "wizard:anna"))
-        it.client.act("Greet")
-        await it.pilot.pause(0.3)
-        assert not painted.rows and not painted.whole
-
-
-async def test_the_time_left_counts_down_by_itself() -> None:
-    async with console() as it:
-        it.client.rule("Main", "entered", "waiting", previous="greeting", trigger="/Greet_end", transition=0)
         await it.until(lambda: "10:00 left" in it.text("rule"))
         it.client.time += 555
         await it.until(lambda: "45 s left" in it.text("rule"))
-
-
-async def test_nothing_is_painted_when_nothing_counts(monkeypatch: pytest.MonkeyPatch) -> None:
-    async with console() as it:
-        made: list[int] = []
-        monkeypatch.setattr(RulePane, "repaint", lambda self: made.append(1))
-        await it.pilot.pause(2.3)
-        assert not made
+        it.client.rule("Main", "stopped", None, trigger="wizard:anna", reason="stopped by wizard:anna")
+        await it.until(lambda: "here" not in it.text("rule"))
+        assert "stopped by wizard:anna" in it.text("rule") and "may follow" not in it.text("rule")
+        await it.until(lambda: "starts it" in it.text("rule"))
+        it.client.end_in_order("ended by wizard:anna")
+        await it.until(lambda: "starts it" not in it.text("rule"), "after the end no key starts anything")
 
 
 async def test_the_reasons_leave_the_graph_where_it_is() -> None:
@@ -146,24 +157,6 @@ async def test_the_reasons_leave_the_graph_where_it_is() -> None:
         await it.until(lambda: pane(it).row_list.size.height == pane(it).row_list.count == 8)
 
 
-async def test_enter_says_why_nothing_can_be_raised() -> None:
-    async with console() as it:
-        it.client.rule("Main", "entered", "greeting", trigger="start")
-        await it.until(lambda: "in greeting" in it.text("rule"))
-        it.screen.pane_layout.focus_pane("rule")
-        await it.press("enter")
-        await it.until(lambda: "raises this event itself" in it.notice)
-        assert ("raiseEventTopic", "Greet_end") not in it.client.asked()
-
-
-async def test_a_rule_that_does_not_run_says_with_which_key_it_starts() -> None:
-    async with console() as it:
-        await it.until(lambda: "you: " in it.text("rule"))
-        key = demo().keys
-        label = next(one.label for one in key.values() if one.behavior == "Main")
-        assert f"you: {label} starts it" in it.text("rule")
-
-
 async def test_who_only_watches_is_not_told_that_they_can_do_it() -> None:
     client = FakeClient(demo(), you="observer:bob", role="observer")
     async with console(client=client) as it:
@@ -174,14 +167,7 @@ async def test_who_only_watches_is_not_told_that_they_can_do_it() -> None:
         assert "waits for event next  key: n" in it.text("rule") and "you:" not in it.text("rule")
 
 
-async def test_after_the_end_no_key_starts_anything_and_none_is_named() -> None:
-    async with console() as it:
-        await it.until(lambda: "starts it" in it.text("rule"))
-        it.client.end_in_order("ended by wizard:anna")
-        await it.until(lambda: "starts it" not in it.text("rule"))
-
-
-async def test_before_any_rule_has_run_the_one_with_the_first_key_is_shown() -> None:
+def test_before_any_rule_has_run_the_one_with_the_first_key_is_shown() -> None:
     """LabLinking's alphabet begins with *Next*, which nobody starts first."""
     found = load(str(Path(__file__).parents[3] / "scenarios" / "lablinking")).scenario
     assert found is not None

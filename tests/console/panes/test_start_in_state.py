@@ -28,43 +28,35 @@ async def ask_about(it: Console, state: str) -> None:
     await it.until(lambda: isinstance(it.app.screen, Dialog))
 
 
-@pytest.mark.parametrize("size", [(120, 40), (80, 24)])
-@pytest.mark.parametrize(
-    ("key", "behavior"),
-    [
-        ("s", '{"rule": "Main", "state": "greeting"}'),
-        ("w", '{"rule": "Main", "state": "greeting", "enter": false}'),
-    ],
-)
-async def test_it_asks_and_says_what_the_robot_would_say(size: tuple[int, int], key: str, behavior: str) -> None:
-    async with console(size=size) as it:
-        await ask_about(it, "greeting")
-        assert "says “" in dialog_text(it)
-        await it.press(key)
-        await it.sent(START, behavior)
-
-
-async def test_a_rule_that_runs_is_stopped_first_and_escape_does_nothing() -> None:
-    async with console() as it:
+@pytest.mark.slow
+async def test_it_asks_says_what_the_robot_would_say_and_stops_a_rule_that_runs_first() -> None:
+    async with console(size=(80, 24)) as it:
+        for size, key, behavior in (
+            ((80, 24), "s", '{"rule": "Main", "state": "greeting"}'),
+            ((120, 40), "w", '{"rule": "Main", "state": "greeting", "enter": false}'),
+        ):
+            await it.pilot.resize_terminal(*size)
+            await ask_about(it, "greeting")
+            assert "says “" in dialog_text(it)
+            await it.press(key)
+            await it.sent(START, behavior)
+            await it.back()
+            await it.pilot.pause(0.6)
+        it.client.sent.clear()
         it.client.rule("Main", "entered", "greeting", trigger="start")
         await it.until(lambda: "here" in it.text("rule"))
         await ask_about(it, "waiting")
         assert "does nothing by itself" in dialog_text(it) and "is stopped there first" in dialog_text(it)
         await it.press("escape")
-        await it.until(lambda: it.app.screen is it.screen)
+        await it.back()
         assert it.client.asked() == []
         await ask_about(it, "waiting")
         await it.press("s")
         await it.sent(START, '{"rule": "Main", "state": "waiting"}')
         assert it.client.asked()[0] == ("stopInteractionRule", "Main")
-
-
-async def test_up_from_the_first_state_goes_back_to_the_reasons() -> None:
-    async with console() as it:
-        it.client.rule("Main", "entered", "waiting", trigger="start")
-        await it.until(lambda: "here" in it.text("rule"))
+        await it.back()
         await ask_about(it, "over")
         await it.press("escape", "up", "up")
         assert not it.pane("rule").row_view.has_focus
-        await it.press("up")
+        await it.press("up")  # from the first state back to the reasons
         await it.until(lambda: it.pane("rule").row_view.has_focus)

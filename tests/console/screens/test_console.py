@@ -299,11 +299,12 @@ async def test_there_are_as_many_panes_as_there_is_room_for_and_help_is_always_a
             ((79, 24), {"acts", "rules", "rule"}, ""),
         ):
             await it.pilot.resize_terminal(*size)
+            await it.focus("log")
             await it.focus("rule")
             assert {pane.SCOPE for pane in it.screen.pane_layout.visible_panes()} == panes
             assert not css or it.screen.pane_layout.has_class(css)
             assert css != "-two" or it.screen.pane_layout.has_class("-narrow") is (size[0] < 100)
-            for name in shown:
+            for name in sorted(shown):
                 await it.focus(name)
                 await it.until(lambda: it.bars.key_hints.text.count("? help") == 1, f"{name} at {size}")
                 assert it.bars.key_hints.text.startswith(" F9/^G STOP")

@@ -58,9 +58,7 @@ async def test_safe_starts_nothing_says_why_and_leaves_marks_notes_and_stopping(
         await it.pilot.pause(0.1)
         assert it.client.asked() == [] and it.bars.speech_input.field.value == "hello"
         await it.press("escape")
-        assert it.pane("acts").row_view.row_at(0).line[0][1] == "muted", (
-            "keys of acts that cannot start are dimmed"
-        )
+        assert it.pane("acts").row_view.row_at(0).line[0][1] == "muted", "keys of acts that cannot start are dimmed"
         await it.press("down")
         await it.until(lambda: "Praise cannot be started: SAFE" in it.notice)
         await it.press("up")

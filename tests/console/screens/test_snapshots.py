@@ -6,7 +6,6 @@ stands still, the session is played, the cursor does not blink.
 
 from __future__ import annotations
 
-import asyncio
 from pathlib import Path
 from typing import Any
 
@@ -20,13 +19,6 @@ from rise_tui.console.app import ConsoleApp
 from tests.analysis.cues import make_session
 from tests.console.fake import DEMO, FakeClient, FakeLauncher, demo
 from tests.console.fake_study import FakeStudy
-from tests.virtual_time import VirtualLoop
-
-
-@pytest.fixture(autouse=True)
-def _virtual_time(monkeypatch: pytest.MonkeyPatch) -> None:
-    """The app is started with a loop of its own here."""
-    monkeypatch.setattr(asyncio.events, "new_event_loop", VirtualLoop)
 
 
 def played(**options: Any) -> FakeClient:
