@@ -18,7 +18,6 @@ from rise_engine.edit.formatting import lay_out
 from rise_engine.edit.guard import check_guard
 from rise_engine.edit.plan import EditRefused, Files, Plan, apply_plan
 from rise_engine.edit.planning import plan
-from rise_engine.edit.read_outline import read_outline
 from rise_engine.edit.saving import refuse_shipped, write_files
 from rise_engine.edit.study_above import read_study_above, sets_key
 from rise_engine.edit.study_folder import read_study_files
@@ -96,7 +95,7 @@ def rename(folder: str, kind: NameKind, old: str, new: str, as_diff: bool, as_js
         sys.exit(exit_status.REFUSED)
     try:
         files = read_study_files(path)
-        state = StudyState(files, read_outline(files, loaded.scenario.paths), loaded, path, read_study_above(path))
+        state = StudyState(files, loaded, path, read_study_above(path))
         edit = Rename(kind, old, new)
         planned = plan(edit, state)
         after = apply_plan(files, planned)
@@ -164,7 +163,7 @@ def _check_after(edit: Rename, before: StudyState, after: Files) -> None:
     loaded = load(before.folder, held=held)
     if loaded.errors:
         raise EditRefused(f"the study would have errors then, first: {loaded.errors[0]}; nothing was written")
-    check_guard([edit], before, StudyState(after, before.outline, loaded, before.folder))
+    check_guard([edit], before, StudyState(after, loaded, before.folder))
 
 
 def _findings(loaded: LoadResult) -> list[tuple[str, str, str]]:

@@ -13,7 +13,7 @@ import msgspec
 
 from rise_engine.edit import edits as of
 from rise_engine.edit.edits import Edit
-from rise_engine.edit.outline import Span, WrittenAct, WrittenRule, WrittenState
+from rise_engine.edit.outline import WrittenAct, WrittenRule, WrittenState, WrittenUse
 from rise_engine.edit.plan import EditRefused
 from rise_engine.edit.rename_guard import check_rename
 from rise_engine.edit.study_state import StudyState
@@ -298,12 +298,12 @@ def _of_use(edit: of.SetUseParameter, study: StudyState) -> Iterator[Path]:
         return
     use = min(uses, key=lambda each: abs(each.line - edit.line))
     for act in study.outline.acts:
-        if _touches(act, edit.file, use.span):
+        if _holds(act, use):
             yield "acts", act.name
     for rule in study.outline.rules:
-        if _touches(rule, edit.file, use.span):
+        if _holds(rule, use):
             yield "rules", rule.name
 
 
-def _touches(part: WrittenAct | WrittenRule, file: str, span: Span) -> bool:
-    return part.file == file and part.span.start <= span.start and span.end <= part.span.end
+def _holds(part: WrittenAct | WrittenRule, use: WrittenUse) -> bool:
+    return part.file == use.file and part.holds(use.node.start)

@@ -11,7 +11,6 @@ from rise_engine.edit.edits import NameKind, Rename, SetSetting, SetStartValue
 from rise_engine.edit.guard import check_guard
 from rise_engine.edit.plan import EditRefused, apply_plan
 from rise_engine.edit.planning import plan
-from rise_engine.edit.read_outline import read_outline
 from rise_engine.edit.remedies import remedies
 from rise_engine.edit.study_state import StudyState
 from rise_engine.scenario.loader import load
@@ -50,13 +49,13 @@ def state_of(path: Path, toml: str = TOML) -> StudyState:
     files = {**FILES, "scenario.toml": toml}
     contents = {name: text.encode() if isinstance(text, str) else text for name, text in files.items()}
     loaded = load(folder(path, files))
-    return StudyState(contents, read_outline(contents), loaded, path)
+    return StudyState(contents, loaded, path)
 
 
 def renamed(state: StudyState, kind: NameKind, old: str, new: str) -> StudyState:
     planned = plan(Rename(kind, old, new), state)
     files = apply_plan(state.files, planned)
-    now = StudyState(files, read_outline(files), load(state.folder, held=files), state.folder)
+    now = StudyState(files, load(state.folder, held=files), state.folder)
     assert now.checked.scenario is not None, now.checked.errors
     check_guard([Rename(kind, old, new)], state, now)
     return now
