@@ -15,7 +15,6 @@ from rise_engine.cli.options import FOLDER, JSON
 from rise_engine.cli.terminal import write_json
 from rise_engine.edit.edits import NameKind, Rename
 from rise_engine.edit.formatting import lay_out
-from rise_engine.edit.guard import check_guard
 from rise_engine.edit.plan import EditRefused, Files, Plan, apply_plan
 from rise_engine.edit.planning import plan
 from rise_engine.edit.saving import refuse_shipped, write_files
@@ -99,7 +98,7 @@ def rename(folder: str, kind: NameKind, old: str, new: str, as_diff: bool, as_js
         edit = Rename(kind, old, new)
         planned = plan(edit, state)
         after = apply_plan(files, planned)
-        _check_after(edit, state, after)
+        _check_after(state, after)
         if not as_diff:
             _write(path, files, after)
     except EditRefused as error:
@@ -157,13 +156,12 @@ def _study_folder(folder: str) -> Path:
     return path
 
 
-def _check_after(edit: Rename, before: StudyState, after: Files) -> None:
-    """:raises EditRefused: the study would have errors then, or mean something else."""
+def _check_after(before: StudyState, after: Files) -> None:
+    """:raises EditRefused: the study would have errors then."""
     held = {name: data for name, data in after.items() if data != before.files.get(name)}
     loaded = load(before.folder, held=held)
     if loaded.errors:
         raise EditRefused(f"the study would have errors then, first: {loaded.errors[0]}; nothing was written")
-    check_guard([edit], before, StudyState(after, loaded, before.folder))
 
 
 def _findings(loaded: LoadResult) -> list[tuple[str, str, str]]:

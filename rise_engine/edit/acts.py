@@ -18,7 +18,7 @@ from rise_engine.edit.edits import (
     SetParameter,
     SetWaits,
 )
-from rise_engine.edit.finding import act_of, action_of, check_changeable
+from rise_engine.edit.finding import act_of, action_of, check_changeable, places_of_parameter
 from rise_engine.edit.following import follow_act, follow_action
 from rise_engine.edit.outline import WrittenAct, WrittenAction
 from rise_engine.edit.plan import EditRefused, Plan, Splice
@@ -181,6 +181,10 @@ def plan_set_parameter(edit: SetParameter, study: StudyState) -> Plan:
     value = None if edit.value is None else one_line(edit.value)
     says = _parameter_words(where, edit.parameter, value, None if written is None else written.text)
     if written is not None and written.parameter and value is not None:
+        if places_of_parameter(study, call, written.parameter) > 1:
+            template = call.node.attributes["template"]
+            reason = f"the template `{template}` has `{written.parameter}` in other places, too; change its `<use>`"
+            check_changeable(f"{edit.parameter} of {where}", reason, call.file, call.line)
         return plan_use_parameter(call.node, written.parameter, value, says)
     check_changeable(where, action.reason, act.file, action.line)
     if written is None:

@@ -36,6 +36,7 @@ class NamePlaces:
         self._sources: dict[str, SourceFile] = {}
         self._texts: dict[str, EditedText] = {}
         self._tomls: dict[str, TomlText] = {}
+        self._trees: dict[str, XmlTree] = {}
 
     def find(self, use: Use, name: str) -> NamePlace | None:
         """Where a use writes its name: where it stands, or in its template. None: it is put together of both.
@@ -90,18 +91,15 @@ class NamePlaces:
 
     def _for_xml(self, place: NamePlace, name: str) -> str:
         text = self._text(place.file).text
+        if place.file not in self._trees:
+            try:
+                self._trees[place.file] = XmlTree(text)
+            except XmlSyntaxError as error:
+                raise EditRefused(f"{place.file}: {error}") from None
         escaped = name.replace("&", "&amp;").replace("<", "&lt;")
-        try:
-            tree = XmlTree(text)
-        except XmlSyntaxError as error:
-            raise EditRefused(f"{place.file}: {error}") from None
-        for element in tree.root.walk():
-            if element.start <= place.start < element.inner_start:
-                attributes = element.written_attributes().values()
-                quote = next(
-                    (each.quote for each in attributes if each.value_start <= place.start <= each.value_end), '"'
-                )
-                return escaped.replace(quote, "&quot;" if quote == '"' else "&apos;")
+        attribute = self._trees[place.file].element_at(place.start).attribute_at(place.start)
+        if attribute is not None:
+            return escaped.replace(attribute.quote, "&quot;" if attribute.quote == '"' else "&apos;")
         opening = text.rfind(CDATA, 0, place.start)
         return name if opening >= 0 and text.find("]]>", opening) >= place.end else escaped.replace("]]>", "]]&gt;")
 

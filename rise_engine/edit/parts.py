@@ -9,7 +9,7 @@ from collections.abc import Callable, Mapping
 from msgspec import Struct
 
 from rise_engine.edit.edits import AddAct, AddRule, CopyAct, CopyRule, Edit, RemoveAct, RemoveRule
-from rise_engine.edit.finding import act_of, check_changeable, check_name, root_of, rule_of, still_named
+from rise_engine.edit.finding import act_of, check_changeable, check_name, rule_of, still_named, xml_of
 from rise_engine.edit.following import follow_act
 from rise_engine.edit.outline import WrittenAct, WrittenRule
 from rise_engine.edit.plan import EditRefused, Files, Plan, Splice
@@ -127,7 +127,7 @@ def _check_new_file(kind: _Kind, file: str, study: StudyState) -> None:
 
 def _splices(kind: _Kind, element: NewElement, sibling: Element | None, file: str, study: StudyState) -> list[Splice]:
     """The splices that put an act or a rule behind another, or at the end of a file."""
-    root = root_of(study, file)
+    root = xml_of(study, file).tree.root
     if root.tag in kind.wrappers:
         last = sibling
         if last is None and root:

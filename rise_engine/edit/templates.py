@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 
 from rise_engine.edit.edits import Edit, SetUseParameter
-from rise_engine.edit.finding import root_of
+from rise_engine.edit.finding import xml_of
 from rise_engine.edit.outline import WrittenUse
 from rise_engine.edit.plan import EditRefused, Plan
 from rise_engine.edit.study_state import StudyState
@@ -33,7 +33,7 @@ def plan_set_use(edit: SetUseParameter, study: StudyState) -> Plan:
 
 def _use_of(edit: SetUseParameter, study: StudyState) -> WrittenUse:
     """The `<use>` at the line, or the nearest of its template in the file."""
-    root_of(study, edit.file)
+    xml_of(study, edit.file)
     uses = [use for use in study.outline.uses if use.file == edit.file and use.template == edit.template]
     if not uses:
         known = [use.template for use in study.outline.uses if use.file == edit.file]

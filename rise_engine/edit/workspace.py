@@ -17,7 +17,6 @@ from rise_engine.edit.changes import SaveReport as SaveReport
 from rise_engine.edit.changes import diff_of as diff_of
 from rise_engine.edit.drafts import Draft, DraftFile, EditorLock, hashes
 from rise_engine.edit.edits import AnyEdit
-from rise_engine.edit.guard import check_guard
 from rise_engine.edit.history import History, Step, changed_names
 from rise_engine.edit.outline import Outline
 from rise_engine.edit.plan import EditRefused, Files, apply_plan
@@ -181,7 +180,6 @@ class Workspace:
         for edit in edits:
             planned = plan(edit, state)
             after = self._state_of(apply_plan(state.files, planned))
-            check_guard([edit], state, after)
             says += planned.says
             noticed += planned.noticed
             state = after

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import re
 from bisect import bisect_right
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from functools import lru_cache, partial
 from itertools import accumulate
 from typing import NamedTuple
@@ -209,6 +209,31 @@ def written_here(element: Element) -> Element:
     while (call := call_of(element)) is not None:
         element = call.use
     return origin_of(element)
+
+
+def parameters_in(element: Element, written: str) -> Iterator[str]:
+    """The parameters of the `<use>` in the file that a text of an element is made of, each as often as it stands."""
+    call = call_of(element)
+    for piece in text_pieces(written) if call is not None else ():
+        name = piece.parameter
+        if call is None or name is None or name not in call.defaults:
+            continue
+        if call_of(call.use) is None:
+            yield name
+        else:
+            yield from parameters_in(call.use, origin_of(call.use).attributes.get(name, ""))
+
+
+def count_places(brought: Iterable[Element], parameter: str) -> int:
+    """In how many places of what came of a `<use>` a parameter of it stands."""
+    return sum(
+        name == parameter
+        for top in brought
+        for element in top.walk()
+        for origin in (origin_of(element),)
+        for written in (origin.text, origin.tail, *origin.attributes.values())
+        for name in parameters_in(element, written)
+    )
 
 
 @lru_cache(maxsize=1)

@@ -174,6 +174,11 @@ class Element(list["Element"]):
 
     # --- where the characters of what is read stand -------------------------------------------------------------------
 
+    def attribute_at(self, offset: int) -> WrittenAttribute | None:
+        """The attribute in whose value, or at whose end, a character stands."""
+        attributes = self.written_attributes().values()
+        return next((each for each in attributes if each.value_start <= offset <= each.value_end), None)
+
     def attribute_offset(self, name: str) -> int:
         """Where an attribute's name stands; without it, where the element begins."""
         found = self.written_attributes().get(name)
@@ -218,6 +223,13 @@ class XmlTree:
     def line(self, offset: int) -> int:
         """The number of the line, from 1, in which a character stands. Lines end with LF, CRLF or CR."""
         return bisect_right(self._line_starts, offset)
+
+    def element_at(self, offset: int) -> Element:
+        """The innermost element that a character stands in; beside all of them, the outermost one."""
+        found = self.root
+        while (index := bisect_right(found, offset, key=lambda child: child.start)) and offset < found[index - 1].end:
+            found = found[index - 1]
+        return found
 
 
 class WrittenAttribute(NamedTuple):

@@ -14,11 +14,11 @@ from pathlib import Path
 from random import Random
 
 from rise_engine.edit.edits import AnyEdit
-from rise_engine.edit.guard import check_guard
 from rise_engine.edit.plan import Files, apply_plan
 from rise_engine.edit.planning import StudyState, plan
 from rise_engine.scenario.checker import ScenarioChecker
 from rise_engine.syntax.xml import XmlTree
+from tests.edit.guard import check_guard
 
 SCENARIOS = Path(__file__).parents[2] / "scenarios"
 NAMES = ("greeting", "lablinking", "lab_opening", "negation")

@@ -116,7 +116,7 @@ def test_the_text_of_a_template_is_changed_at_its_use() -> None:
         "R_Task1_Step1 6 cannot be changed: it comes from the template `Instruction`, used here "
         "(acts/task_1.xml, line 8)"
     )
-    with pytest.raises(EditRefused, match="would also change act R_Task1_Step1, actions, 7"):
+    with pytest.raises(EditRefused, match="template `Instruction` has `x` in other places, too; change its `<use>`"):
         after(study, SetParameter("R_Task1_Step1", "6", "pointx", "1"))
 
 

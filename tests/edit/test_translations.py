@@ -19,11 +19,11 @@ from rise_engine.edit.edits import (
     SetSetting,
     SetTranslation,
 )
-from rise_engine.edit.guard import check_guard
 from rise_engine.edit.plan import EditRefused, Files, Plan, apply_plan
 from rise_engine.edit.planning import StudyState, plan
 from rise_engine.edit.translations import follow_texts
 from rise_engine.scenario.loader import load
+from tests.edit.guard import BeyondTheEdit, check_guard
 from tests.edit.samples import after, state_of, study_state
 from tests.edit.samples import changed_lines as count_changed_lines
 
@@ -181,6 +181,7 @@ YES, NO = b'"Ja, genau."', b'"Ja, das stimmt."'
         Rename("act", "R_Praise", "R_Laud"),
         SetSetting(("title",), "x"),
         AddLanguage("fr"),
+        SetParameter("R_Break", "2", "message", None),  # its translation goes with it
     ],
 )
 def test_no_edit_may_change_the_translation_of_another_text(edit: AnyEdit) -> None:
@@ -189,7 +190,7 @@ def test_no_edit_may_change_the_translation_of_another_text(edit: AnyEdit) -> No
     check_guard([edit], before, state_of(files, "lablinking"))
     assert YES in files[GERMAN]
     files = {**files, GERMAN: files[GERMAN].replace(YES, NO, 1)}
-    with pytest.raises(EditRefused, match=r"de/R_Yes/2/1|translations would change"):
+    with pytest.raises(BeyondTheEdit, match=r"de/R_Yes/2/1|translations would change"):
         check_guard([edit], before, state_of(files, "lablinking"))
 
 
