@@ -22,6 +22,7 @@ from measure import Report, interleave
 from rise_engine.edit.edits import Rename, SetParameter, SetSetting, SetStartValue
 from rise_engine.edit.read_outline import read_outline
 from rise_engine.edit.workspace import Workspace
+from rise_engine.scenario.loader import load
 from rise_tui.editing.model.draft import draft_of
 from rise_tui.editing.model.rule_graph import GraphSpot, draw_rule, lay_out_rule
 
@@ -98,7 +99,7 @@ def saves(workspace: Workspace, folder: Path) -> tuple[Callable[[], float], Call
 def drawings() -> tuple[Callable[[], None], Callable[[], None]]:
     """The drawing of 40 states and 120 ways; and the floor."""
     files = long_rule_files()
-    rule = read_outline(files).rule("Course")
+    rule = read_outline(load("/nowhere", held=files).parts).rule("Course")
     assert rule is not None
     assert (len(rule.states), sum(len(state.transitions) for state in rule.states)) == (40, 120)
 

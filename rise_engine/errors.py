@@ -41,7 +41,6 @@
       NotAdmitted                 Somebody cannot attach
       NotFlattenedError           A chart that cannot be flattened
       NotWoz4uError               The file is no configuration of WoZ4U
-      NotXmlError                 A file that is no XML
       NothingStarted              Nothing is started and nothing attached to
       NothingToDrawError          There is no rule or act of that name
       NothingToKeep               Nothing may be kept of somebody
@@ -88,7 +87,7 @@
       UnusableMemoryError         `--memory` cannot be read
       WithdrawalError             Nobody was withdrawn
       WordError                   A word cannot be replaced like this
-      XmlNameError                A character that no XML name can have
+      XmlSyntaxError              A text that is no XML
 
 What is wrong with the files of a scenario is no error but a list of findings
 (`rise_engine.scenario.loader.load`). Most are a ValueError, too, for callers who catch that.

@@ -22,7 +22,8 @@ from rise_engine.bml.vocabulary import (
 from rise_engine.nearest_name import did_you_mean
 from rise_engine.scenario.model import SourceLocation
 from rise_engine.scenario.source_files import SourceFile
-from rise_engine.scenario.xml import Element, XmlFile, read_xml
+from rise_engine.scenario.xml import XmlFile, read_xml
+from rise_engine.syntax.xml import Element
 from rise_engine.text import BLANKS
 
 _XML = "http://www.w3.org/XML/1998/namespace"

@@ -15,10 +15,8 @@ from rise_engine.cli.options import FOLDER, JSON
 from rise_engine.cli.terminal import write_json
 from rise_engine.edit.edits import NameKind, Rename
 from rise_engine.edit.formatting import lay_out
-from rise_engine.edit.guard import check_guard
 from rise_engine.edit.plan import EditRefused, Files, Plan, apply_plan
 from rise_engine.edit.planning import plan
-from rise_engine.edit.read_outline import read_outline
 from rise_engine.edit.saving import refuse_shipped, write_files
 from rise_engine.edit.study_above import read_study_above, sets_key
 from rise_engine.edit.study_folder import read_study_files
@@ -96,11 +94,11 @@ def rename(folder: str, kind: NameKind, old: str, new: str, as_diff: bool, as_js
         sys.exit(exit_status.REFUSED)
     try:
         files = read_study_files(path)
-        state = StudyState(files, read_outline(files, loaded.scenario.paths), loaded, path, read_study_above(path))
+        state = StudyState(files, loaded, path, read_study_above(path))
         edit = Rename(kind, old, new)
         planned = plan(edit, state)
         after = apply_plan(files, planned)
-        _check_after(edit, state, after)
+        _check_after(state, after)
         if not as_diff:
             _write(path, files, after)
     except EditRefused as error:
@@ -158,13 +156,12 @@ def _study_folder(folder: str) -> Path:
     return path
 
 
-def _check_after(edit: Rename, before: StudyState, after: Files) -> None:
-    """:raises EditRefused: the study would have errors then, or mean something else."""
+def _check_after(before: StudyState, after: Files) -> None:
+    """:raises EditRefused: the study would have errors then."""
     held = {name: data for name, data in after.items() if data != before.files.get(name)}
     loaded = load(before.folder, held=held)
     if loaded.errors:
         raise EditRefused(f"the study would have errors then, first: {loaded.errors[0]}; nothing was written")
-    check_guard([edit], before, StudyState(after, before.outline, loaded, before.folder))
 
 
 def _findings(loaded: LoadResult) -> list[tuple[str, str, str]]:

@@ -119,7 +119,7 @@ def import_(folder: str, file: str, languages: tuple[str, ...], dry_run: bool, n
         if workspace.draft is not None:
             message = "an editor has left changes in this study that are not saved"
             raise EditRefused(f"{message}; open it (rise-tui edit {where}), and save them or give them up")
-        found = import_table(table, workspace.checked, workspace.outline, languages, new=new)
+        found = import_table(table, workspace.checked, languages, new=new)
         end = _apply(workspace, found, dry_run=dry_run)
     except TextsError as error:
         exit_with_usage(f"{file}: {error}")

@@ -3,11 +3,10 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
 
 from msgspec.structs import replace
 
-from rise_engine.edit.documents import Node, NotXmlError, read_document
 from rise_engine.edit.edits import (
     AddAction,
     AddVariant,
@@ -19,19 +18,28 @@ from rise_engine.edit.edits import (
     SetParameter,
     SetWaits,
 )
-from rise_engine.edit.finding import act_of, action_of, check_changeable, node_of
+from rise_engine.edit.finding import act_of, action_of, check_changeable, places_of_parameter
 from rise_engine.edit.following import follow_act, follow_action
-from rise_engine.edit.layout import collapse, gap_before, gap_behind, gap_in, is_one_line, removal
 from rise_engine.edit.outline import WrittenAct, WrittenAction
 from rise_engine.edit.plan import EditRefused, Plan, Splice
 from rise_engine.edit.study_state import StudyState
 from rise_engine.edit.templates import plan_use_parameter
 from rise_engine.edit.variants import plan_add_variant, plan_remove_variant
-from rise_engine.edit.writing import NewElement, escape_text, insert, one_line, text_splice
 from rise_engine.nearest_name import did_you_mean
 from rise_engine.scenario.acts import COMMON
 from rise_engine.scenario.model import ActionSpec
 from rise_engine.scenario.spoken_texts import SpokenText, text_key
+from rise_engine.syntax.xml import Element, XmlSyntaxError, XmlTree
+from rise_engine.syntax.xml_layout import (
+    gap_before,
+    gap_behind,
+    gap_in,
+    is_one_line,
+    removal,
+    removal_or_collapse,
+    removals,
+)
+from rise_engine.syntax.xml_writing import NewElement, escape_text, one_line, set_text
 from rise_engine.text import pluralize
 
 _ID = re.compile(r"[^,;\s]+")
@@ -54,10 +62,10 @@ def _check_parameter(spec: ActionSpec, name: str) -> None:
         raise EditRefused(f"`{spec.name}` has no parameter `{name}`{did_you_mean(name, spec.parameters)}")
 
 
-def _changeable(study: StudyState, act: str, action: str) -> tuple[WrittenAct, WrittenAction, Node]:
-    found, written = action_of(study, act, action)
-    check_changeable(f"the action {action} of {act}", written.reason, found.file, written.line)
-    return found, written, node_of(study, found.file, written.span)
+def _changeable(study: StudyState, act: str, action: str) -> WrittenAction:
+    _, written = action_of(study, act, action)
+    check_changeable(f"the action {action} of {act}", written.reason, written.file, written.line)
+    return written
 
 
 # --- actions ------------------------------------------------------------------------------------------------------
@@ -82,13 +90,11 @@ def plan_add_action(edit: AddAction, study: StudyState) -> Plan:
         NewElement(each, text=one_line(edit.parameters[each])) for each in spec.parameters if each in edit.parameters
     ]
     element = NewElement(edit.type, children=tuple(children))
-    node = node_of(study, act.file, act.span)
-    behind = node.children[-1] if node.children else None
-    if edit.after:
-        behind = node_of(study, act.file, action_of(study, edit.act, edit.after)[1].span)
-    sample = next((each for each in (behind, *node.children[::-1]) if each is not None and each.children), None)
+    node = act.node
+    behind = action_of(study, edit.act, edit.after)[1].node if edit.after else node[-1] if node else None
+    sample = next((each for each in (behind, *node[::-1]) if each), None)
     gap = gap_in(node) if behind is None else gap_behind(behind, blank_line=True)
-    splice = insert(act.file, gap, [element], flat=sample is not None and is_one_line(sample))
+    splice = gap.insert(element, flat=sample is not None and is_one_line(sample))
     return Plan((splice,), says=(f"{edit.act} gets the action {name}: {edit.type}{_in_words(edit.parameters)}",))
 
 
@@ -113,10 +119,9 @@ def plan_remove_action(edit: RemoveAction, study: StudyState) -> Plan:
     """An action goes; what waited for it waits for what it has waited for."""
     act, action = action_of(study, edit.act, edit.action)
     check_changeable(f"the act {edit.act}", act.reason, act.file, act.line)
-    alone = sum(each.span == action.span for each in act.actions) == 1
+    alone = sum(each.node is action.node for each in act.actions) == 1
     if not alone:
         check_changeable(f"the action {edit.action} of {edit.act}", f"{action.reason}, together with others")
-    node = node_of(study, act.file, action.span)
     splices: list[Splice] = []
     says = [f"{edit.act} loses the action {edit.action}"]
     for other in act.actions:
@@ -125,12 +130,9 @@ def plan_remove_action(edit: RemoveAction, study: StudyState) -> Plan:
         check_changeable(f"what {other.id} of {edit.act} waits for", other.reason)
         inherited = [*dict.fromkeys(_inherited(other.wait_for, edit.action, action.wait_for))]
         inherited = [each for each in inherited if each != other.id]
-        splices += _waits_splices(act.file, node_of(study, act.file, other.span), inherited)
+        splices += _waits_splices(other.node, inherited)
         says.append(f"{other.id} then waits for {', '.join(inherited) or 'nothing'}")
-    parent = node.parent
-    assert parent is not None, "an action stands in an act"
-    emptied = collapse(parent) if len(parent.children) == 1 else None
-    splices.append(Splice(act.file, *emptied) if emptied else Splice(act.file, *removal(node), b""))
+    splices.append(removal_or_collapse(action.node))
     return Plan((*splices, *follow_action(study, edit.act, edit.action, lambda _: None)), says=tuple(says))
 
 
@@ -144,21 +146,18 @@ def _inherited(waits: Iterable[str], gone: str, its_waits: Iterable[str]) -> Ite
 
 def plan_set_type(edit: SetActionType, study: StudyState) -> Plan:
     """Another action in the place of one; what both have stays as it is written."""
-    act, action, node = _changeable(study, edit.act, edit.action)
+    action = _changeable(study, edit.act, edit.action)
     spec = spec_of(study, edit.type)
     splices: list[Splice] = []
     lost: list[str] = []
-    calls = [node_of(study, act.file, call.span) for call in action.calls] if action.is_variants else [node]
-    for call in calls:
+    for call in (each.node for each in action.calls):
         if call.tag == edit.type:
             continue
-        name, old = edit.type.encode(), len(call.tag.encode())
-        splices.append(Splice(act.file, call.start + 1, call.start + 1 + old, name))
-        if not call.is_closed:
-            splices.append(Splice(act.file, call.end_tag + 2, call.end_tag + 2 + old, name))
-        gone = [each for each in call.children if each.tag not in COMMON and each.tag not in spec.parameters]
+        for at in (call.start + 1, *([] if call.is_closed else [call.close + 2])):
+            splices.append(Splice(action.file, at, at + len(call.tag), edit.type))
+        gone = [each for each in call if each.tag not in COMMON and each.tag not in spec.parameters]
         lost += [each.tag for each in gone]
-        splices += _removals(act.file, gone)
+        splices += removals(gone)
     was = action.calls[0].type if action.calls else "nothing"
     without = f", without {', '.join(dict.fromkeys(lost))}" if lost else ""
     translations = follow_action(
@@ -166,17 +165,6 @@ def plan_set_type(edit: SetActionType, study: StudyState) -> Plan:
     )
     says = f"{edit.act} {edit.action} is {edit.type} (was {was}){without}"
     return Plan((*splices, *translations), says=(says,))
-
-
-def _removals(file: str, nodes: list[Node]) -> list[Splice]:
-    """Elements go; the stretches of neighbours are joined where they meet."""
-    splices: list[Splice] = []
-    for node in nodes:
-        start, end = removal(node)
-        if splices and start < splices[-1].end:
-            start = splices[-1].end
-        splices.append(Splice(file, start, max(start, end), b""))
-    return splices
 
 
 # --- parameters ---------------------------------------------------------------------------------------------------
@@ -193,24 +181,27 @@ def plan_set_parameter(edit: SetParameter, study: StudyState) -> Plan:
     value = None if edit.value is None else one_line(edit.value)
     says = _parameter_words(where, edit.parameter, value, None if written is None else written.text)
     if written is not None and written.parameter and value is not None:
-        return plan_use_parameter(act.file, node_of(study, act.file, call.span), written.parameter, value, says)
+        if places_of_parameter(study, call, written.parameter) > 1:
+            template = call.node.attributes["template"]
+            reason = f"the template `{template}` has `{written.parameter}` in other places, too; change its `<use>`"
+            check_changeable(f"{edit.parameter} of {where}", reason, call.file, call.line)
+        return plan_use_parameter(call.node, written.parameter, value, says)
     check_changeable(where, action.reason, act.file, action.line)
-    node = node_of(study, act.file, call.span)
     if written is None:
         if value is None:
             return Plan()
         spec = spec_of(study, call.type)
         _check_parameter(spec, edit.parameter)
-        return Plan((_new_parameter(act.file, node, spec, edit.parameter, value),), says=(says,))
+        return Plan((_new_parameter(call.node, spec, edit.parameter, value),), says=(says,))
     check_changeable(f"{edit.parameter} of {where}", written.reason, act.file, action.line)
-    element = next(child for child in node.children if child.tag == edit.parameter)
+    element = written.node
     if value is None:
         gone = text_key(edit.action, edit.variant if len(action.calls) > 1 else None, edit.parameter)
         translations = follow_act(study, edit.act, lambda text: None if text.key == gone else text.key)
-        return Plan((Splice(act.file, *removal(element), b""), *translations), says=(says,))
+        return Plan((removal(element), *translations), says=(says,))
     if value == written.text:
         return Plan()
-    splice = _markup_splice(act.file, element, value) if element.children else text_splice(act.file, element, value)
+    splice = _markup_splice(element, value) if element else set_text(element, value)
     return Plan((splice,), says=(says,))
 
 
@@ -221,26 +212,27 @@ def _parameter_words(where: str, parameter: str, value: str | None, was: str | N
     return f"{where} {verb} “{value}”" + (f" (was “{was}”)" if was is not None else "")
 
 
-def _markup_splice(file: str, element: Node, value: str) -> Splice:
+def _markup_splice(element: Element, value: str) -> Splice:
     """Instead of `<speak>...</speak>`: other markup, or words."""
-    start, end = element.text_span()
-    data = escape_text(value).encode()
+    written = escape_text(value)
     if value.startswith("<speak"):
         try:
-            read_document(value.encode())
-        except (NotXmlError, UnicodeEncodeError) as error:
+            written = XmlTree(value).text
+        except (XmlSyntaxError, UnicodeEncodeError) as error:
             raise EditRefused(f"this is not well-formed: {error}") from None
-        data = value.encode()
-    return Splice(file, start, end, data)
+    return Splice(element.tree.name, *element.text_span(), written)
 
 
-def _new_parameter(file: str, call: Node, spec: ActionSpec, name: str, value: str) -> Splice:
-    order = [*COMMON, *spec.parameters]
-    before = [each for each in call.children if each.tag in order and order.index(each.tag) < order.index(name)]
-    element = NewElement(name, text=value)
+def _new_parameter(call: Element, spec: ActionSpec, name: str, value: str) -> Splice:
+    return _in_order(call, NewElement(name, text=value), [*COMMON, *spec.parameters])
+
+
+def _in_order(action: Element, new: NewElement, order: Sequence[str]) -> Splice:
+    """A part of an action behind those that stand before it by this order."""
+    before = [each for each in action if each.tag in order[: order.index(new.tag)]]
     if before:
-        return insert(file, gap_behind(before[-1]), [element])
-    return insert(file, gap_before(call.children[0]) if call.children else gap_in(call), [element])
+        return gap_behind(before[-1]).insert(new)
+    return (gap_before(action[0]) if action else gap_in(action)).insert(new)
 
 
 # --- waits and failures -------------------------------------------------------------------------------------------
@@ -248,8 +240,8 @@ def _new_parameter(file: str, call: Node, spec: ActionSpec, name: str, value: st
 
 def plan_set_waits(edit: SetWaits, study: StudyState) -> Plan:
     """What an action waits for."""
-    act, action, node = _changeable(study, edit.act, edit.action)
-    _check_ids(act, edit.wait_for)
+    action = _changeable(study, edit.act, edit.action)
+    _check_ids(act_of(study, edit.act), edit.wait_for)
     if edit.action in edit.wait_for:
         raise EditRefused(f"the action {edit.action} of {edit.act} cannot wait for itself")
     wait_for = tuple(dict.fromkeys(edit.wait_for))
@@ -257,57 +249,49 @@ def plan_set_waits(edit: SetWaits, study: StudyState) -> Plan:
         return Plan()
     was = ", ".join(action.wait_for) or "nothing"
     says = f"{edit.act} {edit.action} waits for {', '.join(wait_for) or 'nothing'} (was {was})"
-    return Plan(tuple(_waits_splices(act.file, node, wait_for)), says=(says,))
+    return Plan(tuple(_waits_splices(action.node, wait_for)), says=(says,))
 
 
-def _waits_splices(file: str, node: Node, wait_for: Iterable[str]) -> list[Splice]:
+def _waits_splices(action: Element, wait_for: Iterable[str]) -> list[Splice]:
     text = ", ".join(wait_for)
-    element = next((child for child in node.children if child.tag == "waitForActions"), None)
+    element = next((child for child in action if child.tag == "waitForActions"), None)
     if element is None:
-        return [_common(file, node, NewElement("waitForActions", text=text))] if text else []
+        return [_in_order(action, NewElement("waitForActions", text=text), COMMON)] if text else []
     if not text:
-        return [Splice(file, *removal(element), b"")]
+        return [removal(element)]
     check_changeable("what it waits for", element.text_obstacle())
-    return [text_splice(file, element, text)]
-
-
-def _common(file: str, node: Node, element: NewElement) -> Splice:
-    """What stands before the parameters, in the order of COMMON."""
-    before = [each for each in node.children if each.tag in COMMON[: COMMON.index(element.tag)]]
-    if before:
-        return insert(file, gap_behind(before[-1]), [element])
-    return insert(file, gap_before(node.children[0]) if node.children else gap_in(node), [element])
+    return [set_text(element, text)]
 
 
 def plan_set_failure(edit: SetActionFailure, study: StudyState) -> Plan:
     """Whether the act goes on when an action has failed."""
-    act, action, node = _changeable(study, edit.act, edit.action)
-    element = next((child for child in node.children if child.tag == "onFailure"), None)
+    action = _changeable(study, edit.act, edit.action)
+    element = next((child for child in action.node if child.tag == "onFailure"), None)
     if edit.continues == action.continues and (edit.continues or element is None):
         return Plan()
     what = "the act goes on" if edit.continues else "the act ends"
     says = (f"when {edit.act} {edit.action} fails, {what}",)
     if not edit.continues and element is not None:
-        return Plan((Splice(act.file, *removal(element), b""),), says=says)
+        return Plan((removal(element),), says=says)
     if element is None:
-        return Plan((_common(act.file, node, NewElement("onFailure", text="continue")),), says=says)
+        return Plan((_in_order(action.node, NewElement("onFailure", text="continue"), COMMON),), says=says)
     check_changeable("onFailure", element.text_obstacle())
-    return Plan((text_splice(act.file, element, "continue"),), says=says)
+    return Plan((set_text(element, "continue"),), says=says)
 
 
 # --- wordings -----------------------------------------------------------------------------------------------------
 
 
 def _add_variant(edit: AddVariant, study: StudyState) -> Plan:
-    act, action, node = _changeable(study, edit.act, edit.action)
-    spec = spec_of(study, action.calls[0].type if action.calls else node.tag)
+    action = _changeable(study, edit.act, edit.action)
+    spec = spec_of(study, action.calls[0].type if action.calls else action.node.tag)
     for parameter in edit.parameters:
         _check_parameter(spec, parameter)
     children = (
         NewElement(each, text=one_line(edit.parameters[each])) for each in spec.parameters if each in edit.parameters
     )
     says = f"{edit.act} {edit.action} gets the wording {len(action.calls) + 1}{_in_words(edit.parameters)}"
-    planned = plan_add_variant(act.file, node, action, NewElement(spec.name, children=tuple(children)), says)
+    planned = plan_add_variant(action, NewElement(spec.name, children=tuple(children)), says)
     if len(action.calls) != 1:
         return planned
     first = follow_action(study, edit.act, edit.action, lambda text: text_key(edit.action, 0, text.parameter))
@@ -315,7 +299,7 @@ def _add_variant(edit: AddVariant, study: StudyState) -> Plan:
 
 
 def _remove_variant(edit: RemoveVariant, study: StudyState) -> Plan:
-    act, action, node = _changeable(study, edit.act, edit.action)
+    action = _changeable(study, edit.act, edit.action)
     if not action.is_variants or len(action.calls) < 2:
         raise EditRefused(f"{edit.act} {edit.action} has only one wording; remove the action")
     if not 0 <= edit.variant < len(action.calls):
@@ -325,14 +309,13 @@ def _remove_variant(edit: RemoveVariant, study: StudyState) -> Plan:
     gone = action.calls[edit.variant]
     said = gone.parameters.get("message")
     says = f"{edit.act} {edit.action} loses the wording {edit.variant + 1}" + (f" “{said.text}”" if said else "")
-    calls = [node_of(study, act.file, call.span) for call in action.calls]
-    planned = plan_remove_variant(act.file, node, calls, edit.variant, says)
+    planned = plan_remove_variant(action, edit.variant, says)
 
     def key_of(text: SpokenText) -> str | None:
         if text.variant == edit.variant:
             return None
         number = text.variant - (text.variant > edit.variant)
-        return text_key(edit.action, number if len(calls) > 2 else None, text.parameter)
+        return text_key(edit.action, number if len(action.calls) > 2 else None, text.parameter)
 
     return replace(planned, splices=(*planned.splices, *follow_action(study, edit.act, edit.action, key_of)))
 

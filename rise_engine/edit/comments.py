@@ -39,8 +39,7 @@ def comments_with(name: str, files: Files, splices: list[Splice]) -> Iterator[st
         changed = [(each.start, each.end) for each in splices if each.file == file]
         for comment in pattern.finditer(text.text):
             for place in word.finditer(text.text, *comment.span()):
-                at = text.byte_offset(place.start())
-                if not any(start <= at < end for start, end in changed):
+                if not any(start <= place.start() < end for start, end in changed):
                     what = "the text" if file.endswith((".md", ".txt")) else "the comment"
                     found.append(f"{what} in {file}, line {text.line(place.start())}, still has `{name}`")
     unique = list(dict.fromkeys(found))

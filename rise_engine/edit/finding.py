@@ -4,30 +4,32 @@ from __future__ import annotations
 
 from typing import NoReturn
 
-from rise_engine.edit.documents import Node, NotXmlError, XmlDocument, read_document
-from rise_engine.edit.outline import Span, WrittenAct, WrittenAction, WrittenRule, WrittenState
+from rise_engine.edit.outline import Written, WrittenAct, WrittenAction, WrittenRule, WrittenState
 from rise_engine.edit.plan import EditRefused
 from rise_engine.edit.study_state import StudyState
 from rise_engine.nearest_name import did_you_mean
 from rise_engine.scenario.uses import UsedKind
+from rise_engine.scenario.xml import XmlFile, count_places
 
 _SHOWN = 5
 """Places that a sentence names."""
 
 
-def document_of(study: StudyState, file: str) -> XmlDocument:
-    """A file's elements. :raises EditRefused: it is not there, or no XML."""
+def xml_of(study: StudyState, file: str) -> XmlFile:
+    """A file of acts or rules. :raises EditRefused: it is not there, or no XML."""
     if file not in study.files:
         raise EditRefused(f"there is no file `{file}`{did_you_mean(file, list(study.files))}")
-    try:
-        return read_document(study.files[file])
-    except NotXmlError as error:
-        raise EditRefused(f"{file} cannot be changed here while it is no XML: {error}") from None
+    parts = study.checked.parts
+    for each in (*parts.acts, *parts.rules):
+        if each.source.name == file:
+            return each
+    problem = parts.unreadable.get(file, "it is not one of those that hold acts or rules")
+    raise EditRefused(f"{file} cannot be changed here while it is no XML: {problem}")
 
 
-def node_of(study: StudyState, file: str, span: Span) -> Node:
-    """The element that the outline has there."""
-    return document_of(study, file).node_at(span.start)
+def places_of_parameter(study: StudyState, use: Written, parameter: str) -> int:
+    """In how many places of what comes of a `<use>` a parameter of it stands."""
+    return count_places(xml_of(study, use.file).brought.get(use.node, ()), parameter)
 
 
 def act_of(study: StudyState, name: str) -> WrittenAct:

@@ -2,18 +2,17 @@
 
 from __future__ import annotations
 
-from functools import cached_property
 from xml.sax.saxutils import escape
 
 from msgspec import UNSET, Struct
 
 from rise_engine.edit.edits import ReplaceFile
-from rise_engine.edit.outline import Span, WrittenAct, WrittenAction, WrittenRule, WrittenState, WrittenTransition
+from rise_engine.edit.outline import Written, WrittenAct, WrittenAction, WrittenRule, WrittenState, WrittenTransition
 from rise_engine.edit.study_state import StudyState
-from rise_engine.edit.text_edits import EditedText, TextEdit, changed_text
 from rise_engine.scenario.diagnostics import Diagnostic
 from rise_engine.scenario.source_files import SourceFile
 from rise_engine.scenario.uses import Use, UsedKind
+from rise_engine.syntax.changes import TextEdit, changed_text
 
 
 class Way(Struct, frozen=True):
@@ -29,7 +28,7 @@ class Way(Struct, frozen=True):
         return self.state.transitions[self.index]
 
 
-class FindingPlace(Struct, frozen=True, dict=True):
+class FindingPlace(Struct, frozen=True):
     """A finding, and what stands there."""
 
     finding: Diagnostic
@@ -52,11 +51,6 @@ class FindingPlace(Struct, frozen=True, dict=True):
     def written(self) -> str:
         """What the finding is about, as it stands in the file."""
         return self.text[self.start : self.end]
-
-    @cached_property
-    def byte(self) -> int:
-        """The byte of the file at which the finding begins."""
-        return EditedText(self.file, self.study.files[self.file]).byte_offset(self.start)
 
     def use(self, kind: UsedKind) -> Use | None:
         """The name of a kind that stands there."""
@@ -81,29 +75,30 @@ class FindingPlace(Struct, frozen=True, dict=True):
 
     @property
     def act(self) -> WrittenAct | None:
-        return next((each for each in self.study.outline.acts if self._holds(each.file, each.span)), None)
+        return next((each for each in self.study.outline.acts if self.is_in(each)), None)
 
     @property
     def action(self) -> tuple[WrittenAct, WrittenAction] | None:
         act = self.act
-        found = next((each for each in act.actions if self._holds(act.file, each.span)), None) if act else None
+        found = next((each for each in act.actions if self.is_in(each)), None) if act else None
         return (act, found) if act is not None and found is not None else None
 
     @property
     def rule(self) -> WrittenRule | None:
-        return next((each for each in self.study.outline.rules if self._holds(each.file, each.span)), None)
+        return next((each for each in self.study.outline.rules if self.is_in(each)), None)
 
     @property
     def way(self) -> Way | None:
         rule = self.rule
         for state in rule.states if rule is not None else ():
             for index, way in enumerate(state.transitions):
-                if rule is not None and self._holds(rule.file, way.span) and not way.shared_by:
+                if rule is not None and self.is_in(way) and not way.shared_by:
                     return Way(rule, state, index)
         return None
 
-    def _holds(self, file: str, span: Span) -> bool:
-        return file == self.file and span.start <= self.byte < span.end
+    def is_in(self, written: Written) -> bool:
+        """Whether it stands in something that is written in the acts and rules."""
+        return written.file == self.file and written.holds(self.start)
 
 
 def place_of(finding: Diagnostic, study: StudyState) -> FindingPlace | None:

@@ -2,20 +2,21 @@
 
 from __future__ import annotations
 
+import re
 import tomllib
 from typing import Any
 
 from msgspec import Struct
 
-from rise_engine.edit.documents import NotXmlError, read_document
 from rise_engine.edit.format_data import format_memory, format_toml
-from rise_engine.edit.format_xml import comments_of, format_xml
 from rise_engine.edit.memory import memory_file
 from rise_engine.edit.plan import EditRefused, Files
 from rise_engine.edit.text_edits import EditedText
 from rise_engine.json_codec import decode
 from rise_engine.scenario.element_templates import PATTERNS
 from rise_engine.scenario.file_names import DEFAULT_PATHS, SCENARIO_FILE
+from rise_engine.syntax.xml import XmlSyntaxError, XmlTree, comments_of
+from rise_engine.syntax.xml_format import format_xml
 from rise_engine.text import BLANKS
 
 _BYTE_ORDER_MARK = b"\xef\xbb\xbf"
@@ -56,8 +57,9 @@ def format_file(name: str, files: Files) -> bytes:
     text = EditedText(name, files[name]).text
     kind = _kind(name, files)
     if kind == "xml":
+        before = _read_xml(text)
         after = format_xml(text)
-        is_same = _xml_meaning(text) == _xml_meaning(after)
+        is_same = _xml_meaning(before) == _xml_meaning(XmlTree(after))
     elif kind == "toml":
         after = format_toml(text)
         is_same = _toml_meaning(text) == _toml_meaning(after)
@@ -89,21 +91,23 @@ def _kind(name: str, files: Files) -> str:
     return "xml" if folder in (*places, PATTERNS) or name in places else ""
 
 
-def _xml_meaning(text: str) -> Any:
-    """What is read of a file, and its comments."""
+def _read_xml(text: str) -> XmlTree:
     try:
-        root = read_document(text.encode()).root
-    except NotXmlError as error:
-        raise EditRefused(str(error)) from None
-    pending, found = [root], []
-    while pending:
-        node = pending.pop()
-        pieces = (node.text, *(child.tail for child in node.children))
-        has_text = any(piece.strip(BLANKS) for piece in pieces)
-        kept = pieces if has_text and node.children else tuple(piece.strip(BLANKS) for piece in pieces)
-        found.append((node.tag, tuple(node.attributes.items()), kept, len(node.children)))
-        pending += node.children
-    return found, list(comments_of(text))
+        return XmlTree(text)
+    except XmlSyntaxError as error:
+        line = len(re.findall(r"\r\n?|\n", text[: error.offset])) + 1
+        raise EditRefused(f"line {line}: {error}") from None
+
+
+def _xml_meaning(tree: XmlTree) -> Any:
+    """What is read of a file, and its comments."""
+    found = []
+    for element in tree.root.walk():
+        texts = (element.text, *(child.tail for child in element))
+        has_text = any(text.strip(BLANKS) for text in texts)
+        kept = texts if has_text and element else tuple(text.strip(BLANKS) for text in texts)
+        found.append((element.tag, tuple(element.attributes.items()), kept, len(element)))
+    return found, list(comments_of(tree.text))
 
 
 def _toml_meaning(text: str) -> Any:

@@ -9,9 +9,9 @@ from itertools import pairwise
 from typing import Any, NamedTuple
 
 from rise_engine.edit.plan import EditRefused
-from rise_engine.edit.text_edits import TextEdit, changed_text
 from rise_engine.json_codec import JsonArray, JsonError, JsonMember, JsonObject, json_equal, read_json, to_plain
 from rise_engine.scenario.memory import LIST_KEY
+from rise_engine.syntax.changes import TextEdit, changed_text
 
 
 class MemoryFileNotEditable(EditRefused):

@@ -3,13 +3,11 @@
 from __future__ import annotations
 
 import json
-import re
 import tomllib
 from collections.abc import Iterator
 
 from msgspec import Struct
 
-from rise_engine.edit.documents import CDATA, NotXmlError, read_document
 from rise_engine.edit.plan import EditRefused, Files, Splice
 from rise_engine.edit.text_edits import EditedText
 from rise_engine.edit.toml_edits import TomlText
@@ -19,13 +17,11 @@ from rise_engine.expression.tokens import escape_text, unquote
 from rise_engine.scenario.source_files import SourceFile
 from rise_engine.scenario.toml_syntax import TomlKeyPart, TomlValue
 from rise_engine.scenario.uses import Use
-
-_ENTITY = re.compile(r"&(?:#x([0-9A-Fa-f]+)|#([0-9]+)|(\w+));")
-_NAMED = {"lt": "<", "gt": ">", "amp": "&", "quot": '"', "apos": "'"}
+from rise_engine.syntax.xml import CDATA, ENTITY, XmlSyntaxError, XmlTree, read_entity
 
 
 class NamePlace(Struct, frozen=True):
-    """Where a name is written: in which file, from which byte to which."""
+    """Where a name is written: in which file, from which character to which."""
 
     file: str
     start: int
@@ -40,6 +36,7 @@ class NamePlaces:
         self._sources: dict[str, SourceFile] = {}
         self._texts: dict[str, EditedText] = {}
         self._tomls: dict[str, TomlText] = {}
+        self._trees: dict[str, XmlTree] = {}
 
     def find(self, use: Use, name: str) -> NamePlace | None:
         """Where a use writes its name: where it stands, or in its template. None: it is put together of both.
@@ -57,7 +54,7 @@ class NamePlaces:
         read = self._read(place.file, written)
         if name not in (written, read, _unescaped(read)):
             return None
-        return NamePlace(place.file, text.byte_offset(start), text.byte_offset(end))
+        return NamePlace(place.file, start, end)
 
     def _source(self, file: str) -> SourceFile:
         if file not in self._sources:
@@ -73,7 +70,7 @@ class NamePlaces:
     def _read(self, file: str, written: str) -> str:
         """What is written, as its file means it."""
         if file.endswith(".xml") and "&" in written:
-            return _ENTITY.sub(_character, written)
+            return ENTITY.sub(lambda found: read_entity(found.group()), written)
         if file.endswith((".json", ".toml")) and "\\" in written:
             try:
                 return str(tomllib.loads(f'a = "{written}"')["a"])
@@ -87,31 +84,24 @@ class NamePlaces:
         :raises EditRefused: it cannot be written there.
         """
         if place.file.endswith(".xml"):
-            return Splice(place.file, place.start, place.end, self._for_xml(place, name).encode())
+            return Splice(place.file, place.start, place.end, self._for_xml(place, name))
         if place.file.endswith(".toml"):
             return self._for_toml(place, name)
-        return Splice(place.file, place.start, place.end, json.dumps(name, ensure_ascii=False)[1:-1].encode())
+        return Splice(place.file, place.start, place.end, json.dumps(name, ensure_ascii=False)[1:-1])
 
     def _for_xml(self, place: NamePlace, name: str) -> str:
-        data = self.files[place.file]
+        text = self._text(place.file).text
+        if place.file not in self._trees:
+            try:
+                self._trees[place.file] = XmlTree(text)
+            except XmlSyntaxError as error:
+                raise EditRefused(f"{place.file}: {error}") from None
         escaped = name.replace("&", "&amp;").replace("<", "&lt;")
-        try:
-            document = read_document(data)
-        except NotXmlError as error:
-            raise EditRefused(f"{place.file}: {error}") from None
-        for node in document.root.walk():
-            if node.start <= place.start < node.inner_start:
-                quote = next(
-                    (
-                        each.quote
-                        for each in node.written_attributes().values()
-                        if each.value_start <= place.start <= each.value_end
-                    ),
-                    '"',
-                )
-                return escaped.replace(quote, "&quot;" if quote == '"' else "&apos;")
-        opening = data.rfind(CDATA, 0, place.start)
-        return name if opening >= 0 and data.find(b"]]>", opening) >= place.end else escaped.replace("]]>", "]]&gt;")
+        attribute = self._trees[place.file].element_at(place.start).attribute_at(place.start)
+        if attribute is not None:
+            return escaped.replace(attribute.quote, "&quot;" if attribute.quote == '"' else "&apos;")
+        opening = text.rfind(CDATA, 0, place.start)
+        return name if opening >= 0 and text.find("]]>", opening) >= place.end else escaped.replace("]]>", "]]&gt;")
 
     def _for_toml(self, place: NamePlace, name: str) -> Splice:
         """The name within a text, or as a key, in quotation marks where it must be."""
@@ -120,14 +110,12 @@ class NamePlaces:
             self._tomls[place.file] = TomlText(text.text)
         toml = self._tomls[place.file]
         for part in _key_parts(toml):
-            start, end = text.byte_offset(part.start), text.byte_offset(part.end)
-            if start <= place.start < end:
-                if (start, end) in ((place.start, place.end), (place.start - 1, place.end + 1)):
-                    return Splice(place.file, start, end, toml_key(name).encode())
+            if part.start <= place.start < part.end:
+                if (part.start, part.end) in ((place.start, place.end), (place.start - 1, place.end + 1)):
+                    return Splice(place.file, part.start, part.end, toml_key(name))
                 raise EditRefused(f"{place.file}, line {text.line(part.start)}: the name is a part of another one")
         for value in _values(toml):
-            start = text.byte_offset(value.start)
-            if start <= place.start < text.byte_offset(value.end):
+            if value.start <= place.start < value.end:
                 name = escape_text(name, _inner_quote(text, value, place))
                 if text.text.startswith("'", value.start):
                     if "'" in name:
@@ -135,8 +123,8 @@ class NamePlaces:
                         raise EditRefused(
                             f"{place.file}, line {line}: write this text in \" marks first; it stands in ' marks"
                         )
-                    return Splice(place.file, place.start, place.end, name.encode())
-                return Splice(place.file, place.start, place.end, json.dumps(name, ensure_ascii=False)[1:-1].encode())
+                    return Splice(place.file, place.start, place.end, name)
+                return Splice(place.file, place.start, place.end, json.dumps(name, ensure_ascii=False)[1:-1])
         raise EditRefused(f"{place.file} is written in a way that cannot be changed here; change it with an editor")
 
 
@@ -152,16 +140,8 @@ def _inner_quote(file: EditedText, value: TomlValue, place: NamePlace) -> str:
     """The quotation mark in which a name stands within a text, as in `runs('R_Yes')`; empty: in none."""
     begin = file.text[value.start : value.start + 3]
     opening = len(begin) if begin in ('"""', "'''") else 1
-    before = file.text[value.start + opening : value.end]
-    data = before.encode()[: place.start - file.byte_offset(value.start + opening)]
-    return data[-1:].decode() if data.endswith((b"'", b'"')) else ""
-
-
-def _character(found: re.Match[str]) -> str:
-    code, number, name = found.groups()
-    if name is not None:
-        return _NAMED.get(name, found.group())
-    return chr(int(code, 16) if code is not None else int(number))
+    before = file.text[value.start + opening : place.start]
+    return before[-1:] if before.endswith(("'", '"')) else ""
 
 
 def _key_parts(toml: TomlText) -> Iterator[TomlKeyPart]:

@@ -17,7 +17,7 @@ def edit_of_original(text: SpokenText, said: str, outline: Outline) -> AnyEdit:
     if act is None or written is None:
         raise EditRefused("it cannot be found in the files")
     if written.parameter:
-        use = next((each for each in outline.uses if (each.file, each.span) == (act.file, written.span)), None)
+        use = next((each for each in outline.uses if each.node is written.node), None)
         if use is not None:
             return SetUseParameter(use.file, use.line, use.template, written.parameter, said)
     if reason := written.reason or act.reason:

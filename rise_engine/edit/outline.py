@@ -9,39 +9,64 @@ from __future__ import annotations
 from msgspec import Struct, field
 
 from rise_engine.edit.edits import CallForm, TransitionForm
+from rise_engine.syntax.xml import Element
 
 
-class Span(Struct, frozen=True):
-    """A stretch of a file, in bytes."""
+class Written(Struct, frozen=True, kw_only=True):
+    """Something that is written in a file of acts or rules."""
 
-    start: int
-    end: int
+    node: Element
+    """Its element; of what comes from a template, the `<use>` in the file."""
+    reason: str = ""
+    """Why a form cannot change it ("it comes from the template `Instruction`, used here"); empty: it can."""
+
+    @property
+    def file(self) -> str:
+        return self.node.tree.name
+
+    @property
+    def last(self) -> Element:
+        """The last of its elements."""
+        return self.node
+
+    @property
+    def line(self) -> int:
+        """The number of the line in which it begins, from 1."""
+        return self.node.line
+
+    @property
+    def last_line(self) -> int:
+        """The number of the line in which it ends."""
+        return self.node.tree.line(self.last.end)
+
+    def has_line(self, line: int) -> bool:
+        """Whether it stands in a line, in part at least."""
+        return self.line <= line <= self.last_line
+
+    def holds(self, offset: int) -> bool:
+        """Whether a character of the file stands in it."""
+        return self.node.start <= offset < self.last.end
 
 
-class WrittenValue(Struct, frozen=True):
-    """An attribute's value or an element's text."""
+class WrittenValue(Written, frozen=True):
+    """An attribute's value or an element's text. `node` is the element that has it."""
 
     text: str
     """As it is read: without entities, CDATA and the blanks around it."""
-    span: Span
-    """What stands in the file for it."""
-    reason: str = ""
-    """Why a form cannot change it ("a comment stands in it"); empty: it can."""
     parameter: str = ""
-    """Of what comes from a template: the parameter of the `<use>` at `span` whose value it is, whole and as it stands;
+    """Of what comes from a template: the parameter of the `<use>` whose value it is, whole and as it stands;
     `SetUseParameter` changes it. Empty: it is none."""
 
 
-class WrittenCall(Struct, frozen=True):
+class WrittenCall(Written, frozen=True):
     """An action with its parameters; one wording of `<Variants>`."""
 
     type: str
-    span: Span
     parameters: dict[str, WrittenValue]
     """In file order, without actionID, waitForActions and onFailure."""
 
 
-class WrittenAction(Struct, frozen=True):
+class WrittenAction(Written, frozen=True):
     id: str
     """Empty: it has none, which is an error."""
     calls: tuple[WrittenCall, ...]
@@ -49,105 +74,82 @@ class WrittenAction(Struct, frozen=True):
     wait_for: tuple[str, ...]
     continues: bool
     """Whether its successors start although it has failed."""
-    span: Span
-    """Of the whole element."""
-    line: int
     is_variants: bool = False
-    reason: str = ""
-    """Why a form cannot change it; empty: it can."""
 
 
-class WrittenAct(Struct, frozen=True):
+class WrittenAct(Written, frozen=True):
     name: str
     actions: tuple[WrittenAction, ...]
-    file: str
-    span: Span
-    line: int
-    reason: str = ""
-    """Why a form cannot change it ("it comes from the template `Instruction`, used here"); empty: it can."""
     template: str = ""
-    """The template that it comes from. `span` and `line` are then those of the `<use>`."""
+    """The template that it comes from."""
     name_parameter: str = ""
     """With `template`: the parameter of the `<use>` that its name is, alone; empty: none is."""
 
 
-class WrittenStatement(Struct, frozen=True):
+class WrittenStatement(Written, frozen=True):
     """A function, an `if` with its branches, a `oneOf` with its choices, or a `<use>`.
 
     One without `call`, `branches`, `choices` and `template` is no statement that is known; its reason says so.
     """
 
-    span: Span
-    line: int
     call: CallForm | None = None
     branches: tuple[WrittenBranch, ...] = ()
     """Of an `if`, wherever its `else` stands."""
     choices: tuple[WrittenStatement, ...] = ()
     """Of a `oneOf`."""
-    reason: str = ""
-    """Why a form cannot change it; empty: it can."""
     template: str = ""
     """Of a `<use>`: its template."""
     brings: tuple[WrittenStatement, ...] = ()
     """Of a `<use>`: what comes of it. No address leads to these."""
+    behind: Element | None = None
+    """The last `else` or `elseif` of an `if` that stands behind it."""
+
+    @property
+    def last(self) -> Element:
+        return self.behind if self.behind is not None else self.node
 
 
-class WrittenBranch(Struct, frozen=True):
+class WrittenBranch(Written, frozen=True):
+    """`node` is the `if`, `elseif` or `else` that it begins with."""
+
     condition: str | None
     """None: `else`."""
     statements: tuple[WrittenStatement, ...]
-    span: Span
-    """Of the `if`, `elseif` or `else` that it begins with."""
-    line: int
-    reason: str = ""
 
 
-class WrittenTransition(Struct, frozen=True):
+class WrittenTransition(Written, frozen=True):
     form: TransitionForm
     statements: tuple[WrittenStatement, ...]
-    span: Span
-    line: int
     shared_by: tuple[str, ...] = ()
     """Of a way that stands in `<transitions in="A | B">`: those states."""
-    reason: str = ""
 
 
-class WrittenState(Struct, frozen=True):
+class WrittenState(Written, frozen=True):
     id: str
     on_entry: tuple[WrittenStatement, ...]
     on_exit: tuple[WrittenStatement, ...]
     transitions: tuple[WrittenTransition, ...]
     """Its own, then those that it shares, as the engine tries them."""
-    span: Span
-    line: int
-    reason: str = ""
     template: str = ""
 
 
-class WrittenRule(Struct, frozen=True):
+class WrittenRule(Written, frozen=True):
     name: str
     initial: str
     priority: str | None
     states: tuple[WrittenState, ...]
-    file: str
-    span: Span
-    line: int
-    reason: str = ""
     template: str = ""
     name_parameter: str = ""
     """As an act's."""
 
 
-class WrittenUse(Struct, frozen=True):
+class WrittenUse(Written, frozen=True):
     """A `<use template="...">` outside of templates."""
 
     template: str
     values: dict[str, WrittenValue]
     parameters: dict[str, str | None]
     """The template's, each with its default; None: it must be given. Empty for a template that there is not."""
-    file: str
-    span: Span
-    line: int
 
 
 class Outline(Struct, frozen=True):

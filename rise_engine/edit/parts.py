@@ -8,30 +8,18 @@ from collections.abc import Callable, Mapping
 
 from msgspec import Struct
 
-from rise_engine.edit.documents import Node
 from rise_engine.edit.edits import AddAct, AddRule, CopyAct, CopyRule, Edit, RemoveAct, RemoveRule
-from rise_engine.edit.finding import act_of, check_changeable, check_name, document_of, node_of, rule_of, still_named
+from rise_engine.edit.finding import act_of, check_changeable, check_name, rule_of, still_named, xml_of
 from rise_engine.edit.following import follow_act
-from rise_engine.edit.layout import (
-    DEFAULT_UNIT,
-    WritingGap,
-    begins_line,
-    gap_behind,
-    gap_in,
-    has_own_lines,
-    indent_unit,
-    lead_start,
-    line_end_near,
-    removal,
-)
 from rise_engine.edit.outline import WrittenAct, WrittenRule
 from rise_engine.edit.plan import EditRefused, Files, Plan, Splice
-from rise_engine.edit.read_outline import written_files
 from rise_engine.edit.study_state import StudyState
-from rise_engine.edit.writing import NewElement, render, value_splice
 from rise_engine.scenario.acts import WRAPPERS as ACT_WRAPPERS
 from rise_engine.scenario.file_names import DEFAULT_PATHS
 from rise_engine.scenario.rules import WRAPPERS as RULE_WRAPPERS
+from rise_engine.syntax.xml import Element
+from rise_engine.syntax.xml_layout import DEFAULT_UNIT, gap_behind, gap_in, has_own_lines, lead_start, removal, wrap
+from rise_engine.syntax.xml_writing import NewElement, set_value
 
 _NO_FILE_NAME = re.compile(r'[\s/\\:*?"<>|\x00-\x1f.]+')
 
@@ -97,7 +85,7 @@ def _last_file_of_acts(study: StudyState) -> str:
     if study.outline.acts:
         return study.outline.acts[-1].file
     place = place_of("acts", study)
-    names = [name for name in written_files(study.files, place) if name not in study.outline.unreadable]
+    names = [file.source.name for file in study.checked.parts.acts]
     return names[-1] if names else place if place.endswith(".xml") else f"{place}/acts.xml"
 
 
@@ -121,10 +109,8 @@ def _add(kind: _Kind, element: NewElement, after: str, file: str, study: StudySt
         before = _part(kind, after, study)
         if before.file != file:
             raise EditRefused(f"the {kind.word} `{after}` stands in {before.file}, not in {file}")
-        sibling: Node | None = node_of(study, before.file, before.span)
-    else:
-        sibling = None
-    return Plan(tuple(_splices(kind, element, sibling, file, study)), says=(says,))
+        return Plan((*_splices(kind, element, before.node, file, study),), says=(says,))
+    return Plan((*_splices(kind, element, None, file, study),), says=(says,))
 
 
 def _part(kind: _Kind, name: str, study: StudyState) -> WrittenAct | WrittenRule:
@@ -139,39 +125,27 @@ def _check_new_file(kind: _Kind, file: str, study: StudyState) -> None:
         raise EditRefused(f"{kind.word}s in `{file}` would not be read; they stand in {example}")
 
 
-def _splices(kind: _Kind, element: NewElement, sibling: Node | None, file: str, study: StudyState) -> list[Splice]:
+def _splices(kind: _Kind, element: NewElement, sibling: Element | None, file: str, study: StudyState) -> list[Splice]:
     """The splices that put an act or a rule behind another, or at the end of a file."""
-    document = document_of(study, file)
-    root = document.root
+    root = xml_of(study, file).tree.root
     if root.tag in kind.wrappers:
-        last = sibling or next((each for each in root.children[::-1] if each.tag in (kind.tag, "use")), None)
-        last = last or (root.children[-1] if root.children else None)
+        last = sibling
+        if last is None and root:
+            last = next((each for each in root[::-1] if each.tag in (kind.tag, "use")), root[-1])
         gap = gap_in(root) if last is None else gap_behind(last, blank_line=True, alone_apart=True)
-        return [gap.splice(file, render(element, gap))]
+        return [gap.insert(element)]
     if root.tag != kind.tag:
         raise EditRefused(f"{file} holds `<{root.tag}>` and can hold no {kind.word}; choose another file")
-    return _wrapped(kind, root, file, lambda gap: render(element, gap))
-
-
-def _wrapped(kind: _Kind, root: Node, file: str, write: Callable[[WritingGap], bytes]) -> list[Splice]:
-    """A file with one act or rule and no wrapper gets both."""
-    line_end = line_end_near(root) if begins_line(root) else b""
-    gap = WritingGap(root.end, root.end, b"", b"", b"", indent_unit(root.document), line_end, own_line=bool(line_end))
-    opening, closing = f"<{kind.wrapper}>".encode(), f"</{kind.wrapper}>".encode()
-    at = lead_start(root) if line_end else root.start
-    return [
-        Splice(file, at, at, opening + line_end),
-        Splice(file, root.end, root.end, line_end * 2 + write(gap) + line_end + closing),
-    ]
+    return wrap(root, kind.wrapper, element)
 
 
 def new_file(elements: list[NewElement], wrapper: str, files: Files) -> bytes:
     """A new file of acts or rules, with the line ends of the others."""
-    line_end = next((b"\r\n" for name, data in files.items() if name.endswith(".xml") and b"\r\n" in data), b"\n")
-    gap = WritingGap(0, 0, b"", b"", b"", DEFAULT_UNIT, line_end, own_line=True)
+    line_end = next(("\r\n" for name, data in files.items() if name.endswith(".xml") and b"\r\n" in data), "\n")
+    root = NewElement(wrapper, children=tuple(elements))
     if len(elements) == 1 and wrapper == _RULES.wrapper:
-        return render(elements[0], gap) + line_end
-    return render(NewElement(wrapper, children=tuple(elements)), gap) + line_end
+        root = elements[0]
+    return (root.write("", DEFAULT_UNIT, line_end, flat=False) + line_end).encode()
 
 
 # --- copying and removing -----------------------------------------------------------------------------------------
@@ -195,22 +169,19 @@ def _copy(kind: _Kind, old: str, new: str, study: StudyState) -> Plan:
         attribute = part.name_parameter
         if not attribute or _stand_here(kind, part, study) > 1:
             raise EditRefused(f"`{old}` cannot be copied: {part.reason}, and its name is no parameter of its own there")
-    node = node_of(study, part.file, part.span)
-    splice = value_splice(part.file, node, attribute, name)
-    data = node.document.data
-    written = data[node.start : splice.start] + splice.data + data[splice.end : node.end]
+    node, splice = part.node, set_value(part.node, attribute, name)
+    text = node.tree.text
+    written = text[node.start : splice.start] + splice.text + text[splice.end : node.end]
     says = (f"new {kind.word} {name}, a copy of {old}",)
     if node.parent is None:
-        splices = _wrapped(kind, node, part.file, lambda _: written)
-        return Plan(tuple(splices), says=says)
-    gap = gap_behind(node, blank_line=True)
-    return Plan((gap.splice(part.file, written),), says=says)
+        return Plan(tuple(wrap(node, kind.wrapper, written)), says=says)
+    return Plan((gap_behind(node, blank_line=True).put(written),), says=says)
 
 
 def _stand_here(kind: _Kind, part: WrittenAct | WrittenRule, study: StudyState) -> int:
     """How many acts or rules come of the place at which one stands: several, where a template brings them."""
     parts: tuple[WrittenAct | WrittenRule, ...] = study.outline.acts if kind is _ACTS else study.outline.rules
-    return sum(each.file == part.file and each.span == part.span for each in parts)
+    return sum(each.node is part.node for each in parts)
 
 
 def plan_remove_act(edit: RemoveAct, study: StudyState) -> Plan:
@@ -228,19 +199,17 @@ def _remove(kind: _Kind, name: str, study: StudyState) -> Plan:
     if part.template and _stand_here(kind, part, study) > 1:
         check_changeable(f"`{name}`", f"{part.reason}, together with others")
     says = (f"the {kind.word} {name} goes",)
-    node = node_of(study, part.file, part.span)
+    node = part.node
     noticed = still_named(study, "act" if kind is _ACTS else "rule", name, within=name)
     translations = follow_act(study, name, lambda _: None) if kind is _ACTS else ()
     if node.parent is None:
         return Plan(translations, written={part.file: None}, says=says, noticed=noticed)
-    start, end = removal(node)
     comment = (f"the comment above it in {part.file} stays",) if has_own_lines(node) and _has_lead(node) else ()
-    return Plan((Splice(part.file, start, end, b""), *translations), says=says, noticed=(*noticed, *comment))
+    return Plan((removal(node), *translations), says=says, noticed=(*noticed, *comment))
 
 
-def _has_lead(node: Node) -> bool:
-    data = node.document.data
-    return bool(data[lead_start(node) : node.start].strip())
+def _has_lead(node: Element) -> bool:
+    return bool(node.tree.text[lead_start(node) : node.start].strip())
 
 
 PLANNERS: Mapping[type[Edit], Callable[..., Plan]] = {

@@ -1,4 +1,4 @@
-"""What an edit does to files: stretches of bytes that others take the place of, and what it says about itself."""
+"""What an edit does to files: stretches of their texts that others take the place of, and what it says about itself."""
 
 from __future__ import annotations
 
@@ -7,30 +7,20 @@ from typing import TypeAlias
 
 from msgspec import Struct
 
-from rise_engine.errors import RiseError
+from rise_engine.syntax.changes import EditRefused as EditRefused
+from rise_engine.syntax.changes import Splice as Splice
+from rise_engine.syntax.changes import changed_text
 
 Files: TypeAlias = Mapping[str, bytes]
 """A study's files by their names relative to its folder, with slashes. Never changed; unchanged contents are shared."""
-
-
-class EditRefused(RiseError, ValueError):
-    """An edit that cannot be made; the message says why, and what could be done, for a person."""
-
-
-class Splice(Struct, frozen=True):
-    """Bytes `start` to `end` of a file, and what takes their place."""
-
-    file: str
-    start: int
-    end: int
-    data: bytes
+_BYTE_ORDER_MARK = "\ufeff"
 
 
 class Plan(Struct, frozen=True):
     """What an edit does."""
 
     splices: tuple[Splice, ...] = ()
-    """In any order; no two of them overlap."""
+    """In any order; no two of them overlap. The files are UTF-8."""
     written: dict[str, bytes | None] = {}
     """Whole files: new ones, and None for those that go. No splice is in one of them."""
     says: tuple[str, ...] = ()
@@ -45,17 +35,11 @@ def apply_plan(files: Files, plan: Plan) -> Files:
     :raises ValueError: splices overlap, or are outside of their file: a mistake of whoever planned.
     """
     after = dict(files)
-    by_file: dict[str, list[Splice]] = {}
-    for splice in plan.splices:
-        by_file.setdefault(splice.file, []).append(splice)
-    for file, splices in by_file.items():
-        data, pieces, at = files[file], [], 0
-        for splice in sorted(splices, key=lambda each: (each.start, each.end)):
-            if not at <= splice.start <= splice.end <= len(data):
-                raise ValueError(f"{file}: bytes {splice.start} to {splice.end} cannot be replaced")
-            pieces += [data[at : splice.start], splice.data]
-            at = splice.end
-        after[file] = b"".join([*pieces, data[at:]])
+    for file in {splice.file: None for splice in plan.splices}:
+        text = files[file].decode()
+        mark = _BYTE_ORDER_MARK * text.startswith(_BYTE_ORDER_MARK)
+        splices = [splice for splice in plan.splices if splice.file == file]
+        after[file] = (mark + changed_text(text[len(mark) :], splices)).encode()
     for file, content in plan.written.items():
         if content is None:
             after.pop(file, None)

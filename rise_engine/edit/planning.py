@@ -22,6 +22,7 @@ from rise_engine.edit import (
 from rise_engine.edit.edits import Edit
 from rise_engine.edit.plan import EditRefused, Plan
 from rise_engine.edit.study_state import StudyState
+from rise_engine.edit.text_edits import EditedText
 from rise_engine.scenario.study_paths import why_none_written
 
 Planner: TypeAlias = Callable[[Any, StudyState], Plan]
@@ -58,7 +59,8 @@ def plan(edit: Edit, study: StudyState) -> Plan:
     touched: dict[str, object] = {**{each.file: each for each in planned.splices}, **planned.written}
     if problem := why_none_written(study.folder, touched.items()):
         raise EditRefused(problem)
-    splices = tuple(each for each in planned.splices if files[each.file][each.start : each.end] != each.data)
+    texts = {each.file: EditedText(each.file, files[each.file]).text for each in planned.splices}
+    splices = tuple(each for each in planned.splices if texts[each.file][each.start : each.end] != each.text)
     written = {file: content for file, content in planned.written.items() if files.get(file) != content}
     says = planned.says if splices or written else ()  # what changes nothing has nothing to say
     return Plan(splices, written, says, planned.noticed)

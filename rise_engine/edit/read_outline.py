@@ -2,22 +2,17 @@
 
 from __future__ import annotations
 
-import posixpath
 import re
-from collections.abc import Iterator, Mapping
-from functools import lru_cache
-from typing import TypeAlias
+from collections.abc import Iterable, Iterator, Mapping
+from typing import Any
+from weakref import WeakKeyDictionary
 
 from msgspec import Struct
 from msgspec.structs import replace
 
-from rise_engine.edit.content_cache import ContentCache
-from rise_engine.edit.documents import NotXmlError, read_document
 from rise_engine.edit.edits import CallForm, TransitionForm
-from rise_engine.edit.expanded import Shown, Templates, expand, parameters_of
 from rise_engine.edit.outline import (
     Outline,
-    Span,
     WrittenAct,
     WrittenAction,
     WrittenBranch,
@@ -29,13 +24,13 @@ from rise_engine.edit.outline import (
     WrittenUse,
     WrittenValue,
 )
-from rise_engine.edit.plan import Files
 from rise_engine.scenario.acts import COMMON
 from rise_engine.scenario.acts import WRAPPERS as ACT_WRAPPERS
 from rise_engine.scenario.blocks import FUNCTIONS
-from rise_engine.scenario.element_templates import PATTERNS
-from rise_engine.scenario.file_names import DEFAULT_PATHS
+from rise_engine.scenario.loader import WrittenParts
 from rise_engine.scenario.rules import WRAPPERS as RULE_WRAPPERS
+from rise_engine.scenario.xml import XmlFile, call_of, origin_of, text_pieces, written_here
+from rise_engine.syntax.xml import Element
 
 _ID = re.compile(r"[^,;\s]+")
 
@@ -44,216 +39,271 @@ class _FileOutline(Struct, frozen=True):
     acts: tuple[WrittenAct, ...] = ()
     rules: tuple[WrittenRule, ...] = ()
     uses: tuple[WrittenUse, ...] = ()
-    unreadable: str = ""
 
 
-def read_outline(files: Files, paths: Mapping[str, str] | None = None) -> Outline:
+_ACTS: WeakKeyDictionary[XmlFile, _FileOutline] = WeakKeyDictionary()
+_RULES: WeakKeyDictionary[XmlFile, _FileOutline] = WeakKeyDictionary()
+"""What was read before of files that are there still."""
+
+
+def read_outline(parts: WrittenParts) -> Outline:
     """All that is written in a study's acts and rules.
 
-    :param files: the study's files; those of acts, of rules and of `patterns/` are read.
-    :param paths: where acts and rules lie, as `Scenario.paths` says; without it, where they usually do.
-
-    Never raises: a file that is no XML is in `Outline.unreadable`. What has not changed since the last call is not read
-    again.
+    :param parts: what the check of the study has read (`LoadResult.parts`). A file that is no XML is in
+        `Outline.unreadable`. What has not changed since the last call is not read again.
     """
-    paths = {**DEFAULT_PATHS, **(paths or {})}
-    names = {kind: written_files(files, paths[kind]) for kind in ("acts", "rules")}
-    own = tuple(files[name] for kind in names for name in names[kind] if b"<Template" in files[name])
-    patterns = tuple(
-        (posixpath.splitext(posixpath.basename(name))[0], files[name])
-        for name in sorted(files)
-        if posixpath.dirname(name) == PATTERNS and name.endswith(".xml")
-    )
-    templates = _templates(own, patterns)
-    read = [(name, _outline_of(kind == "acts", name, files[name], templates)) for kind in names for name in names[kind]]
+    read = [_ACTS.get(file) or _read_file(file, parts, _ACTS) for file in parts.acts]
+    read += [_RULES.get(file) or _read_file(file, parts, _RULES) for file in parts.rules]
     return Outline(
-        tuple(act for _, found in read for act in found.acts),
-        tuple(rule for _, found in read for rule in found.rules),
-        tuple(use for _, found in read for use in found.uses),
-        {name: found.unreadable for name, found in read if found.unreadable},
+        tuple(act for found in read for act in found.acts),
+        tuple(rule for found in read for rule in found.rules),
+        tuple(use for found in read for use in found.uses),
+        dict(parts.unreadable),
     )
 
 
-def written_files(files: Files, path: str) -> list[str]:
-    """The XML files of a folder in the order of their names, or the one file that is named."""
-    path = posixpath.normpath(path)
-    if path in files:
-        return [path]
-    folder = "" if path == "." else path
-    names = (name for name in files if posixpath.dirname(name) == folder and name.lower().endswith(".xml"))
-    return sorted(name for name in names if not posixpath.basename(name).startswith("."))
-
-
-@lru_cache(maxsize=8)
-def _templates(own: tuple[bytes, ...], patterns: tuple[tuple[str, bytes], ...]) -> Templates:
-    return Templates(own, dict(patterns))
-
-
-_OUTLINES: ContentCache[_FileOutline] = ContentCache()
-
-
-def _outline_of(has_acts: bool, name: str, data: bytes, templates: Templates) -> _FileOutline:
-    key = has_acts, name, data, templates
-    return _OUTLINES.get(key, len(data), lambda: _read_file(has_acts, name, data, templates))
-
-
-def _read_file(has_acts: bool, name: str, data: bytes, templates: Templates) -> _FileOutline:
-    try:
-        document = read_document(data)
-    except NotXmlError as error:
-        return _FileOutline(unreadable=str(error))
-    root = expand(document, templates)
+def _read_file(file: XmlFile, parts: WrittenParts, known: WeakKeyDictionary[XmlFile, _FileOutline]) -> _FileOutline:
+    has_acts = known is _ACTS
     tag, wrappers = ("Dialog", ACT_WRAPPERS) if has_acts else ("InteractionRule", RULE_WRAPPERS)
-    parts = [root] if root.tag == tag else list(root.contents()) if root.tag in wrappers else []
-    parts = [part for part in parts if part.tag == tag]
-    return _FileOutline(
-        tuple(_read_act(part, name) for part in parts) if has_acts else (),
-        () if has_acts else tuple(_read_rule(part, name) for part in parts),
-        tuple(_uses(root, name, templates)),
+    root = file.root
+    found = [each for each in ([root] if root.tag == tag else root if root.tag in wrappers else []) if each.tag == tag]
+    known[file] = read = _FileOutline(
+        tuple(map(_read_act, found)) if has_acts else (),
+        () if has_acts else tuple(map(_RuleOutline(file).read, found)),
+        tuple(_uses(file, parts.templates)),
     )
+    return read
 
 
-def _uses(root: Shown, file: str, templates: Templates) -> Iterator[WrittenUse]:
-    rest = [root]
+def _uses(file: XmlFile, templates: Mapping[str, Mapping[str, str | None]]) -> Iterator[WrittenUse]:
+    rest = [file.tree.root]
     while rest:
-        shown = rest.pop()
-        if shown.tag != "use":
-            rest += shown.children[::-1]
-            continue
-        node, template = shown.node, templates.find(shown.get("template"))
-        values = {
-            name: WrittenValue(node.attributes[name], Span(each.value_start, each.value_end))
-            for name, each in node.written_attributes().items()
-            if name != "template"
-        }
-        parameters = {} if template is None else parameters_of(template)
-        yield WrittenUse(shown.get("template"), values, parameters, file, _span(shown), node.line)
+        element = rest.pop()
+        if element.tag == "use":
+            values = {
+                name: WrittenValue(value, node=element)
+                for name, value in element.attributes.items()
+                if name != "template"
+            }
+            template = _value(element, "template")
+            yield WrittenUse(template, values, dict(templates.get(template, {})), node=element)
+        elif element.tag != "Template":
+            rest += element[::-1]
 
 
-def _span(shown: Shown) -> Span:
-    return Span(shown.node.start, shown.node.end)
+def _value(element: Element, name: str) -> str:
+    """The value of an attribute without blanks around it; empty: it has none."""
+    return element.attributes.get(name, "").strip()
 
 
-def _from_template(shown: Shown) -> str:
-    return f"it comes from the template `{shown.template}`, used here" if shown.call is not None else ""
+def _template(element: Element) -> str:
+    """The template that an element comes from, as the `<use>` in the file names it; empty: it stands in the file."""
+    return "" if call_of(element) is None else _value(written_here(element), "template")
+
+
+def _where(element: Element) -> dict[str, Any]:
+    """What stands for an element in the file, and why a form cannot change it."""
+    template = _template(element)
+    reason = f"it comes from the template `{template}`, used here" if template else ""
+    return {"node": written_here(element), "reason": reason}
+
+
+def _parameter(element: Element, written: str) -> str:
+    """The parameter of the `<use>` in the file that a text of the element is, alone; empty: it is none."""
+    call, pieces = call_of(element), text_pieces(written)
+    if call is None or len(pieces) != 1 or (name := pieces[0].parameter) is None or name not in call.defaults:
+        return ""
+    outer = origin_of(call.use).attributes.get(name)
+    return name if call_of(call.use) is None else "" if outer is None else _parameter(call.use, outer)
 
 
 # --- acts -----------------------------------------------------------------------------------------------------------
 
 
-def _read_act(shown: Shown, file: str) -> WrittenAct:
+def _read_act(element: Element) -> WrittenAct:
     return WrittenAct(
-        shown.get("name"),
-        tuple(_read_action(child) for child in shown.contents()),
-        file,
-        _span(shown),
-        shown.line,
-        _from_template(shown),
-        shown.template,
-        shown.attribute_parameter("name"),
+        _value(element, "name"),
+        tuple(map(_read_action, element)),
+        _template(element),
+        _parameter(element, origin_of(element).attributes.get("name", "")),
+        **_where(element),
     )
 
 
-def _read_action(shown: Shown) -> WrittenAction:
-    common: dict[str, Shown] = {}
-    for child in shown.children:
+def _read_action(element: Element) -> WrittenAction:
+    common: dict[str, str] = {}
+    for child in element:
         if child.tag in COMMON:
-            common.setdefault(child.tag, child)
-    is_variants = shown.tag == "Variants"
-    calls = [child for child in shown.children if child.tag not in COMMON] if is_variants else [shown]
-    texts = {name: child.text.strip() for name, child in common.items()}
+            common.setdefault(child.tag, child.text.strip())
+    is_variants = element.tag == "Variants"
+    calls = [child for child in element if child.tag not in COMMON] if is_variants else [element]
     return WrittenAction(
-        texts.get("actionID", ""),
-        tuple(_read_call(call) for call in calls),
-        tuple(dict.fromkeys(_ID.findall(texts.get("waitForActions", "")))),
-        texts.get("onFailure") == "continue",
-        _span(shown),
-        shown.line,
+        common.get("actionID", ""),
+        tuple(map(_read_call, calls)),
+        tuple(dict.fromkeys(_ID.findall(common.get("waitForActions", "")))),
+        common.get("onFailure") == "continue",
         is_variants,
-        _from_template(shown),
+        **_where(element),
     )
 
 
-def _read_call(shown: Shown) -> WrittenCall:
+def _read_call(element: Element) -> WrittenCall:
     parameters: dict[str, WrittenValue] = {}
-    for child in shown.children:
-        if child.tag in COMMON:
-            continue
+    for child in element:
         if child.tag in parameters:
             reason = parameters[child.tag].reason or "it stands here twice"
             parameters[child.tag] = replace(parameters[child.tag], reason=reason)
-        else:
+        elif child.tag not in COMMON:
             parameters[child.tag] = _read_value(child)
-    return WrittenCall(shown.tag, _span(shown), parameters)
+    return WrittenCall(element.tag, parameters, **_where(element))
 
 
-def _read_value(shown: Shown) -> WrittenValue:
+def _read_value(element: Element) -> WrittenValue:
     """A parameter's text, as the reader of acts takes it."""
-    node = shown.origin
-    is_markup = len(node.children) == 1 and node.children[0].tag == "speak" and node.tag == "message"
+    call, origin, where = call_of(element), origin_of(element), _where(element)
+    is_markup = len(origin) == 1 and origin[0].tag == "speak" and origin.tag == "message"
+    text = element.text.strip()
     if is_markup:
-        text = node.children[0].written().decode()
-        text = text if shown.call is None else shown.call.fill(text)
-    else:
-        text = shown.text.strip()
+        text = origin[0].written if call is None else call.fill(origin[0].written)
     if "\n" in text or "\r" in text:
         text = " ".join(text.split())
-    if shown.call is not None:
-        parameter = "" if node.children else shown.text_parameter()
-        return WrittenValue(text, _span(shown), _from_template(shown), parameter)
-    return WrittenValue(text, Span(*node.text_span()), "" if is_markup else node.text_obstacle())
+    parameter = "" if origin else _parameter(element, origin.text.strip())
+    if call is None and not is_markup:
+        where["reason"] = origin.text_obstacle()
+    return WrittenValue(text, parameter, **where)
 
 
 # --- rules ----------------------------------------------------------------------------------------------------------
 
 
-def _read_rule(shown: Shown, file: str) -> WrittenRule:
-    states: list[WrittenState] = []
-    shared: dict[str, list[WrittenTransition]] = {}
-    for child in shown.contents():
-        if child.tag == "State":
-            states.append(_read_state(child))
-        elif child.tag == "transitions":
-            names = tuple(dict.fromkeys(name.strip() for name in child.get("in").split("|") if name.strip()))
-            ways = [_read_transition(each, names) for each in child.contents() if each.tag == "transition"]
-            for name in names:
-                shared.setdefault(name, []).extend(ways)
-    for index, state in enumerate(states):
-        if ways := shared.pop(state.id, []):
-            states[index] = replace(state, transitions=(*state.transitions, *ways))
-    priority = shown.attributes.get("priority")
-    return WrittenRule(
-        shown.get("name"),
-        shown.get("initial"),
-        priority,
-        tuple(states),
-        file,
-        _span(shown),
-        shown.line,
-        _from_template(shown),
-        shown.template,
-        shown.attribute_parameter("name"),
-    )
+class _RuleOutline:
+    """Reads the rules of a file."""
+
+    def __init__(self, file: XmlFile) -> None:
+        self.file = file
+
+    def read(self, element: Element) -> WrittenRule:
+        states: list[WrittenState] = []
+        shared: dict[str, list[WrittenTransition]] = {}
+        for child in element:
+            if child.tag == "State":
+                states.append(self.read_state(child))
+            elif child.tag == "transitions":
+                names = tuple(dict.fromkeys(name.strip() for name in _value(child, "in").split("|") if name.strip()))
+                ways = [self.read_transition(each, names) for each in child if each.tag == "transition"]
+                for name in names:
+                    shared.setdefault(name, []).extend(ways)
+        for index, state in enumerate(states):
+            if ways := shared.pop(state.id, []):
+                states[index] = replace(state, transitions=(*state.transitions, *ways))
+        return WrittenRule(
+            _value(element, "name"),
+            _value(element, "initial"),
+            element.get("priority"),
+            tuple(states),
+            _template(element),
+            _parameter(element, origin_of(element).attributes.get("name", "")),
+            **_where(element),
+        )
+
+    def read_state(self, element: Element) -> WrittenState:
+        blocks: dict[str, tuple[WrittenStatement, ...]] = {"onEntry": (), "onExit": ()}
+        ways: list[WrittenTransition] = []
+        for child in element:
+            if child.tag == "transition":
+                ways.append(self.read_transition(child))
+            elif child.tag in blocks:
+                blocks[child.tag] += self.read_statements(child)
+        return WrittenState(
+            _value(element, "id"),
+            blocks["onEntry"],
+            blocks["onExit"],
+            tuple(ways),
+            _template(element),
+            **_where(element),
+        )
+
+    def read_transition(self, element: Element, shared_by: tuple[str, ...] = ()) -> WrittenTransition:
+        form = transition_form(element.attributes)
+        return WrittenTransition(form, self.read_statements(element), shared_by, **_where(element))
+
+    def read_statements(self, element: Element) -> tuple[WrittenStatement, ...]:
+        """What stands in `onEntry`, `onExit` or `transition`."""
+        return tuple(self.read_block(self.inside(element), chain=False))
+
+    def inside(self, element: Element) -> Iterable[Element]:
+        """What an element holds: in the file a `<use>`, and not what it brings."""
+        if call_of(element) is not None:
+            yield from element
+            return
+        rest = iter(element)
+        for child in origin_of(element):
+            if child.tag == "use":
+                for _ in self.file.brought.get(child, ()):
+                    next(rest)
+                yield child
+            elif child.tag != "Template":
+                yield next(rest)
+
+    def read_block(self, inside: Iterable[Element], *, chain: bool) -> _Block:
+        """As `BlockReader.read_statements` reads it: with `chain`, an `else` belongs to the `if` around it."""
+        block, follows_if = _Block(), False
+        for child in self.with_brought_branches(inside):
+            if child.tag in ("else", "elseif"):
+                if chain:
+                    block.later += self.read_branches(child)
+                elif follows_if:
+                    before, here = block[-1], written_here(child)
+                    branches = (*before.branches, *self.read_branches(child))
+                    behind = here if here.end > before.last.end else before.behind
+                    block[-1] = replace(before, branches=branches, behind=behind)
+                else:
+                    reason = f"`<{child.tag}>` has no `<if>` before"
+                    block.append(WrittenStatement(node=written_here(child), reason=reason))
+                follows_if = follows_if and not chain
+                continue
+            follows_if = child.tag == "if"
+            block.append(self.read_statement(child))
+        return block
+
+    def with_brought_branches(self, inside: Iterable[Element]) -> Iterator[Element]:
+        """A `<use>` that brings branches is not a statement, but those."""
+        for child in inside:
+            brought = self.file.brought.get(child) if child.tag == "use" else None
+            if brought and brought[0].tag in ("else", "elseif"):
+                yield from brought
+            else:
+                yield child
+
+    def read_branches(self, element: Element) -> list[WrittenBranch]:
+        block = self.read_block(self.inside(element), chain=element.tag != "else")
+        condition = None if element.tag == "else" else _value(element, "cond")
+        return [WrittenBranch(condition, tuple(block), **_where(element)), *block.later]
+
+    def read_statement(self, element: Element) -> WrittenStatement:
+        where = _where(element)
+        if element.tag == "function":
+            call, problem = read_call(element.attributes)
+            return WrittenStatement(call, node=where["node"], reason=where["reason"] or problem)
+        if element.tag == "if":
+            return WrittenStatement(branches=tuple(self.read_branches(element)), **where)
+        if element.tag == "oneOf":
+            return WrittenStatement(choices=self.read_statements(element), **where)
+        if element.tag == "use":
+            name = _value(element, "template")
+            brings = tuple(self.read_block(self.file.brought.get(element, ()), chain=False))
+            reason = f"the template `{name}` brings it" if brings else f"nothing comes of the template `{name}`"
+            return WrittenStatement(template=name, brings=brings, node=element, reason=reason)
+        return WrittenStatement(node=where["node"], reason=f"`<{element.tag}>` is no statement of a rule")
 
 
-def _read_state(shown: Shown) -> WrittenState:
-    blocks: dict[str, tuple[WrittenStatement, ...]] = {"onEntry": (), "onExit": ()}
-    ways: list[WrittenTransition] = []
-    for child in shown.contents():
-        if child.tag == "transition":
-            ways.append(_read_transition(child))
-        elif child.tag in blocks:
-            blocks[child.tag] += read_statements(child)
-    return WrittenState(
-        shown.get("id"),
-        blocks["onEntry"],
-        blocks["onExit"],
-        tuple(ways),
-        _span(shown),
-        shown.line,
-        _from_template(shown),
-        shown.template,
-    )
+class _Block(list[WrittenStatement]):
+    """Statements in the making; the last may be an `if` that goes on behind itself."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.later: list[WrittenBranch] = []
+        """Branches that belong to the `if` in which these statements stand."""
 
 
 def transition_form(attributes: Mapping[str, str]) -> TransitionForm:
@@ -272,85 +322,6 @@ def transition_form(attributes: Mapping[str, str]) -> TransitionForm:
         condition=text("cond"),
         target=text("target"),
     )
-
-
-def _read_transition(shown: Shown, shared_by: tuple[str, ...] = ()) -> WrittenTransition:
-    form = transition_form(shown.attributes)
-    return WrittenTransition(form, read_statements(shown), _span(shown), shown.line, shared_by, _from_template(shown))
-
-
-# --- statements -----------------------------------------------------------------------------------------------------
-
-_Branches: TypeAlias = list[WrittenBranch]
-
-
-class _Block(list[WrittenStatement]):
-    """Statements in the making; the last may be an `if` that goes on behind itself."""
-
-    later: _Branches
-    """Branches that belong to the `if` in which these statements stand."""
-
-    def __init__(self) -> None:
-        super().__init__()
-        self.later = []
-
-
-def read_statements(shown: Shown) -> tuple[WrittenStatement, ...]:
-    """What stands in `onEntry`, `onExit` or `transition`."""
-    return tuple(_read_block(shown, chain=False))
-
-
-def _read_block(shown: Shown, *, chain: bool) -> _Block:
-    """As `BlockReader.read_statements` reads it: with `chain`, an `else` belongs to the `if` around it."""
-    block, follows_if = _Block(), False
-    children = shown.children if shown.call is None else shown.contents()
-    for child in _without_brought_branches(children):
-        if child.tag in ("else", "elseif"):
-            if chain:
-                block.later += _read_branches(child)
-            elif follows_if:
-                before, branches = block[-1], _read_branches(child)
-                span = Span(before.span.start, max(before.span.end, child.node.end))
-                block[-1] = replace(before, branches=(*before.branches, *branches), span=span)
-            else:
-                block.append(WrittenStatement(_span(child), child.line, reason=f"`<{child.tag}>` has no `<if>` before"))
-            follows_if = follows_if and not chain
-            continue
-        follows_if = child.tag == "if"
-        block.append(_read_statement(child))
-    return block
-
-
-def _without_brought_branches(children: list[Shown] | Iterator[Shown]) -> Iterator[Shown]:
-    """A `<use>` that brings branches is not a statement, but those."""
-    for child in children:
-        if child.tag == "use" and (inner := list(child.contents())) and inner[0].tag in ("else", "elseif"):
-            yield from inner
-        else:
-            yield child
-
-
-def _read_branches(shown: Shown) -> _Branches:
-    block = _read_block(shown, chain=shown.tag != "else")
-    condition = None if shown.tag == "else" else shown.get("cond")
-    return [WrittenBranch(condition, tuple(block), _span(shown), shown.line, _from_template(shown)), *block.later]
-
-
-def _read_statement(shown: Shown) -> WrittenStatement:
-    span, line, reason = _span(shown), shown.line, _from_template(shown)
-    if shown.tag == "function":
-        call, problem = read_call(shown.attributes)
-        return WrittenStatement(span, line, call=call, reason=reason or problem)
-    if shown.tag == "if":
-        return WrittenStatement(span, line, branches=tuple(_read_branches(shown)), reason=reason)
-    if shown.tag == "oneOf":
-        return WrittenStatement(span, line, choices=tuple(_read_block(shown, chain=False)), reason=reason)
-    if shown.tag == "use":
-        name = shown.get("template")
-        brings = tuple(_read_block(shown, chain=False))
-        problem = f"the template `{name}` brings it" if brings else f"nothing comes of the template `{name}`"
-        return WrittenStatement(span, line, reason=problem, template=name, brings=brings)
-    return WrittenStatement(span, line, reason=f"`<{shown.tag}>` is no statement of a rule")
 
 
 def read_call(attributes: Mapping[str, str]) -> tuple[CallForm | None, str]:

@@ -156,7 +156,7 @@ def _wait_for_others(place: FindingPlace) -> Iterator[Remedy]:
 
 def _remove_parameter(place: FindingPlace) -> Iterator[Remedy]:
     for use in place.study.outline.uses:
-        if use.file == place.file and use.span.start <= place.byte < use.span.end and place.written in use.values:
+        if place.is_in(use) and place.written in use.values:
             edit = SetUseParameter(use.file, use.line, use.template, place.written, None)
             yield Remedy(f"remove {place.written}", edit)
             return
@@ -165,7 +165,7 @@ def _remove_parameter(place: FindingPlace) -> Iterator[Remedy]:
         return
     act, action = found
     for variant, call in enumerate(action.calls):
-        if name in call.parameters and call.span.start <= place.byte < call.span.end:
+        if name in call.parameters and place.is_in(call):
             yield Remedy(f"remove {name}", SetParameter(act.name, action.id, name, None, variant))
 
 
@@ -174,7 +174,7 @@ def _remove_parameter(place: FindingPlace) -> Iterator[Remedy]:
 
 def _begin_rule(place: FindingPlace) -> Iterator[Remedy]:
     rule = place.rule
-    if rule is not None and not rule.initial and rule.states and place.byte == rule.span.start:
+    if rule is not None and not rule.initial and rule.states and place.start == rule.node.start:
         first = rule.states[0].id
         yield Remedy(f"let {rule.name} begin in {first}", SetInitial(rule.name, first), is_likely=True)
 
@@ -212,7 +212,7 @@ def _without(way: Way) -> Remedy:
 def _remove_state(place: FindingPlace) -> Iterator[Remedy]:
     rule = place.rule
     for state in rule.states if rule is not None else ():
-        if rule is not None and state.span.start == place.byte:
+        if rule is not None and state.node.start == place.start:
             yield Remedy(f"remove the state {state.id}", RemoveState(rule.name, state.id))
 
 

@@ -8,6 +8,7 @@ meet another name is refused, and comments that have the old name are listed.
 from __future__ import annotations
 
 import tomllib
+from collections import Counter
 from collections.abc import Callable, Iterator
 from typing import Any
 
@@ -32,6 +33,7 @@ from rise_engine.scenario.source_files import SourceFile
 from rise_engine.scenario.toml_locations import TomlFile
 from rise_engine.scenario.toml_tables import TomlTable
 from rise_engine.scenario.uses import Use, UsedKind, Uses
+from rise_engine.scenario.xml import count_places
 from rise_engine.text import BLANKS, find_unseen, pluralize
 
 _MOST_SHOWN = 5
@@ -114,6 +116,7 @@ def plan_rename(edit: Rename, study: StudyState) -> Plan:
     _check_collisions(names, study)
     places = NamePlaces(study.files)
     found: dict[NamePlace, tuple[str, str]] = {}
+    named: Counter[NamePlace] = Counter()
     problems: list[str] = []
     for kind, name, old, new in names.places():
         for use in names.uses.of(kind, name):
@@ -122,6 +125,7 @@ def plan_rename(edit: Rename, study: StudyState) -> Plan:
                 problems.append(_why_not(use, places))
             else:
                 found[place] = old, new
+                named[place] += 1
     problems = list(dict.fromkeys(problems))
     if problems:
         more = f", and in {len(problems) - _MOST_SHOWN} more" if len(problems) > _MOST_SHOWN else ""
@@ -129,6 +133,7 @@ def plan_rename(edit: Rename, study: StudyState) -> Plan:
             f"{names.what} cannot be renamed from here; change it by hand: " + "; ".join(problems[:_MOST_SHOWN]) + more
         )
     _check_shared(names, found, places)
+    _check_templates(names, named, study)
     splices = [places.splice(place, new) for place, (_, new) in found.items()]
     renaming = Renaming(edit.kind, names.owner, names.old, names.new, names.events())
     splices += data_splices(study.files, renaming)
@@ -294,6 +299,25 @@ def _check_shared(names: _RenamedName, found: dict[NamePlace, tuple[str, str]], 
                     f"{names.what} has its name from a template ({template.file}, line {template.line}), and so has "
                     f"`{name}`; change it there by hand"
                 )
+
+
+def _check_templates(names: _RenamedName, named: Counter[NamePlace], study: StudyState) -> None:
+    """:raises EditRefused: what a `<use>` says there is the name, and something else in its template, too.
+
+    :param named: how often each place is the name.
+    """
+    for file in (*study.checked.parts.acts, *study.checked.parts.rules):
+        for place in named if file.brought else ():
+            if place.file != file.source.name:
+                continue
+            use = file.tree.element_at(place.start)
+            parameter = use.attribute_at(place.start)
+            if parameter is None or count_places(file.brought.get(use, ()), parameter.name) <= named[place]:
+                continue
+            raise EditRefused(
+                f"`{names.old}` cannot be renamed from here: in {place.file}, line {use.line}, `{parameter.name}` is "
+                f"something else in the template `{use.attributes['template']}`, too; change it there by hand"
+            )
 
 
 # --- what is told -----------------------------------------------------------------------------------------------------

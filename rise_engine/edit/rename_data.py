@@ -8,10 +8,11 @@ from typing import Any
 from rise_engine.edit.plan import EditRefused, Files, Splice
 from rise_engine.edit.rename_task_files import task_splices
 from rise_engine.edit.renaming import Renaming
-from rise_engine.edit.text_edits import EditedText, edits_between
+from rise_engine.edit.text_edits import EditedText
 from rise_engine.edit.toml_edits import TomlText, rename_key, set_value
 from rise_engine.expression.key_places import keys_in_slots
 from rise_engine.scenario.toml_syntax import KeyPath
+from rise_engine.syntax.changes import edits_between
 
 _STUDY = "study.toml"
 _TEXTS = "texts/"

@@ -8,9 +8,10 @@ from typing import Any
 
 from rise_engine.edit.plan import Splice
 from rise_engine.edit.renaming import Renaming
-from rise_engine.edit.text_edits import EditedText, TextEdit, changed_text
+from rise_engine.edit.text_edits import EditedText
 from rise_engine.expression.key_places import keys_in_assignment
 from rise_engine.json_codec import JsonArray, JsonError, JsonObject, read_json
+from rise_engine.syntax.changes import TextEdit, changed_text
 
 
 def task_splices(file: EditedText, renaming: Renaming) -> tuple[Splice, ...]:

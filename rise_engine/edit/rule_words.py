@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from rise_engine.edit.edits import CallForm, TransitionForm
 from rise_engine.edit.outline import WrittenBranch, WrittenStatement
-from rise_engine.edit.writing import one_line
 from rise_engine.scenario.model import FunctionName, normal_topic
+from rise_engine.syntax.xml_writing import one_line
 
 FUNCTION_WORDS: dict[FunctionName, str] = {
     "startCommunicationRobotAct": "start the act",

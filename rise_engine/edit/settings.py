@@ -11,11 +11,12 @@ from rise_engine.edit.memory import value_text
 from rise_engine.edit.plan import EditRefused, Plan
 from rise_engine.edit.rename_task_files import pressed_key_splices
 from rise_engine.edit.study_state import StudyState
-from rise_engine.edit.text_edits import EditedText, edits_between
+from rise_engine.edit.text_edits import EditedText
 from rise_engine.edit.toml_edits import TomlText, remove_value, rename_key, set_value
 from rise_engine.scenario.file_names import SCENARIO_FILE
 from rise_engine.scenario.study_paths import why_no_name
 from rise_engine.scenario.toml_syntax import KeyPath
+from rise_engine.syntax.changes import edits_between
 
 
 def plan_set_setting(edit: SetSetting, study: StudyState) -> Plan:

@@ -2,19 +2,19 @@
 
 from __future__ import annotations
 
-from rise_engine.edit.documents import Node
 from rise_engine.edit.edits import StatementAddress
-from rise_engine.edit.finding import check_changeable, node_of, state_of
+from rise_engine.edit.finding import check_changeable, state_of
 from rise_engine.edit.outline import WrittenRule, WrittenState, WrittenStatement
 from rise_engine.edit.plan import EditRefused
 from rise_engine.edit.study_state import StudyState
+from rise_engine.syntax.xml import Element
 
 
 class StatementList:
     """Statements that stand with each other."""
 
     def __init__(
-        self, rule: WrittenRule, where: str, statements: tuple[WrittenStatement, ...], holder: Node | None
+        self, rule: WrittenRule, where: str, statements: tuple[WrittenStatement, ...], holder: Element | None
     ) -> None:
         self.file = rule.file
         self.where = where
@@ -24,20 +24,8 @@ class StatementList:
         """The element that they stand in; None: the state has no such element yet."""
         self.tag = ""
         """What the element is to be, when it is not there."""
-        self.state_node: Node
+        self.state_node: Element
         """Of a block of a state: the state."""
-
-    def last_node(self, statement: WrittenStatement) -> Node:
-        """The last element of a statement: an `if` goes on with what belongs to it behind it."""
-        parent = self._parent(statement)
-        return next(child for child in parent.children[::-1] if child.end == statement.span.end)
-
-    def _parent(self, statement: WrittenStatement) -> Node:
-        assert self.holder is not None, "what holds statements is there"
-        document = self.holder.document
-        parent = document.node_at(statement.span.start).parent
-        assert parent is not None, "a statement is not the outermost element"
-        return parent
 
 
 class BranchPlace:
@@ -95,12 +83,10 @@ def _walk(address: StatementAddress, study: StudyState, path: tuple[int, ...]) -
                 raise EditRefused(f"{place.where}: this `if` has no branch number {branch_number}")
             branch = statement.branches[branch_number]
             check_changeable(place.where, branch.reason)
-            node = node_of(study, rule.file, branch.span)
             words = "else" if branch.condition is None else f"if {branch.condition}"
-            place = StatementList(rule, f"{place.where}, {words}", branch.statements, node)
+            place = StatementList(rule, f"{place.where}, {words}", branch.statements, branch.node)
         elif statement.choices or statement.call is None:
-            node = node_of(study, rule.file, statement.span)
-            place = StatementList(rule, f"{place.where}, one of", statement.choices, node)
+            place = StatementList(rule, f"{place.where}, one of", statement.choices, statement.node)
         else:
             raise EditRefused(f"{place.where}: number {number} is a function, and nothing stands in it")
     return place
@@ -114,14 +100,13 @@ def _block(address: StatementAddress, study: StudyState, rule: WrittenRule, stat
         way = state.transitions[address.transition]
         where += f", way {address.transition + 1}"
         check_changeable(where, way.reason, rule.file, way.line)
-        return StatementList(rule, where, way.statements, node_of(study, rule.file, way.span))
+        return StatementList(rule, where, way.statements, way.node)
     check_changeable(where, state.reason, rule.file, state.line)
-    node = node_of(study, rule.file, state.span)
     statements = state.on_entry if address.place == "onEntry" else state.on_exit
-    holders = [child for child in node.children if child.tag == address.place]
+    holders = [child for child in state.node if child.tag == address.place]
     words = "on entry" if address.place == "onEntry" else "on exit"
     if statements and not holders:
         check_changeable(f"{where}, {words}", statements[0].reason)
     place = StatementList(rule, f"{where}, {words}", statements, holders[-1] if holders else None)
-    place.tag, place.state_node = address.place, node
+    place.tag, place.state_node = address.place, state.node
     return place

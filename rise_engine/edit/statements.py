@@ -8,7 +8,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 
-from rise_engine.edit.documents import Node
 from rise_engine.edit.edits import (
     AddBranch,
     AddStatement,
@@ -22,18 +21,25 @@ from rise_engine.edit.edits import (
     SetCall,
     StatementForm,
 )
-from rise_engine.edit.finding import check_changeable, node_of
-from rise_engine.edit.layout import WritingGap, collapse, gap_before, gap_behind, gap_in, removal
-from rise_engine.edit.moving import move_siblings
+from rise_engine.edit.finding import check_changeable
 from rise_engine.edit.outline import WrittenStatement
 from rise_engine.edit.plan import EditRefused, Plan, Splice
 from rise_engine.edit.rule_words import ONE_OF, call_words, statement_words
 from rise_engine.edit.statement_places import BranchPlace, StatementList, branch_at, list_at, statement_at
 from rise_engine.edit.study_state import StudyState
-from rise_engine.edit.tags import set_attributes
-from rise_engine.edit.writing import NewElement, insert, one_line
 from rise_engine.scenario.blocks import FUNCTIONS
 from rise_engine.scenario.model import normal_topic
+from rise_engine.syntax.xml import Element
+from rise_engine.syntax.xml_layout import (
+    WritingGap,
+    collapse,
+    gap_before,
+    gap_behind,
+    gap_in,
+    move_siblings,
+    removal_or_collapse,
+)
+from rise_engine.syntax.xml_writing import NewElement, one_line, set_attributes
 
 _ORDER = (*FUNCTIONS, "state", "enter", "keep")
 _BRANCHES = ("else", "elseif")
@@ -110,32 +116,31 @@ def plan_add_statement(edit: AddStatement, study: StudyState) -> Plan:
     if place.holder is None:
         gap, element = _new_block(place, element)
     else:
-        gap = _gap_at(place, at, study)
-    return Plan((insert(place.file, gap, [element]),), says=says)
+        gap = _gap_at(place, at)
+    return Plan((gap.insert(element),), says=says)
 
 
 def _new_block(place: StatementList, element: NewElement) -> tuple[WritingGap, NewElement]:
     """`<onEntry>` stands first in its state, `<onExit>` behind it."""
     state = place.state_node
     block = NewElement(place.tag, children=(element,))
-    entries = [child for child in state.children if child.tag == "onEntry"]
+    entries = [child for child in state if child.tag == "onEntry"]
     if place.tag == "onExit" and entries:
         return gap_behind(entries[-1]), block
-    return (gap_before(state.children[0]) if state.children else gap_in(state)), block
+    return (gap_before(state[0]) if state else gap_in(state)), block
 
 
-def _gap_at(place: StatementList, at: int, study: StudyState) -> WritingGap:
+def _gap_at(place: StatementList, at: int) -> WritingGap:
     holder = place.holder
     assert holder is not None, "it has been made where it was missing"
     if at < len(place.statements):
-        following = node_of(study, place.file, place.statements[at].span)
-        return gap_before(following)
+        return gap_before(place.statements[at].node)
     if place.statements:
-        return gap_behind(place.last_node(place.statements[-1]))
-    branches = [child for child in holder.children if child.tag in _BRANCHES]
+        return gap_behind(place.statements[-1].last)
+    branches = [child for child in holder if child.tag in _BRANCHES]
     if branches:
         return gap_before(branches[0])
-    return gap_in(holder) if not holder.children else gap_behind(holder.children[-1])
+    return gap_behind(holder[-1]) if holder else gap_in(holder)
 
 
 def plan_set_call(edit: SetCall, study: StudyState) -> Plan:
@@ -144,13 +149,12 @@ def plan_set_call(edit: SetCall, study: StudyState) -> Plan:
     if statement.call is None:
         raise EditRefused(f"{place.where}: no function stands there, but {statement_words(statement)}")
     check_changeable(place.where, statement.reason)
-    node = node_of(study, place.file, statement.span)
     if same_call(statement.call, edit.call):
         return Plan()
-    values, old = call_attributes(edit.call), call_attributes_of(node)
+    values, old = call_attributes(edit.call), call_attributes_of(statement.node)
     changed = {name: value for name, value in values.items() if value != old[name]}
     says = f"{place.where}: {call_words(edit.call)} (was: {call_words(statement.call)})"
-    return Plan(tuple(set_attributes(place.file, node, changed, _ORDER)), says=(says,))
+    return Plan(tuple(set_attributes(statement.node, changed, _ORDER)), says=(says,))
 
 
 def same_call(one: CallForm, other: CallForm) -> bool:
@@ -164,9 +168,9 @@ def _normal_call(call: CallForm) -> tuple[object, ...]:
     return call.function, argument, call.state or None, call.enter, call.keep or None
 
 
-def call_attributes_of(node: Node) -> dict[str, str | None]:
+def call_attributes_of(node: Element) -> dict[str, str | None]:
     """The attributes as `call_attributes` writes them, so that only what is meant otherwise changes."""
-    values: dict[str, str | None] = {name: node.get(name) or None for name in _ORDER}
+    values: dict[str, str | None] = {name: node.attributes.get(name, "").strip() or None for name in _ORDER}
     if values["raiseEventTopic"]:
         values["raiseEventTopic"] = f"/{normal_topic(values['raiseEventTopic'])}"
     if values["enter"] == "yes":
@@ -177,27 +181,22 @@ def call_attributes_of(node: Node) -> dict[str, str | None]:
 def plan_remove_statement(edit: RemoveStatement, study: StudyState) -> Plan:
     """A statement with all that is in it; or a branch of an `if`."""
     if branch := branch_at(edit.at, study):
-        return _remove_branch(branch, study)
+        return _remove_branch(branch)
     place, statement = statement_at(edit.at, study)
     if statement.template == "":
         check_changeable(place.where, statement.reason if statement.call is None else "")
     says = (f"{place.where}: {statement_words(statement)} goes",)
-    return Plan(tuple(_removal(place, statement, study)), says=says)
+    return Plan((_removal(statement),), says=says)
 
 
-def _removal(place: StatementList, statement: WrittenStatement, study: StudyState) -> list[Splice]:
-    first, last = node_of(study, place.file, statement.span), place.last_node(statement)
-    parent = first.parent
-    assert parent is not None, "a statement stands in something"
-    is_all = first is parent.children[0] and last is parent.children[-1]
-    if is_all and (emptied := collapse(parent)) is not None:
-        if parent.tag in ("onEntry", "onExit"):
-            state = parent.parent
-            assert state is not None, "they stand in a state"
-            left = collapse(state) if len(state.children) == 1 else None
-            return [Splice(place.file, *left) if left else Splice(place.file, *removal(parent), b"")]
-        return [Splice(place.file, *emptied)]
-    return [Splice(place.file, *removal(first, last), b"")]
+def _removal(statement: WrittenStatement) -> Splice:
+    """A block of a state goes with the last statement in it."""
+    block = statement.node.parent
+    assert block is not None, "a statement stands in something"
+    is_all = statement.node is block[0] and statement.last is block[-1]
+    if is_all and block.tag in ("onEntry", "onExit") and collapse(block) is not None:
+        return removal_or_collapse(block)
+    return removal_or_collapse(statement.node, statement.last)
 
 
 def plan_move_statement(edit: MoveStatement, study: StudyState) -> Plan:
@@ -210,11 +209,9 @@ def plan_move_statement(edit: MoveStatement, study: StudyState) -> Plan:
         return Plan()
     check_changeable(place.where, "" if statement.template or statement.call else statement.reason)
     target = place.statements[to]
-    first, last = node_of(study, place.file, statement.span), place.last_node(statement)
-    to_first, to_last = node_of(study, place.file, target.span), place.last_node(target)
-    if first.parent is not to_first.parent:
+    if statement.node.parent is not target.node.parent:
         raise EditRefused(f"{place.where}: these do not stand in one element; move it by hand")
-    splices = move_siblings(place.file, first, last, to_first, to_last, behind=to > at)
+    splices = move_siblings(statement.node, statement.last, target.node, target.last, behind=to > at)
     return Plan(splices, says=(f"{place.where}: {statement_words(statement)} is number {to + 1} now",))
 
 
@@ -236,17 +233,15 @@ def plan_add_branch(edit: AddBranch, study: StudyState) -> Plan:
     last = len(branches) - 1 if has_else else len(branches)
     at = last if edit.condition is None else min(branch.number, last)
     element = _branch_element(BranchForm(edit.condition))
-    file = branch.place.file
+    last_node = branches[-1].node
     if at < len(branches):
-        gap = gap_before(node_of(study, file, branches[at].span))
+        gap = gap_before(branches[at].node)
+    elif last_node.tag == "if":
+        gap = gap_behind(last_node[-1]) if last_node else gap_in(last_node)
     else:
-        node = node_of(study, file, branches[-1].span)
-        if node.tag == "if":
-            gap = gap_behind(node.children[-1]) if node.children else gap_in(node)
-        else:
-            gap = gap_behind(node)
+        gap = gap_behind(last_node)
     words = "else" if edit.condition is None else f"if {edit.condition.strip()}"
-    return Plan((insert(file, gap, [element]),), says=(f"{branch.place.where}: another branch, {words}",))
+    return Plan((gap.insert(element),), says=(f"{branch.place.where}: another branch, {words}",))
 
 
 def plan_set_condition(edit: SetBranchCondition, study: StudyState) -> Plan:
@@ -261,31 +256,25 @@ def plan_set_condition(edit: SetBranchCondition, study: StudyState) -> Plan:
     condition = edit.condition.strip()
     if condition == written.condition:
         return Plan()
-    node = node_of(study, branch.place.file, written.span)
-    splices = set_attributes(branch.place.file, node, {"cond": condition}, ("cond",))
+    splices = set_attributes(written.node, {"cond": condition}, ("cond",))
     return Plan(tuple(splices), says=(f"{branch.place.where}: if {condition} (was: if {written.condition})",))
 
 
-def _remove_branch(branch: BranchPlace, study: StudyState) -> Plan:
+def _remove_branch(branch: BranchPlace) -> Plan:
     branches = branch.statement.branches
     if not 0 <= branch.number < len(branches):
         raise EditRefused("there is no such branch of this `if`")
-    written, file = branches[branch.number], branch.place.file
+    written = branches[branch.number]
     check_changeable(branch.place.where, written.reason or branch.statement.reason)
     words = "else" if written.condition is None else f"if {written.condition}"
     says = (f"{branch.place.where}: the branch {words} goes",)
     if len(branches) == 1:
-        return Plan(tuple(_removal(branch.place, branch.statement, study)), says=says)
+        return Plan((_removal(branch.statement),), says=says)
     if branch.number == 0:
         raise EditRefused("the first branch holds the others; change its condition, or remove the whole `if`")
-    node = node_of(study, file, written.span)
-    if any(child.tag in _BRANCHES for child in node.children):
+    if any(child.tag in _BRANCHES for child in written.node):
         raise EditRefused("other branches stand in this one; remove them first")
-    parent = node.parent
-    assert parent is not None, "a branch stands in something"
-    if len(parent.children) == 1 and (emptied := collapse(parent)) is not None:
-        return Plan((Splice(file, *emptied),), says=says)
-    return Plan((Splice(file, *removal(node), b""),), says=says)
+    return Plan((removal_or_collapse(written.node),), says=says)
 
 
 PLANNERS: Mapping[type[Edit], Callable[..., Plan]] = {

@@ -2,13 +2,11 @@
 
 from __future__ import annotations
 
-import tomllib
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from contextlib import suppress
 from pathlib import Path
 
 from rise_engine.edit.plan import EditRefused, Files
-from rise_engine.scenario.file_names import DEFAULT_PATHS, SCENARIO_FILE
 from rise_engine.scenario.interrupted_save import contents_of_interrupted_save
 from rise_engine.scenario.source_files import MAX_BYTES
 from rise_engine.scenario.study_paths import RECORDED, SUFFIXES, why_not_read
@@ -50,12 +48,3 @@ def _paths(folder: Path, study: Path) -> Iterator[Path]:
             yield from _paths(path, study)
         elif path.suffix.lower() in SUFFIXES and path.is_file():
             yield path
-
-
-def part_paths(files: Files) -> Mapping[str, str]:
-    """Where acts, rules and the memory lie, as far as scenario.toml can be read."""
-    try:
-        values = tomllib.loads(files.get(SCENARIO_FILE, b"").decode("utf-8-sig"))
-    except ValueError:
-        return {}
-    return {kind: values[kind] for kind in DEFAULT_PATHS if isinstance(values.get(kind), str) and values[kind]}

@@ -13,7 +13,7 @@ from msgspec import Struct
 from rise_engine.edit.edits import AddColumn, AddRow, Edit, RemoveRow, SetCell
 from rise_engine.edit.plan import EditRefused, Files, Plan
 from rise_engine.edit.study_state import StudyState
-from rise_engine.edit.text_edits import EditedText, TextEdit, changed_text
+from rise_engine.edit.text_edits import EditedText
 from rise_engine.nearest_name import did_you_mean
 from rise_engine.scenario.csv_reader import MAX_COLUMNS, CsvReader, TableRecord, find_spans
 from rise_engine.scenario.diagnostics import Diagnostics
@@ -23,6 +23,7 @@ from rise_engine.scenario.table_settings import TableSettings
 from rise_engine.scenario.tables import TABLES_FOLDER
 from rise_engine.scenario.toml_locations import TomlFile, read_toml
 from rise_engine.scenario.toml_tables import TomlTable
+from rise_engine.syntax.changes import TextEdit, changed_text
 from rise_engine.text import pluralize
 
 _LOG_FILE = "study.jsonl"
@@ -33,6 +34,7 @@ class _WrittenTable(Struct):
     """A table as it is written."""
 
     file: EditedText
+    encoding: str
     separator: str
     columns: list[str]
     header: TableRecord
@@ -188,13 +190,20 @@ def _plan(
     table: _WrittenTable, edits: list[TextEdit], rows: list[list[str]], says: str, columns: list[str] | None = None
 ) -> Plan:
     """:raises EditRefused: the file would not read as these columns and rows."""
-    after = _records(table.file.name, changed_text(table.file.text, edits), table.separator)
+    text = changed_text(table.file.text, edits)
+    after = _records(table.file.name, text, table.separator)
     columns = table.columns if columns is None else columns
     width = len(columns)
     wanted = [columns, *(row[:width] for row in rows)]
     if after is None or [row.values[:width] for row in after[1]] != wanted:
         raise EditRefused(f"{table.file.name} is written in a way that cannot be changed here; use a spreadsheet")
-    return Plan(splices=table.file.splices(edits), says=(says,))
+    if table.encoding == "utf-8":
+        return Plan(splices=table.file.splices(edits), says=(says,))
+    try:
+        return Plan(written={table.file.name: text.encode(table.encoding)}, says=(says,))
+    except UnicodeEncodeError as error:
+        character = error.object[error.start]
+        raise EditRefused(f"{table.file.name} is {table.encoding.upper()}, which has no `{character}`") from None
 
 
 def _read(name: str, files: Files) -> _WrittenTable:
@@ -213,7 +222,7 @@ def _read(name: str, files: Files) -> _WrittenTable:
     columns = reader.read_header(header, rows)
     if reader.has_problems() or not all(reader.check_length(row, len(columns)) for row in rows):
         raise EditRefused(f"{file} cannot be read as a table; `rise-engine check` says why")
-    return _WrittenTable(text, reader.separator, columns, header, rows)
+    return _WrittenTable(text, settings.encoding, reader.separator, columns, header, rows)
 
 
 def _settings(file: str, files: Files) -> TableSettings:

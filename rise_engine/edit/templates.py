@@ -4,20 +4,19 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 
-from rise_engine.edit.documents import Node
 from rise_engine.edit.edits import Edit, SetUseParameter
-from rise_engine.edit.finding import document_of, node_of
+from rise_engine.edit.finding import xml_of
 from rise_engine.edit.outline import WrittenUse
-from rise_engine.edit.plan import EditRefused, Plan, Splice
+from rise_engine.edit.plan import EditRefused, Plan
 from rise_engine.edit.study_state import StudyState
-from rise_engine.edit.tags import set_attributes
 from rise_engine.nearest_name import did_you_mean
+from rise_engine.syntax.xml import Element
+from rise_engine.syntax.xml_writing import set_attributes
 
 
 def plan_set_use(edit: SetUseParameter, study: StudyState) -> Plan:
     """A parameter of a `<use>`: changed, added, or left to its default."""
     use = _use_of(edit, study)
-    node = node_of(study, use.file, use.span)
     was = use.values.get(edit.parameter)
     if edit.parameter not in use.parameters and was is None:
         near = did_you_mean(edit.parameter, use.parameters)
@@ -28,13 +27,13 @@ def plan_set_use(edit: SetUseParameter, study: StudyState) -> Plan:
         return Plan()
     before = f" (was “{was.text}”)" if was is not None else ""
     words = "is left to its default" if edit.value is None else f"is “{edit.value}”"
-    says = f"{edit.parameter} of the {use.template} in {use.file}, line {node.line}, {words}{before}"
-    return plan_use_parameter(use.file, node, edit.parameter, edit.value, says)
+    says = f"{edit.parameter} of the {use.template} in {use.file}, line {use.line}, {words}{before}"
+    return plan_use_parameter(use.node, edit.parameter, edit.value, says)
 
 
 def _use_of(edit: SetUseParameter, study: StudyState) -> WrittenUse:
     """The `<use>` at the line, or the nearest of its template in the file."""
-    document_of(study, edit.file)
+    xml_of(study, edit.file)
     uses = [use for use in study.outline.uses if use.file == edit.file and use.template == edit.template]
     if not uses:
         known = [use.template for use in study.outline.uses if use.file == edit.file]
@@ -44,9 +43,9 @@ def _use_of(edit: SetUseParameter, study: StudyState) -> WrittenUse:
     return min(uses, key=lambda use: abs(use.line - edit.line))
 
 
-def plan_use_parameter(file: str, node: Node, parameter: str, value: str | None, says: str) -> Plan:
+def plan_use_parameter(use: Element, parameter: str, value: str | None, says: str) -> Plan:
     """The splices that give a parameter of this `<use>` a value."""
-    splices: list[Splice] = set_attributes(file, node, {parameter: value}, (*node.attributes, parameter))
+    splices = set_attributes(use, {parameter: value}, (*use.attributes, parameter))
     return Plan(tuple(splices), says=(says,)) if splices else Plan()
 
 

@@ -4,18 +4,24 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 
-from rise_engine.edit.documents import Node
 from rise_engine.edit.edits import AddTransition, Edit, MoveTransition, RemoveTransition, SetTransition, TransitionForm
-from rise_engine.edit.finding import check_changeable, node_of, state_of
-from rise_engine.edit.layout import collapse, gap_before, gap_behind, gap_in, removal
-from rise_engine.edit.moving import move_siblings
-from rise_engine.edit.outline import WrittenRule, WrittenState, WrittenTransition
-from rise_engine.edit.plan import EditRefused, Plan, Splice
+from rise_engine.edit.finding import check_changeable, state_of
+from rise_engine.edit.outline import WrittenState, WrittenTransition
+from rise_engine.edit.plan import EditRefused, Plan
 from rise_engine.edit.rule_words import transition_words
 from rise_engine.edit.study_state import StudyState
-from rise_engine.edit.tags import set_attributes
-from rise_engine.edit.writing import NewElement, insert
 from rise_engine.scenario.model import normal_topic
+from rise_engine.syntax.xml import Element
+from rise_engine.syntax.xml_layout import (
+    collapse,
+    gap_before,
+    gap_behind,
+    gap_in,
+    move_siblings,
+    removal,
+    removal_or_collapse,
+)
+from rise_engine.syntax.xml_writing import NewElement, set_attributes
 
 _ORDER = ("eventTopic", "ended", "outcome", "while", "after", "cond", "target")
 
@@ -72,20 +78,17 @@ def _found(edit: SetTransition | RemoveTransition | MoveTransition, study: Study
     index = find_transition(state, edit.index, edit.was)
     way = state.transitions[index]
     check_changeable(f"the way out of {state.id}", way.reason, rule.file, way.line)
-    return _Way(rule, state, index, way, node_of(study, rule.file, way.span))
+    return _Way(state, index, way)
 
 
 class _Way:
     """A way out that an edit is about."""
 
-    def __init__(
-        self, rule: WrittenRule, state: WrittenState, index: int, written: WrittenTransition, node: Node
-    ) -> None:
-        self.file = rule.file
+    def __init__(self, state: WrittenState, index: int, written: WrittenTransition) -> None:
         self.state = state
         self.index = index
         self.written = written
-        self.node = node
+        self.node = written.node
         others = [name for name in written.shared_by if name != state.id]
         self.whose = state.id + (f" (and {', '.join(others)})" if others else "")
 
@@ -96,20 +99,18 @@ def plan_add(edit: AddTransition, study: StudyState) -> Plan:
     check_changeable(f"the state {edit.state}", state.reason, rule.file, state.line)
     values = transition_attributes(edit.transition)
     element = NewElement("transition", {name: value for name, value in values.items() if value is not None})
-    node = node_of(study, rule.file, state.span)
     own = [way for way in state.transitions if not way.shared_by]
     at = len(own) if edit.at is None else min(max(edit.at, 0), len(own))
     if at < len(own):
-        following = node_of(study, rule.file, own[at].span)
-        if at and own[at - 1].span == own[at].span:
+        if at and own[at - 1].node is own[at].node:
             check_changeable("the place between these ways", own[at].reason)
-        gap = gap_before(following)
+        gap = gap_before(own[at].node)
     elif own:
-        gap = gap_behind(node_of(study, rule.file, own[-1].span))
+        gap = gap_behind(own[-1].node)
     else:
-        gap = gap_behind(node.children[-1]) if node.children else gap_in(node)
+        gap = gap_behind(state.node[-1]) if state.node else gap_in(state.node)
     says = f"{edit.state} gets a way: {transition_words(edit.transition)}"
-    return Plan((insert(rule.file, gap, [element]),), says=(says,))
+    return Plan((gap.insert(element),), says=(says,))
 
 
 def plan_set(edit: SetTransition, study: StudyState) -> Plan:
@@ -120,14 +121,14 @@ def plan_set(edit: SetTransition, study: StudyState) -> Plan:
         return Plan()
     old = {name: (value or "").strip() for name, value in transition_attributes_of(way.node).items()}
     changed = {name: value for name, value in values.items() if (value or "").strip() != old[name]}
-    splices = set_attributes(way.file, way.node, changed, _ORDER)
+    splices = set_attributes(way.node, changed, _ORDER)
     says = f"{way.whose}: {transition_words(edit.transition)} (was: {transition_words(now)})"
     return Plan(tuple(splices), says=(says,))
 
 
-def transition_attributes_of(node: Node) -> dict[str, str]:
+def transition_attributes_of(node: Element) -> dict[str, str]:
     """The attributes as `transition_attributes` writes them, so that only what is meant otherwise changes."""
-    values = {name: node.get(name) for name in _ORDER}
+    values = {name: node.attributes.get(name, "").strip() for name in _ORDER}
     if "eventTopic" in node.attributes:
         values["eventTopic"] = f"/{normal_topic(values['eventTopic'])}"
     if values["outcome"]:
@@ -140,12 +141,9 @@ def plan_remove(edit: RemoveTransition, study: StudyState) -> Plan:
     way = _found(edit, study)
     says = (f"{way.whose} loses the way: {transition_words(way.written.form)}",)
     parent = way.node.parent
-    assert parent is not None, "a transition stands in a state"
-    if len(parent.children) == 1 and (emptied := collapse(parent)) is not None:
-        if parent.tag == "transitions":
-            return Plan((Splice(way.file, *removal(parent), b""),), says=says)
-        return Plan((Splice(way.file, *emptied),), says=says)
-    return Plan((Splice(way.file, *removal(way.node), b""),), says=says)
+    if parent is not None and parent.tag == "transitions" and len(parent) == 1 and collapse(parent) is not None:
+        return Plan((removal(parent),), says=says)
+    return Plan((removal_or_collapse(way.node),), says=says)
 
 
 def plan_move(edit: MoveTransition, study: StudyState) -> Plan:
@@ -163,13 +161,13 @@ def plan_move(edit: MoveTransition, study: StudyState) -> Plan:
     for neighbour, is_behind in ((before, False), (behind, True)):
         if neighbour is None:
             continue
-        node = node_of(study, way.file, neighbour.span)
+        node = neighbour.node
         if node.parent is parent and node is not way.node:
-            if before is not None and behind is not None and before.span == behind.span:
+            if before is not None and behind is not None and before.node is behind.node:
                 break
-            splices = move_siblings(way.file, way.node, way.node, node, node, behind=not is_behind)
+            splices = move_siblings(way.node, way.node, node, node, behind=not is_behind)
             says = f"{way.whose}: the way {transition_words(way.written.form)} is number {to + 1} now"
-            return Plan(tuple(splices), says=(says,))
+            return Plan(splices, says=(says,))
     raise EditRefused(
         "a way out keeps its place among those that stand with it: a state's own are tried before those that it shares"
     )

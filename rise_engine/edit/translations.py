@@ -13,7 +13,7 @@ from rise_engine.edit.edits import AddLanguage, Edit, SetSetting, SetTranslation
 from rise_engine.edit.plan import EditRefused, Plan, Splice
 from rise_engine.edit.settings import plan_set_setting
 from rise_engine.edit.study_state import StudyState
-from rise_engine.edit.text_edits import EditedText, TextEdit, changed_text, file_of
+from rise_engine.edit.text_edits import EditedText, file_of
 from rise_engine.nearest_name import did_you_mean
 from rise_engine.scenario.file_names import SCENARIO_FILE, TEXTS_FOLDER
 from rise_engine.scenario.languages import language_problem
@@ -21,6 +21,7 @@ from rise_engine.scenario.spoken_texts import SpokenText
 from rise_engine.scenario.toml_syntax import KeyPath, TomlPair, TomlSection, TomlValue, read_sections
 from rise_engine.scenario.toml_tables import quote_toml_key
 from rise_engine.scenario.translations import language_file
+from rise_engine.syntax.changes import TextEdit, changed_text
 
 _CONTROL = re.compile("[\x00-\x1f\x7f]")
 _SHOWN = 60

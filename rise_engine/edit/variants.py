@@ -4,9 +4,12 @@ from __future__ import annotations
 
 import re
 
-from rise_engine.edit.documents import Node
-from rise_engine.edit.layout import (
-    WritingGap,
+from rise_engine.edit.outline import WrittenAction
+from rise_engine.edit.plan import Plan, Splice
+from rise_engine.scenario.acts import COMMON
+from rise_engine.syntax.changes import changed_text
+from rise_engine.syntax.xml import Element
+from rise_engine.syntax.xml_layout import (
     gap_behind,
     has_own_lines,
     indent_of,
@@ -14,75 +17,73 @@ from rise_engine.edit.layout import (
     is_one_line,
     line_end_near,
     removal,
+    removals,
 )
-from rise_engine.edit.outline import WrittenAction
-from rise_engine.edit.plan import Plan, Splice
-from rise_engine.edit.writing import NewElement, insert, render
-from rise_engine.scenario.acts import COMMON
+from rise_engine.syntax.xml_writing import NewElement
 
-_LINE_BEGIN = re.compile(rb"(?>\r\n?|\n)(?=[^\r\n])")
+_LINE_BEGIN = re.compile(r"(?>\r\n?|\n)(?=[^\r\n])")
 
 
-def plan_add_variant(file: str, node: Node, action: WrittenAction, new: NewElement, says: str) -> Plan:
+def plan_add_variant(action: WrittenAction, new: NewElement, says: str) -> Plan:
     """Another wording, behind the last one."""
+    node = action.node
     if action.is_variants:
-        calls = [child for child in node.children if child.tag not in COMMON]
-        last = calls[-1] if calls else node.children[-1]
-        flat = is_one_line(last) or not calls
-        return Plan((insert(file, gap_behind(last), [new], flat=flat),), says=(says,))
-    common = [child for child in node.children if child.tag in COMMON]
-    own_line, outer = has_own_lines(node), indent_of(node)
-    unit, line_end = indent_unit(node.document), line_end_near(node)
+        last = action.calls[-1].node if action.calls else node[-1]
+        flat = is_one_line(last) or not action.calls
+        return Plan((gap_behind(last).insert(new, flat=flat),), says=(says,))
+    common = [child for child in node if child.tag in COMMON]
+    outer, unit, line_end = indent_of(node), indent_unit(node.tree), line_end_near(node)
     kept = _without(node, common)
-    gap = WritingGap(0, 0, b"", b"", outer + unit, unit, line_end, own_line)
-    added = render(new, gap, flat=not _LINE_BEGIN.search(kept))
+    own_line = has_own_lines(node)
+    added = new.write(outer + unit, unit, line_end, flat=not own_line or not _LINE_BEGIN.search(kept))
+    inside, end = "", ""
     if own_line:
         kept = _LINE_BEGIN.sub(lambda found: found.group() + unit, kept)
-    inside, end = (line_end + outer + unit, line_end + outer) if own_line else (b"", b"")
-    pieces = [b"<Variants>", *(each.written() for each in common), kept, added]
-    return Plan((Splice(file, node.start, node.end, inside.join(pieces) + end + b"</Variants>"),), says=(says,))
+        inside, end = line_end + outer + unit, line_end + outer
+    pieces = ["<Variants>", *(each.written for each in common), kept, added]
+    return _instead(node, inside.join(pieces) + end + "</Variants>", says)
 
 
-def _without(node: Node, gone: list[Node]) -> bytes:
+def _without(element: Element, gone: list[Element]) -> str:
     """An element as it is written, without some of what it holds."""
-    data, at, pieces = node.document.data, node.start, []
-    for child in gone:
-        start, end = removal(child)
-        pieces.append(data[at : max(at, start)])
-        at = max(at, end)
-    return b"".join([*pieces, data[at : node.end]])
+    start = element.start
+    return changed_text(
+        element.written, [Splice("", each.start - start, each.end - start, "") for each in removals(gone)]
+    )
 
 
-def plan_remove_variant(file: str, node: Node, calls: list[Node], variant: int, says: str) -> Plan:
+def _instead(node: Element, written: str, says: str) -> Plan:
+    return Plan((Splice(node.tree.name, node.start, node.end, written),), says=(says,))
+
+
+def plan_remove_variant(action: WrittenAction, variant: int, says: str) -> Plan:
     """A wording goes; the last one that is left is a single action again, unless a comment stands beside it."""
-    gone = calls[variant]
-    if len(calls) > 2:
-        return Plan((Splice(file, *removal(gone), b""),), says=(says,))
-    if node.marks:
+    gone = removal(action.calls[variant].node)
+    if len(action.calls) > 2:
+        return Plan((gone,), says=(says,))
+    if action.node.marks():
         noticed = ("a comment stands in `<Variants>`, which therefore stays, with one wording",)
-        return Plan((Splice(file, *removal(gone), b""),), says=(says,), noticed=noticed)
-    kept = calls[1 - variant]
-    common = [child.written() for child in node.children if child.tag in COMMON]
-    return Plan((Splice(file, node.start, node.end, _single(node, kept, common)),), says=(says,))
+        return Plan((gone,), says=(says,), noticed=noticed)
+    common = [child.written for child in action.node if child.tag in COMMON]
+    return _instead(action.node, _single(action.node, action.calls[1 - variant].node, common), says)
 
 
-def _single(node: Node, kept: Node, common: list[bytes]) -> bytes:
+def _single(node: Element, kept: Element, common: list[str]) -> str:
     """A wording with what `<Variants>` has said of it."""
-    data, outer = node.document.data, indent_of(node)
-    opening = data[kept.start : kept.inner_start]
-    closing = data[kept.end_tag : kept.end]
-    inner = data[kept.inner_start : kept.inner_end]
+    text, outer = node.tree.text, indent_of(node)
+    opening, inner = text[kept.start : kept.inner_start], text[kept.inner_start : kept.inner_end]
+    closing = text[kept.inner_end : kept.end]
     if kept.is_closed:
-        opening, closing, inner = opening[:-2].rstrip() + b">", b"</" + kept.tag.encode() + b">", b""
+        opening, closing = opening[:-2].rstrip() + ">", f"</{kept.tag}>"
     if not has_own_lines(node) or not has_own_lines(kept):
-        return opening + b"".join(common) + inner + closing
-    line_end, unit = line_end_near(node), indent_unit(node.document)
-    further = indent_of(kept)[len(outer) :] if indent_of(kept).startswith(outer) else b""
+        return opening + "".join(common) + inner + closing
+    line_end, unit = line_end_near(node), indent_unit(node.tree)
+    further = indent_of(kept).removeprefix(outer) if indent_of(kept).startswith(outer) else ""
     inside = line_end + outer + unit
     if is_one_line(kept):
-        rest = [child.written() for child in kept.children] if not kept.marks else [inner]
+        rest = [inner] if kept.marks() else [child.written for child in kept]
         return inside.join([opening, *common, *rest]) + line_end + outer + closing
     inner = re.sub(
-        rb"(?>\r\n?|\n)" + re.escape(further), lambda found: found.group()[: len(found.group()) - len(further)], inner
+        r"(?>\r\n?|\n)" + re.escape(further), lambda found: found.group()[: len(found.group()) - len(further)], inner
     )
     return inside.join([opening, *common]) + inner + closing

@@ -17,15 +17,13 @@ from rise_engine.edit.changes import SaveReport as SaveReport
 from rise_engine.edit.changes import diff_of as diff_of
 from rise_engine.edit.drafts import Draft, DraftFile, EditorLock, hashes
 from rise_engine.edit.edits import AnyEdit
-from rise_engine.edit.guard import check_guard
 from rise_engine.edit.history import History, Step, changed_names
 from rise_engine.edit.outline import Outline
 from rise_engine.edit.plan import EditRefused, Files, apply_plan
 from rise_engine.edit.planning import StudyState, plan
-from rise_engine.edit.read_outline import read_outline
 from rise_engine.edit.saving import finish_interrupted, refuse_shipped, write_files
 from rise_engine.edit.study_above import read_study_above
-from rise_engine.edit.study_folder import part_paths, read_study_files
+from rise_engine.edit.study_folder import read_study_files
 from rise_engine.scenario.checker import ScenarioChecker
 from rise_engine.scenario.diagnostics import Diagnostic
 from rise_engine.scenario.loader import LoadResult
@@ -130,7 +128,7 @@ class Workspace:
         checked = self._checker.check(held)
         if self._also_check is not None and (more := self._also_check(self.folder, held)):
             checked = replace(checked, diagnostics=[*checked.diagnostics, *more])
-        return StudyState(files, read_outline(files, part_paths(files)), checked, self.folder, self.above)
+        return StudyState(files, checked, self.folder, self.above)
 
     # --- changing -------------------------------------------------------------------------------------------------
 
@@ -182,7 +180,6 @@ class Workspace:
         for edit in edits:
             planned = plan(edit, state)
             after = self._state_of(apply_plan(state.files, planned))
-            check_guard([edit], state, after)
             says += planned.says
             noticed += planned.noticed
             state = after

@@ -10,16 +10,12 @@ from collections.abc import Callable, Iterable, Iterator
 from xml.sax.saxutils import unescape
 
 from rise_engine.edit.acts import next_id
-from rise_engine.edit.documents import NotXmlError, read_document
 from rise_engine.edit.edits import AnyEdit
 from rise_engine.edit.finding_place import FindingPlace
-from rise_engine.edit.layout import gap_before, gap_in
-from rise_engine.edit.plan import EditRefused, Plan, apply_plan
-from rise_engine.edit.text_edits import TextEdit
-from rise_engine.edit.writing import NewElement, insert, text_splice
-from rise_engine.scenario.diagnostics import Diagnostics
-from rise_engine.scenario.source_files import SourceFile
-from rise_engine.scenario.xml_repair import repair
+from rise_engine.syntax.changes import EditRefused, TextEdit
+from rise_engine.syntax.xml_layout import gap_before, gap_in
+from rise_engine.syntax.xml_repair import RepairedText
+from rise_engine.syntax.xml_writing import NewElement, set_text
 
 _MEANT = re.compile(r"`([^`]+)`[^`]*; did you mean `([^`]+)`")
 _WRITE = re.compile(r"`([^`]+)` (?:has no meaning here|is no operator|is not known); write `([^`]+)`")
@@ -89,8 +85,7 @@ def _escaped_marks(place: FindingPlace) -> Iterator[Written]:
     """`<`, `&` and quotation marks as XML wants them. In the whole file: with one that is left it cannot be read."""
     if place.finding.code not in ("unescaped", "quotes") or not place.is_xml:
         return
-    source = SourceFile(place.file, place.study.files[place.file], place.text)
-    mended = repair(source, Diagnostics()).text
+    mended = RepairedText(place.text).text
     yield f"write the marks in {place.file} as XML wants them", place.rewritten(TextEdit(0, len(place.text), mended))
 
 
@@ -131,18 +126,16 @@ def _own_id(place: FindingPlace) -> Iterator[Written]:
         return
     act, action = found
     number = next_id(act)
+    node, new = action.node, NewElement("actionID", text=number)
+    own = next((each for each in node if each.tag == "actionID"), None)
     try:
-        node = read_document(place.study.files[act.file]).node_at(action.span.start)
-        own = next((each for each in node.children if each.tag == "actionID"), None)
         if own is not None:
-            splice = text_splice(act.file, own, number)
+            splice = set_text(own, number)
         else:
-            gap = gap_before(node.children[0]) if node.children else gap_in(node)
-            splice = insert(act.file, gap, [NewElement("actionID", text=number)])
-    except (NotXmlError, EditRefused):
+            splice = (gap_before(node[0]) if node else gap_in(node)).insert(new)
+    except EditRefused:
         return
-    after = apply_plan(place.study.files, Plan((splice,)))[act.file].decode("utf-8-sig")
-    yield f"give it the actionID {number}", place.rewritten(TextEdit(0, len(place.text), after))
+    yield f"give it the actionID {number}", place.rewritten(TextEdit(*splice[1:]))
 
 
 WRITTEN: tuple[Callable[[FindingPlace], Iterable[Written]], ...] = (

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
 from pathlib import Path
 
 from msgspec import UNSET
@@ -12,9 +11,8 @@ from rise_engine.edit.edits import AddRule, Rename
 from rise_engine.edit.formatting import format_file
 from rise_engine.edit.plan import EditRefused, Files, Plan
 from rise_engine.edit.planning import plan
-from rise_engine.edit.read_outline import read_outline
 from rise_engine.edit.remedies import Remedy, remedies
-from rise_engine.edit.study_folder import part_paths, read_study_files
+from rise_engine.edit.study_folder import read_study_files
 from rise_engine.edit.study_state import StudyState
 from rise_engine.lsp.positions import PositionEncoding, TextPositions
 from rise_engine.scenario.checker import ScenarioChecker
@@ -115,7 +113,7 @@ class ServedStudy:
         """What edits are planned on. Raises EditRefused: the folder cannot be read."""
         if self._state is None or self._state.checked is not self.checked:
             files = self.files
-            self._state = StudyState(files, read_outline(files, part_paths(files)), self.checked, self.folder)
+            self._state = StudyState(files, self.checked, self.folder)
         return self._state
 
     def findings(self, name: str, start: int, end: int) -> list[Diagnostic]:
@@ -166,16 +164,4 @@ def _touches(source: SourceFile, found: Diagnostic, start: int, end: int) -> boo
     return first <= end and start <= last
 
 
-def text_offsets(source: SourceFile, offsets: Iterable[int]) -> dict[int, int]:
-    """Where in a file's text the bytes at these offsets stand. All at once, since each byte is decoded once then."""
-    found: dict[int, int] = {}
-    at = len(source.data) - len(source.data.removeprefix(b"\xef\xbb\xbf"))
-    count = 0
-    for offset in sorted({*offsets}):
-        count += len(source.data[at:offset].decode(errors="replace"))
-        at = max(at, offset)
-        found[offset] = count
-    return found
-
-
-__all__ = ["PositionEncoding", "ServedStudy", "place_of", "study_folder", "text_offsets"]
+__all__ = ["PositionEncoding", "ServedStudy", "place_of", "study_folder"]

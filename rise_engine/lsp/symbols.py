@@ -6,9 +6,9 @@ from collections.abc import Iterable
 
 from lsprotocol import types as lsp
 
-from rise_engine.edit.outline import Span
+from rise_engine.edit.outline import Written
 from rise_engine.edit.plan import EditRefused
-from rise_engine.lsp.served_study import ServedStudy, text_offsets
+from rise_engine.lsp.served_study import ServedStudy
 from rise_engine.lsp.study_server import StudyServer
 from rise_engine.scenario.source_files import SourceFile
 from rise_engine.scenario.uses import UsedKind
@@ -61,13 +61,9 @@ def _spans(study: ServedStudy, name: str) -> dict[tuple[str, str], tuple[int, in
         outline = study.state.outline
     except EditRefused:  # the folder cannot be read
         return {}
-    source = study.source(name)
-    assert source is not None  # its names were read
-
-    spans: dict[tuple[str, str], Span] = {("act", act.name): act.span for act in outline.acts if act.file == name}
+    parts: dict[tuple[str, str], Written] = {("act", act.name): act for act in outline.acts if act.file == name}
     for rule in outline.rules:
         if rule.file == name:
-            spans["rule", rule.name] = rule.span
-            spans.update({("state", f"{rule.name}/{state.id}"): state.span for state in rule.states})
-    offsets = text_offsets(source, (at for span in spans.values() for at in (span.start, span.end)))
-    return {named: (offsets[span.start], offsets[span.end]) for named, span in spans.items()}
+            parts["rule", rule.name] = rule
+            parts.update({("state", f"{rule.name}/{state.id}"): state for state in rule.states})
+    return {named: (part.node.start, part.node.end) for named, part in parts.items()}

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from lsprotocol import types as lsp
 
-from rise_engine.edit.plan import Plan, Splice
-from rise_engine.edit.text_edits import edits_between
-from rise_engine.lsp.served_study import ServedStudy, text_offsets
+from rise_engine.edit.plan import Plan
+from rise_engine.lsp.served_study import ServedStudy
 from rise_engine.lsp.study_server import StudyServer
 from rise_engine.scenario.source_files import SourceFile
+from rise_engine.syntax.changes import edits_between
 
 _BEGINNING = lsp.Range(lsp.Position(0, 0), lsp.Position(0, 0))
 
@@ -17,17 +17,11 @@ def workspace_edit(server: StudyServer, study: ServedStudy, plan: Plan) -> lsp.W
     """What a plan changes; None: it makes or deletes files, and the editor says that it cannot."""
     changes: dict[str, list[lsp.TextEdit]] = {}
     steps: list[lsp.CreateFile | lsp.DeleteFile] = []
-    by_file: dict[str, list[Splice]] = {}
     for splice in plan.splices:
-        by_file.setdefault(splice.file, []).append(splice)
-    for name, splices in by_file.items():
-        source = study.source(name)
+        source = study.source(splice.file)
         assert source is not None  # it was read to plan this
-        offsets = text_offsets(source, (at for each in splices for at in (each.start, each.end)))
-        changes[server.uri(study, name)] = [
-            lsp.TextEdit(server.range_of(source, offsets[each.start], offsets[each.end]), each.data.decode())
-            for each in splices
-        ]
+        edit = lsp.TextEdit(server.range_of(source, splice.start, splice.end), splice.text)
+        changes.setdefault(server.uri(study, splice.file), []).append(edit)
     for name, content in plan.written.items():
         source, uri = study.source(name), server.uri(study, name)
         if content is None:

@@ -20,7 +20,7 @@ from rise_engine.scenario.source_files import SourceFile
 from rise_engine.scenario.spoken import MESSAGE
 from rise_engine.scenario.toml_locations import read_toml
 from rise_engine.scenario.toml_tables import TomlTable, is_integer
-from rise_engine.scenario.xml import is_element_name
+from rise_engine.syntax.xml import is_element_name
 
 DeclarationLayer = Literal["core", "profile", "scenario"]
 

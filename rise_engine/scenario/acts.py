@@ -16,7 +16,8 @@ from rise_engine.scenario.spoken import LANGUAGE, MESSAGE, says_message
 from rise_engine.scenario.ssml import begins_as_ssml, write_element
 from rise_engine.scenario.ssml_checks import find_ssml_problems, languages_in
 from rise_engine.scenario.template import Template, TemplateError, key_template, parse_template
-from rise_engine.scenario.xml import Element, XmlFile
+from rise_engine.scenario.xml import XmlFile
+from rise_engine.syntax.xml import Element
 from rise_engine.text import BLANKS, character_name, find_unseen, pluralize
 
 WRAPPERS = ("Dialogs", "AgentDialogs", "CommunicationRobotActs")

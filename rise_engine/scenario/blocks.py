@@ -18,7 +18,7 @@ from rise_engine.scenario.expression_checks import (
     note_expression,
 )
 from rise_engine.scenario.model import Block, Branch, Function, FunctionName, If, OneOf, Statement, normal_topic
-from rise_engine.scenario.xml import Element
+from rise_engine.syntax.xml import Element
 
 Code = TypeVar("Code", Expression, Assignment)
 

@@ -10,7 +10,7 @@ from rise_engine.scenario.durations import MAX_SECONDS, UNITS, parse_time, secon
 from rise_engine.scenario.element_reader import ElementReader
 from rise_engine.scenario.expression_checks import expression_message, note_expression
 from rise_engine.scenario.model import Delay, SourceLocation
-from rise_engine.scenario.xml import Element
+from rise_engine.syntax.xml import Element
 
 _COMPUTED = re.compile(r"(\s*\{)(.*)\}\s*(ms|s|min)?\s*\Z", re.DOTALL)
 _NUMBER = re.compile(r"\s*\d+(?:\.\d+)?\s*\Z", re.ASCII)

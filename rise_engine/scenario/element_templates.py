@@ -13,8 +13,6 @@ import re
 from collections.abc import Iterable, Iterator
 from pathlib import Path
 
-from msgspec import Struct
-
 from rise_engine.nearest_name import did_you_mean, nearest_name
 from rise_engine.scenario.diagnostics import Diagnostics, unknown_code
 from rise_engine.scenario.draft import ScenarioDraft
@@ -22,14 +20,14 @@ from rise_engine.scenario.element_reader import ElementReader
 from rise_engine.scenario.graph import find_cycles
 from rise_engine.scenario.model import SourceLocation
 from rise_engine.scenario.source_files import FileReader
-from rise_engine.scenario.xml import Element, XmlFile, xml_of
+from rise_engine.scenario.xml import TextPiece, XmlFile, text_pieces, xml_of
+from rise_engine.syntax.xml import Element
 from rise_engine.text import BLANKS
 
 LIBRARY = Path(__file__).with_name("patterns")
 """The patterns that come with the program: one template a file, each file called as its template."""
 PATTERNS = "patterns"
 """The folder of a scenario that is looked into before the library; a session keeps there what it used of it."""
-_MARK = re.compile(r"\$\$\{|\$\{([^{}$]*)(\}?)")
 _NAME = re.compile(r"[^\W\d][\w-]*\Z")
 _TEMPLATE = frozenset({"name"})
 _PARAMETER = frozenset({"name", "default"})
@@ -41,31 +39,6 @@ HOLDERS = _WRAPPERS | frozenset(
     }
 )
 """In what a `<use>` can stand: what holds acts, actions, rules, states, transitions or functions."""
-
-
-class TextPiece(Struct, frozen=True):
-    """A part of an attribute or text in a template."""
-
-    start: int
-    """Where it begins in what is written."""
-    text: str
-    parameter: str | None = None
-    """The parameter that stands there instead, in `${...}`."""
-
-
-def text_pieces(written: str) -> Iterator[TextPiece]:
-    """The literal parts of a text and the parameters between them; `$${` is a literal `${`."""
-    at = 0
-    for mark in _MARK.finditer(written):
-        if mark.start() > at:
-            yield TextPiece(at, written[at : mark.start()])
-        if mark.group().startswith("$$"):
-            yield TextPiece(mark.start(), "${")
-        else:
-            yield TextPiece(mark.start(), mark.group(), mark.group(1).strip())
-        at = mark.end()
-    if at < len(written):
-        yield TextPiece(at, written[at:])
 
 
 class ElementTemplate:
@@ -81,9 +54,9 @@ class ElementTemplate:
         """The templates that its content uses."""
 
     @property
-    def required(self) -> list[str]:
-        """The parameters without default."""
-        return [name for name, element in self.parameters.items() if element.get("default") is None]
+    def defaults(self) -> dict[str, str | None]:
+        """Its parameters; None: it must be given."""
+        return {name: element.get("default") for name, element in self.parameters.items()}
 
 
 class TemplateCollection:
@@ -97,8 +70,8 @@ class TemplateCollection:
         self.templates: dict[str, ElementTemplate] = {}
         self.own: set[str] = set()
         """Those that the files of acts and rules hold."""
-        self.meant: dict[int, ElementTemplate] = {}
-        """By the id of a `<use>` without fault: its template."""
+        self.meant: dict[Element, ElementTemplate] = {}
+        """By a `<use>` without fault: its template."""
         self.circular: set[str] = set()
         """Templates that use each other; nothing can come of them."""
         self._library: dict[str, Path] | None = None
@@ -129,7 +102,7 @@ class TemplateCollection:
         """Check the uses in an element, and of a template its content; gives the names of what is used."""
         names = self.memo.get(("names", file, what), lambda: frozenset(_names_used(element)))
 
-        def make(diagnostics: Diagnostics) -> tuple[set[str], dict[int, ElementTemplate]]:
+        def make(diagnostics: Diagnostics) -> tuple[set[str], dict[Element, ElementTemplate]]:
             reader = _TemplateReader(file, self, diagnostics)
             if template is not None:
                 reader.check_content(template)
@@ -203,7 +176,7 @@ class _TemplateReader(ElementReader):
         self.collection = collection
         self.used: set[str] = set()
         """The names of templates that were met."""
-        self.meant: dict[int, ElementTemplate] = {}
+        self.meant: dict[Element, ElementTemplate] = {}
         """As in the collection."""
 
     def read_templates(self) -> None:
@@ -324,8 +297,8 @@ class _TemplateReader(ElementReader):
             self.report_value(code, element, "template", f"there is no template `{name}`{near}")
 
     def check_arguments(self, element: Element, template: ElementTemplate) -> None:
-        required = set(template.required)
-        missing = [name for name in template.required if name not in element.attributes]
+        required = {name for name, default in template.defaults.items() if default is None}
+        missing = [name for name in template.parameters if name in required and name not in element.attributes]
         for name in element.attributes:
             if name != "template" and name not in template.parameters:
                 near = did_you_mean(name, template.parameters)
@@ -339,7 +312,7 @@ class _TemplateReader(ElementReader):
             message = f"the template `{template.name}` ({where.file}, line {where.line}) needs {names}"
             self.report_error("missing-parameter", element, message)
         if required <= element.attributes.keys():
-            self.meant[id(element)] = template
+            self.meant[element] = template
 
 
 def _elements(elements: Iterable[Element]) -> Iterator[Element]:

@@ -1,23 +1,14 @@
-"""Puts the elements of templates where `<use>` stands, before anything is read as acts and rules: there is one reader.
-
-An element that comes from a template knows which, and by which `<use>`. So a finding about it has its place in the
-`<use>`, exactly in the value that is wrong where it came from there, and names the line of the template beside.
-"""
+"""Puts the elements of templates where `<use>` stands, before anything is read as acts and rules."""
 
 from __future__ import annotations
 
-from bisect import bisect_right
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from functools import partial
-from itertools import accumulate
-from typing import NamedTuple
-
-from msgspec.structs import replace
 
 from rise_engine.scenario.diagnostics import Diagnostics
-from rise_engine.scenario.element_templates import ElementTemplate, TemplateCollection, TextPiece, text_pieces
-from rise_engine.scenario.model import SourceLocation, TemplateLocation
-from rise_engine.scenario.xml import Element, XmlFile
+from rise_engine.scenario.element_templates import TemplateCollection
+from rise_engine.scenario.xml import ExpandedElement, TemplateCall, XmlFile
+from rise_engine.syntax.xml import Element
 
 MAX_ELEMENTS = 100_000
 """How many elements may come from templates in one scenario."""
@@ -25,151 +16,6 @@ MAX_CHARACTERS = 10_000_000
 """How many characters of attributes and texts may."""
 MAX_LEVELS = 100
 """How deep elements may lie in each other, in a file with templates."""
-
-
-class TemplateCall(NamedTuple):
-    """One use of a template."""
-
-    template: ElementTemplate
-    use: Element
-    """The `<use>`, which may come from a template itself."""
-
-    def value(self, parameter: str) -> str:
-        """What stands for a parameter."""
-        given = self.use.get(parameter)
-        return given if given is not None else self.template.parameters[parameter].attributes["default"]
-
-
-class ExpandedElement(Element):
-    """An element that comes from a template."""
-
-    __slots__ = ("call", "origin")
-
-    def __init__(self, origin: Element, call: TemplateCall) -> None:
-        attributes = {name: _fill(value, call) for name, value in origin.attributes.items()}
-        super().__init__(origin.tag, attributes, origin.start_offset)
-        self.text = _fill(origin.text, call)
-        self.tail = _fill(origin.tail, call)
-        self.origin = origin
-        self.call = call
-
-    @property
-    def length(self) -> int:
-        """The characters of its attributes, of its text, and of what stands behind it."""
-        return len(self.text) + len(self.tail) + sum(map(len, self.attributes.values()))
-
-
-def _fill(written: str, call: TemplateCall) -> str:
-    if "${" not in written:
-        return written
-    return "".join(_piece_text(piece, call) for piece in text_pieces(written))
-
-
-def _piece_text(piece: TextPiece, call: TemplateCall) -> str:
-    """A parameter that the template does not have stays as it is written: that is a finding already."""
-    if piece.parameter is None or piece.parameter not in call.template.parameters:
-        return piece.text
-    return call.value(piece.parameter)
-
-
-class ExpandedFile(XmlFile):
-    """A file in which every `<use>` has become what it stands for."""
-
-    def __init__(self, file: XmlFile) -> None:
-        self.source = file.source
-        self.has_text = file.has_text
-        self.may_have_templates = self.may_define_templates = True
-        self.root = file.root
-        self._text = file._text
-        self._repaired = file._repaired
-        self.original = file
-        self.replacements: dict[int, list[Element]] = {}
-        """By the id of a `<use>` of the file: what came of it."""
-        self.incomplete: set[int] = set()
-        """The ids of elements in which a `<use>` has come to nothing."""
-        self._asked_last: tuple[str, TemplateCall, list[TextPiece], list[int]] | None = None
-
-    def is_complete(self, element: Element) -> bool:
-        return id(element) not in self.incomplete
-
-    def element_location(self, element: Element) -> SourceLocation:
-        if not isinstance(element, ExpandedElement):
-            return super().element_location(element)
-        inner = element.call.template.file.element_location(element.origin)
-        return self._in_use(element.call, inner)
-
-    def attribute_location(self, element: Element, name: str) -> SourceLocation:
-        if not isinstance(element, ExpandedElement):
-            return super().attribute_location(element, name)
-        inner = element.call.template.file.attribute_location(element.origin, name)
-        return self._in_use(element.call, inner)
-
-    def value_location(self, element: Element, name: str, index: int = 0) -> SourceLocation:
-        if not isinstance(element, ExpandedElement):
-            return super().value_location(element, name, index)
-        origin, file = element.origin, element.call.template.file
-        written = origin.attributes.get(name, "")
-        return self._piece_location(written, index, element.call, lambda at: file.value_location(origin, name, at))
-
-    def text_location(self, element: Element, index: int = 0) -> SourceLocation:
-        if not isinstance(element, ExpandedElement):
-            return super().text_location(element, index)
-        origin, file = element.origin, element.call.template.file
-        return self._piece_location(origin.text, index, element.call, lambda at: file.text_location(origin, at))
-
-    def tail_location(self, element: Element, index: int) -> SourceLocation:
-        if not isinstance(element, ExpandedElement):
-            return super().tail_location(element, index)
-        origin, file = element.origin, element.call.template.file
-        return self._piece_location(origin.tail, index, element.call, lambda at: file.tail_location(origin, at))
-
-    def written(self, element: Element) -> str:
-        """For an element that comes from a template: as it is written there, with the values of the `<use>`."""
-        if not isinstance(element, ExpandedElement):
-            return super().written(element)
-        return _fill(element.call.template.file.written(element.origin), element.call)
-
-    def written_location(self, element: Element, index: int) -> SourceLocation:
-        if not isinstance(element, ExpandedElement):
-            return super().written_location(element, index)
-        origin, file = element.origin, element.call.template.file
-        return self._piece_location(
-            file.written(origin), index, element.call, lambda at: file.written_location(origin, at)
-        )
-
-    def _in_use(self, call: TemplateCall, inner: SourceLocation) -> SourceLocation:
-        """The place of a `<use>`, for something that stands there in its template."""
-        return _with_template(self.element_location(call.use), call, inner)
-
-    def _piece_location(
-        self, written: str, index: int, call: TemplateCall, locate: Callable[[int], SourceLocation]
-    ) -> SourceLocation:
-        """Where a character of a filled text stands: in the value that the `<use>` gives, if it came from there."""
-        pieces, starts = self._pieces_of(written, call)
-        if not pieces:
-            return self._in_use(call, locate(index))
-        which = max(bisect_right(starts, index) - 1, 0)
-        piece, rest = pieces[which], index - starts[which]
-        if piece.parameter is None:
-            return self._in_use(call, locate(piece.start + rest))
-        if piece.parameter in call.use.attributes:
-            outer = self.value_location(call.use, piece.parameter, rest)
-        else:
-            outer = self.element_location(call.use)
-        return _with_template(outer, call, locate(piece.start))
-
-    def _pieces_of(self, written: str, call: TemplateCall) -> tuple[list[TextPiece], list[int]]:
-        """The pieces of a text, and where each begins once it is filled in. About one text many places are asked."""
-        if self._asked_last is None or self._asked_last[0] != written or self._asked_last[1].use is not call.use:
-            pieces = list(text_pieces(written))
-            lengths = (len(_piece_text(piece, call)) for piece in pieces)
-            self._asked_last = written, call, pieces, [0, *accumulate(lengths)][: len(pieces)]
-        return self._asked_last[2:]
-
-
-def _with_template(outer: SourceLocation, call: TemplateCall, inner: SourceLocation) -> SourceLocation:
-    place = TemplateLocation(call.template.name, inner.file, inner.line, inner.column)
-    return replace(outer, template=place)
 
 
 def expand_files(files: Sequence[XmlFile], templates: TemplateCollection) -> list[XmlFile]:
@@ -186,17 +32,29 @@ def expand_files(files: Sequence[XmlFile], templates: TemplateCollection) -> lis
         expanded.append(new)
         elements, characters = elements + expander.elements, characters + expander.characters
         if expander.is_full or elements > MAX_ELEMENTS or characters > MAX_CHARACTERS:
-            whole = Expander(templates, templates.diagnostics)
+            whole = _Expander(templates, templates.diagnostics)
             return [whole.expand(each) for each in files]
     return expanded
 
 
-def _expand(file: XmlFile, templates: TemplateCollection) -> tuple[XmlFile, Expander]:
-    expander = Expander(templates, Diagnostics())
+def _expand(file: XmlFile, templates: TemplateCollection) -> tuple[XmlFile, _Expander]:
+    expander = _Expander(templates, Diagnostics())
     return expander.expand(file), expander
 
 
-class Expander:
+def _holders(root: Element) -> set[Element]:
+    """What holds a `<use>` or a `<Template>`, however deep."""
+    found: set[Element] = set()
+    for element in root.walk():
+        if element.tag in ("use", "Template"):
+            holder = element.parent
+            while holder is not None and holder not in found:
+                found.add(holder)
+                holder = holder.parent
+    return found
+
+
+class _Expander:
     """Expands files, within limits for all of them together."""
 
     def __init__(self, templates: TemplateCollection, diagnostics: Diagnostics) -> None:
@@ -206,8 +64,10 @@ class Expander:
         self.elements = 0
         self.characters = 0
         self.is_full = False
-        self._file: ExpandedFile
+        self._file: XmlFile
         """The one that is being expanded."""
+        self._holders: set[Element] = set()
+        """The elements of that file in which templates are used or stand; all others stay as they are."""
         self._has_failed = False
         """Whether something has come to nothing in the element that is being expanded."""
 
@@ -215,15 +75,14 @@ class Expander:
         """The file with its templates put in; the same one when it has none."""
         if not file.may_have_templates or file.root.tag == "Template":
             return file
-        self._file = ExpandedFile(file)
+        self._holders = _holders(file.root)
+        root = ExpandedElement(file.root, None)
+        self._file = XmlFile(file.source, file.tree, file.repaired, root)
         self._has_failed = False
-        root = Element(file.root.tag, file.root.attributes, file.root.start_offset)
-        root.end_offset, root.text = file.root.end_offset, file.root.text
         self._add_content(root, file.root, None, 1)
         if self.is_full:  # half an act would only be called wrong
             root.clear()
-            self._file.incomplete.add(id(root))
-        self._file.root = root
+            self._file.incomplete.add(root)
         return self._file
 
     def _add_content(self, new: Element, old: Element, call: TemplateCall | None, level: int) -> None:
@@ -234,16 +93,16 @@ class Expander:
             elif child.tag != "Template":
                 self._add_copy(new, child, call, level)
         if self._has_failed:
-            self._file.incomplete.add(id(new))
+            self._file.incomplete.add(new)
 
     def _add_copy(self, new: Element, child: Element, call: TemplateCall | None, level: int) -> None:
-        if call is None:
-            copy = Element(child.tag, child.attributes, child.start_offset)
-            copy.end_offset, copy.text, copy.tail = child.end_offset, child.text, child.tail
-        else:
-            copy = ExpandedElement(child, call)
+        if call is None and child not in self._holders:
+            new.append(child)
+            return
+        copy = ExpandedElement(child, call)
+        if call is not None:
             self.elements += 1
-            self.characters += copy.length
+            self.characters += len(copy.text) + len(copy.tail) + sum(map(len, copy.attributes.values()))
             if not self._check_limits(copy, level):
                 return
         new.append(copy)
@@ -253,12 +112,12 @@ class Expander:
         self._has_failed |= outside
 
     def _add_use(self, new: Element, child: Element, call: TemplateCall | None, level: int) -> None:
-        template = self.meant.get(id(child))
+        template = self.meant.get(child)
         if template is None or template.name in self.circular:
             self._has_failed = True
             return
         use = child if call is None else ExpandedElement(child, call)
-        inner = TemplateCall(template, use)
+        inner = TemplateCall(template.name, template.file, template.defaults, use)
         if not self._check_limits(use, level):
             return
         self._file.has_text |= template.file.has_text
@@ -271,7 +130,7 @@ class Expander:
         for element in new[before:]:
             element.tail = ""  # between what a template holds, text is a finding already
         if call is None:
-            self._file.replacements[id(child)] = new[before:]
+            self._file.brought[child] = new[before:]
 
     def _check_limits(self, element: Element, level: int) -> bool:
         """Whether there may be more; the first time not, a finding."""

@@ -18,7 +18,8 @@ from rise_engine.scenario.model import RobotProfile, SourceLocation, normal_topi
 from rise_engine.scenario.parameters import is_bare_key
 from rise_engine.scenario.source_files import SourceFile
 from rise_engine.scenario.uses import Use, UsedKind
-from rise_engine.scenario.xml import Element, XmlFile
+from rise_engine.scenario.xml import XmlFile
+from rise_engine.syntax.xml import Element
 
 Sources = Mapping[str, SourceFile]
 """By name; templates stand in other files than their `<use>`."""

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Hashable, Iterator, Mapping
+from collections.abc import Callable, Hashable, Iterable, Iterator, Mapping, Sequence
 from functools import partial
 from hashlib import sha256
 from pathlib import Path
@@ -19,7 +19,7 @@ from rise_engine.scenario.acts import read_acts, report_unsent_ssml
 from rise_engine.scenario.cross_references import check_cross_references
 from rise_engine.scenario.diagnostics import Diagnostic, Diagnostics
 from rise_engine.scenario.draft import ScenarioDraft
-from rise_engine.scenario.element_templates import LIBRARY, PATTERNS, TemplateCollection
+from rise_engine.scenario.element_templates import LIBRARY, PATTERNS, ElementTemplate, TemplateCollection
 from rise_engine.scenario.expansion import expand_files
 from rise_engine.scenario.failure_checks import check_failures
 from rise_engine.scenario.file_names import DEFAULT_PATHS, LEXICON_FILE, SCENARIO_FILE, TEXTS_FOLDER
@@ -56,6 +56,17 @@ from rise_engine.scenario.uses import Use, Uses
 from rise_engine.scenario.xml import XmlFile, xml_of
 
 
+class WrittenParts(Struct, frozen=True):
+    """The files of acts and rules, as they are written and with their templates put in."""
+
+    acts: Sequence[XmlFile] = ()
+    rules: Sequence[XmlFile] = ()
+    templates: Mapping[str, Mapping[str, str | None]] = {}
+    """The parameters of each template that is used, with their defaults; None: it must be given."""
+    unreadable: Mapping[str, str] = {}
+    """Files that are no XML as they stand, each with what is wrong first. Some are read on after a repair."""
+
+
 class LoadResult(Struct, frozen=True):
     """What came of reading a scenario. There is one exactly when no finding is an error."""
 
@@ -81,6 +92,7 @@ class LoadResult(Struct, frozen=True):
     """Who names what in the files that could be read."""
     table_texts: tuple[TableText, ...] = ()
     """What the tables say; empty while the study is in one language."""
+    parts: WrittenParts = field(default_factory=WrittenParts)
 
     def __iter__(self) -> Iterator[Any]:
         """`scenario, findings = load(...)` works too."""
@@ -158,6 +170,9 @@ class ScenarioLoader:
         self.named: dict[str, str] = {}
         self.caller = SourceLocation(str(path))
         """Where what the caller asked for, and no file says, is reported."""
+        self.templates: Mapping[str, ElementTemplate] = {}
+        self.unread: list[str] = []
+        """The files of acts and rules that are no XML as they stand."""
 
     def load(
         self,
@@ -204,19 +219,20 @@ class ScenarioLoader:
         ]
         found, silenced = apply_suppressions(suppressions, diagnostics)
         found = with_ends(found, {source.name: source for source in self.files.sources})
-        uses = Uses(self.find_uses(expanded, number, profile))
+        read = LoadResult(
+            None,
+            found,
+            suppressed=silenced,
+            draft=draft,
+            robot=profile,
+            uses=Uses(self.find_uses(expanded, number, profile)),
+            translations=translations.found,
+            texts=translations.all_texts,
+            table_texts=translations.table_texts,
+            parts=self.written_parts(expanded, found),
+        )
         if diagnostics.errors:
-            return LoadResult(
-                None,
-                found,
-                suppressed=silenced,
-                draft=draft,
-                robot=profile,
-                uses=uses,
-                translations=translations.found,
-                texts=translations.all_texts,
-                table_texts=translations.table_texts,
-            )
+            return read
         files = self.files_by_usual_path(paths)
         scenario = Scenario(
             title=settings.title or self.folder.name,
@@ -250,19 +266,7 @@ class ScenarioLoader:
             topics=frozenset(mention.name for mention in draft.awaited_topics),
             hash=_hash(files, profile.name, language),
         )
-        return LoadResult(
-            scenario,
-            found,
-            files,
-            silenced,
-            settings.act_tables,
-            draft,
-            profile,
-            translations.found,
-            translations.all_texts,
-            uses,
-            translations.table_texts,
-        )
+        return replace(read, scenario=scenario, files=files, act_tables=settings.act_tables)
 
     def read_part(self, key: Hashable, read: Callable[[ScenarioDraft, Diagnostics], Value]) -> Value:
         return self.memo.read_part(key, self.draft, self.diagnostics, read)
@@ -362,6 +366,8 @@ class ScenarioLoader:
         for each in paths:
             source = self.files.read(each)
             file = xml_of(source, self.files) if source is not None else None
+            if file is None or file.repaired is not None:
+                self.unread.append(self.files.display_name(each))
             if file is None:
                 self.draft.unreadable_parts.add(kind)
             else:
@@ -371,12 +377,26 @@ class ScenarioLoader:
         """These files with their templates put in."""
         templates = TemplateCollection(self.files, self.draft, self.diagnostics)
         templates.read(file for kind in files for file in files[kind] if file.may_have_templates)
+        self.templates = templates.templates
         rest = iter(expand_files([file for kind in files for file in files[kind]], templates))
         expanded = {kind: [next(rest) for _ in files[kind]] for kind in files}
         for kind, those in expanded.items():
             if not all(file.is_complete(file.root) for file in those):
                 self.draft.unreadable_parts.add(kind)
         return expanded
+
+    def written_parts(self, files: Mapping[str, list[XmlFile]], found: Iterable[Diagnostic]) -> WrittenParts:
+        """What the acts and rules were read from."""
+        unreadable: dict[str, str] = {}
+        for each in found:
+            if each.severity == "error" and each.location.file in self.unread:
+                unreadable.setdefault(each.location.file, f"line {each.location.line}: {each.message}")
+        return WrittenParts(
+            tuple(file for file in files["acts"] if file.source.name not in unreadable),
+            tuple(file for file in files["rules"] if file.source.name not in unreadable),
+            {name: template.defaults for name, template in self.templates.items()},
+            unreadable,
+        )
 
     def check_exists(self, kind: str, path: Path) -> bool:
         """Whether a place is there, in the study's folder. One that was named must be; the usual ones need not."""

@@ -8,8 +8,8 @@ from collections.abc import Iterable, Iterator
 from xml.sax.saxutils import escape
 
 from rise_engine.scenario.blocks import FUNCTIONS
-from rise_engine.scenario.expansion import ExpandedFile
-from rise_engine.scenario.xml import Element, XmlFile
+from rise_engine.scenario.xml import XmlFile
+from rise_engine.syntax.xml import Element
 from rise_engine.text import BLANKS
 
 _IN_VALUES = {'"': "&quot;", "\n": "&#10;", "\t": "&#9;", "\r": "&#13;"}
@@ -37,13 +37,13 @@ def plain_text(file: XmlFile) -> str:
 
     Everything else stays as its author wrote it, comments and line breaks too.
     """
-    if not isinstance(file, ExpandedFile):
+    if not file.is_expanded:
         return "" if file.root.tag == "Template" else file.source.text
     if not len(file.root):
         return ""
-    text, pieces, at = file.original.text, [], 0
-    for element in _written_here(file.original.root):
-        start, end = element.start_offset, file.original.end_of(element)
+    text, pieces, at = file.tree.text, [], 0
+    for element in _templates_and_uses(file.tree.root):
+        start, end = element.start, element.end
         if element.tag == "Template":
             start, end = _with_surroundings(text, start, end)
         pieces.append(text[at:start])
@@ -51,18 +51,18 @@ def plain_text(file: XmlFile) -> str:
         if element.tag == "use":
             line = text[text.rfind("\n", 0, start) + 1 : start]
             indent = line if not line.strip(BLANKS) else ""
-            made = file.replacements[id(element)]
+            made = file.brought[element]
             pieces.append(f"\n{indent}".join(element_text(each, indent) for each in made))
     return "".join((*pieces, text[at:]))
 
 
-def _written_here(parent: Element) -> Iterator[Element]:
+def _templates_and_uses(parent: Element) -> Iterator[Element]:
     """The outermost templates and uses of a file, in its order."""
     for child in parent:
         if child.tag in ("Template", "use"):
             yield child
         else:
-            yield from _written_here(child)
+            yield from _templates_and_uses(child)
 
 
 def _with_surroundings(text: str, start: int, end: int) -> tuple[int, int]:

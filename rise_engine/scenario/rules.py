@@ -27,7 +27,8 @@ from rise_engine.scenario.model import (
     functions_in,
     normal_topic,
 )
-from rise_engine.scenario.xml import Element, XmlFile
+from rise_engine.scenario.xml import XmlFile
+from rise_engine.syntax.xml import Element
 from rise_engine.text import BLANKS
 
 WRAPPERS = ("InteractionRules",)

@@ -7,8 +7,6 @@ from collections.abc import Iterator
 from itertools import islice
 from typing import NamedTuple
 
-from lxml import etree
-
 from rise_engine.nearest_name import did_you_mean
 from rise_engine.scenario.ssml import (
     BEGINNING,
@@ -19,7 +17,6 @@ from rise_engine.scenario.ssml import (
     parse_ssml,
 )
 from rise_engine.scenario.template import Template
-from rise_engine.scenario.xml_syntax_errors import describe_syntax_error
 
 ELEMENTS = (
     *("speak", "p", "s", "token", "w", "break", "emphasis", "prosody", "voice", "lang", "sub", "say-as", "phoneme"),
@@ -89,16 +86,16 @@ def _problem_at(text: str, index: int, message: str, piece: str = "") -> SsmlPro
 
 def _explain(text: str) -> SsmlProblem:
     """Why a text is no SSML, in the words for XML files: libxml2 says more than expat."""
-    parser = etree.XMLParser(resolve_entities=False, no_network=True, load_dtd=False, huge_tree=False)
+    from rise_engine.syntax.xml_errors import describe_syntax_error, parse_error  # lxml is rarely asked
+
     try:
-        etree.fromstring(text.encode(), parser)
-    except etree.XMLSyntaxError as error:
-        _, index, sentence = describe_syntax_error(error, text)
-        message = error.msg or ""
+        error = parse_error(text)
     except ValueError:
         return SsmlProblem(True, "this text holds half a character, which no XML can", BEGINNING)
-    else:
+    if error is None:
         return SsmlProblem(True, "a name in these tags has a character that no XML name can have", BEGINNING)
+    _, index, sentence = describe_syntax_error(error, text)
+    message = error.msg or ""
     if "Extra content" in message:
         sentence = "the message goes on behind its `</speak>`; one `<speak>` holds all of it"
     elif "EntityRef" in message or "Entity" in message:

@@ -1,324 +1,273 @@
-"""XML files, read by a hardened parser, with exact places for every element, attribute and character of a value.
+"""XML files of a scenario: their elements, those of templates among them, and where these stand, as findings say it.
 
-lxml decides whether a file is well-formed, and says what is wrong. The checks walk over a tree of our own, made by
-expat: it tells the offset of every element (lxml only the line, and for a start tag over several lines the wrong one),
-and walking over it costs half as much. Names that only one of the two accepts are refused. What expat would do with a
-DOCTYPE does not matter: there is none.
-
-Whatever a file holds, reading it takes time in proportion to its length: no pattern here goes back over what it has
-passed, and what is asked often of one element is worked out once.
+An element that comes from a template knows which, and by which `<use>`. So a finding about it has its place in the
+`<use>`, exactly in the value that is wrong where it came from there, and names the line of the template beside.
 """
 
 from __future__ import annotations
 
 import re
 from bisect import bisect_right
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from functools import lru_cache, partial
-from xml.parsers import expat
+from itertools import accumulate
+from typing import NamedTuple
 
-from lxml import etree
+from msgspec.structs import replace
 
-from rise_engine.errors import RiseError
 from rise_engine.scenario.diagnostics import Diagnostics
-from rise_engine.scenario.model import SourceLocation
+from rise_engine.scenario.model import SourceLocation, TemplateLocation
 from rise_engine.scenario.source_files import FileReader, SourceFile
-from rise_engine.scenario.xml_repair import RepairedText, repair
-from rise_engine.scenario.xml_syntax_errors import report_syntax_error
-from rise_engine.text import character_name, match_end
+from rise_engine.syntax.xml import Element, XmlSyntaxError, XmlTree
+from rise_engine.syntax.xml_repair import RepairedText
 
-
-class Element(list["Element"]):
-    """An element: a list of its children."""
-
-    __slots__ = ("attributes", "end_offset", "start_offset", "tag", "tail", "text")
-
-    def __init__(self, tag: str, attributes: dict[str, str], at: int) -> None:
-        self.tag = tag
-        self.attributes = attributes
-        """In file order."""
-        self.start_offset = at
-        """Where its start tag begins in the text that was parsed."""
-        self.end_offset = at
-        """Where its end tag begins; of `<empty/>`, the same as `at`."""
-        self.text = ""
-        """What stands before its first child. Comments leave no trace."""
-        self.tail = ""
-        """What stands behind it, before the next element."""
-
-    def get(self, name: str) -> str | None:
-        """The value of an attribute."""
-        return self.attributes.get(name)
-
-
-_TAG = re.compile(
-    r"<!--.*?-->|<\?.*?\?>|<!\[CDATA\[.*?\]\]>|</[^>]*>|<[^!?/>\"'][^>\"']*(?:\"[^\"]*\"[^>\"']*|'[^']*'[^>\"']*)*>",
-    re.DOTALL,
-)
-_MAYBE_TEXT = re.compile(r">[ \t\r\n]*+[^< \t\r\n]")
-_ATTRIBUTE = re.compile(r"(?<=\s)([^\s=/<>\"']++)\s*+=\s*+(?:\"([^\"]*)\"|'([^']*)')")
-_CHARACTER = re.compile(r"&(?:#x[0-9A-Fa-f]+|#[0-9]+|[A-Za-z]+);|\r\n")
-"""What is one character of a value and several of the file."""
-_LINE_END = re.compile(r"\r\n")
-_DOCTYPE = re.compile(r"(?:\s++|<\?(?>.*?\?>)|<!--(?>.*?-->))*+<!DOCTYPE", re.DOTALL)
-_DECLARED = re.compile(r"""\s*+<\?xml[^>]*?\sencoding\s*=\s*["']([^"']*)["']""")
-
-
-class XmlNameError(RiseError, ValueError):
-    """A character that no XML name can have, though lxml accepts it. `offset` is where it stands."""
-
-    def __init__(self, message: str, offset: int) -> None:
-        super().__init__(message)
-        self.offset = offset
+_MARK = re.compile(r"\$\$\{|\$\{([^{}$]*)(\}?)")
 
 
 class XmlFile:
-    """A well-formed file: its elements and where they stand."""
+    """A file that is well-formed, perhaps after repair; or the same with its templates put in."""
 
-    def __init__(self, repaired: RepairedText) -> None:
-        """The text is well-formed. Raises XmlNameError."""
-        text = repaired.text
-        self.source = repaired.source
-        self.has_text = "<![CDATA[" in text or _MAYBE_TEXT.search(text) is not None
+    def __init__(
+        self, source: SourceFile, tree: XmlTree, repaired: RepairedText | None = None, root: Element | None = None
+    ) -> None:
+        """`root`: what the templates have made of the tree's outermost element."""
+        self.source = source
+        self.tree = tree
+        self.repaired = repaired
+        """How the text of the tree came from that of the file; None: it is the same."""
+        self.root = tree.root if root is None else root
+        self.has_text = tree.has_text
         """Whether there may be visible text between tags."""
-        self.root = _element_tree(text, self.has_text)
-        self.may_have_templates = "<use" in text or "<Template" in text
+        self.may_define_templates = "<Template" in tree.text
+        self.may_have_templates = self.may_define_templates or "<use" in tree.text
         """Whether it may have a `<Template>` or a `<use>`."""
-        self.may_define_templates = "<Template" in text
-        self._text = text
-        self._repaired = repaired
+        self.brought: dict[Element, list[Element]] = {}
+        """What came of each `<use>` of the file."""
+        self.incomplete: set[Element] = set()
+        """Elements that do not hold all that they should: a `<use>` in them has come to nothing."""
 
     @property
-    def text(self) -> str:
-        """What was parsed: the file's text, with its common mistakes repaired."""
-        return self._text
-
-    def end_of(self, element: Element) -> int:
-        """The offset in `text` behind an element."""
-        end = match_end(_TAG, self._text, element.start_offset)
-        return end if self._text.endswith("/>", 0, end) else self._text.index(">", element.end_offset) + 1
+    def is_expanded(self) -> bool:
+        """Whether its templates have been put in."""
+        return self.root is not self.tree.root
 
     def is_complete(self, element: Element) -> bool:
-        """Whether the element holds all that it should: not when a `<use>` in it has come to nothing."""
-        return True
+        """Whether the element holds all that it should."""
+        return element not in self.incomplete
 
     def element_location(self, element: Element) -> SourceLocation:
         """Where an element's start tag begins."""
-        return self._location(element.start_offset)
+        return self._place(element, lambda origin: origin.start)
 
     def attribute_location(self, element: Element, name: str) -> SourceLocation:
         """Where an attribute's name stands."""
-        found = _attributes_at(self._text, element.start_offset).get(name)
-        return self._location(found.start(1)) if found else self.element_location(element)
+        return self._place(element, lambda origin: origin.attribute_offset(name))
 
     def value_location(self, element: Element, name: str, index: int = 0) -> SourceLocation:
         """Where the character number `index` (from 0) of an attribute's value stands in the file."""
-        found = _attributes_at(self._text, element.start_offset).get(name)
-        if found is None:
-            return self.element_location(element)
-        span = found.span(2 if found.group(2) is not None else 3)
-        return self._location(_value_offset_map(self._text, *span).offset(index))
+        written = origin_of(element).attributes.get(name, "")
+        return self._place_in(element, written, index, lambda origin, at: origin.value_offset(name, at))
 
     def text_location(self, element: Element, index: int = 0) -> SourceLocation:
         """Where the character number `index` of an element's text (up to its first child) stands in the file."""
-        return self._location(_text_offset_map(self._text, element.start_offset).offset(index))
-
-    def written(self, element: Element) -> str:
-        """An element as it is written, with its tags."""
-        return self._text[element.start_offset : self.end_of(element)]
-
-    def written_location(self, element: Element, index: int) -> SourceLocation:
-        """Where the character number `index` of an element as it is written stands in the file."""
-        return self._location(element.start_offset + index)
+        return self._place_in(element, origin_of(element).text, index, Element.text_offset)
 
     def tail_location(self, element: Element, index: int) -> SourceLocation:
         """Where the character number `index` of what stands behind an element stands in the file."""
-        return self._location(_text_offset_map(self._text, element.end_offset).offset(index))
+        return self._place_in(element, origin_of(element).tail, index, Element.tail_offset)
+
+    def written_location(self, element: Element, index: int) -> SourceLocation:
+        """Where the character number `index` of an element as it is written stands in the file."""
+        return self._place_in(element, origin_of(element).written, index, lambda origin, at: origin.start + at)
+
+    def written(self, element: Element) -> str:
+        """An element as it is written, with its tags, and with the values that a `<use>` gives."""
+        call = call_of(element)
+        return element.written if call is None else call.fill(element.written)
 
     def _location(self, offset: int) -> SourceLocation:
-        return self.source.location(self._repaired.original_offset(offset))
+        return self.source.location(offset if self.repaired is None else self.repaired.original_offset(offset))
+
+    def _place(self, element: Element, offset: Callable[[Element], int]) -> SourceLocation:
+        call = call_of(element)
+        if call is None:
+            return self._location(offset(element))
+        inner = call.file._location(offset(origin_of(element)))
+        return call.name_template(self.element_location(call.use), inner)
+
+    def _place_in(
+        self, element: Element, written: str, index: int, offset: Callable[[Element, int], int]
+    ) -> SourceLocation:
+        """Where a character of a filled text stands: in the value that the `<use>` gives, if it came from there."""
+        call, origin = call_of(element), origin_of(element)
+        if call is None:
+            return self._location(offset(origin, index))
+        pieces, starts = _pieces_in(written, call)
+        which = max(bisect_right(starts, index) - 1, 0)
+        parameter = pieces[which].parameter if pieces else None
+        if parameter is None:
+            at = pieces[which].start + index - starts[which] if pieces else index
+            return self._place(element, lambda origin: offset(origin, at))
+        inner = call.file._location(offset(origin, pieces[which].start))
+        outer = self.element_location(call.use)
+        if parameter in call.use.attributes:
+            outer = self.value_location(call.use, parameter, index - starts[which])
+        return call.name_template(outer, inner)
 
 
-class _OffsetMap:
-    """Which character of a value stands where in the text: stretches in which one follows the other."""
-
-    def __init__(self) -> None:
-        self.length = 0
-        """Of the value."""
-        self.starts: list[int] = []
-        self.offsets: list[int] = []
-        self.end = 0
-
-    def add(self, text: str, start: int, end: int, units: re.Pattern[str]) -> None:
-        """What stands from `start` to `end` goes on with the value."""
-        for unit in units.finditer(text, start, end):
-            self._add_run(start, unit.start())
-            self._add_run(unit.start(), unit.start() + 1)
-            start = unit.end()
-        self._add_run(start, end)
-        self.end = end
-
-    def _add_run(self, start: int, end: int) -> None:
-        if end > start:
-            self.starts.append(self.length)
-            self.offsets.append(start)
-            self.length += end - start
-
-    def offset(self, index: int) -> int:
-        if index >= self.length:
-            return self.end
-        which = bisect_right(self.starts, index) - 1
-        return self.offsets[which] + index - self.starts[which]
+# --- elements of templates ------------------------------------------------------------------------------------------
 
 
-# Of one element many locations may be asked for in a row: each of these remembers what it worked out last.
+class TextPiece(NamedTuple):
+    """A part of an attribute or text in a template."""
+
+    start: int
+    """Where it begins in what is written."""
+    text: str
+    parameter: str | None = None
+    """The parameter that stands there instead, in `${...}`."""
+
+
+@lru_cache(maxsize=1_000)
+def text_pieces(written: str) -> tuple[TextPiece, ...]:
+    """The literal parts of a text and the parameters between them; `$${` is a literal `${`."""
+    return tuple(_read_pieces(written))
+
+
+def _read_pieces(written: str) -> Iterator[TextPiece]:
+    at = 0
+    for mark in _MARK.finditer(written):
+        if mark.start() > at:
+            yield TextPiece(at, written[at : mark.start()])
+        if mark.group().startswith("$$"):
+            yield TextPiece(mark.start(), "${")
+        else:
+            yield TextPiece(mark.start(), mark.group(), mark.group(1).strip())
+        at = mark.end()
+    if at < len(written):
+        yield TextPiece(at, written[at:])
+
+
+class TemplateCall:
+    """One use of a template."""
+
+    def __init__(self, name: str, file: XmlFile, defaults: Mapping[str, str | None], use: Element) -> None:
+        self.name = name
+        """The template's."""
+        self.file = file
+        """In which the template stands."""
+        self.defaults = defaults
+        """The template's parameters; None: the `<use>` gives a value."""
+        self.use = use
+        """The `<use>`, which may come from a template itself."""
+
+    def piece_text(self, piece: TextPiece) -> str:
+        """A parameter that the template does not have stays as it is written: that is a finding already."""
+        if piece.parameter is None or piece.parameter not in self.defaults:
+            return piece.text
+        given = self.use.get(piece.parameter)
+        return given if given is not None else self.defaults[piece.parameter] or ""
+
+    def fill(self, written: str) -> str:
+        """A text of the template with the values of the `<use>`."""
+        return written if "${" not in written else "".join(map(self.piece_text, text_pieces(written)))
+
+    def name_template(self, outer: SourceLocation, inner: SourceLocation) -> SourceLocation:
+        """A place in the `<use>`, for something that stands at a place in the template."""
+        return replace(outer, template=TemplateLocation(self.name, inner.file, inner.line, inner.column))
+
+
+class ExpandedElement(Element):
+    """An element that comes from a template, or in which one is put in."""
+
+    __slots__ = ("call", "origin")
+
+    def __init__(self, origin: Element, call: TemplateCall | None) -> None:
+        """`call`: None for one that stands in the file."""
+        attributes, text, tail = origin.attributes, origin.text, origin.tail
+        if call is not None:
+            attributes = {name: call.fill(value) for name, value in attributes.items()}
+            text, tail = call.fill(text), call.fill(tail)
+        super().__init__(origin.tag, attributes, origin.start, origin.tree, origin.parent)
+        self.close, self.text, self.tail = origin.close, text, tail
+        self.origin = origin
+        self.call = call
+
+
+def call_of(element: Element) -> TemplateCall | None:
+    """The use of a template that an element comes from; None: it stands in its file."""
+    return element.call if isinstance(element, ExpandedElement) else None
+
+
+def origin_of(element: Element) -> Element:
+    """An element as it is written, in its file or in a template."""
+    return element.origin if isinstance(element, ExpandedElement) else element
+
+
+def written_here(element: Element) -> Element:
+    """What stands for an element in the file: itself, or the `<use>` that it comes from."""
+    while (call := call_of(element)) is not None:
+        element = call.use
+    return origin_of(element)
+
+
+def parameters_in(element: Element, written: str) -> Iterator[str]:
+    """The parameters of the `<use>` in the file that a text of an element is made of, each as often as it stands."""
+    call = call_of(element)
+    for piece in text_pieces(written) if call is not None else ():
+        name = piece.parameter
+        if call is None or name is None or name not in call.defaults:
+            continue
+        if call_of(call.use) is None:
+            yield name
+        else:
+            yield from parameters_in(call.use, origin_of(call.use).attributes.get(name, ""))
+
+
+def count_places(brought: Iterable[Element], parameter: str) -> int:
+    """In how many places of what came of a `<use>` a parameter of it stands."""
+    return sum(
+        name == parameter
+        for top in brought
+        for element in top.walk()
+        for origin in (origin_of(element),)
+        for written in (origin.text, origin.tail, *origin.attributes.values())
+        for name in parameters_in(element, written)
+    )
 
 
 @lru_cache(maxsize=1)
-def _attributes_at(text: str, start: int) -> dict[str, re.Match[str]]:
-    """The attributes of the start tag that begins there, by name."""
-    return {found.group(1): found for found in _ATTRIBUTE.finditer(text, start, match_end(_TAG, text, start))}
+def _pieces_in(written: str, call: TemplateCall) -> tuple[Sequence[TextPiece], list[int]]:
+    """The pieces of a text, and where each begins once it is filled in. About one text many places are asked."""
+    pieces = text_pieces(written)
+    lengths = (len(call.piece_text(piece)) for piece in pieces)
+    return pieces, [0, *accumulate(lengths)][: len(pieces)]
 
 
-@lru_cache(maxsize=1)
-def _value_offset_map(text: str, start: int, end: int) -> _OffsetMap:
-    """The value of an attribute."""
-    stretches = _OffsetMap()
-    stretches.add(text, start, end, _CHARACTER)
-    return stretches
-
-
-@lru_cache(maxsize=1)
-def _text_offset_map(text: str, tag: int) -> _OffsetMap:
-    """What stands behind the tag that begins there, up to the next one, comments left out."""
-    stretches = _OffsetMap()
-    at = match_end(_TAG, text, tag)
-    while True:
-        end = text.find("<", at)
-        end = end if end >= 0 else len(text)
-        stretches.add(text, at, end, _CHARACTER)
-        inner = _TAG.match(text, end)
-        if inner is None or not inner.group().startswith(("<!", "<?")):
-            return stretches
-        if inner.group().startswith("<![CDATA["):
-            stretches.add(text, inner.start() + 9, inner.end() - 3, _LINE_END)
-        at = inner.end()
-
-
-def is_element_name(name: str) -> bool:
-    """Whether an element can have this name."""
-    try:
-        _parse(f"<{name}/>")
-        return _element_tree(f"<{name}/>", has_text=False).tag == name
-    except (etree.XMLSyntaxError, XmlNameError, UnicodeEncodeError):
-        return False
+# --- reading --------------------------------------------------------------------------------------------------------
 
 
 def read_xml(source: SourceFile, diagnostics: Diagnostics) -> XmlFile | None:
     """Parse a file. What is wrong with its form becomes findings; with the common mistakes repaired it is read on."""
-    text = source.text
-    if (doctype := _DOCTYPE.match(text)) is not None:
-        diagnostics.error(
-            "doctype", source.location(doctype.end() - 9), "a DOCTYPE is not allowed in scenario files; delete it"
-        )
-        return None
-    declared = _DECLARED.match(text)
-    if declared is not None and declared.group(1).lower() not in ("utf-8", "utf8", "us-ascii"):
-        diagnostics.error(
-            "encoding",
-            source.location(declared.start(1)),
-            f'this file declares the encoding {declared.group(1)}; save it as UTF-8 and declare encoding="UTF-8"',
-        )
-        return None
     try:
-        return _read_well_formed(RepairedText(source, []), diagnostics)
-    except etree.XMLSyntaxError as first:
+        return XmlFile(source, XmlTree(source.text, source.name))
+    except XmlSyntaxError as first:
         error = first
-    before = diagnostics.errors
-    repaired = repair(source, diagnostics)
-    if diagnostics.errors > before:
+    if error.is_final:
+        diagnostics.error(error.code, source.location(error.offset), str(error))
+        return None
+    repaired = RepairedText(source.text)
+    for mistake in repaired.mistakes:
+        diagnostics.error(mistake.code, source.location(mistake.offset), mistake.message)
+    if repaired.mistakes:
         try:
-            return _read_well_formed(repaired, diagnostics)
-        except etree.XMLSyntaxError as second:
+            return XmlFile(source, XmlTree(repaired.text, source.name), repaired)
+        except XmlSyntaxError as second:
             error = second
-    report_syntax_error(error, repaired, diagnostics)
+    diagnostics.error(error.code, source.location(repaired.original_offset(error.offset)), str(error))
     return None
 
 
 def xml_of(source: SourceFile, files: FileReader) -> XmlFile | None:
     """As `read_xml`, unless it was parsed before; findings go where those of `files` go."""
     return files.memo.read(("xml", source), files.diagnostics, partial(read_xml, source))
-
-
-def _read_well_formed(repaired: RepairedText, diagnostics: Diagnostics) -> XmlFile | None:
-    """The file, or None after a finding about a name. Raises etree.XMLSyntaxError for what is not well-formed."""
-    _parse(repaired.text)
-    try:
-        return XmlFile(repaired)
-    except XmlNameError as error:
-        location = repaired.source.location(repaired.original_offset(error.offset))
-        diagnostics.error("not-well-formed", location, str(error))
-        return None
-
-
-def _parse(text: str) -> None:
-    """Raises etree.XMLSyntaxError for a text that is not well-formed."""
-    parser = etree.XMLParser(resolve_entities=False, no_network=True, load_dtd=False, huge_tree=False)
-    etree.fromstring(text.encode(), parser)
-
-
-def _element_tree(text: str, has_text: bool) -> Element:
-    """The tree of a text that lxml has found well-formed. Raises XmlNameError."""
-    data = text.encode()
-    parser = expat.ParserCreate("utf-8")
-    outside = Element("", {}, 0)
-    open_elements = [outside]
-    pieces: list[str] = []
-    ascii_only = len(data) == len(text)
-    done = offset = 0
-
-    def current_offset() -> int:
-        """The offset in `text` of what is being read."""
-        nonlocal done, offset
-        at = parser.CurrentByteIndex
-        if ascii_only:
-            return at
-        offset += len(data[done:at].decode())
-        done = at
-        return offset
-
-    def flush_text() -> None:
-        if pieces:
-            inside = open_elements[-1]
-            if inside:
-                inside[-1].tail = "".join(pieces)
-            else:
-                inside.text = "".join(pieces)
-            pieces.clear()
-
-    def on_start(tag: str, attributes: dict[str, str]) -> None:
-        flush_text()
-        element = Element(tag, attributes, current_offset())
-        open_elements[-1].append(element)
-        open_elements.append(element)
-
-    def on_end(tag: str) -> None:
-        flush_text()
-        open_elements.pop().end_offset = current_offset()
-
-    parser.StartElementHandler = on_start
-    parser.EndElementHandler = on_end
-    if has_text:
-        parser.buffer_text = True
-        parser.CharacterDataHandler = pieces.append
-    try:
-        parser.Parse(data, True)
-    except expat.ExpatError as error:
-        at = len(data[: max(parser.ErrorByteIndex, 0)].decode(errors="ignore"))
-        character = text[at : at + 1]
-        if character.isascii():  # nothing is known that leads here
-            raise XmlNameError(f"this is not well-formed XML: {expat.ErrorString(error.code)}", at) from None
-        shown = f"`{character}`, {character_name(character)}," if character.isprintable() else character_name(character)
-        raise XmlNameError(
-            f"the character {shown} cannot stand in a name; take it out, or write another letter", at
-        ) from None
-    return outside[0]

@@ -5,7 +5,7 @@ from __future__ import annotations
 from rise_engine.nearest_name import did_you_mean
 from rise_engine.scenario.diagnostics import Diagnostics
 from rise_engine.scenario.source_files import SourceFile
-from rise_engine.scenario.xml import Element, XmlFile, read_xml
+from rise_engine.scenario.xml import XmlFile, read_xml
 from rise_engine.scxml.chart import (
     AssignNode,
     Chart,
@@ -16,6 +16,7 @@ from rise_engine.scxml.chart import (
 )
 from rise_engine.scxml.reading_content import ContentReader
 from rise_engine.scxml.script import Script, is_variable_name
+from rise_engine.syntax.xml import Element
 
 SCXML = "http://www.w3.org/2005/07/scxml"
 """The namespace."""

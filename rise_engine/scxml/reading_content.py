@@ -7,7 +7,7 @@ import re
 from collections.abc import Collection
 
 from rise_engine.scenario.diagnostics import Diagnostics
-from rise_engine.scenario.xml import Element, XmlFile
+from rise_engine.scenario.xml import XmlFile
 from rise_engine.scxml.chart import (
     ERROR,
     AssignNode,
@@ -35,6 +35,7 @@ from rise_engine.scxml.script import (
     read_assignments,
     read_script,
 )
+from rise_engine.syntax.xml import Element
 
 RISE_PROCESSOR = "x-rise"
 """The type of a `<send>` whose events are functions of rules."""
@@ -207,7 +208,7 @@ class ContentReader:
     def read_if(self, element: Element) -> Node:
         branches: list[tuple[Script | None, list[Node]]] = [(self.read_cond(element), [])]
         has_else = False
-        pending = Element(element.tag, {}, element.start_offset)
+        pending = Element(element.tag, {}, element.start, element.tree, None)
         for child in element:
             if child.tag in ("elseif", "else"):
                 self.check_attributes(child, _ATTRIBUTES[child.tag])

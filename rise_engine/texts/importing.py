@@ -12,8 +12,8 @@ from msgspec import Struct
 
 from rise_engine.edit.edits import AddAct, AddColumn, AddLanguage, AnyEdit, SetCell, SetTranslation
 from rise_engine.edit.originals import edit_of_original
-from rise_engine.edit.outline import Outline
 from rise_engine.edit.plan import EditRefused
+from rise_engine.edit.read_outline import read_outline
 from rise_engine.nearest_name import did_you_mean
 from rise_engine.scenario.loader import LoadResult
 from rise_engine.scenario.spoken_texts import SpokenText
@@ -51,27 +51,24 @@ class TextImport(Struct, frozen=True):
 
 
 def import_table(
-    table: ReadTable, loaded: LoadResult, outline: Outline, languages: Sequence[str] = (), *, new: bool = False
+    table: ReadTable, loaded: LoadResult, languages: Sequence[str] = (), *, new: bool = False
 ) -> TextImport:
     """Compare a table with the study.
 
     :param table: as it was read.
     :param loaded: the scenario, loaded in no language.
-    :param outline: the same as it is written.
     :param languages: whose columns are read, besides those that the study has translations into.
     :param new: whether rows without an id become acts.
     :raises TextsError: the table has not the columns that it needs.
     """
-    return _Importer(table, loaded, outline, languages, new).run()
+    return _Importer(table, loaded, languages, new).run()
 
 
 class _Importer:
-    def __init__(
-        self, table: ReadTable, loaded: LoadResult, outline: Outline, languages: Sequence[str], new: bool
-    ) -> None:
+    def __init__(self, table: ReadTable, loaded: LoadResult, languages: Sequence[str], new: bool) -> None:
         self.table = table
         self.loaded = loaded
-        self.outline = outline
+        self.outline = read_outline(loaded.parts)
         self.new = new
         self.texts: dict[str, SpokenText | TableText] = {text.id: text for text in loaded.texts}
         self.texts |= {text.id: text for text in loaded.table_texts}

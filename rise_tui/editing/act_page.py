@@ -81,8 +81,7 @@ class ActPage(FormPage):
         if act is None:
             return None
         shown = action or act
-        rows = self.draft.files.get(act.file, b"").count(b"\n", shown.span.start, shown.span.end)
-        return FilePlace(act.file, shown.line, shown.line + rows)
+        return FilePlace(act.file, shown.line, shown.last_line)
 
     @property
     def hints(self) -> Mapping[str, str]:
@@ -100,7 +99,7 @@ class ActPage(FormPage):
         self.set_class(self.app.size.height >= TALL, "-tall")
         width = max(40, self.size.width)
         lines = frozenset(wrong_files(self.draft).get(act.file, ()))
-        wrong = frozenset(action.line for action in act.actions if lines & set(self._lines_of(act, action)))
+        wrong = frozenset(action.line for action in act.actions if any(map(action.has_line, lines)))
         self.scale.show(scale_line(act, self.draft.checked, width - 1))
         self.actions.show(action_rows(act, self.draft.checked, width - 1, wrong_lines=wrong))
         if self._goes_to:
@@ -108,10 +107,6 @@ class ActPage(FormPage):
             self._goes_to = ""
         self._draw_head(act, width)
         self._draw_action()
-
-    def _lines_of(self, act: WrittenAct, action: WrittenAction) -> range:
-        data = self.draft.files.get(act.file, b"")
-        return range(action.line, action.line + data.count(b"\n", action.span.start, action.span.end) + 1)
 
     def _draw_head(self, act: WrittenAct, width: int) -> None:
         notes = []

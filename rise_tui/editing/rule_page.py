@@ -13,7 +13,7 @@ from textual.containers import Horizontal
 from textual.widget import Widget
 
 from rise_engine.edit.edits import AnyEdit, ReplaceFile
-from rise_engine.edit.outline import Outline, Span
+from rise_engine.edit.outline import Outline, Written
 from rise_engine.scenario.diagnostics import Diagnostic
 from rise_engine.scenario.model import Scenario
 from rise_engine.trial.keeping import path_of_test, text_of_test
@@ -129,14 +129,10 @@ class RulePage(EditPage):
         if rule is None:
             return None
         if state is None or spot is None:
-            return self._lines_of(rule.file, rule.span, rule.line)
+            return _lines_of(rule)
         if 0 <= spot.way < len(state.transitions):
-            way = state.transitions[spot.way]
-            return self._lines_of(rule.file, way.span, way.line)
-        return self._lines_of(rule.file, state.span, state.line)
-
-    def _lines_of(self, file: str, span: Span, line: int) -> FilePlace:
-        return FilePlace(file, line, line + self.draft.files.get(file, b"").count(b"\n", span.start, span.end))
+            return _lines_of(state.transitions[spot.way])
+        return _lines_of(state)
 
     def draw(self) -> None:
         self._place_trial()
@@ -249,3 +245,7 @@ class RulePage(EditPage):
         folder = Path(self.draft.folder)
         file = path_of_test(folder, title).relative_to(folder).as_posix()
         self.frame.make(ReplaceFile(file, text), then=lambda: self.frame.say(f"{file} is kept with the next save"))
+
+
+def _lines_of(written: Written) -> FilePlace:
+    return FilePlace(written.file, written.line, written.last_line)

@@ -80,8 +80,7 @@ class StudyPage(EditPage):
         outline = self.draft.outline
         found = outline.act(name) if kind == "act" else outline.rule(name) if kind == "rule" else None
         if found is not None:
-            last = found.line + self.draft.files.get(found.file, b"").count(b"\n", found.span.start, found.span.end)
-            return FilePlace(found.file, found.line, last)
+            return FilePlace(found.file, found.line, found.last_line)
         file = {
             "file": name,
             "memory": "memory.json",

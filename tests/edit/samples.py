@@ -13,13 +13,12 @@ from functools import lru_cache
 from pathlib import Path
 from random import Random
 
-from rise_engine.edit.documents import read_document
 from rise_engine.edit.edits import AnyEdit
-from rise_engine.edit.guard import check_guard
 from rise_engine.edit.plan import Files, apply_plan
 from rise_engine.edit.planning import StudyState, plan
-from rise_engine.edit.read_outline import read_outline
 from rise_engine.scenario.checker import ScenarioChecker
+from rise_engine.syntax.xml import XmlTree
+from tests.edit.guard import check_guard
 
 SCENARIOS = Path(__file__).parents[2] / "scenarios"
 NAMES = ("greeting", "lablinking", "lab_opening", "negation")
@@ -79,31 +78,29 @@ def _ragged(file: str, text: str) -> str:
     """Something else between any two elements: nothing, blanks, line ends of all kinds, comments."""
     if not file.endswith(".xml"):
         return text
-    random, data = Random(file), text.encode()
+    random = Random(file)
     gaps: list[tuple[int, int]] = []
-    for node in read_document(data).root.walk():
-        if node.children and node.tag not in ("message", "speak"):
-            starts = [node.inner_start, *(child.end for child in node.children)]
-            ends = [*(child.start for child in node.children), node.inner_end]
-            gaps += zip(starts, ends, strict=True)
+    for element in XmlTree(text).root.walk():
+        if element and element.tag not in ("message", "speak"):
+            gaps += element.gaps()
     for start, end in sorted(gaps, reverse=True):
-        if not data[start:end].strip():
-            data = data[:start] + random.choice(_GAPS) + data[end:]
-    return data.decode()
+        if not text[start:end].strip():
+            text = text[:start] + random.choice(_GAPS) + text[end:]
+    return text
 
 
 _GAPS = (
-    b"",
-    b"",
-    b" ",
-    b"\n",
-    b"\n  ",
-    b"\n\t",
-    b"\r\n    ",
-    b"\n\n  ",
-    b" <!-- a -->\n  ",
-    b"\n  <!-- b\n -->\n  ",
-    b"<!---->",
+    "",
+    "",
+    " ",
+    "\n",
+    "\n  ",
+    "\n\t",
+    "\r\n    ",
+    "\n\n  ",
+    " <!-- a -->\n  ",
+    "\n  <!-- b\n -->\n  ",
+    "<!---->",
 )
 
 
@@ -140,7 +137,8 @@ def state_of(files: Files, name: str) -> StudyState:
     """What an edit is planned on, for files that began as those of a shipped study."""
     folder = SCENARIOS / name
     gone = {file: None for file in study_files(name) if file not in files}
-    return StudyState(files, read_outline(files), _checker(folder).check({**files, **gone}), folder)
+    checked = _checker(folder).check({**files, **gone})
+    return StudyState(files, checked, folder)
 
 
 @lru_cache(maxsize=64)

@@ -8,7 +8,6 @@ from typing import Any
 import pytest
 
 from rise_engine.edit.edits import Edit, RemoveStartValue, RenameSetting, SetSetting, SetStartValue
-from rise_engine.edit.outline import Outline
 from rise_engine.edit.plan import EditRefused, Files, Plan, apply_plan
 from rise_engine.edit.planning import plan as plan_edit
 from rise_engine.edit.study_state import StudyState
@@ -16,7 +15,7 @@ from rise_engine.scenario.loader import LoadResult
 
 
 def plan(files: Files, edit: Edit) -> Plan:
-    return plan_edit(edit, StudyState(files, Outline(), LoadResult(None, []), Path("study")))
+    return plan_edit(edit, StudyState(files, LoadResult(None, []), Path("study")))
 
 
 def changed(files: dict[str, bytes], edit: Edit) -> tuple[Files, Plan]:

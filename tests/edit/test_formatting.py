@@ -10,10 +10,11 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from rise_engine.edit.format_data import format_memory, format_toml
-from rise_engine.edit.format_xml import comments_of, format_xml
 from rise_engine.edit.formatting import format_file, lay_out
-from rise_engine.edit.guard import changed_paths
 from rise_engine.edit.plan import EditRefused
+from rise_engine.syntax.xml import comments_of
+from rise_engine.syntax.xml_format import format_xml
+from tests.edit.guard import changed_paths
 from tests.edit.samples import NAMES, SPELLINGS, state_of, study_files
 from tests.edit.test_toml_edits import documents
 

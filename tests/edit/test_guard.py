@@ -19,8 +19,7 @@ from rise_engine.edit.edits import (
     StatementAddress,
     TransitionForm,
 )
-from rise_engine.edit.guard import changed_paths, check_guard, differences
-from rise_engine.edit.plan import EditRefused
+from tests.edit.guard import BeyondTheEdit, changed_paths, check_guard, differences
 from tests.edit.samples import state_of, study_state
 
 WAY = TransitionForm(event="W_close", target="Closed")
@@ -96,7 +95,7 @@ def test_what_was_not_said_is_refused(
     edit: AnyEdit, right: tuple[str, str, str], beyond: tuple[str, str, str], named: str
 ) -> None:
     check(edit, right)
-    with pytest.raises(EditRefused, match="nothing was changed") as caught:
+    with pytest.raises(BeyondTheEdit, match="would also change") as caught:
         check(edit, right, beyond)
     assert named in str(caught.value)
 
@@ -112,16 +111,16 @@ def test_a_name_may_change_everywhere_and_nothing_else() -> None:
     rename = Rename("act", "R_Smile", "R_Grin")
     everywhere = [(file, "R_Smile", "R_Grin") for file in (SIGNALS, GREETING, "scenario.toml", "scenario.toml")]
     check(rename, *everywhere)
-    with pytest.raises(EditRefused, match="what acts do would change"):
+    with pytest.raises(BeyondTheEdit, match="what acts do would change"):
         check(rename, *everywhere, (SIGNALS, "600", "60"))
-    with pytest.raises(EditRefused, match="settings would change"):
+    with pytest.raises(BeyondTheEdit, match="settings would change"):
         check(rename, *everywhere[:3])
 
 
 def test_it_looks_also_when_something_is_wrong() -> None:
     edit = SetParameter("R_Smile", "1", "duration", "x")
     check(edit, (SIGNALS, "<duration>2000<", "<duration>x<"))
-    with pytest.raises(EditRefused):
+    with pytest.raises(BeyondTheEdit):
         check(edit, (SIGNALS, "<duration>2000<", "<duration>x<"), (SIGNALS, "<duration>600<", "<duration>60<"))
 
 

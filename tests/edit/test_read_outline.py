@@ -6,12 +6,11 @@ from collections.abc import Iterable
 
 import pytest
 
-from rise_engine.edit.documents import read_document
 from rise_engine.edit.outline import Outline, WrittenStatement
-from rise_engine.edit.plan import Files
 from rise_engine.edit.read_outline import read_outline
+from rise_engine.scenario.loader import load
 from rise_engine.scenario.model import Block, Function, If
-from tests.edit.samples import NAMES, SPELLINGS, study_files, study_state
+from tests.edit.samples import NAMES, SPELLINGS, state_of, study_files, study_state
 
 
 def meant(block: Block) -> list[object]:
@@ -79,16 +78,15 @@ def test_the_outline_is_the_model(name: str, spelling: str) -> None:
 def test_spans_and_lines_are_where_elements_stand(spelling: str) -> None:
     files = study_files("greeting", spelling)
     for act in study_state("greeting", spelling).outline.acts:
-        data = files[act.file]
-        assert data[act.span.start : act.span.end].startswith(b"<Dialog ")
-        assert data[: act.span.end].endswith(b"</Dialog>")
-        before = data[: act.span.start].decode("utf-8-sig")
+        text = files[act.file].decode("utf-8-sig")
+        assert text[act.node.start : act.node.end].startswith("<Dialog ")
+        assert text[: act.node.end].endswith("</Dialog>")
+        before = text[: act.node.start]
         assert act.line == len(before.replace("\r\n", "\n").replace("\r", "\n").split("\n"))
 
 
 def outline_of(files: dict[str, str]) -> Outline:
-    held: Files = {name: text.encode() for name, text in files.items()}
-    return read_outline(held)
+    return read_outline(load("/nowhere", held={name: text.encode() for name, text in files.items()}).parts)
 
 
 def test_what_is_wrong_is_shown_as_it_stands() -> None:
@@ -143,7 +141,7 @@ def test_what_templates_bring_says_from_where() -> None:
     assert act is not None
     assert act.reason == "it comes from the template `Instruction`, used here"
     assert (act.template, act.name_parameter) == ("Instruction", "name")
-    use = next(use for use in outline.uses if use.span == act.span)
+    use = next(use for use in outline.uses if use.node is act.node)
     assert use.values["first"].text == "Take the large plate."
     assert use.parameters == {"name": None, "first": None, "second": None, "x": None, "y": "0"}
     message = act.actions[1].calls[0].parameters["message"]
@@ -172,10 +170,14 @@ def test_branches_stand_inside_their_if_or_behind_it() -> None:
     rule = f"<InteractionRule name='R' initial='S'>{state}</InteractionRule>"
     first, second = outline_of({"rules/r.xml": rule}).rules[0].states[0].on_entry
     assert [branch.condition for branch in first.branches] == ["a", "b", None]
-    assert rule[first.span.start : first.span.end].endswith("</else>")
+    assert rule[first.node.start : first.last.end].endswith("</else>")
     assert second.call is not None
 
 
 def test_a_file_that_has_not_changed_is_not_read_again() -> None:
-    data = study_files("greeting")["acts/greeting.xml"]
-    assert read_document(data) is read_document(bytes(data))
+    files = dict(study_files("greeting"))
+    before = state_of(files, "greeting").outline
+    files["rules/gaze.xml"] = b"<!-- new -->" + files["rules/gaze.xml"]
+    after = state_of(files, "greeting").outline
+    assert all(old is new for old, new in zip(before.acts, after.acts, strict=True))
+    assert [rule.name for rule in after.rules if rule not in before.rules] == ["Gaze"]

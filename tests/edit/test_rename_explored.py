@@ -8,13 +8,12 @@ from pathlib import Path
 import pytest
 
 from rise_engine.edit.edits import NameKind, Rename, SetSetting, SetStartValue
-from rise_engine.edit.guard import check_guard
 from rise_engine.edit.plan import EditRefused, apply_plan
 from rise_engine.edit.planning import plan
-from rise_engine.edit.read_outline import read_outline
 from rise_engine.edit.remedies import remedies
 from rise_engine.edit.study_state import StudyState
 from rise_engine.scenario.loader import load
+from tests.edit.guard import BeyondTheEdit, check_guard
 from tests.scenario.folders import SPEECH, act, folder, rule
 
 ACTS = f"<Dialogs>{act(SPEECH, 'R_Nod')}{act(SPEECH, 'R_Wave')}</Dialogs>"
@@ -50,13 +49,13 @@ def state_of(path: Path, toml: str = TOML) -> StudyState:
     files = {**FILES, "scenario.toml": toml}
     contents = {name: text.encode() if isinstance(text, str) else text for name, text in files.items()}
     loaded = load(folder(path, files))
-    return StudyState(contents, read_outline(contents), loaded, path)
+    return StudyState(contents, loaded, path)
 
 
 def renamed(state: StudyState, kind: NameKind, old: str, new: str) -> StudyState:
     planned = plan(Rename(kind, old, new), state)
     files = apply_plan(state.files, planned)
-    now = StudyState(files, read_outline(files), load(state.folder, held=files), state.folder)
+    now = StudyState(files, load(state.folder, held=files), state.folder)
     assert now.checked.scenario is not None, now.checked.errors
     check_guard([Rename(kind, old, new)], state, now)
     return now
@@ -116,7 +115,7 @@ def test_what_a_literal_text_cannot_have_is_refused(tmp_path: Path) -> None:
 def test_an_edit_of_something_else_changes_no_property(tmp_path: Path) -> None:
     state = state_of(tmp_path)
     other = state_of(tmp_path / "other", TOML.replace("near = 2", "near = 3"))
-    with pytest.raises(EditRefused, match="settings properties"):
+    with pytest.raises(BeyondTheEdit, match="settings properties"):
         check_guard([SetStartValue("near", True)], state, other)
     check_guard([SetSetting(("eventually", "R_Nod comes", "unless"), "near = 3")], state, other)
 

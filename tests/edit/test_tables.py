@@ -12,7 +12,6 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from rise_engine.edit.edits import AddColumn, AddRow, Edit, RemoveRow, SetCell
-from rise_engine.edit.outline import Outline
 from rise_engine.edit.plan import EditRefused, apply_plan
 from rise_engine.edit.planning import plan
 from rise_engine.edit.study_state import StudyState
@@ -27,9 +26,7 @@ def changed(text: bytes, edit: Edit, **more: bytes) -> bytes:
         "tables/items.csv": text,
         **{name.replace("__", "/").replace("_", "."): data for name, data in more.items()},
     }
-    return apply_plan(files, plan(edit, StudyState(files, Outline(), LoadResult(None, []), Path("study"))))[
-        "tables/items.csv"
-    ]
+    return apply_plan(files, plan(edit, StudyState(files, LoadResult(None, []), Path("study"))))["tables/items.csv"]
 
 
 @pytest.mark.parametrize(
@@ -155,7 +152,7 @@ LOG = b'{"kind":"taken","at":"","slot":1,"participant":"P01"}\n'
 
 def people_after(edit: Edit, log: bytes = LOG) -> str:
     files = {"participants.csv": PEOPLE.encode(), "study.toml": b'title = "S"\n', "study.jsonl": log}
-    state = StudyState(files, Outline(), LoadResult(None, []), Path("study"))
+    state = StudyState(files, LoadResult(None, []), Path("study"))
     return apply_plan(files, plan(edit, state))["participants.csv"].decode()
 
 
@@ -179,6 +176,6 @@ def test_who_was_recorded_stays(edit: Edit) -> None:
 
 def test_a_scenario_has_no_participants() -> None:
     files = {"participants.csv": PEOPLE.encode()}
-    state = StudyState(files, Outline(), LoadResult(None, []), Path("study"))
+    state = StudyState(files, LoadResult(None, []), Path("study"))
     with pytest.raises(EditRefused, match="no table `participants"):
         plan(RemoveRow("participants.csv", 1), state)

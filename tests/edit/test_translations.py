@@ -19,13 +19,12 @@ from rise_engine.edit.edits import (
     SetSetting,
     SetTranslation,
 )
-from rise_engine.edit.guard import check_guard
-from rise_engine.edit.outline import Outline
 from rise_engine.edit.plan import EditRefused, Files, Plan, apply_plan
 from rise_engine.edit.planning import StudyState, plan
 from rise_engine.edit.translations import follow_texts
 from rise_engine.scenario.loader import load
 from tests.chance import some
+from tests.edit.guard import BeyondTheEdit, check_guard
 from tests.edit.samples import after, state_of, study_state
 from tests.edit.samples import changed_lines as count_changed_lines
 
@@ -53,7 +52,7 @@ def state(change: str = "LF") -> StudyState:
     loaded = load(LABLINKING)
     text = loaded.files[GERMAN].decode()
     files = {**loaded.files, GERMAN: SPELLINGS[change](text).encode()}
-    return StudyState(files=files, outline=Outline(), checked=loaded, folder=LABLINKING)
+    return StudyState(files=files, checked=loaded, folder=LABLINKING)
 
 
 def changed_lines(before: Files, after: Files) -> tuple[list[str], list[str]]:
@@ -89,7 +88,7 @@ def test_what_is_taken_out_and_put_back_is_the_same_file(spelling: str) -> None:
         without = apply_plan(study.files, plan(SetTranslation("de", text.act, text.key, None), study))
         went, came = changed_lines(study.files, without)
         assert not any(came) and len([line for line in went if "text =" in line]) == 1
-        again = StudyState(without, study.outline, study.checked, study.folder)
+        again = StudyState(without, study.checked, study.folder)
         back = apply_plan(without, plan(SetTranslation("de", text.act, text.key, said), again))
         if spelling != "comments":  # the comment beside it has gone with it
             assert back[GERMAN] == study.files[GERMAN], text.id
@@ -105,7 +104,7 @@ def test_a_new_language_begins_with_a_file() -> None:
 def test_the_same_text_once_more_says_that_it_is_right_still() -> None:
     study = state()
     files = {**study.files, GERMAN: study.files[GERMAN].replace(b'of = "Very good!"', b'of = "Good!"')}
-    stale = StudyState(files, study.outline, study.checked, study.folder)
+    stale = StudyState(files, study.checked, study.folder)
     made = plan(SetTranslation("de", "R_Praise", "2/1", "Sehr gut!"), stale)
     assert made.says == ("R_Praise/2/1 in de: “Sehr gut!”: it is right still",)
     assert apply_plan(files, made) == study.files
@@ -116,7 +115,7 @@ def test_a_translation_without_of_gets_one() -> None:
     files = {**study.files, GERMAN: study.files[GERMAN].replace(b', of = "Very good!"', b"")}
     made = plan(
         SetTranslation("de", "R_Praise", "2/1", "Sehr gut!"),
-        StudyState(files, study.outline, study.checked, study.folder),
+        StudyState(files, study.checked, study.folder),
     )
     assert apply_plan(files, made) == study.files
 
@@ -140,7 +139,7 @@ def test_what_cannot_be_done_is_refused(edit: SetTranslation, sentence: str) -> 
 
 def test_a_file_that_is_no_toml_is_left_alone() -> None:
     study = state()
-    broken = StudyState({**study.files, GERMAN: b"[R_Yes"}, study.outline, study.checked, study.folder)
+    broken = StudyState({**study.files, GERMAN: b"[R_Yes"}, study.checked, study.folder)
     with pytest.raises(EditRefused, match=r"texts/de\.toml cannot be read, so it is not changed"):
         plan(SetTranslation("de", "R_Yes", "2/1", "x"), broken)
 
@@ -181,6 +180,7 @@ YES, NO = b'"Ja, genau."', b'"Ja, das stimmt."'
         Rename("act", "R_Praise", "R_Laud"),
         SetSetting(("title",), "x"),
         AddLanguage("fr"),
+        SetParameter("R_Break", "2", "message", None),  # its translation goes with it
     ],
 )
 def test_no_edit_may_change_the_translation_of_another_text(edit: AnyEdit) -> None:
@@ -189,7 +189,7 @@ def test_no_edit_may_change_the_translation_of_another_text(edit: AnyEdit) -> No
     check_guard([edit], before, state_of(files, "lablinking"))
     assert YES in files[GERMAN]
     files = {**files, GERMAN: files[GERMAN].replace(YES, NO, 1)}
-    with pytest.raises(EditRefused, match=r"de/R_Yes/2/1|translations would change"):
+    with pytest.raises(BeyondTheEdit, match=r"de/R_Yes/2/1|translations would change"):
         check_guard([edit], before, state_of(files, "lablinking"))
 
 

@@ -13,8 +13,6 @@ import pytest
 
 from rise_engine.lsp.headers import CheckedHeaders, HeaderError
 from rise_engine.lsp.positions import PositionEncoding, TextPositions
-from rise_engine.lsp.served_study import text_offsets
-from rise_engine.scenario.source_files import SourceFile
 
 PLACE = {"textDocument": {"uri": "file:///a.xml"}, "position": {"line": 0, "character": 0}}
 BAD_PARAMETERS: list[tuple[str, Any, str]] = [
@@ -89,11 +87,3 @@ def test_places_count_the_units_of_the_encoding(encoding: PositionEncoding) -> N
         for column in range(len(text)):
             units = len(text[:column].encode(codec, "replace")) // unit
             assert positions.place(start + column) == (line, units), (line, column)
-
-
-@pytest.mark.parametrize("mark", [b"", b"\xef\xbb\xbf"])
-def test_where_bytes_stand_in_the_text(mark: bytes) -> None:
-    text = "aä漢😀x" * 3
-    data = mark + text.encode()
-    places = {len(mark) + len(text[:at].encode()): at for at in range(len(text) + 1)}
-    assert text_offsets(SourceFile("a", data, text), reversed(places)) == places

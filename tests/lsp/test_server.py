@@ -11,7 +11,6 @@ from pygls.exceptions import JsonRpcException
 from rise_engine.edit.edits import Rename
 from rise_engine.edit.plan import apply_plan
 from rise_engine.edit.planning import plan
-from rise_engine.edit.read_outline import read_outline
 from rise_engine.edit.study_folder import read_study_files
 from rise_engine.edit.study_state import StudyState
 from rise_engine.scenario.loader import load
@@ -79,7 +78,7 @@ async def test_a_name_is_changed_everywhere_as_the_engine_does(tmp_path: Path) -
     async with editing(tmp_path, "greeting") as editor:
         editor.open(RULES)
         files = read_study_files(editor.folder)
-        state = StudyState(files, read_outline(files), load(editor.folder), editor.folder)
+        state = StudyState(files, load(editor.folder), editor.folder)
         expected = apply_plan(files, plan(Rename("act", "R_Greeting", "R_Grüße"), state))
         place = editor.place(RULES, "R_Greeting", 2)
         edit = await editor.client.text_document_rename_async(lsp.RenameParams(new_name="R_Grüße", **place))

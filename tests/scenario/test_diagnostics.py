@@ -592,10 +592,11 @@ def test_no_folder(tmp_path: Path) -> None:
 
 def test_every_code_is_documented() -> None:
     codes: set[str] = set()
-    for path in Path(rise_engine.scenario.__file__).parent.glob("*.py"):
+    engine = Path(rise_engine.scenario.__file__).parents[1]
+    for path in (*(engine / "scenario").glob("*.py"), *(engine / "syntax").glob("*.py")):
         text = path.read_text("utf-8")
         called = r"\.(?:error|warning|report_[a-z]+|parse_attribute)"
-        codes.update(re.findall(rf"(?:{called}|unknown_code)\(\s*\"([a-z]+(?:-[a-z]+)*)\"", text))
+        codes.update(re.findall(rf"(?:{called}|unknown_code|XmlSyntaxError)\(\s*\"([a-z]+(?:-[a-z]+)*)\"", text))
     codes.update(
         (
             "not-well-formed",

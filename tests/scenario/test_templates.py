@@ -13,10 +13,10 @@ from hypothesis import strategies as st
 
 from rise_engine.cli import main
 from rise_engine.scenario import expansion
-from rise_engine.scenario.element_templates import TextPiece, text_pieces
 from rise_engine.scenario.loader import LoadResult, load
 from rise_engine.scenario.serialization import decode_scenario, encode_scenario
 from rise_engine.scenario.shipped_studies import shipped_studies
+from rise_engine.scenario.xml import TextPiece, text_pieces
 from tests.scenario.folders import SPEECH, act, found, in_state, loaded, rule
 
 SAY = """<Template name="Say"><parameter name="id"/><parameter name="text"/><parameter name="after" default=""/>

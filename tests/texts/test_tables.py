@@ -23,7 +23,6 @@ from rise_engine.edit.edits import (
     SetTranslation,
     SetUseParameter,
 )
-from rise_engine.edit.read_outline import read_outline
 from rise_engine.scenario.loader import LoadResult, load
 from rise_engine.texts import xlsx_file
 from rise_engine.texts.csv_file import read_csv, usual_separator, write_csv
@@ -58,7 +57,7 @@ def back(
     table: ReadTable, loaded: LoadResult | None = None, *, new: bool = False, languages: tuple[str, ...] = ()
 ) -> TextImport:
     loaded = loaded or load(LABLINKING)
-    return import_table(table, loaded, read_outline(loaded.files), languages, new=new)
+    return import_table(table, loaded, languages, new=new)
 
 
 def rows_of(table: ReadTable) -> dict[str, ReadRow]:

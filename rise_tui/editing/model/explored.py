@@ -7,9 +7,9 @@ from collections.abc import Iterator, Mapping, Sequence
 import msgspec
 from msgspec import Struct
 
-from rise_engine.edit.outline import Span
 from rise_engine.scenario.diagnostics import Diagnostic
 from rise_engine.scenario.model import SourceLocation
+from rise_engine.syntax.xml_layout import line_start
 from rise_engine.text import clean, pluralize
 from rise_tui.editing.model.draft import StudyDraft
 from rise_tui.editing.model.study_rows import find_at
@@ -173,10 +173,6 @@ def _places(finding: ExploredPlace, draft: StudyDraft, *, is_of: bool) -> Iterat
         return
     for state in rule.states:
         if state.id == finding.state:
-            yield _start_of(draft, rule.file, state.line, state.span)
+            start = state.node.start
+            yield SourceLocation(rule.file, state.line, start - line_start(state.node.tree.text, start) + 1)
             return
-
-
-def _start_of(draft: StudyDraft, file: str, line: int, span: Span) -> SourceLocation:
-    before = draft.files.get(file, b"")[: span.start].rpartition(b"\n")[2]
-    return SourceLocation(file, line, len(before.decode("utf-8", "replace")) + 1)

@@ -2,16 +2,13 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Iterable, Iterator, Mapping
 from typing import NamedTuple
 
-from rise_engine.edit.outline import Span, WrittenRule
+from rise_engine.edit.outline import WrittenRule
 from rise_engine.scenario.diagnostics import Diagnostic, Severity
-from rise_engine.scenario.model import SourceLocation
+from rise_engine.scenario.source_files import SourceFile
 from rise_tui.editing.model.rule_graph import GraphSpot
-
-_LINE_END = re.compile(rb"\r\n|\r|\n")
 
 
 class RuleFindings(NamedTuple):
@@ -34,19 +31,16 @@ class RuleFindings(NamedTuple):
 NO_FINDINGS = RuleFindings((), {})
 
 
-def rule_findings(rule: WrittenRule, findings: Iterable[Diagnostic], data: bytes) -> RuleFindings:
-    """The findings that stand in a rule.
-
-    :param data: the rule's file.
-    """
-    starts = [0, *(found.end() for found in _LINE_END.finditer(data))]
+def rule_findings(rule: WrittenRule, findings: Iterable[Diagnostic]) -> RuleFindings:
+    """The findings that stand in a rule."""
+    source = SourceFile(rule.file, b"", rule.node.tree.text)
     every: list[Diagnostic] = []
     spots: dict[GraphSpot, list[Diagnostic]] = {}
     for finding in findings:
         if finding.location.file != rule.file:
             continue
-        offset = _byte_offset(finding.location, data, starts)
-        if not _holds(rule.span, offset):
+        offset = source.offset(finding.location.line, finding.location.column)
+        if not rule.holds(offset):
             continue
         every.append(finding)
         for spot in _spots_at(rule, offset):
@@ -55,24 +49,11 @@ def rule_findings(rule: WrittenRule, findings: Iterable[Diagnostic], data: bytes
 
 
 def _spots_at(rule: WrittenRule, offset: int) -> Iterator[GraphSpot]:
-    """The innermost places that hold a byte: several, where states share a way or come from one template."""
+    """The innermost places that hold a character: several, where states share a way or come from one template."""
     ways = [
         GraphSpot(state.id, number)
         for state in rule.states
         for number, way in enumerate(state.transitions)
-        if way.span != state.span and _holds(way.span, offset)
+        if way.node is not state.node and way.holds(offset)
     ]
-    yield from ways or (GraphSpot(state.id) for state in rule.states if _holds(state.span, offset))
-
-
-def _holds(span: Span, offset: int) -> bool:
-    return span.start <= offset < span.end
-
-
-def _byte_offset(location: SourceLocation, data: bytes, starts: list[int]) -> int:
-    if location.line > len(starts):
-        return len(data)
-    start = starts[location.line - 1]
-    end = starts[location.line] if location.line < len(starts) else len(data)
-    text = data[start:end].decode("utf-8", "replace").removeprefix("﻿")
-    return start + len(text[: location.column - 1].encode())
+    yield from ways or (GraphSpot(state.id) for state in rule.states if state.holds(offset))

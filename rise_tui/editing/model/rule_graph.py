@@ -10,12 +10,12 @@ from typing import NamedTuple
 
 from rise_engine.drawing.state_graph import GraphLayout, GraphRow, edge_path, lay_out_graph
 from rise_engine.edit.outline import WrittenRule, WrittenTransition
-from rise_engine.edit.writing import one_line
 from rise_engine.expression import Expression
 from rise_engine.expression.nodes import Literal as LiteralNode
 from rise_engine.scenario.diagnostics import Severity
 from rise_engine.scenario.durations import parse_time
 from rise_engine.scenario.model import Delay, Rule, State, Transition, normal_topic
+from rise_engine.syntax.xml_writing import one_line
 from rise_tui.model.state_drawing import GraphPosition, draw_state_graph
 from rise_tui.rendering.text import ListRow, StyledLine, StyledSpan, TextRole, crop
 

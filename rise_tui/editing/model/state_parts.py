@@ -24,7 +24,6 @@ from rise_engine.edit.edits import (
 )
 from rise_engine.edit.outline import (
     Outline,
-    WrittenRule,
     WrittenState,
     WrittenStatement,
     WrittenTransition,
@@ -36,7 +35,7 @@ from rise_engine.edit.rule_words import (
     call_words,
     trigger_words,
 )
-from rise_engine.edit.writing import one_line
+from rise_engine.syntax.xml_writing import one_line
 
 PartKind: TypeAlias = Literal["heading", "call", "if", "branch", "choice", "way", "other", "empty", "parameter"]
 MOST_LEVELS = 4
@@ -89,11 +88,12 @@ def state_parts(rule: str, state: WrittenState, use: WrittenUse | None = None) -
     return rows
 
 
-def use_of(outline: Outline, rule: WrittenRule, state: WrittenState) -> WrittenUse | None:
+def use_of(outline: Outline, state: WrittenState) -> WrittenUse | None:
     """The `<use>` that a state comes from."""
     if not state.template:
         return None
-    return next((use for use in outline.uses if (use.file, use.span) == (rule.file, state.span)), None)
+    place = state.file, state.node.start
+    return next((use for use in outline.uses if (use.file, use.node.start) == place), None)
 
 
 def add_statement(row: PartRow, statement: StatementForm, *, behind: bool = False) -> AddStatement | None:

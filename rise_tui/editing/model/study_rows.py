@@ -73,7 +73,7 @@ def study_rows(draft: StudyDraft, width: int, wanted: str = "") -> list[ListRow]
     acts = [act for act in draft.outline.acts if fits(act.name, *(all_texts(action) for action in act.actions))]
     rows.append(heading("ACTS", len(acts)))
     for act in acts:
-        bad = any(act.line <= line <= _last_line(draft, act) for line in wrong.get(act.file, ()))
+        bad = any(map(act.has_line, wrong.get(act.file, ())))
         note = f"{format_seconds(act_seconds(act, draft.checked)):>5} s  "
         note += _act_note(draft, act, width - NAME - _name_width(width) - len(note))
         key = keys[("act", act.name)][0].label if ("act", act.name) in keys else ""
@@ -146,18 +146,13 @@ def wrong_files(draft: StudyDraft) -> dict[str, list[int]]:
     return found
 
 
-def _last_line(draft: StudyDraft, act: WrittenAct) -> int:
-    return act.line + draft.files.get(act.file, b"").count(b"\n", act.span.start, act.span.end)
-
-
 def find_at(draft: StudyDraft, file: str, line: int) -> tuple[str, str] | None:
     """Which page shows what stands in this line: its kind and name."""
     for act in draft.outline.acts:
-        if act.file == file and act.line <= line <= _last_line(draft, act):
+        if act.file == file and act.has_line(line):
             return "act", act.name
     for rule in draft.outline.rules:
-        last = rule.line + draft.files.get(rule.file, b"").count(b"\n", rule.span.start, rule.span.end)
-        if rule.file == file and rule.line <= line <= last:
+        if rule.file == file and rule.has_line(line):
             return "rule", rule.name
     if (view := find_text(draft, file, line)) is not None:
         return "texts", view.name

@@ -377,9 +377,7 @@ def _place_of_original(draft: StudyDraft, text: SpokenText) -> FilePlace:
     if act is None or written is None:
         where = text.action.location
         return FilePlace(where.file, where.line, where.line)
-    data = draft.files.get(act.file, b"")
-    first = 1 + data.count(b"\n", 0, written.span.start)
-    return FilePlace(act.file, first, first + data.count(b"\n", written.span.start, written.span.end))
+    return FilePlace(act.file, written.line, written.last_line)
 
 
 def folder_from(here: Path, folder: str) -> str:

@@ -146,7 +146,7 @@ class RuleDisplay(Vertical):
             return
         if self._laid_out != (rule, width):
             self._laid_out, self._layout = (rule, width), lay_out_rule(rule, width)
-        self._findings = rule_findings(rule, self._study.findings, self._study.files.get(rule.file, b""))
+        self._findings = rule_findings(rule, self._study.findings)
         self.heading.show(self._heading_line(rule))
         if self._layout is None:
             hint = " it has no state yet: n makes one"
@@ -166,7 +166,7 @@ class RuleDisplay(Vertical):
         rule, state = self.rule, self.state
         if rule is None or state is None:
             return
-        use = use_of(self._study.outline, rule, state)
+        use = use_of(self._study.outline, state)
         parts = state_parts(rule.name, state, use)
         marks = self._findings.marks
         of_parts = [

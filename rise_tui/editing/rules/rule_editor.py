@@ -128,7 +128,7 @@ class RuleEditor(RuleDisplay):
         elif part.kind in ("if", "branch") and part.at is not None and part.guard:
             at = _arm(part)
             self._open(ConditionRuleForm(names, at, "change", part.guard, part.guard))
-        elif part.kind == "parameter" and (use := use_of(self._study.outline, rule, state)) is not None:
+        elif part.kind == "parameter" and (use := use_of(self._study.outline, state)) is not None:
             name = part.target or ""
             given = use.values.get(name)
             self._open(TemplateValueForm(use, name, given.text if given is not None else ""))

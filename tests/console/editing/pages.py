@@ -9,7 +9,6 @@ from textual.widget import Widget
 
 from rise_engine.edit.edits import AnyEdit
 from rise_engine.edit.outline import Outline
-from rise_engine.edit.read_outline import read_outline
 from rise_engine.scenario.diagnostics import Diagnostic
 from rise_tui.actions import bindings_in
 from rise_tui.editing.model.study_names import StudyNames
@@ -17,7 +16,7 @@ from rise_tui.editing.rules.rule_editor import RuleEditor
 from rise_tui.model.notice import Level
 from rise_tui.rendering import themes
 from rise_tui.rendering.terminal_app import TerminalApp
-from tests.console.editing.small_study import FILES, small_study
+from tests.console.editing.small_study import FILES, outline_of, small_study
 
 
 class StudyInMemory:
@@ -31,7 +30,7 @@ class StudyInMemory:
 
     @property
     def outline(self) -> Outline:
-        return read_outline(self.files)
+        return outline_of(self.files)
 
     @property
     def names(self) -> StudyNames:

@@ -4,8 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
+from rise_engine.edit.outline import Outline
 from rise_engine.edit.read_outline import read_outline
 from rise_engine.scenario.draft import Mention, ScenarioDraft
+from rise_engine.scenario.loader import load
 from rise_engine.scenario.model import SourceLocation, Table
 from rise_tui.editing.model.study_names import StudyNames, study_names
 
@@ -60,6 +62,11 @@ FILES = {"acts/acts.xml": ACTS, "rules/course.xml": RULES, "scenario.toml": SETT
 MEMORY = {"step": 0, "happy": False, "pause_ms": 600, "items": [1, 2]}
 
 
+def outline_of(files: Mapping[str, bytes]) -> Outline:
+    """What is written in files that lie nowhere."""
+    return read_outline(load("/nowhere", held=files).parts)
+
+
 def small_study(files: Mapping[str, bytes] = FILES) -> StudyNames:
     """Its names, as they are when it has been read."""
     draft = ScenarioDraft()
@@ -72,4 +79,4 @@ def small_study(files: Mapping[str, bytes] = FILES) -> StudyNames:
     draft.raised_topics = [Mention("cheer", nowhere), Mention("next", nowhere)]
     draft.awaited_topics = [Mention(name, nowhere) for name in ("skip", "next", "stop_it")]
     draft.key_writes = [Mention("step", nowhere), Mention("mood", nowhere)]
-    return study_names(read_outline(files), draft, files)
+    return study_names(outline_of(files), draft, files)

@@ -12,7 +12,6 @@ from rise_engine.edit.edits import (
     RemoveTransition,
     StatementAddress,
 )
-from rise_engine.edit.read_outline import read_outline
 from rise_tui.editing.model.rule_graph import (
     GraphSpot,
     beside,
@@ -34,7 +33,7 @@ from rise_tui.editing.model.state_parts import (
     use_of,
 )
 from rise_tui.rendering.text import plain_text
-from tests.console.editing.small_study import FILES, small_study
+from tests.console.editing.small_study import FILES, outline_of, small_study
 
 OUTLINE = small_study().outline
 COURSE = OUTLINE.rules[0]
@@ -84,7 +83,7 @@ def test_the_cursor_on_a_way_lights_its_rail() -> None:
 def test_in_a_long_rule_a_state_and_its_way_share_a_row() -> None:
     states = "".join(f'<State id="S{i}"><transition eventTopic="/e" target="S{i + 1}"/></State>' for i in range(20))
     rule = f'<InteractionRule name="Long" initial="S0">{states}<State id="S20"/></InteractionRule>'
-    outline = read_outline({**FILES, "rules/long.xml": rule.encode()})
+    outline = outline_of({**FILES, "rules/long.xml": rule.encode()})
     layout = lay_out_rule(outline.rules[-1], 78)
     assert layout is not None
     state, way = GraphSpot("S3"), GraphSpot("S3", 0)
@@ -101,7 +100,7 @@ def test_what_is_wrong_is_drawn_as_it_is_written() -> None:
         .replace(b"step &lt; 4 and not happy", b"step &lt; and")
         .replace(b'target="End">', b'target="Endd">')
     )
-    rule = read_outline({**FILES, "rules/course.xml": broken}).rules[0]
+    rule = outline_of({**FILES, "rules/course.xml": broken}).rules[0]
     layout = lay_out_rule(rule, 70)
     assert layout is not None
     text = "\n".join(plain_text(row.line) for row in draw_rule(layout, None, {}))
@@ -109,7 +108,7 @@ def test_what_is_wrong_is_drawn_as_it_is_written() -> None:
 
 
 def test_a_rule_without_states_has_no_drawing() -> None:
-    rule = read_outline({**FILES, "rules/course.xml": b'<InteractionRule name="E" initial="a"/>'}).rules[0]
+    rule = outline_of({**FILES, "rules/course.xml": b'<InteractionRule name="E" initial="a"/>'}).rules[0]
     assert lay_out_rule(rule, 60) is None
 
 
@@ -193,8 +192,8 @@ def test_what_is_taken_away_and_moved() -> None:
 
 
 def test_what_comes_from_a_template_is_shown_with_what_is_given_to_it() -> None:
-    use = use_of(OUTLINE, COURSE, WAIT)
-    assert use is not None and use_of(OUTLINE, COURSE, START) is None
+    use = use_of(OUTLINE, WAIT)
+    assert use is not None and use_of(OUTLINE, START) is None
     rows = state_parts("Course", WAIT, use)
     assert [(row.text, row.guard) for row in rows if row.kind == "parameter"] == [
         ("id = Wait", ""),

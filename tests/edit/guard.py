@@ -1,25 +1,24 @@
-"""Proof after each edit: what the study means may differ only where the edit says.
+"""An oracle of edits: what a study means may differ only where an edit says, and after a rename only in the name.
 
-The models that the reader of scenarios has made before and after are compared, places in files left out. They come from
-another reader than the one that planned the edit by, so that a mistake in a splice cannot reach a file.
+The models that the reader of scenarios has made before and after are compared, places in files left out.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from typing import Any, TypeAlias
 
 import msgspec
 
 from rise_engine.edit import edits as of
 from rise_engine.edit.edits import Edit
-from rise_engine.edit.outline import Span, WrittenAct, WrittenRule, WrittenState
-from rise_engine.edit.plan import EditRefused
-from rise_engine.edit.rename_guard import check_rename
+from rise_engine.edit.outline import WrittenAct, WrittenRule, WrittenState, WrittenUse
 from rise_engine.edit.study_state import StudyState
 from rise_engine.edit.transitions import find_transition
 from rise_engine.edit.translations import existing_language
 from rise_engine.expression import Assignment, Expression
+from rise_engine.expression.tokens import escape_text
+from rise_engine.scenario.model import normal_topic
 from rise_engine.scenario.translations import LanguageTexts
 
 Path: TypeAlias = tuple[str | int, ...]
@@ -31,11 +30,15 @@ _SHOWN = 5
 """Places that are named."""
 
 
+class BeyondTheEdit(AssertionError):
+    """An edit has changed more than it says."""
+
+
 def check_guard(edits: Sequence[Edit], before: StudyState, after: StudyState) -> None:
     """Look that a study means the same as before, but for what edits say.
 
     :param before: what the edits were planned on. :param after: what has come of them.
-    :raises EditRefused: something else differs; the message names it. Nothing of `after` may then be kept.
+    :raises BeyondTheEdit: something else differs; the message names it.
     """
     if len(edits) == 1 and isinstance(edits[0], of.Rename):
         check_rename(edits[0], model_of(before), model_of(after))
@@ -46,7 +49,7 @@ def check_guard(edits: Sequence[Edit], before: StudyState, after: StudyState) ->
     beyond = [path for path in changed_paths(before, after) if not any(_is_within(path, each) for each in allowed)]
     if beyond:
         named = ", ".join(path_in_words(path) for path in beyond[:_SHOWN]) + (", ..." if len(beyond) > _SHOWN else "")
-        raise EditRefused(f"this would also change {named}; nothing was changed")
+        raise BeyondTheEdit(f"{edits} would also change {named}")
 
 
 def path_in_words(path: Path) -> str:
@@ -172,7 +175,8 @@ def allowed_paths(edit: Edit, before: StudyState, after: StudyState) -> Sequence
         case of.SetActionType(act=act, action=action):
             return [("acts", act, "actions", action), *_of_translations(act, action, before)]
         case of.SetParameter(act=act, action=action):
-            return [("acts", act, "actions", action, "calls", edit.variant, "parameters", edit.parameter)]
+            parameter = ("acts", act, "actions", action, "calls", edit.variant, "parameters", edit.parameter)
+            return [parameter, *(_of_translations(act, action, before) if edit.value is None else ())]
         case of.SetWaits(act=act, action=action):
             return [("acts", act, "actions", action, "wait_for")]
         case of.SetActionFailure(act=act, action=action):
@@ -298,12 +302,83 @@ def _of_use(edit: of.SetUseParameter, study: StudyState) -> Iterator[Path]:
         return
     use = min(uses, key=lambda each: abs(each.line - edit.line))
     for act in study.outline.acts:
-        if _touches(act, edit.file, use.span):
+        if _holds(act, use):
             yield "acts", act.name
     for rule in study.outline.rules:
-        if _touches(rule, edit.file, use.span):
+        if _holds(rule, use):
             yield "rules", rule.name
 
 
-def _touches(part: WrittenAct | WrittenRule, file: str, span: Span) -> bool:
-    return part.file == file and part.span.start <= span.start and span.end <= part.span.end
+def _holds(part: WrittenAct | WrittenRule, use: WrittenUse) -> bool:
+    return part.file == use.file and part.holds(use.node.start)
+
+
+# --- renames ------------------------------------------------------------------------------------------------------
+
+_NAME = "\0"
+"""Stands for the name, whichever it is."""
+
+
+def check_rename(edit: of.Rename, before: Mapping[str, Any], after: Mapping[str, Any]) -> None:
+    """Compare the models of a study before and after (`model_of`), the old and the new name taken for the same.
+
+    What acts do, what they say above all, may differ only where a memory key or an actionID stands in it; so may what
+    they say in other languages.
+
+    :raises BeyondTheEdit: something else differs.
+    """
+    owner, _, _ = edit.old.rpartition("/")
+    old = edit.old[len(owner) + 1 :] if edit.kind in ("state", "action") else normal_topic(edit.old)
+    new = normal_topic(edit.new) if edit.kind == "event" else edit.new
+    written = {escape_text(name, quote) for name in (old, new) for quote in ("", "'", '"')}
+    longest_first = sorted(written, key=len, reverse=True)
+
+    def either(text: str) -> str:
+        for name in longest_first:
+            text = text.replace(name, _NAME)
+        return text
+
+    for part in before:
+        inner = either if part not in ("acts", "translations") or edit.kind in ("key", "action") else _as_it_is
+        one, other = before[part], after.get(part)
+        if not (isinstance(other, dict) and _is_same_dict(one, other, either, inner)):
+            what = {"acts": "what acts do", "rules": "what rules do"}.get(part, part)
+            raise BeyondTheEdit(f"`{old}` as `{new}`: {what} would change")
+
+
+def _as_it_is(text: str) -> str:
+    return text
+
+
+def _is_same_dict(
+    one: Mapping[str, Any], other: Mapping[str, Any], outer: Callable[[str], str], inner: Callable[[str], str]
+) -> bool:
+    """Whether two tables are the same: their keys with the names taken for the same as `outer` does, what is in them as
+    `inner` does."""
+    if len(one) != len(other):
+        return False
+    found = {outer(str(key)): value for key, value in other.items()}
+    keys = {outer(str(key)): value for key, value in one.items()}
+    return keys.keys() == found.keys() and all(_is_same(value, found[key], inner) for key, value in keys.items())
+
+
+def _is_same(one: Any, other: Any, either: Callable[[str], str]) -> bool:
+    """Whether two parts of models are the same; places in files do not matter."""
+    if one is other:
+        return True
+    if isinstance(one, Mapping) and isinstance(other, Mapping):
+        return _is_same_dict(one, other, either, either)
+    if isinstance(one, list | tuple) and isinstance(other, list | tuple):
+        return len(one) == len(other) and all(
+            _is_same(left, right, either) for left, right in zip(one, other, strict=True)
+        )
+    if type(one) is not type(other):
+        return False
+    if isinstance(one, Expression | Assignment):
+        return either(one.text) == either(other.text)
+    if isinstance(one, msgspec.Struct):
+        names = (name for name in one.__struct_fields__ if name != "location")
+        return all(_is_same(getattr(one, name), getattr(other, name), either) for name in names)
+    if isinstance(one, set | frozenset):
+        return set(map(either, map(str, one))) == set(map(either, map(str, other)))
+    return bool(either(one) == either(other) if isinstance(one, str) else one == other)

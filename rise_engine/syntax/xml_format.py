@@ -7,9 +7,8 @@ what an author has put in one line and fits there stays in one line.
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator
 
-from rise_engine.edit.plan import EditRefused
+from rise_engine.syntax.xml import Element, XmlTree, pieces
 from rise_engine.text import BLANKS
 
 WIDTH = 120
@@ -17,107 +16,86 @@ WIDTH = 120
 _INDENT = "  "
 _WRAPPERS = ("Dialogs", "InteractionRules")
 """Their children stand at the margin, with an empty line between those that take several lines."""
-_PIECE = re.compile(
-    r"(?P<comment><!--.*?-->)|(?P<cdata><!\[CDATA\[.*?\]\]>)|(?P<instruction><\?.*?\?>)|(?P<end></[^>]*>)"
-    r"|(?P<start><[^\s/>]+(?:\s+[^\s=]+\s*=\s*(?:\"[^\"]*\"|'[^']*'))*\s*/?>)|(?P<text>[^<]+)",
-    re.DOTALL,
-)
-_ATTRIBUTE = re.compile(r"\s+([^\s=]+)\s*=\s*(\"[^\"]*\"|'[^']*')")
-_NAME = re.compile(r"<([^\s/>]+)")
 
 
 class _Node:
     """An element, or something beside elements: a comment, an instruction, a text, a CDATA section."""
 
-    def __init__(self, kind: str, written: str) -> None:
-        self.kind = kind
+    def __init__(self, gap: str, written: str, element: Element | None = None) -> None:
+        self.gap = gap
+        """The blanks before it."""
         self.written = written
         """Of an element, its start tag."""
-        self.gap = ""
-        """The blanks before it."""
+        self.element = element
         self.children: list[_Node] = []
         self.end_gap = ""
         """Before the end tag."""
         self.end = ""
         self.inner = ""
         """All between the tags, as written."""
-
-    @property
-    def name(self) -> str:
-        found = _NAME.match(self.written)
-        return found.group(1) if found is not None else ""
-
-    @property
-    def elements(self) -> list[_Node]:
-        return [child for child in self.children if child.kind == "element"]
-
-    @property
-    def is_verbatim(self) -> bool:
+        self.is_verbatim = True
         """Whether its content stays as it is: it holds text, or no element."""
-        return not self.elements or any(child.kind in ("text", "cdata") for child in self.children)
+        self.height = 0
+        if element is not None:
+            self._read(element)
 
-    @property
-    def height(self) -> int:
-        if self.kind != "element" or self.is_verbatim:
-            return 0
-        return 1 + max(child.height for child in self.elements)
+    def _read(self, element: Element) -> None:
+        text = element.tree.text
+        self.written = text[element.start : element.inner_start]
+        if not element.is_closed:
+            self.end, self.inner = text[element.close : element.end], text[element.inner_start : element.close]
+        holds_text = False
+        gap = ""
+        for at, stretch in enumerate(element.gaps()):
+            found, is_text, gap = _beside(text, *stretch)
+            self.children += found
+            holds_text |= is_text
+            if at < len(element):
+                self.children.append(_Node(gap, "", element[at]))
+        self.end_gap = gap
+        self.is_verbatim = holds_text or not element
+        if not self.is_verbatim:
+            self.height = 1 + max(child.height for child in self.children if child.element is not None)
 
-    @property
-    def whole(self) -> str:
-        return f"{self.written}{self.inner}{self.end}"
+
+def _beside(text: str, start: int, end: int) -> tuple[list[_Node], bool, str]:
+    """What stands in a stretch without tags, whether it is text, and the blanks at its end."""
+    found: list[_Node] = []
+    gap, is_text = "", False
+    for piece in pieces(text, start, end):
+        written = text[piece.start : piece.end]
+        if piece.kind == "text" and not written.strip(BLANKS):
+            gap = written
+        else:
+            found.append(_Node(gap, written))
+            is_text |= piece.kind in ("text", "CDATA")
+            gap = ""
+    return found, is_text, gap
 
 
 def format_xml(text: str) -> str:
     """A file in the usual layout; a second time, it stays as it is.
 
-    :param text: well-formed, without byte order mark. Line ends of any kind; the most frequent one is taken for all.
-    :raises EditRefused: it is not well-formed.
+    :param text: without byte order mark. Line ends of any kind; the most frequent one is taken for all.
+    :raises XmlSyntaxError: it is not well-formed.
     """
     newline = max(
         ("\n", "\r\n", "\r"), key=lambda each: len(re.findall(f"(?<!\r){each}(?!\n)" if each != "\r\n" else each, text))
     )
-    nodes = _read(text.replace("\r\n", "\n").replace("\r", "\n"))
+    root = XmlTree(text.replace("\r\n", "\n").replace("\r", "\n")).root
+    before, _, gap = _beside(root.tree.text, 0, root.start)
+    behind, _, _ = _beside(root.tree.text, root.end, len(root.tree.text))
     lines: list[str] = []
-    for at, node in enumerate(nodes):
+    for at, node in enumerate((*before, _Node(gap, "", root), *behind)):
         _write(node, "", lines, first=at == 0)
     return "\n".join(line.rstrip() if not line.strip() else line for line in lines).replace("\n", newline) + newline
-
-
-def _read(text: str) -> list[_Node]:
-    """What stands at the top of a file."""
-    top = _Node("element", "")
-    stack = [(top, 0)]
-    at, gap = 0, ""
-    while at < len(text):
-        found = _PIECE.match(text, at)
-        if found is None or found.lastgroup is None:
-            raise EditRefused("it is not well-formed XML; mend that first")
-        kind, written = found.lastgroup, found.group()
-        holder = stack[-1][0]
-        if kind == "text" and not written.strip(BLANKS):
-            gap = written
-        elif kind == "end":
-            node, inner_at = stack.pop()
-            if not stack:
-                raise EditRefused("it is not well-formed XML; mend that first")
-            node.end_gap, node.end, node.inner, gap = gap, written, text[inner_at:at], ""
-        else:
-            node = _Node("element" if kind == "start" else kind, written)
-            node.gap, gap = gap, ""
-            holder.children.append(node)
-            if kind == "start" and not written.endswith("/>"):
-                stack.append((node, found.end()))
-        at = found.end()
-    if len(stack) > 1:
-        raise EditRefused("it is not well-formed XML; mend that first")
-    return top.children
 
 
 def _write(node: _Node, indent: str, lines: list[str], *, first: bool, tall_before: bool = False) -> None:
     """Add a node to the lines of a file."""
     empty = node.gap.count("\n") > 1
     same = not first and "\n" not in node.gap
-    if node.kind != "element":
+    if node.element is None:
         fits = bool(lines) and len(lines[-1]) + len(node.written) <= WIDTH
         if same and lines and (node.gap or fits):
             lines[-1] += node.gap + node.written
@@ -134,16 +112,15 @@ def _write(node: _Node, indent: str, lines: list[str], *, first: bool, tall_befo
         lines.append(indent + written)
         return
     lines.append(indent + _tag(node, indent))
-    inside = indent if node.name in _WRAPPERS else indent + _INDENT
+    is_wrapper = node.element.tag in _WRAPPERS
+    inside = indent if is_wrapper else indent + _INDENT
     tall = False
     for at, child in enumerate(node.children):
         before = len(lines)
         if at == 0 and child.gap.count("\n") > 1:
             lines.append("")
-        _write(
-            child, inside, lines, first=at == 0, tall_before=node.name in _WRAPPERS and tall and child.kind == "element"
-        )
-        tall = child.kind == "element" and len(lines) - before > 2
+        _write(child, inside, lines, first=at == 0, tall_before=is_wrapper and tall and child.element is not None)
+        tall = child.element is not None and len(lines) - before > 2
     lines += [""] * (node.end_gap.count("\n") > 1)
     lines.append(indent + node.end.replace(" ", ""))
 
@@ -170,24 +147,27 @@ def _one_line(node: _Node, indent: str) -> str | None:
 
 
 def _inner(node: _Node) -> str:
-    pieces = []
+    written = []
     for child in node.children:
-        pieces += [child.gap, (_one_line(child, "") or child.whole) if child.kind == "element" else child.written]
-    return "".join([*pieces, node.end_gap])
+        whole = f"{child.written}{child.inner}{child.end}"
+        written += [child.gap, whole if child.element is None else _one_line(child, "") or whole]
+    return "".join([*written, node.end_gap])
 
 
 def _tag(node: _Node, indent: str) -> str:
     """A start tag: one blank between attributes; over several lines only where it does not fit in one."""
-    attributes = list(_ATTRIBUTE.finditer(node.written))
-    closing = "/>" if node.written.endswith("/>") else ">"
-    pieces = [f"{found.group(1)}={found.group(2)}" for found in attributes]
-    tag = " ".join([f"<{node.name}", *pieces]) + closing
-    gaps = [node.written[found.start() : found.start(1)] for found in attributes]
+    element = node.element
+    assert element is not None, "only elements have tags"
+    text, closing = element.tree.text, "/>" if element.is_closed else ">"
+    attributes = element.written_attributes().values()
+    written = [f"{each.name}={text[each.value_start - 1 : each.end]}" for each in attributes]
+    gaps = [text[each.start : each.name_start] for each in attributes]
+    tag = " ".join([f"<{element.tag}", *written]) + closing
     if len(indent) + len(tag) <= WIDTH or not any("\n" in gap for gap in gaps):
         return tag
-    beside = "\n" + indent + " " * (len(node.name) + 2)
-    parts = [f"<{node.name} {pieces[0]}"]
-    for gap, piece in zip(gaps[1:], pieces[1:], strict=True):
+    beside = "\n" + indent + " " * (len(element.tag) + 2)
+    parts = [f"<{element.tag} {written[0]}"]
+    for gap, piece in zip(gaps[1:], written[1:], strict=True):
         parts.append(f"{beside if chr(10) in gap else ' '}{piece}")
     return "".join(parts) + closing
 
@@ -205,10 +185,3 @@ def _shifted(line: str, by: int) -> str:
     if not bare:
         return ""
     return " " * max(0, len(line[: len(line) - len(bare)].expandtabs(2)) + by) + bare
-
-
-def comments_of(text: str) -> Iterator[str]:
-    """The comments of a file in their order, without their blanks."""
-    for found in _PIECE.finditer(text):
-        if found.lastgroup == "comment":
-            yield " ".join(found.group().split())

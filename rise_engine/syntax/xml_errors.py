@@ -6,9 +6,6 @@ import re
 
 from lxml import etree
 
-from rise_engine.scenario.diagnostics import Diagnostics
-from rise_engine.scenario.xml_repair import RepairedText
-
 _POSITION = re.compile(r", line \d+, column \d+.*\Z", re.DOTALL)
 _MISMATCH = re.compile(r"tag mismatch: (\S+) line (\d+) and (\S+)")
 _UNFINISHED = re.compile(r"in tag (\S+) line (\d+)")
@@ -24,14 +21,24 @@ _SENTENCES = {
 """What a part of libxml2's message means."""
 
 
-def report_syntax_error(error: etree.XMLSyntaxError, repaired: RepairedText, diagnostics: Diagnostics) -> None:
-    """Turn the first error of the parser into a finding."""
-    code, offset, sentence = describe_syntax_error(error, repaired.text)
-    diagnostics.error(code, repaired.source.location(repaired.original_offset(offset)), sentence)
+def parse_error(text: str) -> etree.XMLSyntaxError | None:
+    """What lxml finds first. :raises ValueError: the text holds half a character, or something else that is none."""
+    parser = etree.XMLParser(resolve_entities=False, no_network=True, load_dtd=False, huge_tree=False)
+    try:
+        etree.fromstring(text.encode(), parser)
+    except etree.XMLSyntaxError as error:
+        return error
+    return None
+
+
+def find_syntax_error(text: str) -> tuple[str, int, str] | None:
+    """What is wrong first, if something is: the code of a finding, the offset, and a sentence."""
+    error = parse_error(text)
+    return None if error is None else describe_syntax_error(error, text)
 
 
 def describe_syntax_error(error: etree.XMLSyntaxError, text: str) -> tuple[str, int, str]:
-    """The first error of the parser in a text: the code of a finding, the offset, and what is wrong."""
+    """An error of lxml in a text: the code of a finding, the offset, and a sentence."""
     message = _POSITION.sub("", error.msg or "")  # error.error_log holds those of all files so far
     line, column = error.position
     offset = _offset(text, line or 1, column or 1)

@@ -9,9 +9,9 @@ from __future__ import annotations
 
 import re
 from bisect import bisect_right
+from typing import NamedTuple
 
-from rise_engine.scenario.diagnostics import Diagnostics
-from rise_engine.scenario.source_files import SourceFile
+from rise_engine.syntax.changes import TextEdit
 from rise_engine.text import GAP, character_name, find_unseen, match_end
 from rise_engine.typography import DOUBLE, SINGLE, straight_quote, typography_problem
 
@@ -37,24 +37,33 @@ _SHOWN = 300
 _QUOTE_ENTITIES = {'"': "&quot;", "'": "&apos;"}
 
 
-class RepairedText:
-    """A text after repair, with the way back to the offsets of the original."""
+class Mistake(NamedTuple):
+    """Something that is wrong in a text: the code of a finding, where it stands, and a sentence."""
 
-    def __init__(self, source: SourceFile, edits: list[tuple[int, int, str]]) -> None:
-        """`edits`: from where to where in the source, and what stands there instead."""
-        self.source = source
-        self._edits = sorted(edits)
+    code: str
+    offset: int
+    message: str
+
+
+class RepairedText:
+    """A text without the mistakes that this module knows, with the way back to the offsets of the original."""
+
+    def __init__(self, original: str) -> None:
+        repairer = _Repairer(original)
+        self._edits = sorted(repairer.find_edits())
+        self.mistakes = repairer.mistakes
+        """What was repaired, or could not be read further, each at its place in the original."""
         self._starts: list[int] = []
         """Where in the repaired text each edit begins."""
         pieces: list[str] = []
         position = length = 0
-        for start, end, new in self._edits:
-            pieces += (source.text[position:start], new)
+        for start, end, new in self._edits:  # two may meet in one character, where a text is very wrong
+            pieces += (original[position:start], new)
             length += start - position
             self._starts.append(length)
             length += len(new)
             position = end
-        self.text = "".join((*pieces, source.text[position:]))
+        self.text = "".join((*pieces, original[position:]))
 
     def original_offset(self, offset: int) -> int:
         """Where an offset of `text` was before the repair."""
@@ -66,30 +75,24 @@ class RepairedText:
         return start + min(into, end - start) if into < len(new) else end + into - len(new)
 
 
-def repair(source: SourceFile, diagnostics: Diagnostics) -> RepairedText:
-    """Look for the mistakes that this module knows, report each, and return the text without them."""
-    return RepairedText(source, _Repairer(source, diagnostics).find_edits())
-
-
 class _Repairer:
     """Walks over a text that is not well-formed."""
 
-    def __init__(self, source: SourceFile, diagnostics: Diagnostics) -> None:
-        self.source = source
-        self.text = source.text
-        self.diagnostics = diagnostics
-        self.edits: list[tuple[int, int, str]] = []
+    def __init__(self, text: str) -> None:
+        self.text = text
+        self.mistakes: list[Mistake] = []
+        self.edits: list[TextEdit] = []
         self.searched_until: dict[str, int] = {}
         """How far the text has been searched, in vain, for the end of a value in these quotation marks."""
 
     def report_error(self, code: str, offset: int, message: str) -> None:
-        self.diagnostics.error(code, self.source.location(offset), message)
+        self.mistakes.append(Mistake(code, offset, message))
 
     def replace(self, start: int, end: int, new: str) -> None:
-        self.edits.append((start, end, new))
+        self.edits.append(TextEdit(start, end, new))
 
-    def find_edits(self) -> list[tuple[int, int, str]]:
-        """What has to be replaced, after a finding for each mistake."""
+    def find_edits(self) -> list[TextEdit]:
+        """What has to be replaced; each mistake is noted."""
         text = self.text
         position = 0
         run_start = 0  # where the present stretch of text between tags begins

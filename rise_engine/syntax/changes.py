@@ -1,0 +1,76 @@
+"""Changes of texts: stretches of characters, and what takes their place."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from difflib import SequenceMatcher
+from typing import NamedTuple
+
+from rise_engine.errors import RiseError
+
+
+class EditRefused(RiseError, ValueError):
+    """An edit that cannot be made; the message says why, and what could be done, for a person."""
+
+
+class TextEdit(NamedTuple):
+    """Characters `start` to `end` of a text, and what takes their place."""
+
+    start: int
+    end: int
+    text: str
+
+
+class Splice(NamedTuple):
+    """Characters `start` to `end` of a file's text (without byte order mark), and what takes their place."""
+
+    file: str
+    start: int
+    end: int
+    text: str
+
+
+def changed_text(text: str, edits: Iterable[TextEdit | Splice]) -> str:
+    """A text after edits; what is put in at one place stands in their order.
+
+    :raises ValueError: edits overlap, or are outside of the text: a mistake of whoever planned.
+    """
+    pieces, at = [], 0
+    for edit in sorted(edits, key=lambda each: (each.start, each.end)):
+        if not at <= edit.start <= edit.end <= len(text):
+            raise ValueError(f"characters {edit.start} to {edit.end} cannot be replaced")
+        pieces += [text[at : edit.start], edit.text]
+        at = edit.end
+    return "".join([*pieces, text[at:]])
+
+
+def edits_between(before: str, after: str) -> list[TextEdit]:
+    """The changes from one text to another: one for each stretch of lines that differ, and within it from the first
+    character that differs to the last."""
+    old, new = before.splitlines(keepends=True), after.splitlines(keepends=True)
+    first = _count_common(old, new)
+    last = _count_common(old[first:][::-1], new[first:][::-1])
+    old_middle, new_middle = old[first : len(old) - last], new[first : len(new) - last]
+    starts = [sum(map(len, old[:first]))]
+    for line in old_middle:
+        starts.append(starts[-1] + len(line))
+    edits = []
+    for kind, i, j, k, m in SequenceMatcher(None, old_middle, new_middle, autojunk=False).get_opcodes():
+        if kind != "equal":
+            edits.append(_trimmed(starts[i], "".join(old_middle[i:j]), "".join(new_middle[k:m])))
+    return edits
+
+
+def _count_common(one: Sequence[str], other: Sequence[str]) -> int:
+    count = 0
+    for left, right in zip(one, other, strict=False):
+        if left != right:
+            break
+        count += 1
+    return count
+
+
+def _trimmed(start: int, old: str, new: str) -> TextEdit:
+    head = _count_common(old, new)
+    tail = _count_common(old[head:][::-1], new[head:][::-1])
+    return TextEdit(start + head, start + len(old) - tail, new[head : len(new) - tail])
