@@ -1,15 +1,12 @@
 """The errors that rise-tui raises on purpose: one tree under `RiseError` (a test compares this drawing with the code).
 
     RiseError
-      BadEditsError               A file of edits that cannot be read
       BehaviorError               A behaviour that cannot be read
       BridgeError                 The connection cannot be had
       BundleError                 A bundle cannot be made or read
       CannotBegin                 The session cannot begin
       CannotJudge                 Nothing was written
       CannotLook                  The robot cannot be looked for
-      CannotRun                   A session cannot be run on another robot
-      ChecksRefused               The session cannot begin
       ClipboardTooLarge           It does not fit on a clipboard
       DriverError                 No usable driver of that name is installed
       EditRefused                 An edit that cannot be made
@@ -17,9 +14,12 @@
       EndRefused                  This client may not end the session
       EngineGone                  The engine has ended or cannot be reached
         LinkLost                  This connection was cut
-      ExpandError                 The expanded scenario cannot be written
       ExportError                 The export cannot be made
       ExportFailed                Nothing was written
+      FileError                   A file with mistakes
+        StudyTestError            A test that cannot be read
+        StudyUnusable             The study cannot be used
+        TaskFileError             A task file with mistakes
       FindingError                Marks cannot be looked for
       HeaderError                 Where a message begins cannot be known any more
       IllegalScriptError          A text that is no expression of ECMAScript at all
@@ -42,10 +42,8 @@
       NotFlattenedError           A chart that cannot be flattened
       NotWoz4uError               The file is no configuration of WoZ4U
       NothingStarted              Nothing is started and nothing attached to
-      NothingToDrawError          There is no rule or act of that name
       NothingToKeep               Nothing may be kept of somebody
       OutletError                 It cannot pass on anything
-      OutputError                 Standard output cannot be written
       ParameterError              A value that an action's parameter cannot take
         OutOfRangeError           A number beyond the smallest or the largest that a parameter can have
       PathMismatch                A path that does not belong to the scenario
@@ -75,16 +73,10 @@
       StudyCopyError              A study could not be copied
       StudyLogError               The study's log cannot be read or written
       StudyRefused                Something cannot be done with a study
-      StudyTestError              A test that cannot be read
-      StudyUnusable               The study cannot be used
-      TaskFileError               A task file with mistakes
       TemplateError               A template that cannot be read
       TextsError                  A table of texts that cannot be written or read
       UndeclaredError             A variable that there is not
-      UnknownActError             There is no such act
       UnreadableError             A file that cannot be read
-      UnusableArgument            Something on the command line cannot be used
-      UnusableMemoryError         `--memory` cannot be read
       WithdrawalError             Nobody was withdrawn
       WordError                   A word cannot be replaced like this
       XmlSyntaxError              A text that is no XML
@@ -95,8 +87,20 @@ What is wrong with the files of a scenario is no error but a list of findings
 
 
 class RiseError(Exception):
-    """What went wrong, in a sentence for the people who run a study; every error of these packages is one of these.
+    """What went wrong, in sentences for the people who run a study; every error of these packages is one of these.
 
     ``except RiseError`` therefore catches what a caller can tell its users about, and leaves mistakes of the program
-    alone.
+    alone. Each argument is a sentence, and a line for those who read it.
     """
+
+    @property
+    def lines(self) -> tuple[str, ...]:
+        """The sentences."""
+        return tuple(map(str, self.args))
+
+    def __str__(self) -> str:
+        return "\n".join(self.lines)
+
+
+class FileError(RiseError):
+    """A file with mistakes: a line for each, which says where it is and what is wrong."""

@@ -107,7 +107,7 @@ def _check(archive: zipfile.ZipFile, size: int, free: int) -> None:
         if names:
             problems.append(f"it is no bundle, because these in it {what}: {_some(names)}")
     if problems:
-        raise BundleError("\n".join(problems))
+        raise BundleError(*problems)
 
 
 def _is_plain(entry: zipfile.ZipInfo) -> bool:

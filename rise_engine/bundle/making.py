@@ -75,7 +75,7 @@ def make_bundle(
     :raises BundleError: it cannot be made; nothing of it is there.
     """
     if not folders:
-        raise BundleError("\n".join(["there is no session to put into a bundle", *remarks]))
+        raise BundleError("there is no session to put into a bundle", *remarks)
     study, is_folder = Path(state.study.folder).resolve(), out.suffix != ".zip"
     people = {study: state.pseudonyms}
     try:
@@ -178,7 +178,7 @@ class _Bundle:
                 recordings = pluralize(len(data.media), "recording")
                 self.report.left_out.append(f"{recordings} of {name}: add the files yourself, if people agreed to that")
         if not self._sessions:
-            raise BundleError("\n".join(["no session could be read", *self.report.left_out]))
+            raise BundleError("no session could be read", *self.report.left_out)
 
     def _write_session(self, data: SessionData, target: Path) -> None:
         if self._level == "full":

@@ -2,30 +2,26 @@
 
 from __future__ import annotations
 
-import sys
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Literal, TypeAlias
 
 import click
-import msgspec
 from msgspec.structs import replace
 
 from rise_engine.analysis.judged_cues import JudgedSession, judge_session, wizards_of
 from rise_engine.analysis.reading import read_sessions
 from rise_engine.analysis.wizard_agreement import AgreementReport, compare_wizards
 from rise_engine.cli.agreement_text import agreement_csv, agreement_json, agreement_text
-from rise_engine.cli.export import select_sessions
-from rise_engine.cli.terminal import discard_rest, escape_json
-from rise_engine.exit_status import BROKEN_PIPE, OK, PARTIAL, USAGE
+from rise_engine.cli.export import level_option, select_sessions
+from rise_engine.cli.options import ALL_SESSIONS, STUDIES_OR_SESSIONS
+from rise_engine.cli.terminal import json_document, print_notes, refusing, write_bytes
+from rise_engine.exit_status import OK, PARTIAL, USAGE
 from rise_engine.export.format import ExportError
 from rise_engine.export.writing import new_export
-from rise_engine.json_codec import encode
 from rise_engine.session.errors import SessionError
-from rise_engine.session.levels import LEVELS, ExportLevel
+from rise_engine.session.levels import ExportLevel
 from rise_engine.session.shadow import shadow_files
-from rise_engine.study.state import StudyUnusable
-from rise_engine.study.study_log import StudyLogError
 from rise_engine.study.traces import study_of_session, wizard_names
 from rise_engine.text import clean, pluralize
 
@@ -33,68 +29,47 @@ Form: TypeAlias = Literal["text", "json", "csv"]
 
 
 @click.command()
-@click.argument("named", metavar="STUDY|SESSION...", type=click.Path(), nargs=-1, required=True)
+@STUDIES_OR_SESSIONS
 @click.option("--format", "form", type=click.Choice(["text", "json", "csv"]), default="text", show_default=True)
 @click.option("-o", "--output", metavar="NEW", type=click.Path(), help="A new file. Default: standard output.")
-@click.option(
-    "--level",
-    type=click.Choice(LEVELS),
-    default="full",
-    show_default=True,
-    help="How much is told; below full, wizards have the names of the study's [wizards], or W1, W2, ...",
-)
-@click.option("--all", "all_sessions", is_flag=True, help="Of a study, also what does not count or did not end.")
-def agree(named: tuple[str, ...], form: Form, output: str | None, level: ExportLevel, all_sessions: bool) -> None:
+@level_option("full", "How much is told; below full, wizards have the names of the study's [wizards], or W1, W2, ...")
+@ALL_SESSIONS
+@refusing(USAGE)
+def agree(named: tuple[str, ...], form: Form, output: str | None, level: ExportLevel, all_sessions: bool) -> int:
     """Compare the wizard of each session with those to whom its cues were played (rise-tui --shadow): cue by cue, with
     percent agreement, Cohen's kappa, Krippendorff's alpha and the ICC of latencies; and the marks for mistakes, where
     two have marked any.
 
     Exit status: 0; 1 when something could not be read, and the rest was compared; 2 when nothing was.
     """
-    sys.exit(agree_report(named, form, output, level, all=all_sessions))
-
-
-def agree_report(named: Sequence[str], form: Form, output: str | None, level: ExportLevel, *, all: bool = False) -> int:
-    """Compare what is asked for and write it; the exit status."""
     problems: list[str] = []
-    try:
-        selection = select_sessions(named, all=all)
-        for remark in selection.remarks:
-            _print_error(f"note: {remark}")
-        folders = [folder for folder in selection.folders if shadow_files(folder)]
-        if not folders:
-            raise ExportError(
-                "nobody has judged a session of these yet: rise-tui --shadow SESSION plays its cues to a second wizard"
-            )
-        if without := len(selection.folders) - len(folders):
-            _print_error(f"note: {pluralize(without, 'session')} without a second wizard left out")
-        if output is None or output == "-":
+    selection = select_sessions(named, all=all_sessions)
+    print_notes(*(f"note: {remark}" for remark in selection.remarks))
+    folders = [folder for folder in selection.folders if shadow_files(folder)]
+    if not folders:
+        raise ExportError(
+            "nobody has judged a session of these yet: rise-tui --shadow SESSION plays its cues to a second wizard"
+        )
+    if without := len(selection.folders) - len(folders):
+        print_notes(f"note: {pluralize(without, 'session')} without a second wizard left out")
+    if output is None or output == "-":
+        report = _compared(folders, level, problems)
+        write_bytes(_formatted(report, form))
+    else:
+        with new_export(Path(output), folders, f"agree {form}", level) as export:
             report = _compared(folders, level, problems)
-            sys.stdout.buffer.write(_formatted(report, form))
-            sys.stdout.buffer.flush()
-        else:
-            with new_export(Path(output), folders, f"agree {form}", level) as export:
-                report = _compared(folders, level, problems)
-                problems += export.problems
-                export.here.write_bytes(_formatted(report, form))
-    except BrokenPipeError:
-        discard_rest(sys.stdout)
-        return BROKEN_PIPE
-    except (ExportError, SessionError, StudyUnusable, StudyLogError) as error:
-        _print_error(*(f"error: {line}" for line in str(error).splitlines()))
-        return USAGE
-    for problem in problems:
-        _print_error(f"warning: {problem}")
+            problems += export.problems
+            export.here.write_bytes(_formatted(report, form))
+    print_notes(*(f"warning: {problem}" for problem in problems))
     if form != "text":
-        for remark in dict.fromkeys(report.remarks):
-            _print_error(f"note: {remark}")
+        print_notes(*(f"note: {remark}" for remark in dict.fromkeys(report.remarks)))
     return PARTIAL if problems else OK
 
 
 def _compared(folders: Sequence[Path], level: ExportLevel, problems: list[str]) -> AgreementReport:
     report = compare_wizards(_judged(folders, level, problems))
     if not report.cues:
-        raise ExportError("\n".join(["nothing could be compared", *problems]))
+        raise ExportError("nothing could be compared", *problems)
     return report
 
 
@@ -133,19 +108,9 @@ def _names(folders: Sequence[Path]) -> dict[str, str]:
 
 def _formatted(report: AgreementReport, form: Form) -> bytes:
     if form == "json":
-        return escape_json(msgspec.json.format(encode(agreement_json(report)), indent=2)) + b"\n"
-    text = agreement_csv(report) if form == "csv" else clean_lines(agreement_text(report))
+        return json_document(agreement_json(report)) + b"\n"
+    text = agreement_csv(report) if form == "csv" else clean(agreement_text(report), keep="\n")
     return text.encode("utf-8", "backslashreplace")
-
-
-def clean_lines(text: str) -> str:
-    """Nothing in it acts on a terminal."""
-    return "\n".join(clean(line) for line in text.split("\n"))
-
-
-def _print_error(*lines: str) -> None:
-    for line in lines:
-        sys.stderr.write(clean(line) + "\n")
 
 
 COMMANDS = {"agree": agree}

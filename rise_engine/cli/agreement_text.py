@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import csv
 import io
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from textwrap import wrap
 from typing import Any
 
@@ -12,6 +12,7 @@ from rise_engine.analysis.agreement import Differences, Estimate
 from rise_engine.analysis.judged_cues import JudgedCue
 from rise_engine.analysis.model import SessionFacts
 from rise_engine.analysis.wizard_agreement import FEW, AgreementReport, GroupStatistics, PairStatistics
+from rise_engine.cli.terminal import table_lines
 from rise_engine.text import pluralize
 
 WIDTH = 100
@@ -112,7 +113,7 @@ def _cue_table(report: AgreementReport) -> Iterator[str]:
         )
         for cue in report.cues
     ]
-    yield from _aligned(rows)
+    yield from table_lines(rows, indent="")
     yield ""
 
 
@@ -227,9 +228,3 @@ def _error(estimate: Estimate) -> str:
 def _clock(seconds: float) -> str:
     minutes, rest = divmod(seconds, 60)
     return f"{int(minutes)}:{rest:04.1f}"
-
-
-def _aligned(rows: Sequence[Sequence[str]]) -> Iterator[str]:
-    widths = [max(len(row[column]) for row in rows) for column in range(len(rows[0]))]
-    for row in rows:
-        yield "  ".join(f"{each:<{width}}" for each, width in zip(row, widths, strict=True)).rstrip()

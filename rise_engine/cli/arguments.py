@@ -1,54 +1,91 @@
-"""What the arguments of the command line mean: what can be used, and a sentence for what cannot."""
+"""What the command line says of a session: its options, what it begins with, and the tasks that it plays."""
 
 from __future__ import annotations
 
 import json
 import os
 import sys
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from select import select
-from typing import Any, NoReturn
+from typing import Any
 
 import click
 from msgspec.structs import replace
 
-from rise_engine.cli.check import strict_json
-from rise_engine.engine.drivers import PARAMETERS, DriverError, load_ros_plugin
-from rise_engine.errors import RiseError
+from rise_engine.cli.loading import load_scenario
+from rise_engine.cli.options import resolve_scenario
+from rise_engine.cli.terminal import Refused, exit_with_usage, print_notes, reason_of, refusing
+from rise_engine.engine.drivers import PARAMETERS, load_ros_plugin
 from rise_engine.exit_status import USAGE
 from rise_engine.expression import Assignment, ExpressionError
+from rise_engine.json_codec import JsonError, decode
 from rise_engine.kernel.inputs import Submit
-from rise_engine.ports.bridge import BridgeError, ParameterReader
+from rise_engine.ports.bridge import ParameterReader, RosConnection, RosTransport
 from rise_engine.protocol.session_options import SessionOptions
-from rise_engine.protocol.task_file import TaskFile, TaskFileError, read_task_file, unknown_name_sentence
+from rise_engine.protocol.task_file import TaskFile, read_task_file, unknown_name_sentence
 from rise_engine.scenario.model import Mode, Scenario
-from rise_engine.scenario.shipped_studies import resolve_study, shipped_hint
-from rise_engine.text import clean
 
 
+@refusing(USAGE)
 def add_ros_parameters(
     own: list[str], ros_args: tuple[str, ...], command: click.Command
 ) -> tuple[list[str], tuple[str, ...]]:
     """Options of a command that are given as parameters of ROS (`-p robot:=pepper`, or in a file), where they stand on
-    the command line; ROS programs are started in that way. Exits when a parameter is none."""
+    the command line; ROS programs are started in that way. Ends the command when a parameter is none."""
     if not {"-p", "--param", "--params-file"} & set(ros_args):
         return own, ros_args
     options = [each for each in command.params if isinstance(each, click.Option)]
-    try:
-        read_parameters: ParameterReader = load_ros_plugin(PARAMETERS)
-        more, ros_args = read_parameters(
-            ros_args,
-            switches={each.opts[0]: "".join(each.secondary_opts[:1]) for each in options if each.is_flag},
-            single=[each.opts[0] for each in options if not each.is_flag and not each.multiple],
-            many=[each.opts[0] for each in options if each.multiple],
-            written=own,
-        )
-    except BridgeError as error:
-        exit_with_usage("\n".join(error.lines))
-    except DriverError as error:
-        exit_with_usage(str(error))
+    read_parameters: ParameterReader = load_ros_plugin(PARAMETERS)
+    more, ros_args = read_parameters(
+        ros_args,
+        switches={each.opts[0]: "".join(each.secondary_opts[:1]) for each in options if each.is_flag},
+        single=[each.opts[0] for each in options if not each.is_flag and not each.multiple],
+        many=[each.opts[0] for each in options if each.multiple],
+        written=own,
+    )
     return [own[0], *more, *own[1:]], ros_args
+
+
+# --- options ----------------------------------------------------------------------------------------------------------
+
+
+def named_scenario(folder: str | None, *of_study: object) -> str:
+    """The scenario of a session that is of no study. Ends the command if none is named.
+
+    :param folder: as somebody named it.
+    :param of_study: options that only a session of a study has.
+    """
+    if folder is None:
+        exit_with_usage("say what to run: DIR, a scenario's folder, or --study STUDY --participant ID")
+    if any(of_study):
+        exit_with_usage("--run, --pilot, --training, --record, --confirm and --skip-check go with --study")
+    return resolve_scenario(folder)
+
+
+def session_options(folder: str, speed: float, *, ros: RosTransport, **session: Any) -> SessionOptions:
+    """The options of a session.
+
+    :param folder: the scenario's; empty: the study says it.
+    :param speed: how many times faster.
+    :param ros: how ROS 2 is spoken.
+    :param session: `options.SESSION_OPTIONS` and `--seed`, which have the names of the fields.
+    """
+    if session["allow_untranslated"] and not session["language"]:
+        exit_with_usage("--allow-untranslated goes with --language")
+    connection = RosConnection(ros, click.get_current_context().obj)
+    return SessionOptions(folder, speed=speed, ros=connection, **session)
+
+
+def load_for_session(options: SessionOptions) -> Scenario:
+    """The scenario of a session. Ends the command if it has errors."""
+    return load_scenario(
+        options.folder,
+        robot=options.robot,
+        mode=options.mode,
+        language=options.language,
+        allow_untranslated=options.allow_untranslated,
+    )
 
 
 def parse_paths(options: tuple[str, ...]) -> dict[str, str]:
@@ -62,8 +99,7 @@ def parse_paths(options: tuple[str, ...]) -> dict[str, str]:
     return paths
 
 
-class UnusableArgument(RiseError):
-    """Something on the command line cannot be used; the text says what, in one or more lines."""
+# --- what a session begins with ---------------------------------------------------------------------------------------
 
 
 def tasks_at_start(
@@ -71,39 +107,35 @@ def tasks_at_start(
 ) -> tuple[Submit, ...]:
     """What `--set`, `--rule` and `--act` submit at the beginning, in this order.
 
-    :raises UnusableArgument: with everything that cannot be used.
+    Ends the command with everything that cannot be used.
     """
     problems = [
-        f"error: --{what}: {unknown_name_sentence(what, name, known)}"
+        f"--{what}: {unknown_name_sentence(what, name, known)}"
         for what, names, known in (("rule", rules, list(scenario.rules)), ("act", acts, list(scenario.acts)))
         for name in names
         if name not in known
     ]
-    assigned: list[str] = []
-    try:
-        assigned = parse_assignments(settings)
-    except UnusableArgument as error:
-        problems.append(str(error))
-    if problems:
-        raise UnusableArgument("\n".join(problems))
+    assignments = parse_assignments(settings, problems)
     source = "wizard:command-line"
     return (
-        *(Submit(function="assignValue", behavior=behavior, source=source) for behavior in assigned),
+        *assignments,
         *(Submit(function="startInteractionRule", behavior=name, source=source) for name in rules),
         *(Submit(function="startCommunicationRobotAct", behavior=name, source=source) for name in acts),
     )
 
 
-def parse_assignments(settings: Sequence[str]) -> list[str]:
-    """Every `--set` as an assignment. Raises UnusableArgument with all that cannot be used."""
-    assigned, problems = [], []
+def parse_assignments(settings: Sequence[str], problems: Sequence[str] = ()) -> list[Submit]:
+    """Every `--set` as an assignment. Ends the command with all that cannot be used, behind other `problems`."""
+    assigned, found = [], [*problems]
     for setting in settings:
         try:
-            assigned.append(_parse_assignment(setting))
+            behavior = _parse_assignment(setting)
         except ValueError as error:
-            problems.append(f"error: --set {setting}: {error}")
-    if problems:
-        raise UnusableArgument("\n".join(problems))
+            found.append(f"--set {setting}: {error}")
+        else:
+            assigned.append(Submit(function="assignValue", behavior=behavior, source="wizard:command-line"))
+    if found:
+        raise Refused(*found, status=USAGE)
     return assigned
 
 
@@ -114,14 +146,13 @@ def _parse_assignment(text: str) -> str:
     if not equals or not key:
         raise ValueError("write KEY=JSON, as in task=2 or 'name=\"Anna\"'")
     try:
-        parsed: Any = strict_json(value)
-    except ValueError as error:
+        parsed: Any = decode(value)
+    except JsonError as error:
         bare = value.strip()
         if not bare or not (bare[0].isalpha() or bare[0] in "_/"):
-            raise ValueError(
-                f"the value is not JSON: {error}; a text stands in double quotes: '{key}=\"...\"'"
-            ) from None
-        click.echo(f"note: --set {key}: {bare} was taken as a text", err=True)
+            why = f"{error} (column {error.offset + 1})"
+            raise ValueError(f"the value is not JSON: {why}; a text stands in double quotes: '{key}=\"...\"'") from None
+        print_notes(f"note: --set {key}: {bare} was taken as a text")
         parsed = bare
     behavior = json.dumps({key: parsed}, ensure_ascii=False)
     try:
@@ -131,6 +162,10 @@ def _parse_assignment(text: str) -> str:
     return behavior
 
 
+# --- tasks ------------------------------------------------------------------------------------------------------------
+
+
+@refusing(USAGE)
 def read_tasks_option(path: str | None, *, virtual: bool) -> tuple[TaskFile, bool]:
     """What is known before the session starts, and whether more tasks will come on standard input."""
     if path is None:
@@ -140,35 +175,31 @@ def read_tasks_option(path: str | None, *, virtual: bool) -> tuple[TaskFile, boo
     if path == "-" and sys.stdin is None:  # closed by whoever started this: as good as empty
         return TaskFile(), False
     try:
-        text = _read_standard_input() if path == "-" else Path(path).read_bytes()
+        text = b"".join(_standard_input()) if path == "-" else Path(path).read_bytes()
     except OSError as error:
-        raise UnusableArgument(f"error: --tasks {path}: {error.strerror or error}") from None
-    try:
-        return read_task_file(text, path), False
-    except TaskFileError as error:
-        raise UnusableArgument(str(error)) from None
+        exit_with_usage(f"--tasks {path}: {reason_of(error)}")
+    return read_task_file(text, path), False
 
 
 def apply_task_file(
     options: SessionOptions, file: TaskFile, path: str | None, mode: Mode, *, of_study: bool
 ) -> SessionOptions:
     """The options of a session that plays a task file: with its faults, seed and condition. What the command line says
-    of seed and condition counts more.
+    of seed and condition counts more. Ends the command if it cannot be played in this mode, or with this study.
 
     :param options: as the command line has them.
     :param file: what was read.
     :param path: of the file, for messages.
     :param mode: the session's.
     :param of_study: whether it is a session of a study, whose plan says seed and condition.
-    :raises UnusableArgument: it cannot be played in this mode, or with this study.
     """
     if file.faults and mode == "real":
-        raise UnusableArgument(
-            f"error: --tasks {path}: it has faults, and only a simulated robot does wrong on request: add --mode debug"
+        exit_with_usage(
+            f"--tasks {path}: it has faults, and only a simulated robot does wrong on request: add --mode debug"
         )
     if of_study and (file.seed is not None or file.condition):
         what = "seed" if file.seed is not None else "condition"
-        raise UnusableArgument(f"error: --tasks {path}: it has a {what}, and with --study the plan says it")
+        exit_with_usage(f"--tasks {path}: it has a {what}, and with --study the plan says it")
     return replace(
         options,
         faults=(*options.faults, *file.faults),
@@ -178,54 +209,21 @@ def apply_task_file(
 
 
 def rehearsal_options(options: SessionOptions, path: str, mode: Mode) -> SessionOptions:
-    """The options of a session for consoles that plays a task file by itself. Raises UnusableArgument."""
+    """The options of a session for consoles that plays a task file by itself. Ends the command if it cannot."""
     if mode == "real":
-        raise UnusableArgument("error: --tasks plays a rehearsal by itself: add --mode debug")
+        exit_with_usage("--tasks plays a rehearsal by itself: add --mode debug")
     if path == "-":
-        raise UnusableArgument("error: --tasks -: a session for consoles reads its tasks from a file")
+        exit_with_usage("--tasks -: a session for consoles reads its tasks from a file")
     file, _ = read_tasks_option(path, virtual=True)
     return replace(apply_task_file(options, file, path, mode, of_study=False), script=file.tasks)
 
 
-def _read_standard_input() -> bytes:
+def _standard_input() -> Iterator[bytes]:
     """All of it. `sys.stdin.buffer.read()` notices an interrupt that comes between two of its reads only at the end."""
     descriptor = sys.stdin.fileno()
-    chunks: list[bytes] = []
     while True:
-        if not select([descriptor], [], [], 0.5)[0]:
-            continue
-        chunk = os.read(descriptor, 65_536)
-        if not chunk:
-            return b"".join(chunks)
-        chunks.append(chunk)
-
-
-def parse_number(option: str, text: str, wanted: str, most: float, *, least_excluded: bool = False) -> float:
-    """The number, from 0 to `most`, that was given for an option; ends the program, with what is `wanted`, if none."""
-    try:
-        value = float(text)
-    except ValueError:
-        value = float("nan")
-    if not 0 <= value <= most or (least_excluded and value == 0):
-        exit_with_usage(f"{option} {text}: this must be {wanted}")
-    return value
-
-
-def resolve_scenario(folder: str) -> str:
-    """The path of a scenario: a folder, its scenario.toml, or a shipped study by its name. Ends the program if none."""
-    folder = resolve_study(folder)
-    path = Path(folder)
-    if (path / "study.toml").is_file() and not (path / "scenario.toml").exists():
-        exit_with_usage(f"{folder} is a study, not a scenario: its commands are those of `rise-engine study`")
-    if path.is_dir() or (path.is_file() and path.name == "scenario.toml"):
-        return folder
-    problem = f"there is no folder {folder}{shipped_hint()}"
-    if path.exists():
-        problem = f"{folder} is no scenario: give a folder, or the path of its scenario.toml"
-    return exit_with_usage(problem)
-
-
-def exit_with_usage(message: str) -> NoReturn:
-    """End the program with a sentence about its command line."""
-    click.echo(f"error: {clean(message)}", err=True)
-    sys.exit(USAGE)
+        if select([descriptor], [], [], 0.5)[0]:
+            chunk = os.read(descriptor, 65_536)
+            if not chunk:
+                return
+            yield chunk

@@ -1,9 +1,8 @@
-"""What `rise-engine coded` does and prints: annotations of a session that people give back."""
+"""`rise-engine coded`: annotations of a session that people give back."""
 
 from __future__ import annotations
 
 import hashlib
-import sys
 from collections import Counter
 from collections.abc import Sequence
 from datetime import datetime
@@ -17,9 +16,8 @@ from rise_engine.analysis.model import SessionData
 from rise_engine.analysis.reading import read_session
 from rise_engine.cli.media import parse_moment, read_marks
 from rise_engine.cli.options import JSON, SESSION
-from rise_engine.cli.terminal import write_json
-from rise_engine.errors import RiseError
-from rise_engine.exit_status import OK, PARTIAL, REFUSED, USAGE
+from rise_engine.cli.terminal import print_lines, print_notes, refusing, show
+from rise_engine.exit_status import OK, PARTIAL, USAGE
 from rise_engine.export.media_clock import clock_of_file
 from rise_engine.recording.alignment import align_by_moments
 from rise_engine.session.coded import (
@@ -39,10 +37,9 @@ from rise_engine.session.coded_formats import (
     read_coded_document,
     tiers_taken,
 )
-from rise_engine.session.folder import find_session
 from rise_engine.session.levels import LEVELS, LevelFilter
 from rise_engine.session.media import MediaFile
-from rise_engine.text import clean, pluralize
+from rise_engine.text import pluralize
 
 
 @click.group("coded")
@@ -67,8 +64,9 @@ def coded() -> None:
     help="Where its times lie, as for `rise-engine media add`. Twice: their drift, too.",
 )
 @JSON
+@refusing(USAGE)
 def add(
-    session: str,
+    session: Path,
     file: str,
     tiers: tuple[str, ...],
     speech: tuple[str, ...],
@@ -76,7 +74,7 @@ def add(
     observation: str,
     moments: tuple[str, ...],
     as_json: bool,
-) -> None:
+) -> int:
     """Keep FILE (.eaf of ELAN; .boris, or a table of events, of BORIS) with SESSION, and bring its times to its clock.
 
     A file that `rise-engine export` wrote says itself how its times come from the session's. Any other one is laid by
@@ -89,41 +87,33 @@ def add(
 
     Exit status: 0; 1 it is kept, and something in it could not be read; 2 wrong usage, or nothing was kept.
     """
-    try:
-        folder = find_session(session)
-        path = Path(file).expanduser()
-        data = read_bytes(path)
-        document = read_coded_document(path.name, data, observation, folder.name)
-        _refuse_other_session(path, folder, document)
-        taken = tuple(tiers_taken(document, tiers))
-        said = tuple(tiers_taken(document, speech)) if speech else ()
-        if missing := [each for each in said if each not in taken]:
-            raise CodedError(f"--speech {missing[0]} is not among the tiers that --tier names")
-        if not taken:
-            raise CodedError(f"{path} has no tier of yours: everything in it was written by this program")
-        clock, by = _find_clock(path, folder, document, moments)
-        entry = CodedFile(
-            name=path.name,
-            sha256=hashlib.sha256(data).hexdigest(),
-            clock=clock,
-            clock_by=by,
-            tiers=taken,
-            speech=said,
-            annotator=annotator,
-            observation=observation,
-            added=datetime.now().astimezone().isoformat(timespec="seconds"),
-        )
-        was_there = add_coded(folder, entry, data)
-        lines = _lines(folder, entry)
-    except (RiseError, ValueError) as error:
-        sys.exit(_print_error(error, USAGE))
-    if as_json:
-        write_json({**_values(folder, entry), "problems": document.problems})
-    else:
-        _print_lines([*lines, *(["it takes the place of the one that was there"] if was_there else [])])
-    for problem in document.problems:
-        _print_error(f"warning: {problem}", OK)
-    sys.exit(PARTIAL if document.problems else OK)
+    path = Path(file).expanduser()
+    data = read_bytes(path)
+    document = read_coded_document(path.name, data, observation, session.name)
+    _refuse_other_session(path, session, document)
+    taken = tuple(tiers_taken(document, tiers))
+    said = tuple(tiers_taken(document, speech)) if speech else ()
+    if missing := [each for each in said if each not in taken]:
+        raise CodedError(f"--speech {missing[0]} is not among the tiers that --tier names")
+    if not taken:
+        raise CodedError(f"{path} has no tier of yours: everything in it was written by this program")
+    clock, by = _find_clock(path, session, document, moments)
+    entry = CodedFile(
+        name=path.name,
+        sha256=hashlib.sha256(data).hexdigest(),
+        clock=clock,
+        clock_by=by,
+        tiers=taken,
+        speech=said,
+        annotator=annotator,
+        observation=observation,
+        added=datetime.now().astimezone().isoformat(timespec="seconds"),
+    )
+    was_there = add_coded(session, entry, data)
+    lines = [*_lines(session, entry), *["it takes the place of the one that was there"] * was_there]
+    show(lines, {**_values(session, entry), "problems": document.problems}, as_json=as_json)
+    print_notes(*(f"warning: {problem}" for problem in document.problems))
+    return PARTIAL if document.problems else OK
 
 
 def _refuse_other_session(path: Path, folder: Path, document: CodedDocument) -> None:
@@ -136,7 +126,7 @@ def _refuse_other_session(path: Path, folder: Path, document: CodedDocument) -> 
 def _find_clock(
     path: Path, folder: Path, document: CodedDocument, moments: Sequence[str]
 ) -> tuple[CodedClock, ClockSource]:
-    """How the file's times come from the session's. Raises CodedError, or ValueError for a moment that is none."""
+    """How the file's times come from the session's. Raises CodedError."""
     if moments:
         given = [parse_moment(each, read_marks(folder)[0]) for each in moments]
         found = align_by_moments(given)
@@ -164,52 +154,36 @@ def _find_clock(
 @coded.command("list")
 @SESSION
 @JSON
-def list_coded(session: str, as_json: bool) -> None:
+@refusing(USAGE)
+def list_coded(session: Path, as_json: bool) -> int:
     """List the annotation files of SESSION.
 
     Exit status: 0; 1 when one cannot be read; 2 when the session cannot be read.
     """
-    try:
-        folder = find_session(session)
-        files = read_coded(folder)
-    except RiseError as error:
-        sys.exit(_print_error(error, USAGE))
-    status = OK
-    documents = []
-    for each in files:
+    lines: list[str] = []
+    documents, problems = [], []
+    for each in read_coded(session):
         try:
-            lines = _lines(folder, each)
-            documents.append(_values(folder, each))
-        except RiseError as error:
-            status = _print_error(error, PARTIAL)
-            continue
-        if not as_json:
-            _print_lines(lines)
-    if as_json:
-        write_json({"files": documents})
-    elif not files:
-        _print_lines([f"{folder.name} has no annotations: rise-engine coded add SESSION FILE"])
-    sys.exit(status)
+            lines += _lines(session, each)
+            documents.append(_values(session, each))
+        except CodedError as error:
+            problems.append(f"error: {error}")
+    nothing = f"{session.name} has no annotations: rise-engine coded add SESSION FILE"
+    show(lines if lines or problems else [nothing], {"files": documents}, as_json=as_json)
+    print_notes(*problems)
+    return PARTIAL if problems else OK
 
 
 @coded.command("remove")
 @SESSION
 @click.argument("file")
-def remove(session: str, file: str) -> None:
+def remove(session: Path, file: str) -> None:
     """Delete the annotation file FILE of SESSION.
 
     Exit status: 0; 1 when there is no such file; 2 when the session cannot be read.
     """
-    try:
-        folder = find_session(session)
-    except RiseError as error:
-        sys.exit(_print_error(error, USAGE))
-    try:
-        remove_coded(folder, Path(file).name)
-    except RiseError as error:
-        sys.exit(_print_error(error, REFUSED))
-    _print_lines([f"{Path(file).name} is no annotation file of {folder.name} any more"])
-    sys.exit(OK)
+    remove_coded(session, Path(file).name)
+    print_lines(f"{Path(file).name} is no annotation file of {session.name} any more")
 
 
 def _lines(folder: Path, file: CodedFile) -> list[str]:
@@ -230,16 +204,6 @@ def _lines(folder: Path, file: CodedFile) -> list[str]:
 def _values(folder: Path, file: CodedFile) -> dict[str, Any]:
     values: dict[str, Any] = msgspec.to_builtins(file)
     return {**values, "annotations": Counter(each.tier for each in read_spans(folder, file))}
-
-
-def _print_lines(lines: Sequence[str]) -> None:
-    sys.stdout.write("".join(f"{clean(line)}\n" for line in lines))
-
-
-def _print_error(error: object, status: int) -> int:
-    text = str(error)
-    sys.stderr.write(clean(text if text.startswith("warning: ") else f"error: {text}") + "\n")
-    return status
 
 
 COMMANDS = {"coded": coded}

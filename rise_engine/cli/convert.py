@@ -4,10 +4,8 @@ from __future__ import annotations
 
 import click
 
-from rise_engine.cli.convert_from_bml import from_bml
-from rise_engine.cli.convert_from_scxml import from_scxml
-from rise_engine.cli.convert_to_bml import to_bml
-from rise_engine.cli.convert_to_scxml import to_scxml
+from rise_engine.cli.convert_bml import from_bml, to_bml
+from rise_engine.cli.convert_scxml import from_scxml, to_scxml
 
 
 @click.group("convert")
@@ -15,9 +13,7 @@ def convert() -> None:
     """Turn rules into SCXML and acts into BML, and back."""
 
 
-convert.add_command(to_bml)
-convert.add_command(from_bml)
-convert.add_command(to_scxml)
-convert.add_command(from_scxml)
+for each in (to_bml, from_bml, to_scxml, from_scxml):
+    convert.add_command(each)
 
 COMMANDS = {"convert": convert}

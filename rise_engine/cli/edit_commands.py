@@ -2,17 +2,14 @@
 
 from __future__ import annotations
 
-import sys
 from pathlib import Path
 from typing import get_args
 
 import click
 
-from rise_engine import exit_status
-from rise_engine.cli.arguments import exit_with_usage, resolve_scenario
-from rise_engine.cli.check import print_findings
-from rise_engine.cli.options import FOLDER, JSON
-from rise_engine.cli.terminal import write_json
+from rise_engine.cli.loading import sound_scenario
+from rise_engine.cli.options import DIFF, JSON, SCENARIO, without_file
+from rise_engine.cli.terminal import Refused, print_lines, print_notes, show, write_json
 from rise_engine.edit.edits import NameKind, Rename
 from rise_engine.edit.formatting import lay_out
 from rise_engine.edit.plan import EditRefused, Files, Plan, apply_plan
@@ -22,29 +19,27 @@ from rise_engine.edit.study_above import read_study_above, sets_key
 from rise_engine.edit.study_folder import read_study_files
 from rise_engine.edit.study_state import StudyState
 from rise_engine.edit.workspace import Workspace, diff_of
+from rise_engine.exit_status import OK, REFUSED
 from rise_engine.nearest_name import did_you_mean
+from rise_engine.scenario.file_names import SCENARIO_FILE
 from rise_engine.scenario.loader import LoadResult, load
 from rise_engine.scenario.model import normal_topic
 from rise_engine.text import pluralize
 
 _KIND = click.argument("kind", type=click.Choice(get_args(NameKind)))
-_DIFF = click.option(
-    "--diff", "as_diff", is_flag=True, help="Print what would change, as diff -u has it; write nothing."
-)
 
 
 @click.command()
-@FOLDER
+@SCENARIO
 @_KIND
 @click.argument("name")
 @JSON
-def uses(folder: str, kind: NameKind, name: str, as_json: bool) -> None:
+def uses(folder: str, kind: NameKind, name: str, as_json: bool) -> int:
     """Say where NAME stands in the scenario in DIR: where it is defined, then all that names it.
 
     A state is written RULE/STATE, an action ACT/ID, an event with or without its slash. Exit status: 0; 1 when there is
     no such name; 2 when there is no such folder.
     """
-    folder = resolve_scenario(folder)
     loaded = load(folder)
     found = loaded.uses.of(kind, normal_topic(name) if kind == "event" else name)
     rows = [
@@ -57,28 +52,27 @@ def uses(folder: str, kind: NameKind, name: str, as_json: bool) -> None:
         }
         for use in found
     ]
-    if as_json:
-        write_json({"kind": kind, "name": name, "uses": rows})
-    elif not found:
-        near = did_you_mean(name, loaded.uses.names(kind))
-        print(f"there is no {_words(kind)} `{name}`{near}", file=sys.stderr)
-    else:
-        for use in found:
-            what = " (defines it)" if use.defines else ""
-            print(f"{use.location.file}:{use.location.line}:{use.location.column}: {use.where or kind}{what}")
-    if kind == "key" and (above := sets_key(read_study_above(_scenario_folder(folder)), name)):
-        print(f"{above}, too", file=sys.stderr)
+    lines = []
+    for use in found:
+        at, what = use.location, " (defines it)" if use.defines else ""
+        lines.append(f"{at.file}:{at.line}:{at.column}: {use.where or kind}{what}")
+    show(lines, {"kind": kind, "name": name, "uses": rows}, as_json=as_json)
+    if not found and not as_json:
+        what = {"key": "memory key"}.get(kind, kind)
+        print_notes(f"there is no {what} `{name}`{did_you_mean(name, loaded.uses.names(kind))}")
+    if kind == "key" and (above := sets_key(read_study_above(without_file(folder, SCENARIO_FILE)), name)):
+        print_notes(f"{above}, too")
     if loaded.draft.unreadable_parts and not as_json:
-        print("a file cannot be read (rise-engine check says which); there may be more", file=sys.stderr)
-    sys.exit(exit_status.OK if found else exit_status.REFUSED)
+        print_notes("a file cannot be read (rise-engine check says which); there may be more")
+    return OK if found else REFUSED
 
 
 @click.command()
-@FOLDER
+@SCENARIO
 @_KIND
 @click.argument("old")
 @click.argument("new")
-@_DIFF
+@DIFF
 @JSON
 def rename(folder: str, kind: NameKind, old: str, new: str, as_diff: bool, as_json: bool) -> None:
     """Give an act, rule, state, event, memory key or action another name, everywhere in the study in DIR.
@@ -86,12 +80,12 @@ def rename(folder: str, kind: NameKind, old: str, new: str, as_diff: bool, as_js
     A state is RULE/STATE, an action ACT/ID; NEW is the new name alone. Comments that have the old name are listed and
     stay. Nothing is written when the name is taken, or the study has errors. Exit status: 0; 1 refused; 2 wrong usage.
     """
-    path = _study_folder(folder)
+    path = without_file(folder, SCENARIO_FILE)
     loaded = load(path)
-    if loaded.scenario is None:
-        print_findings(loaded)
-        print("mend that first: with errors nobody knows where names stand", file=sys.stderr)
-        sys.exit(exit_status.REFUSED)
+    try:
+        sound_scenario(loaded)
+    except Refused as refused:
+        raise refused.with_hint("mend that first: with errors nobody knows where names stand") from None
     try:
         files = read_study_files(path)
         state = StudyState(files, loaded, path, read_study_above(path))
@@ -102,58 +96,39 @@ def rename(folder: str, kind: NameKind, old: str, new: str, as_diff: bool, as_js
         if not as_diff:
             _write(path, files, after)
     except EditRefused as error:
-        _refuse(str(error), as_json=as_json)
+        if as_json:
+            write_json({"refused": str(error)})
+        raise
     _tell(planned, files, after, as_diff=as_diff, as_json=as_json)
 
 
 @click.command()
-@FOLDER
+@SCENARIO
 @click.option("--check", "check_only", is_flag=True, help="Write nothing; exit status 1 when a file would change.")
-@_DIFF
-def fmt(folder: str, check_only: bool, as_diff: bool) -> None:
+@DIFF
+def fmt(folder: str, check_only: bool, as_diff: bool) -> int:
     """Bring the files of the study in DIR into the usual layout: indentation, blanks, empty lines.
 
     Nothing that is read changes, and no comment goes. A file that cannot be read stays as it is, and is named. Exit
     status: 0; 1 when a file could not be laid out, or with --check would change; 2 when there is no such folder.
     """
-    path = _study_folder(folder)
-    try:
-        files = read_study_files(path)
-        layout = lay_out(files)
-        after = {**files, **layout.changed}
-        before, now = load(path), load(path, held=after)
-        if _findings(before) != _findings(now):
-            raise EditRefused("the layout would change what `rise-engine check` finds; nothing was written")
-        if layout.changed and not check_only and not as_diff:
-            _write(path, files, after)
-    except EditRefused as error:
-        _refuse(str(error), as_json=False)
+    path = without_file(folder, SCENARIO_FILE)
+    files = read_study_files(path)
+    layout = lay_out(files)
+    after = {**files, **layout.changed}
+    before, now = load(path), load(path, held=after)
+    if _findings(before) != _findings(now):
+        raise EditRefused("the layout would change what `rise-engine check` finds; nothing was written")
+    if layout.changed and not check_only and not as_diff:
+        _write(path, files, after)
     if as_diff:
         print(diff_of(files, after), end="")
     else:
-        for name in layout.changed:
-            print(f"{name}: {'would change' if check_only else 'laid out anew'}")
-        if not layout.changed:
-            print(f"{pluralize(layout.files, 'file')}, all in the usual layout")
-    for name, problem in layout.problems.items():
-        print(f"{name} stays as it is: {problem}", file=sys.stderr)
-    sys.exit(exit_status.REFUSED if layout.problems or (check_only and layout.changed) else exit_status.OK)
-
-
-def _words(kind: NameKind) -> str:
-    return {"key": "memory key"}.get(kind, kind)
-
-
-def _scenario_folder(folder: str) -> Path:
-    path = Path(resolve_scenario(folder))
-    return path.parent if path.is_file() else path
-
-
-def _study_folder(folder: str) -> Path:
-    path = _scenario_folder(folder)
-    if not path.is_dir():
-        exit_with_usage(f"there is no folder {folder}")
-    return path
+        done = "would change" if check_only else "laid out anew"
+        usual = f"{pluralize(layout.files, 'file')}, all in the usual layout"
+        print_lines(*[f"{name}: {done}" for name in layout.changed] or [usual])
+    print_notes(*(f"{name} stays as it is: {problem}" for name, problem in layout.problems.items()))
+    return REFUSED if layout.problems or (check_only and layout.changed) else OK
 
 
 def _check_after(before: StudyState, after: Files) -> None:
@@ -178,10 +153,8 @@ def _tell(planned: Plan, before: Files, after: Files, *, as_diff: bool, as_json:
     if as_diff:
         print(diff_of(before, after), end="")
     else:
-        for sentence in planned.says:
-            print(sentence)
-    for sentence in planned.noticed:
-        print(sentence, file=sys.stderr)
+        print_lines(*planned.says)
+    print_notes(*planned.noticed)
 
 
 def _write(path: Path, before: Files, after: Files) -> None:
@@ -197,13 +170,6 @@ def _write(path: Path, before: Files, after: Files) -> None:
         write_files(path, before, after)
     finally:
         workspace.close()
-
-
-def _refuse(sentence: str, *, as_json: bool) -> None:
-    if as_json:
-        write_json({"refused": sentence})
-    print(f"error: {sentence}", file=sys.stderr)
-    sys.exit(exit_status.REFUSED)
 
 
 COMMANDS = {"fmt": fmt, "rename": rename, "uses": uses}

@@ -9,14 +9,12 @@ from typing import Any
 import click
 import msgspec
 
-from rise_engine import exit_status
-from rise_engine.cli.arguments import exit_with_usage, resolve_scenario
-from rise_engine.cli.options import FOLDER, JSON
-from rise_engine.cli.terminal import write_json
+from rise_engine.cli.options import JSON, SCENARIO
+from rise_engine.cli.terminal import Refused, exit_with_usage, print_lines, print_notes, reason_of, write_json
 from rise_engine.edit.edits import AnyEdit, Edit
 from rise_engine.edit.plan import EditRefused, Files
 from rise_engine.edit.workspace import Change, Refusal, Workspace, diff_of
-from rise_engine.errors import RiseError
+from rise_engine.exit_status import OK, REFUSED, USAGE
 from rise_engine.json_codec import JsonError, decode
 from rise_engine.nearest_name import did_you_mean
 from rise_engine.scenario.loader import LoadResult
@@ -24,16 +22,12 @@ from rise_engine.scenario.loader import LoadResult
 _LARGEST = 10_000_000
 
 
-class BadEditsError(RiseError):
-    """A file of edits that cannot be read: all that is wrong with it, a line for each."""
-
-
 @click.command()
-@FOLDER
+@SCENARIO
 @click.argument("edits", metavar="EDITS.json")
 @click.option("--dry-run", is_flag=True, help="Say what would change, and write nothing.")
 @JSON
-def edit(folder: str, edits: str, dry_run: bool, as_json: bool) -> None:
+def edit(folder: str, edits: str, dry_run: bool, as_json: bool) -> int:
     """Make the changes in EDITS.json in the study in DIR: all of them, or none. `-` reads them from standard input.
 
     It is a list of edits (docs/reference/edits.md); each is made on what the ones before it have left. Nothing is
@@ -41,47 +35,37 @@ def edit(folder: str, edits: str, dry_run: bool, as_json: bool) -> None:
 
     Exit status: 0; 1 refused; 2 no such folder, or EDITS.json cannot be read.
     """
-    path = Path(resolve_scenario(folder))
-    if not path.exists():
-        exit_with_usage(f"there is no folder {folder}")
+    wanted = read_edits(_read(edits), edits)
+    workspace = Workspace(Path(folder))
     try:
-        wanted = read_edits(_read(edits), edits)
-    except BadEditsError as error:
-        exit_with_usage(str(error))
-    try:
-        workspace = Workspace(path)
-    except EditRefused as error:
-        print(f"error: {error}", file=sys.stderr)
-        sys.exit(exit_status.REFUSED)
-    try:
-        sys.exit(_make(workspace, wanted, edits, dry_run=dry_run, as_json=as_json))
+        return _make(workspace, wanted, edits, dry_run=dry_run, as_json=as_json)
     finally:
         workspace.close()
 
 
 def read_edits(text: str, name: str) -> list[AnyEdit]:
-    """The edits of a file: a list of them, or one.
+    """The edits of a file: a list of them, or one. Ends the command if it is no JSON, or an edit is none.
 
     :param text: the file. :param name: what it is called in sentences.
-    :raises BadEditsError: it is no JSON, or an edit is none.
     """
     try:
         values = decode(text)
     except JsonError as error:
         line = text.count("\n", 0, error.offset) + 1
         column = error.offset - (text.rfind("\n", 0, error.offset) + 1) + 1
-        raise BadEditsError(f"{name}:{line}:{column}: {error}") from None
+        exit_with_usage(f"{name}:{line}:{column}: {error}")
     if not isinstance(values, list):
         values = [values]
     found: list[AnyEdit] = []
     problems: list[str] = []
     for number, value in enumerate(values, 1):
-        try:
-            found.append(_read_edit(value))
-        except BadEditsError as error:
-            problems.append(f"{name}: edit {number}: {error}")
+        made = _read_edit(value)
+        if isinstance(made, str):
+            problems.append(f"{name}: edit {number}: {made}")
+        else:
+            found.append(made)
     if problems:
-        raise BadEditsError("\n".join(problems))
+        raise Refused(*problems, status=USAGE)
     return found
 
 
@@ -90,37 +74,38 @@ def kinds_of_edits() -> dict[str, type[Edit]]:
     return {str(each.__struct_config__.tag): each for each in AnyEdit.__args__}
 
 
-def _read_edit(value: Any) -> AnyEdit:
+def _read_edit(value: Any) -> AnyEdit | str:
+    """An edit, or what is wrong with it."""
     kinds = kinds_of_edits()
     if not isinstance(value, dict) or not isinstance(value.get("edit"), str):
-        raise BadEditsError('an edit is an object such as {"edit": "set_start_value", "key": "score", "value": 0}')
+        return 'an edit is an object such as {"edit": "set_start_value", "key": "score", "value": 0}'
     kind = kinds.get(value["edit"])
     if kind is None:
-        raise BadEditsError(f"there is no edit `{value['edit']}`{did_you_mean(value['edit'], kinds)}")
+        return f"there is no edit `{value['edit']}`{did_you_mean(value['edit'], kinds)}"
     fields = [field.encode_name for field in msgspec.structs.fields(kind)]
     unknown = [key for key in value if key not in ("edit", *fields)]
     if unknown:
         near = did_you_mean(unknown[0], fields)
-        raise BadEditsError(f"`{value['edit']}` has no field `{unknown[0]}`{near} (it has: {', '.join(fields)})")
+        return f"`{value['edit']}` has no field `{unknown[0]}`{near} (it has: {', '.join(fields)})"
     try:
         made: AnyEdit = msgspec.convert(value, AnyEdit)
     except msgspec.ValidationError as error:
-        raise BadEditsError(f"`{value['edit']}`: {error}") from None
+        return f"`{value['edit']}`: {error}"
     return made
 
 
 def _read(name: str) -> str:
-    """:raises BadEditsError: it cannot be read."""
+    """The text of a file. Ends the command if it cannot be read."""
     try:
         data = sys.stdin.buffer.read(_LARGEST + 1) if name == "-" else _read_file(Path(name))
     except OSError as error:
-        raise BadEditsError(f"{name}: {error.strerror or error}") from None
+        exit_with_usage(f"{name}: {reason_of(error)}")
     if len(data) > _LARGEST:
-        raise BadEditsError(f"{name} is larger than {_LARGEST // 1_000_000} MB")
+        exit_with_usage(f"{name} is larger than {_LARGEST // 1_000_000} MB")
     try:
         return data.decode("utf-8-sig")
     except UnicodeDecodeError:
-        raise BadEditsError(f"{name} is not UTF-8 text; save it as that") from None
+        exit_with_usage(f"{name} is not UTF-8 text; save it as that")
 
 
 def _read_file(path: Path) -> bytes:
@@ -144,30 +129,21 @@ def _make(workspace: Workspace, edits: list[AnyEdit], name: str, *, dry_run: boo
     is_refused = bool(refused or state.checked.errors or problem)
     if as_json:
         write_json(_document(change, refused, state.checked, before, state.files, written=written, problem=problem))
-    if not as_json and dry_run and not is_refused:
+    elif not is_refused and dry_run:
         print(diff_of(before, state.files), end="")
-    elif not as_json and not is_refused:
-        for sentence in change.says or ("nothing was to be changed",):
-            print(sentence)
+    elif not is_refused:
+        print_lines(*change.says or ("nothing was to be changed",))
     if not as_json:
-        _tell(change, refused, state.checked, name, problem)
-    return exit_status.REFUSED if is_refused else exit_status.OK
+        print_notes(*_notes(change, refused, state.checked, name, problem))
+    return REFUSED if is_refused else OK
 
 
-def _tell(change: Change, refused: tuple[Refusal, ...], checked: LoadResult, name: str, problem: str) -> None:
-    """What is in the way, and what was noticed, on standard error."""
-    for each in refused:
-        print(f"{name}: edit {each.edit + 1}: {each.why}", file=sys.stderr)
-    if not refused:
-        for finding in checked.errors:
-            print(finding, file=sys.stderr)
+def _notes(change: Change, refused: tuple[Refusal, ...], checked: LoadResult, name: str, problem: str) -> list[object]:
+    """What is in the way, and what was noticed."""
+    in_the_way = [f"{name}: edit {each.edit + 1}: {each.why}" for each in refused] or checked.errors
     if problem:
-        print(f"error: {problem}", file=sys.stderr)
-    elif refused or checked.errors:
-        print("nothing was written", file=sys.stderr)
-    else:
-        for sentence in change.noticed:
-            print(sentence, file=sys.stderr)
+        return [*in_the_way, f"error: {problem}"]
+    return [*in_the_way, "nothing was written"] if in_the_way else [*change.noticed]
 
 
 def _document(

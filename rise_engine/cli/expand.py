@@ -1,14 +1,15 @@
-"""What `rise-engine expand` prints and writes: a scenario without templates."""
+"""`rise-engine expand`: a scenario without templates, printed or written."""
 
 from __future__ import annotations
 
-import sys
 from pathlib import Path
 from shutil import copyfile
 
-from rise_engine.cli.check import print_findings
-from rise_engine.cli.terminal import write_xml
-from rise_engine.errors import RiseError
+import click
+
+from rise_engine.cli.loading import sound_scenario
+from rise_engine.cli.options import SCENARIO
+from rise_engine.cli.terminal import Refused, print_lines, print_notes, reason_of, write_xml
 from rise_engine.scenario.element_templates import PATTERNS
 from rise_engine.scenario.loader import expanded_files, load
 from rise_engine.scenario.plain_xml import additions, plain_text
@@ -17,40 +18,35 @@ from rise_engine.scenario.xml import XmlFile
 from rise_engine.text import pluralize
 
 
-class ExpandError(RiseError):
-    """The expanded scenario cannot be written; the message is a sentence for a person."""
+@click.command()
+@SCENARIO
+@click.option(
+    "-o", "--output", "new", metavar="NEWDIR", help="Write a copy of the scenario there, in a new or empty folder."
+)
+def expand(folder: str, new: str | None) -> None:
+    """Print the acts and rules of the scenario in DIR without templates, as they would have been written by hand.
 
-
-def expand_report(folder: str, new: str | None) -> int:
-    """Print the acts and rules of a scenario with their templates put in, or write them into a copy of it.
-
-    :param folder: the scenario's.
-    :param new: the folder of the copy, a new or empty one; None: print.
-    :return: the exit status, 1 when the scenario has errors (they go to standard error).
-    :raises ExpandError: the copy cannot be written.
+    Standard error says what is in them that RISE itself does not know. Exit status: 0; 1 when the scenario has errors
+    or the copy cannot be written; 2 when there is no such folder.
     """
-    loaded = load(folder)
-    if loaded.scenario is None:
-        print_findings(loaded)
-        return 1
-    files = expanded_files(loaded.scenario)
+    scenario = sound_scenario(load(folder))
+    files = expanded_files(scenario)
     texts = {file.source.name: plain_text(file) for file in files}
     if new is None:
         for name, text in texts.items():
             if text:
                 write_xml(f"<!-- {name} -->\n{text.rstrip()}\n")
     else:
-        number = _write_copy(Path(loaded.scenario.folder), Path(new), texts)
-        print(f"{new}: {pluralize(number, 'file')}, without templates")
-    print(_additions_text(files), file=sys.stderr)
-    return 0
+        number = _write_copy(Path(scenario.folder), Path(new), texts)
+        print_lines(f"{new}: {pluralize(number, 'file')}, without templates")
+    print_notes(_additions_text(files))
 
 
 def _write_copy(folder: Path, new: Path, texts: dict[str, str]) -> int:
     """Copy a scenario with other texts; how many files it has. Hidden files and patterns stay behind."""
     try:
         if new.exists() and (not new.is_dir() or any(new.iterdir())):
-            raise ExpandError(f"{new} is {'not empty' if new.is_dir() else 'no folder'}; name a new folder")
+            raise Refused(f"{new} is {'not empty' if new.is_dir() else 'no folder'}; name a new folder")
         number = 0
         for path in sorted(path for path in folder.rglob("*") if path.is_file()):
             relative = path.relative_to(folder)
@@ -70,7 +66,7 @@ def _write_copy(folder: Path, new: Path, texts: dict[str, str]) -> int:
                 target.write_text(text, encoding="utf-8", newline="")
             number += 1
     except OSError as error:
-        raise ExpandError(f"{error.filename or new}: {error.strerror or error}") from error
+        raise Refused(f"{error.filename or new}: {reason_of(error)}") from error
     return number
 
 
@@ -82,3 +78,6 @@ def _additions_text(files: list[XmlFile]) -> str:
     return "beyond RISE itself, these acts and rules have: " + ", ".join(
         f"{name} ({number})" for name, number in sorted(found.items())
     )
+
+
+COMMANDS = {"expand": expand}

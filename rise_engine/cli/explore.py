@@ -18,11 +18,10 @@ import click
 from msgspec.structs import replace
 
 from rise_engine.checks.kinds import KindFinding, MergedFinding, explore_kind, findings_of, load_for, merge
-from rise_engine.cli.arguments import exit_with_usage, resolve_scenario
-from rise_engine.cli.check import load_or_refuse
-from rise_engine.cli.options import FOLDER_OR_NONE, ROBOT
-from rise_engine.cli.terminal import write_json
-from rise_engine.exit_status import NOT_WRITTEN, REFUSED
+from rise_engine.cli.loading import load_scenario
+from rise_engine.cli.options import FOLDER_OR_NONE, JSON, ROBOT, is_study, resolve_scenario
+from rise_engine.cli.terminal import Refused, exit_with_usage, print_lines, print_notes, write_json
+from rise_engine.exit_status import NOT_WRITTEN, OK, REFUSED
 from rise_engine.explore.bounds import Bounds
 from rise_engine.explore.exploration import Exploration, bounds_of, explore
 from rise_engine.explore.finding import ExploreFinding
@@ -34,8 +33,7 @@ from rise_engine.scenario.model import Scenario
 from rise_engine.session.disk import error_message
 from rise_engine.study.review import review_study
 from rise_engine.study.session_kinds import SessionKind, session_kinds
-from rise_engine.study.study_toml import is_study
-from rise_engine.text import clean, pluralize
+from rise_engine.text import pluralize
 
 _WIDTH = 100
 _MARKS = {"problem": "PROBLEM", "warning": "warning", "remark": "remark"}
@@ -57,8 +55,8 @@ _SECONDS_BETWEEN = 0.5
 @click.option("--show", metavar="N|all", help="Show the way to finding N, step by step.")
 @click.option("--write", metavar="DIR", type=click.Path(file_okay=False), help="Write each way as a task file.")
 @click.option("--keys", "show_keys", is_flag=True, help="Show which key does something in which state.")
-@click.option("--json", "as_json", is_flag=True, help="Print one JSON document.")
-def explore_command(folder: str | None, robot: str | None, **options: Any) -> None:
+@JSON
+def explore_command(folder: str | None, robot: str | None, **options: Any) -> int:
     """Look at everything that can happen in the scenario or study in DIR, and say what can go wrong.
 
     All keys are pressed in every situation, acts end, fail, or are cut off, time passes, the robot is lost and
@@ -70,11 +68,9 @@ def explore_command(folder: str | None, robot: str | None, **options: Any) -> No
     Exit status: 0 no problem was found; 1 there are problems, or the scenario has errors; 2 wrong usage; 74 the ways
     cannot be written.
     """
-    if is_study(folder or "."):
-        sys.exit(_explore_study(folder or ".", robot, options))
-    scenario = load_or_refuse(resolve_scenario(folder or "."), robot=robot, mode=None)
-    if scenario is None:
-        sys.exit(REFUSED)
+    if is_study(Path(folder or ".")):
+        return _explore_study(folder or ".", robot, options)
+    scenario = load_scenario(resolve_scenario(folder or "."), robot=robot)
     bounds = _bounds(scenario, options)
     cores = options["cores"] or os.cpu_count() or 1
     with _interruptible() as interrupted:
@@ -82,11 +78,10 @@ def explore_command(folder: str | None, robot: str | None, **options: Any) -> No
     if options["as_json"]:
         write_json(exploration.row(scenario))
     else:
-        for line in _report(scenario, exploration, options["show"], show_keys=options["show_keys"]):
-            click.echo(line)
+        _print(_report(scenario, exploration, options["show"], show_keys=options["show_keys"]))
     if options["write"] is not None:
         _write_ways(scenario, exploration, Path(options["write"]), folder or ".")
-    sys.exit(REFUSED if exploration.count("problem") else 0)
+    return REFUSED if exploration.count("problem") else OK
 
 
 def _explore_study(folder: str, robot: str | None, options: dict[str, Any]) -> int:
@@ -97,10 +92,7 @@ def _explore_study(folder: str, robot: str | None, options: dict[str, Any]) -> i
     review = review_study(folder)
     study = review.study
     if study is None or review.errors:
-        for diagnostic in review.errors:
-            click.echo(str(diagnostic), err=True)
-        click.echo("error: nothing is explored as long as the study has errors", err=True)
-        return REFUSED
+        raise Refused("nothing is explored as long as the study has errors", findings=review.errors)
     cores = options["cores"] or os.cpu_count() or 1
     explored: list[tuple[SessionKind, Scenario, Exploration]] = []
     found: list[tuple[SessionKind, bool, Sequence[KindFinding]]] = []
@@ -122,9 +114,13 @@ def _explore_study(folder: str, robot: str | None, options: dict[str, Any]) -> i
         ]
         write_json({"kinds": kinds, "findings": [each.row() for each in merged]})
     else:
-        for line in _study_report(study.title, explored, merged, options["show"]):
-            click.echo(clean(line, keep="\n"))
-    return REFUSED if any(each.finding.level == "problem" for each in merged) else 0
+        _print(_study_report(study.title, explored, merged, options["show"]))
+    return REFUSED if any(each.finding.level == "problem" for each in merged) else OK
+
+
+def _print(paragraphs: Iterator[str]) -> None:
+    for paragraph in paragraphs:
+        print_lines(*paragraph.split("\n"))
 
 
 def _study_report(
@@ -216,15 +212,13 @@ class _Progress:
     def __call__(self, space: Space) -> bool:
         if self._interrupted:
             if self._shown:
-                print("broken off: what was found so far comes now (ctrl+c again: without it)", file=sys.stderr)
+                print_notes("broken off: what was found so far comes now (ctrl+c again: without it)")
             return False
         now = time.monotonic()
         if self._shown and now >= self._next:
             self._next = now + _SECONDS_BETWEEN
             count, left = len(space.situations), len(space.pending)
-            print(
-                f"{count:,} situations, {left:,} still to look at (ctrl+c: tell what was found so far)", file=sys.stderr
-            )
+            print_notes(f"{count:,} situations, {left:,} still to look at (ctrl+c: tell what was found so far)")
         return True
 
 
@@ -308,8 +302,7 @@ def _write_ways(scenario: Scenario, exploration: Exploration, folder: Path, stud
                 text = task_file_of(finding.text, told, played, study)
                 (folder / f"{number:02}-{finding.kind}.jsonl").write_text(text, encoding="utf-8")
     except OSError as error:
-        click.echo(f"{folder} cannot be written: {error_message(error)}", err=True)
-        sys.exit(NOT_WRITTEN)
+        raise Refused(f"{folder} cannot be written: {error_message(error)}", status=NOT_WRITTEN) from None
 
 
 COMMANDS = {"explore": explore_command}

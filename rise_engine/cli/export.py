@@ -5,34 +5,35 @@ from __future__ import annotations
 import signal
 import sys
 from collections import Counter
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from types import FrameType
+from typing import Any, TypeVar
 
 import click
 from msgspec import Struct, field
 
-from rise_engine.cli.terminal import discard_rest
-from rise_engine.exit_status import BROKEN_PIPE, INTERRUPTED, OK, PARTIAL, USAGE
+from rise_engine.cli.options import ALL_SESSIONS, PRIVATE, STUDIES_OR_SESSIONS, without_file
+from rise_engine.cli.terminal import print_notes, refusing, standard_output
+from rise_engine.exit_status import INTERRUPTED, OK, PARTIAL, USAGE
 from rise_engine.export.format import ExportError, ExportFormat
 from rise_engine.export.formats import format_names, load_format
 from rise_engine.export.records import RecordFormat, SessionExport
 from rise_engine.export.writing import export_context, export_sessions, new_export
 from rise_engine.nearest_name import did_you_mean
-from rise_engine.session.disk import error_message
-from rise_engine.session.errors import SessionError
 from rise_engine.session.folder import find_session
 from rise_engine.session.levels import LEVELS, ExportLevel
 from rise_engine.study.model import StudyStanding
 from rise_engine.study.sessions import StudySession
-from rise_engine.study.state import StudyUnusable, read_state
-from rise_engine.study.study_log import StudyLogError, read_log
+from rise_engine.study.state import read_state
+from rise_engine.study.study_log import read_log
 from rise_engine.study.study_toml import STUDY_FILE, is_study
 from rise_engine.study.traces import owner_of, study_of_session, wizard_names
 from rise_engine.study.withdrawn import is_withdrawn
-from rise_engine.text import clean, pluralize
+from rise_engine.text import pluralize
 
+Command = TypeVar("Command", bound=Callable[..., Any])
 RECORD_FORMATS: tuple[RecordFormat, ...] = ("csv", "jsonl")
 """Of one session, these go to standard output as well, however long it is."""
 
@@ -67,6 +68,14 @@ class Selection(Struct):
     """What is left out, in sentences."""
 
 
+def level_option(default: ExportLevel, about: str) -> Callable[[Command], Command]:
+    """The option `level`: how much is told to others."""
+    return click.option("--level", type=click.Choice(LEVELS), default=default, show_default=True, help=about)
+
+
+LEVEL = level_option("full", "How much is told. shared: for other researchers; public: for everybody.")
+
+
 def _known_format(ctx: click.Context, param: click.Parameter, value: str) -> str:
     if value not in (names := format_names()):
         raise click.BadParameter(f"there is no format {value!r}{did_you_mean(value, names)}", ctx, param)
@@ -88,26 +97,21 @@ class _ExportCommand(click.Command):
 
 
 @click.command(cls=_ExportCommand)
-@click.argument("named", metavar="STUDY|SESSION...", type=click.Path(), nargs=-1, required=True)
+@STUDIES_OR_SESSIONS
 @click.option(
     "--format", metavar="FORMAT", callback=_known_format, required=True, help="For which programs; see below."
 )
 @click.option("-o", "--output", metavar="NEW", type=click.Path(), help="A new file, or a new folder.")
-@click.option(
-    "--level",
-    type=click.Choice(LEVELS),
-    default="full",
-    show_default=True,
-    help="How much is told. shared: for other researchers; public: for everybody.",
-)
-@click.option("--private", metavar="KEY", multiple=True, help="A memory key that is private, too. Repeatable.")
-@click.option("--all", "all_sessions", is_flag=True, help="Of a study, also what does not count or did not end.")
+@LEVEL
+@PRIVATE
+@ALL_SESSIONS
 @click.option(
     "--spreadsheet-safe",
     is_flag=True,
     help="Of tables and csv: an apostrophe before what a spreadsheet would carry out.",
 )
 @click.option("--wide", is_flag=True, help="Of tables, also wide.csv: a row for each participant, with their trials.")
+@refusing(USAGE)
 def export(
     named: tuple[str, ...],
     format: str,
@@ -117,7 +121,7 @@ def export(
     all_sessions: bool,
     spreadsheet_safe: bool,
     wide: bool,
-) -> None:
+) -> int:
     """Write what happened in sessions for other programs: of a STUDY, those that count and have ended; and each
     SESSION, also one that is running, torn or damaged.
 
@@ -128,24 +132,15 @@ def export(
     Exit status: 0; 1 when something could not be read, and the rest was exported; 2 when nothing was.
     """
     request = ExportRequest(named, format, output, level, private, all_sessions, spreadsheet_safe, wide)
-    sys.exit(export_report(request))
-
-
-def export_report(request: ExportRequest) -> int:
-    """Export what is asked for, and say on standard error what of it is to be said; the exit status."""
-    try:
-        if request.spreadsheet_safe and not load_format(request.format).spreadsheet_safe:
-            raise ExportError(f"--spreadsheet-safe goes with the formats tables and csv, not with {request.format}")
-        if request.wide and request.format != "tables":
-            raise ExportError("--wide is a table more of --format tables; the other formats have none")
-        selection = select_sessions(request.named, all=request.all)
-        if request.format in RECORD_FORMATS and not selection.several:
-            return _export_records(selection.folders[0], request)
-        with ended_by_signals():
-            return _export(selection, load_format(request.format), request)
-    except (ExportError, SessionError, StudyUnusable, StudyLogError) as error:
-        _print_error(*(f"error: {line}" for line in str(error).splitlines()))
-        return USAGE
+    if spreadsheet_safe and not load_format(format).spreadsheet_safe:
+        raise ExportError(f"--spreadsheet-safe goes with the formats tables and csv, not with {format}")
+    if wide and format != "tables":
+        raise ExportError("--wide is a table more of --format tables; the other formats have none")
+    selection = select_sessions(named, all=all_sessions)
+    if format in RECORD_FORMATS and not selection.several:
+        return _export_records(selection.folders[0], request)
+    with ended_by_signals():
+        return _export(selection, load_format(format), request)
 
 
 def select_sessions(named: Sequence[str], *, all: bool = False) -> Selection:
@@ -160,7 +155,7 @@ def select_sessions(named: Sequence[str], *, all: bool = False) -> Selection:
     """
     selection = Selection(several=len(named) > 1)
     for name in named:
-        path = Path(name).parent if Path(name).name == STUDY_FILE else Path(name)
+        path = without_file(name, STUDY_FILE)
         if is_study(path):
             _select_study(selection, path, all=all, alone=len(named) == 1)
         else:
@@ -170,7 +165,7 @@ def select_sessions(named: Sequence[str], *, all: bool = False) -> Selection:
     unique = {folder.resolve(): folder for folder in reversed(selection.folders)}
     selection.folders = list(reversed(unique.values()))
     if not selection.folders:
-        raise ExportError("\n".join(["there is no session to export", *selection.remarks]))
+        raise ExportError("there is no session to export", *selection.remarks)
     return selection
 
 
@@ -224,14 +219,16 @@ def _export(selection: Selection, format: ExportFormat, request: ExportRequest) 
     context.wide = request.wide
     out = Path(request.out)
     report = export_sessions(format, out, folders, context, private=request.private, several=selection.several)
-    for sentence in (*selection.remarks, *report.warnings):
-        _print_error(f"note: {sentence}")
-    for problem in report.problems:
-        _print_error(f"warning: {problem}")
-    if report.problems:
-        _print_error("Everything else was exported.")
-    _print_error(f"{pluralize(report.sessions, 'session')} exported to {out}")
-    return PARTIAL if report.problems else OK
+    print_notes(*(f"note: {sentence}" for sentence in (*selection.remarks, *report.warnings)))
+    status = _tell_problems(report.problems)
+    print_notes(f"{pluralize(report.sessions, 'session')} exported to {out}")
+    return status
+
+
+def _tell_problems(problems: Sequence[str]) -> int:
+    """Say what could not be read; the exit status."""
+    print_notes(*(f"warning: {problem}" for problem in problems), *["Everything else was exported."] * bool(problems))
+    return PARTIAL if problems else OK
 
 
 def _export_records(folder: Path, request: ExportRequest) -> int:
@@ -240,25 +237,14 @@ def _export_records(folder: Path, request: ExportRequest) -> int:
     wizards = wizard_names(study_of_session(folder))
     exporter = SessionExport(folder, level=request.level, private=request.private, wizards=wizards)
     if out is None or out == "-":
-        try:
-            sys.stdout.flush()
-            exporter.write(format, sys.stdout.buffer, spreadsheet_safe=request.spreadsheet_safe)
-        except BrokenPipeError:
-            discard_rest(sys.stdout)
-            return BROKEN_PIPE
-        except OSError as error:
-            raise ExportError(f"standard output could not be written: {error_message(error)}") from None
+        with standard_output() as file:
+            exporter.write(format, file, spreadsheet_safe=request.spreadsheet_safe)
     else:
         with ended_by_signals(), new_export(Path(out), [folder], format, request.level) as export:
-            for problem in export.problems:
-                _print_error(f"warning: {problem}")
+            print_notes(*(f"warning: {problem}" for problem in export.problems))
             with export.here.open("xb") as file:
                 exporter.write(format, file, spreadsheet_safe=request.spreadsheet_safe)
-    for problem in exporter.problems:
-        _print_error(f"warning: {problem}")
-    if exporter.problems:
-        _print_error("Everything else was exported.")
-    return PARTIAL if exporter.problems else OK
+    return _tell_problems(exporter.problems)
 
 
 @contextmanager
@@ -274,11 +260,6 @@ def ended_by_signals() -> Iterator[None]:
     finally:
         for number, handler in before.items():
             signal.signal(number, handler)
-
-
-def _print_error(*lines: str) -> None:
-    for line in lines:
-        sys.stderr.write(clean(line) + "\n")
 
 
 COMMANDS = {"export": export}

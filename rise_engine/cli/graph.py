@@ -10,14 +10,12 @@ from typing import TypeVar
 
 import click
 
-from rise_engine import exit_status
-from rise_engine.cli.arguments import exit_with_usage, resolve_scenario
-from rise_engine.cli.check import print_findings
-from rise_engine.cli.options import FOLDER
+from rise_engine.cli.loading import sound_scenario
+from rise_engine.cli.options import SCENARIO
+from rise_engine.cli.terminal import Refused, exit_with_usage, reason_of
 from rise_engine.drawing.diagrams import mermaid_of_acts, mermaid_of_rules
 from rise_engine.drawing.pictures import picture_of_act, picture_of_rule, text_of
 from rise_engine.drawing.svg import svg_text
-from rise_engine.errors import RiseError
 from rise_engine.nearest_name import did_you_mean
 from rise_engine.scenario.loader import load
 from rise_engine.scenario.model import Act, Rule, Scenario
@@ -29,18 +27,13 @@ WIDTH = 100
 LEAST_WIDTH, MOST_WIDTH = 40, 400
 
 
-class NothingToDrawError(RiseError, ValueError):
-    """There is no rule or act of that name; the message says which there are."""
-
-
 def graph_text(scenario: Scenario, name: str, format: str, width: int, *, act: bool = False) -> str:
-    """The picture of a rule or an act, or of all rules.
+    """The picture of a rule or an act, or of all rules. Ends the command if there is none.
 
     :param name: of a rule or an act; empty: all rules, or all acts.
     :param format: one of FORMATS.
     :param width: cells; of text and SVG.
     :param act: an act is meant, where a rule is called so too; without a name: all acts.
-    :raises NothingToDrawError: there is none.
     """
     if act or (name and name not in scenario.rules and name in scenario.acts):
         acts = _chosen(scenario.acts, name, "act")
@@ -49,7 +42,7 @@ def graph_text(scenario: Scenario, name: str, format: str, width: int, *, act: b
         return mermaid_of_acts(acts)
     if name and name not in scenario.rules:
         near = did_you_mean(name, [*scenario.rules, *scenario.acts])
-        raise NothingToDrawError(f"there is no rule and no act `{name}`{near}")
+        exit_with_usage(f"there is no rule and no act `{name}`{near}")
     rules = _chosen(scenario.rules, name, "rule")
     if format in ("text", "svg"):
         return _drawn(scenario, (), rules, format, width)
@@ -58,9 +51,9 @@ def graph_text(scenario: Scenario, name: str, format: str, width: int, *, act: b
 
 def _chosen(among: dict[str, Named], name: str, what: str) -> list[Named]:
     if name and name not in among:
-        raise NothingToDrawError(f"there is no {what} `{name}`{did_you_mean(name, among)}")
+        exit_with_usage(f"there is no {what} `{name}`{did_you_mean(name, among)}")
     if not among:
-        raise NothingToDrawError(f"this scenario has no {what}s")
+        exit_with_usage(f"this scenario has no {what}s")
     return [among[name]] if name else list(among.values())
 
 
@@ -76,7 +69,7 @@ def _drawn(scenario: Scenario, acts: Sequence[Act], rules: Sequence[Rule], forma
 
 
 @click.command()
-@FOLDER
+@SCENARIO
 @click.argument("name", required=False, default="")
 @click.option("--format", "format", type=click.Choice(FORMATS), default="text", help="Default: text.")
 @click.option("--act", is_flag=True, help="NAME is an act, where a rule is called so too. Without NAME: all acts.")
@@ -93,25 +86,18 @@ def graph(folder: str, name: str, format: str, act: bool, width: int | None, out
     SVG goes into a paper or a browser, Mermaid into a page that draws it. The same scenario gives the same bytes.
     Exit status: 0; 1 when the scenario has errors or the file cannot be written; 2 when there is no such rule or act.
     """
-    loaded = load(resolve_scenario(folder))
-    if loaded.scenario is None:
-        print_findings(loaded)
-        sys.exit(exit_status.REFUSED)
+    scenario = sound_scenario(load(folder))
     if width is None:
         fits_terminal = output is None and format == "text" and sys.stdout.isatty()
         width = max(LEAST_WIDTH, min(shutil.get_terminal_size().columns, MOST_WIDTH)) if fits_terminal else WIDTH
-    try:
-        text = graph_text(loaded.scenario, name, format, width, act=act)
-    except NothingToDrawError as error:
-        exit_with_usage(str(error))
+    text = graph_text(scenario, name, format, width, act=act)
     if output is None:
-        click.echo(text, nl=False)
+        print(text, end="")
         return
     try:
         Path(output).write_bytes(text.encode())
     except OSError as error:
-        print(f"error: {output}: {error.strerror or error}", file=sys.stderr)
-        sys.exit(exit_status.REFUSED)
+        raise Refused(f"{output}: {reason_of(error)}") from None
 
 
 COMMANDS = {"graph": graph}

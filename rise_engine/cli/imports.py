@@ -2,14 +2,12 @@
 
 from __future__ import annotations
 
-import sys
 from pathlib import Path
 from shlex import quote
 
 import click
 
-from rise_engine.cli.arguments import exit_with_usage
-from rise_engine.exit_status import NOT_WRITTEN, REFUSED
+from rise_engine.cli.terminal import Refused, exit_with_usage, not_written, print_lines, reason_of
 from rise_engine.imports.woz4u_file import NotWoz4uError, read_woz4u
 from rise_engine.imports.woz4u_study import ImportedStudy, make_study
 from rise_engine.scenario.diagnostics import Diagnostics
@@ -17,7 +15,6 @@ from rise_engine.scenario.loader import load
 from rise_engine.scenario.new_study import write_new_folder
 from rise_engine.scenario.shipped_studies import StudyCopyError
 from rise_engine.scenario.study_paths import why_not_read
-from rise_engine.text import clean
 
 _LARGEST = 10_000_000
 
@@ -48,20 +45,15 @@ def woz4u(file: str, output: str, title: str | None) -> None:
     except NotWoz4uError as error:
         exit_with_usage(str(error))
     if diagnostics.errors:
-        for diagnostic in diagnostics.sorted():
-            click.echo(str(diagnostic), err=True)
-        sys.exit(REFUSED)
+        raise Refused(findings=diagnostics.sorted())
     pepper = load(folder, held={"scenario.toml": b'robot = "pepper"'}).robot
     study = make_study(title or path.stem, read, pepper, lambda name: _said_file(path.parent, name))
     loaded = load(folder, held={name: text.encode() for name, text in study.files.items()})
     if loaded.scenario is None:  # what an item says cannot be said so
-        for diagnostic in loaded.errors:
-            click.echo(str(diagnostic), err=True)
-        sys.exit(REFUSED)
+        raise Refused(findings=loaded.errors)
     _write(folder, study)
-    for line in (*study.says, "", "Not taken over, or to be looked at:", *(f"- {each}" for each in study.left_out)):
-        click.echo(clean(line))
-    click.echo(f"\n{output}: check it with rise-engine check {quote(output)}")
+    print_lines(*study.says, "", "Not taken over, or to be looked at:", *(f"- {each}" for each in study.left_out))
+    print_lines("", f"{output}: check it with rise-engine check {quote(output)}")
 
 
 def _read(path: Path) -> str:
@@ -71,7 +63,7 @@ def _read(path: Path) -> str:
             raise NotWoz4uError(f"{path} is larger than {_LARGEST // 1_000_000} MB")
         return path.read_text("utf-8-sig")
     except OSError as error:
-        raise NotWoz4uError(f"{path} cannot be read: {error.strerror or error}") from None
+        raise NotWoz4uError(f"{path} cannot be read: {reason_of(error)}") from None
     except UnicodeDecodeError:
         raise NotWoz4uError(f"{path} is not UTF-8; save it as that") from None
 
@@ -92,11 +84,9 @@ def _write(folder: Path, study: ImportedStudy) -> None:
     try:
         write_new_folder(folder, study.files)
     except StudyCopyError as error:
-        click.echo(f"error: {error}; nothing was written", err=True)
-        sys.exit(REFUSED)
+        raise Refused(f"{error}; nothing was written") from None
     except OSError as error:
-        click.echo(f"error: {folder} cannot be written: {error.strerror or error}", err=True)
-        sys.exit(NOT_WRITTEN)
+        raise not_written(folder, error) from None
 
 
-COMMANDS: dict[str, click.Command] = {"import": import_group}
+COMMANDS = {"import": import_group}

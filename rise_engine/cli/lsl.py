@@ -5,18 +5,17 @@ from __future__ import annotations
 import asyncio
 import logging
 import signal
-import sys
 from pathlib import Path
 from typing import Literal
 
 import click
 
+from rise_engine.cli.terminal import refusing
 from rise_engine.client import EngineGone
-from rise_engine.exit_status import FAILED, INTERRUPTED, NO_SUCH_SESSION, OK, USAGE
+from rise_engine.exit_status import FAILED, INTERRUPTED, OK, USAGE
 from rise_engine.ports.outlet import OutletError, OutletPlan
 from rise_engine.protocol.registry import RegistryError, find_running, socket_path
 from rise_engine.recording.outlets import find_outlet
-from rise_engine.text import clean
 
 OUTLET = "lsl"
 """The entry point in the group `rise.outlets`."""
@@ -38,7 +37,7 @@ OUTLET = "lsl"
     show_default=True,
     help="short: names of the scenario, as act/R_Nod/robot. json: whole records, with all that is said.",
 )
-def lsl(session: str, scope: Literal["machine", "link", "site"], payload: Literal["short", "json"]) -> None:
+def lsl(session: str, scope: Literal["machine", "link", "site"], payload: Literal["short", "json"]) -> int:
     """Send the markers of the running SESSION to the Lab Streaming Layer, until it ends.
 
     SESSION is its name (rise-engine sessions), or the path of its socket. It is only watched: whatever happens here,
@@ -48,29 +47,19 @@ def lsl(session: str, scope: Literal["machine", "link", "site"], payload: Litera
     Exit status: 0 when the session has ended; 1 there is no such session; 2 wrong usage, or no stream can be made; 70
     the engine went without an end; 130 interrupted.
     """
-    try:
-        socket = session if "/" in session else str(socket_path(find_running(session)))
-        if not Path(socket).exists():
-            raise RegistryError(f"no session runs at {socket}")
-    except RegistryError as error:
-        click.echo(clean(f"error: {error}"), err=True)
-        sys.exit(NO_SUCH_SESSION)
+    socket = session if "/" in session else str(socket_path(find_running(session)))
+    if not Path(socket).exists():
+        raise RegistryError(f"no session runs at {socket}")
     _log_to_standard_error()
-    sys.exit(asyncio.run(_send(OutletPlan(socket, scope=scope, payload=payload))))
+    return asyncio.run(_send(OutletPlan(socket, scope=scope, payload=payload)))
 
 
 async def _send(plan: OutletPlan) -> int:
     finish = asyncio.Event()
     for number in (signal.SIGINT, signal.SIGTERM):
         asyncio.get_running_loop().add_signal_handler(number, finish.set)
-    try:
+    with refusing(USAGE, of=OutletError), refusing(FAILED, of=EngineGone):
         await find_outlet(OUTLET)(plan, finish)
-    except OutletError as error:
-        click.echo(clean(f"error: {error}"), err=True)
-        return USAGE
-    except EngineGone as error:
-        click.echo(clean(f"error: {error}"), err=True)
-        return FAILED
     return INTERRUPTED if finish.is_set() else OK
 
 

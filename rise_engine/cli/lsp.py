@@ -6,8 +6,9 @@ import sys
 
 import click
 
+from rise_engine.cli.terminal import Refused, refusing
 from rise_engine.exit_status import USAGE
-from rise_engine.lsp.headers import CheckedHeaders, HeaderError
+from rise_engine.lsp.headers import CheckedHeaders
 
 
 @click.command("lsp")
@@ -22,13 +23,11 @@ def lsp(stdio: bool) -> None:
     except ModuleNotFoundError as missing:
         if (missing.name or "").partition(".")[0] not in ("pygls", "lsprotocol", "cattrs", "attrs", "attr"):
             raise
-        click.echo('the language server needs a package: pip install "rise-tui[lsp]"', err=True)
-        sys.exit(USAGE)
-    try:
+        raise Refused(
+            status=USAGE, hints=['the language server needs a package: pip install "rise-tui[lsp]"']
+        ) from None
+    with refusing(USAGE):
         make_server().start_io(CheckedHeaders(sys.stdin.buffer))  # type: ignore[arg-type]  # what pygls reads with
-    except HeaderError as error:
-        click.echo(f"error: {error}", err=True)
-        sys.exit(USAGE)
 
 
 COMMANDS = {"lsp": lsp}

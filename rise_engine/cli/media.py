@@ -1,9 +1,8 @@
-"""What `rise-engine media` does and prints: the recordings that belong to a session, and where they lie against it."""
+"""`rise-engine media`: the recordings that belong to a session, and where they lie against its clock."""
 
 from __future__ import annotations
 
 import re
-import sys
 from collections.abc import Sequence
 from datetime import datetime
 from pathlib import Path
@@ -15,9 +14,8 @@ from msgspec import Struct
 from msgspec.structs import replace
 
 from rise_engine.cli.options import JSON, SESSION
-from rise_engine.cli.terminal import write_json
-from rise_engine.errors import RiseError
-from rise_engine.exit_status import OK, PARTIAL, REFUSED, USAGE
+from rise_engine.cli.terminal import exit_with_usage, print_lines, print_notes, reason_of, refusing, show, write_json
+from rise_engine.exit_status import OK, PARTIAL, USAGE
 from rise_engine.kernel.records import RecordingRecord, SessionRecord, SyncRecord
 from rise_engine.recording.alignment import (
     UNKNOWN_WITHIN,
@@ -29,7 +27,7 @@ from rise_engine.recording.alignment import (
 from rise_engine.recording.finding import FindingError, find_marks
 from rise_engine.recording.media_files import MediaFacts, Sound, hash_file, look_at_media
 from rise_engine.session.errors import SessionError
-from rise_engine.session.folder import JOURNAL, find_session
+from rise_engine.session.folder import JOURNAL
 from rise_engine.session.journal_reader import read_journal
 from rise_engine.session.media import (
     MEDIA_FILE,
@@ -44,7 +42,7 @@ from rise_engine.session.media import (
     stored_path,
 )
 from rise_engine.study.traces import registered_recordings
-from rise_engine.text import clean, pluralize
+from rise_engine.text import pluralize
 
 _MARK = re.compile(r"mark *(\d+)")
 _CLOCK = re.compile(r"(?:(\d+):)?(\d+):(\d+(?:\.\d*)?)")
@@ -92,9 +90,10 @@ class _Added(Struct, frozen=True):
 @click.option("--find-marks", is_flag=True, help="Find the session's marks in its sound.")
 @click.option("--name", metavar="NAME", default="", help="What it is called: camera.")
 @JSON
+@refusing(USAGE)
 def add(
-    session: str, files: tuple[str, ...], moments: tuple[str, ...], find_marks: bool, name: str, as_json: bool
-) -> None:
+    session: Path, files: tuple[str, ...], moments: tuple[str, ...], find_marks: bool, name: str, as_json: bool
+) -> int:
     """Register FILE (or a bag's folder) as a recording of SESSION, and say where it lies against the session's clock.
 
     The file stays where it is. One that is registered already is looked at again. Without FILE: all that the session
@@ -109,21 +108,17 @@ def add(
     Exit status: 0; 1 it is registered, and nobody knows where it lies; 2 wrong usage, or nothing was registered.
     """
     if find_marks and moments:
-        sys.exit(_print_error("say either --find-marks or --at", USAGE))
+        exit_with_usage("say either --find-marks or --at")
     if len(files) != 1 and (moments or name):
-        sys.exit(_print_error("--at and --name are about one file: name it", USAGE))
-    try:
-        folder = find_session(session)
-        marks, interruptions = read_marks(folder)
-        given = [parse_moment(each, marks) for each in moments]
-        addition = _Addition(folder, marks, interruptions, given, find_marks, name)
-        known = [path for path in map(Path, _known_paths(folder)) if path.exists()]
-        facts = [(path, _look(path)) for path in ([Path(each).expanduser() for each in files] or known)]
-        if not facts:
-            raise SessionError(f"{folder.name} has no recordings yet: name a file")
-        sys.exit(_print_added(addition, facts, as_json=as_json))
-    except (RiseError, ValueError) as error:
-        sys.exit(_print_error(error, USAGE))
+        exit_with_usage("--at and --name are about one file: name it")
+    marks, interruptions = read_marks(session)
+    given = [parse_moment(each, marks) for each in moments]
+    addition = _Addition(session, marks, interruptions, given, find_marks, name)
+    known = [path for path in map(Path, _known_paths(session)) if path.exists()]
+    facts = [(path, _look(path)) for path in ([Path(each).expanduser() for each in files] or known)]
+    if not facts:
+        raise SessionError(f"{session.name} has no recordings yet: name a file")
+    return _print_added(addition, facts, as_json=as_json)
 
 
 def _look(path: Path) -> MediaFacts:
@@ -132,7 +127,7 @@ def _look(path: Path) -> MediaFacts:
     except FileNotFoundError:
         raise MediaError(f"there is no file {path}") from None
     except OSError as error:
-        raise MediaError(f"{path} cannot be read: {error.strerror or error}") from None
+        raise MediaError(f"{path} cannot be read: {reason_of(error)}") from None
 
 
 def _known_paths(folder: Path) -> list[str]:
@@ -146,7 +141,7 @@ def _print_added(addition: _Addition, facts: Sequence[tuple[Path, MediaFacts]], 
     status = OK
     for path, each in facts:
         if each.bytes > LARGE and not as_json:
-            sys.stderr.write(clean(f"reading {path.name}, {size_text(each.bytes)} ...") + "\n")
+            print_notes(f"reading {path.name}, {size_text(each.bytes)} ...")
         added = _add(addition, path, each)
         file, found = added.file, added.found
         if file.offset is None or found.problem:
@@ -156,7 +151,7 @@ def _print_added(addition: _Addition, facts: Sequence[tuple[Path, MediaFacts]], 
             documents.append({**_values(addition.folder, file), **values})
             continue
         already = ["it was registered already"] if added.was_there else []
-        _print_lines([*_lines(file), *_alignment_lines(file, found), *already])
+        print_lines(*_lines(file), *_alignment_lines(file, found), *already)
     if as_json:
         write_json({"files": documents})
     return status
@@ -170,7 +165,7 @@ def _add(addition: _Addition, path: Path, facts: MediaFacts) -> _Added:
     try:
         file = _describe(stored, path, facts, before, addition.name)
     except OSError as error:
-        raise MediaError(f"{path} cannot be read: {error.strerror or error}") from None
+        raise MediaError(f"{path} cannot be read: {reason_of(error)}") from None
     by: AlignedBy = "marks" if addition.find else "given"
     if addition.find:
         found = _find(path, facts, addition.marks)
@@ -256,7 +251,7 @@ def read_marks(folder: Path) -> tuple[list[SessionMark], list[float]]:
 
 
 def parse_moment(text: str, marks: Sequence[SessionMark]) -> FoundMark:
-    """What `--at` says. Raises ValueError with a sentence.
+    """What `--at` says. Ends the command if it is nothing.
 
     >>> parse_moment("14.5=12", []), parse_moment("-1.5", []).media_at
     (FoundMark(number=0, session_at=12.0, media_at=14.5, strength=0.0), 0.0)
@@ -272,7 +267,7 @@ def parse_moment(text: str, marks: Sequence[SessionMark]) -> FoundMark:
             return FoundMark(number, named[0].at, media_at, 0.0)
         known = ", ".join(str(each.number) for each in marks) or "none"
         why = f"has {len(named)} marks {number}: give the session's second" if named else f"has no mark {number}"
-        raise ValueError(f"--at {text}: the session {why}; its marks are {known}")
+        exit_with_usage(f"--at {text}: the session {why}; its marks are {known}")
     return FoundMark(0, _parse_seconds(in_session, text), media_at, 0.0)
 
 
@@ -286,46 +281,40 @@ def _parse_seconds(part: str, text: str) -> float:
     except ValueError:
         seconds = float("nan")
     if not abs(seconds) < 1e7:
-        raise ValueError(f"--at {text}: {part!r} is no time: write seconds (75.2), a clock (1:15.2), or FILE=markN")
+        exit_with_usage(f"--at {text}: {part!r} is no time: write seconds (75.2), a clock (1:15.2), or FILE=markN")
     return seconds
 
 
 @media.command("list")
 @SESSION
 @JSON
-def list_media(session: str, as_json: bool) -> None:
+@refusing(USAGE)
+def list_media(session: Path, as_json: bool) -> int:
     """List the recordings of SESSION, and where they lie against its clock.
 
     Exit status: 0; 1 when a file is not where it was; 2 when the session cannot be read.
     """
-    try:
-        folder = find_session(session)
-        files = read_media(folder)
-    except SessionError as error:
-        sys.exit(_print_error(error, USAGE))
-    listed = {str(media_path(folder, each)) for each in files}
-    others = [path for path in registered_recordings(folder, inside=True) if path not in listed]
-    missing = [each for each in files if not media_path(folder, each).exists()]
-    if as_json:
-        write_json({"files": [_values(folder, each) for each in files], "on_record_only": others})
-        sys.exit(PARTIAL if missing else OK)
+    files = read_media(session)
+    listed = {str(media_path(session, each)) for each in files}
+    others = [path for path in registered_recordings(session, inside=True) if path not in listed]
+    missing = [each for each in files if not media_path(session, each).exists()]
+    lines: list[str] = []
     for each in files:
         gone = ["   IT IS NOT THERE: put it back, or rise-engine media remove"] if each in missing else []
-        _print_lines([*_lines(each), *(f"   {line}" for line in position_lines(each)), *gone])
+        lines += [*_lines(each), *(f"   {line}" for line in position_lines(each)), *gone]
     if others:
-        _print_lines(
-            [f"on record, and not in {MEDIA_FILE} (rise-engine media add):", *(f"   {each}" for each in others)]
-        )
-    if not files and not others:
-        _print_lines([f"{folder.name} has no recordings: rise-engine media add SESSION FILE"])
-    sys.exit(PARTIAL if missing else OK)
+        lines += [f"on record, and not in {MEDIA_FILE} (rise-engine media add):", *(f"   {each}" for each in others)]
+    document = {"files": [_values(session, each) for each in files], "on_record_only": others}
+    nothing = f"{session.name} has no recordings: rise-engine media add SESSION FILE"
+    show(lines or [nothing], document, as_json=as_json)
+    return PARTIAL if missing else OK
 
 
 @media.command("remove")
 @SESSION
 @click.argument("file")
 @JSON
-def remove(session: str, file: str, as_json: bool) -> None:
+def remove(session: Path, file: str, as_json: bool) -> None:
     """Take FILE out of the list of SESSION's recordings. The file itself stays where it is.
 
     FILE is its path, its last part, or its name in the list. After this nobody erases it when its participant
@@ -333,19 +322,9 @@ def remove(session: str, file: str, as_json: bool) -> None:
 
     Exit status: 0; 1 there is no such file in the list, or several; 2 when the session cannot be read.
     """
-    try:
-        folder = find_session(session)
-    except SessionError as error:
-        sys.exit(_print_error(error, USAGE))
-    try:
-        removed = remove_media(folder, file)
-    except SessionError as error:
-        sys.exit(_print_error(error, REFUSED))
-    if as_json:
-        write_json(_values(folder, removed))
-    else:
-        _print_lines([f"{removed.path} is no recording of {folder.name} any more; the file itself was not touched"])
-    sys.exit(OK)
+    removed = remove_media(session, file)
+    said = f"{removed.path} is no recording of {session.name} any more; the file itself was not touched"
+    show([said], _values(session, removed), as_json=as_json)
 
 
 # --- in words -------------------------------------------------------------------------------------------------------
@@ -411,15 +390,6 @@ def _values(folder: Path, file: MediaFile) -> dict[str, Any]:
     values: dict[str, Any] = msgspec.to_builtins(file)
     ppm = round(file.drift_ppm, 3) if len(file.marks) > 1 else None
     return {**values, "drift_ppm": ppm, "there": media_path(folder, file).exists()}
-
-
-def _print_lines(lines: Sequence[str]) -> None:
-    sys.stdout.write("".join(f"{clean(line)}\n" for line in lines))
-
-
-def _print_error(error: object, status: int) -> int:
-    sys.stderr.write(clean(f"error: {error}") + "\n")
-    return status
 
 
 COMMANDS = {"media": media}

@@ -9,15 +9,14 @@ from shlex import quote
 
 import click
 
-from rise_engine import exit_status
-from rise_engine.cli.arguments import exit_with_usage
-from rise_engine.cli.check import new_report, studies_report
 from rise_engine.cli.options import FOLDER_OR_NONE
+from rise_engine.cli.terminal import Refused, exit_with_usage, print_lines
+from rise_engine.exit_status import OK, REFUSED
 from rise_engine.nearest_name import did_you_mean
 from rise_engine.scenario.loader import load
-from rise_engine.scenario.new_study import write_blank_study
+from rise_engine.scenario.new_study import write_agents_file, write_blank_study
 from rise_engine.scenario.robot_profiles import robot_names
-from rise_engine.scenario.shipped_studies import StudyCopyError, shipped_studies, study_title
+from rise_engine.scenario.shipped_studies import StudyCopyError, copy_study, shipped_studies, study_lines, study_title
 
 BLANK = "blank"
 
@@ -31,13 +30,15 @@ BLANK = "blank"
 @click.option("--title", metavar="TEXT", default="", help="What a blank study calls itself. Default: as its folder.")
 @click.option("--robot", metavar="NAME", default="", help="The robot of a blank study. Default: generic, simulated.")
 @click.option("--list", "listing", is_flag=True, help="List the studies that come with the program.")
-def new(folder: str | None, template: str | None, study: str | None, title: str, robot: str, listing: bool) -> None:
+def new(folder: str | None, template: str | None, study: str | None, title: str, robot: str, listing: bool) -> int:
     """Make a study of your own in DIR, a new or empty folder. In a terminal it asks for what was not said.
 
     Exit status: 0; 1 when it could not be made; 2 wrong usage.
     """
     if listing:
-        sys.exit(studies_report())
+        lines = study_lines()
+        print_lines(*lines or ("no study is installed with the program",))
+        return OK if lines else REFUSED
     template = template or study
     if (folder is None or template is None) and sys.stdin.isatty():
         folder, template, title, robot = _ask(folder, template, title, robot)
@@ -46,8 +47,10 @@ def new(folder: str | None, template: str | None, study: str | None, title: str,
     if template != BLANK:
         if title or robot:
             exit_with_usage("--title and --robot are for --template blank; a copied study has both, in scenario.toml")
-        sys.exit(new_report(folder, template))
-    _make_blank(Path(folder), title, robot)
+        _copy(folder, template)
+    else:
+        _make_blank(Path(folder), title, robot)
+    return OK
 
 
 def _ask(folder: str | None, template: str | None, title: str, robot: str) -> tuple[str, str, str, str]:
@@ -55,10 +58,9 @@ def _ask(folder: str | None, template: str | None, title: str, robot: str) -> tu
     assert folder is not None
     if template is None:
         studies = shipped_studies()
-        print("What does it begin as?")
-        for name, path in studies.items():
-            print(f"  {name:<12} {study_title(path)}")
-        print(f"  {BLANK:<12} nothing but a first act and a first rule")
+        print_lines("What does it begin as?")
+        print_lines(*(f"  {name:<12} {study_title(path)}" for name, path in studies.items()))
+        print_lines(f"  {BLANK:<12} nothing but a first act and a first rule")
         template = click.prompt("Begin as", type=click.Choice([*studies, BLANK]), default=BLANK, show_choices=False)
     assert template is not None
     if template == BLANK:
@@ -67,21 +69,37 @@ def _ask(folder: str | None, template: str | None, title: str, robot: str) -> tu
     return folder, template, title, robot
 
 
+def _copy(folder: str, study: str) -> None:
+    """Copy a shipped study, and say how to go on."""
+    try:
+        number = copy_study(study, Path(folder))
+        write_agents_file(Path(folder))
+    except StudyCopyError as why:
+        hints = () if study in shipped_studies() else (f"  {line}" for line in study_lines())
+        raise Refused(str(why), hints=hints) from None
+    print_lines(
+        f"{folder}: {number} files of the study {study}, which are yours to change",
+        f"  check it   rise-engine check {quote(folder)}",
+        f"  run it     rise-tui --config {quote(folder)}",
+    )
+    if (Path(folder) / "README.md").exists():
+        print_lines(f"  read       {Path(folder) / 'README.md'}")
+
+
 def _make_blank(folder: Path, title: str, robot: str) -> None:
     known = list(robot_names(folder))
     if robot and robot not in known:
         exit_with_usage(f"there is no robot `{robot}`{did_you_mean(robot, known)}")
-    try:
-        names = write_blank_study(folder, title or folder.absolute().name, robot or "generic")
-    except StudyCopyError as why:
-        print(f"error: {why}", file=sys.stderr)
-        sys.exit(exit_status.REFUSED)
+    names = write_blank_study(folder, title or folder.absolute().name, robot or "generic")
     problems = load(folder).errors
     assert not problems, json.dumps([str(each) for each in problems])
-    print(f"{folder}: a blank study of {len(names)} files, which are yours to change")
-    print(f"  change it  rise-tui edit {quote(str(folder))}")
-    print(f"  check it   rise-engine check {quote(str(folder))}")
-    print(f"  run it     rise-tui --config {quote(str(folder))}")
+    where = quote(str(folder))
+    print_lines(
+        f"{folder}: a blank study of {len(names)} files, which are yours to change",
+        f"  change it  rise-tui edit {where}",
+        f"  check it   rise-engine check {where}",
+        f"  run it     rise-tui --config {where}",
+    )
 
 
 COMMANDS = {"new": new}

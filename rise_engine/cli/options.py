@@ -1,22 +1,134 @@
-"""Options that several commands have."""
+"""Arguments and options that several commands have, those of `rise-tui` too."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Any, TypeVar
+from functools import wraps
+from pathlib import Path
+from typing import Any, TypeVar, cast
 
 import click
 
+from rise_engine.cli.terminal import exit_with_usage, refusing
+from rise_engine.exit_status import USAGE
 from rise_engine.ports.bridge import ROS_TRANSPORTS
+from rise_engine.scenario.file_names import SCENARIO_FILE, STUDY_FILE
+from rise_engine.scenario.shipped_studies import resolve_study, shipped_hint
 
 Command = TypeVar("Command", bound=Callable[..., Any])
 
-FOLDER = click.argument("folder", metavar="DIR", type=click.Path())
+# --- what an argument names -------------------------------------------------------------------------------------------
+
+
+def resolve_scenario(folder: str) -> str:
+    """The path of a scenario: a folder, its scenario.toml, or a shipped study by its name. Ends the command if none."""
+    folder = resolve_study(folder)
+    path = Path(folder)
+    if is_study(path) and not (path / SCENARIO_FILE).exists():
+        exit_with_usage(f"{folder} is a study, not a scenario: its commands are those of `rise-engine study`")
+    if path.is_dir() or (path.is_file() and path.name == SCENARIO_FILE):
+        return folder
+    if path.exists():
+        exit_with_usage(f"{folder} is no scenario: give a folder, or the path of its {SCENARIO_FILE}")
+    return exit_with_usage(f"there is no folder {folder}{shipped_hint()}")
+
+
+def resolve_study_folder(folder: str) -> Path:
+    """The folder of a study, given as itself or as its study.toml. Ends the command if it is none."""
+    path = without_file(folder, STUDY_FILE)
+    if is_study(path):
+        return path
+    if path.is_dir():
+        problem = f"there is no {STUDY_FILE} in {'this folder' if folder == '.' else folder}"
+    else:
+        problem = f"there is no folder {folder}"
+    return exit_with_usage(f"{problem}; `rise-engine study new DIR` makes a study")
+
+
+def is_study(path: Path) -> bool:
+    """Whether a folder is a study's."""
+    return (path / STUDY_FILE).is_file()
+
+
+def without_file(named: str | Path, file: str) -> Path:
+    """The folder that is meant, also where a file in it was named."""
+    path = Path(named)
+    return path.parent if path.name == file else path
+
+
+def _resolve_session(session: str) -> Path:
+    from rise_engine.session.folder import find_session  # which most commands do not need
+
+    with refusing(USAGE):
+        return find_session(session)
+
+
+def _named(name: str, resolve: Callable[[str], Any], **about: Any) -> Callable[[Command], Command]:
+    """An argument that names something. The command gets what is meant; it ends, before anything else, if that is
+    nothing."""
+
+    def add(command: Command) -> Command:
+        @wraps(command)
+        def resolved(**arguments: Any) -> Any:
+            value = arguments[name]
+            return command(**{**arguments, name: value if value is None else resolve(value)})
+
+        return cast(Command, click.argument(name, type=click.Path(), **about)(resolved))
+
+    return add
+
+
 FOLDER_OR_NONE = click.argument("folder", metavar="[DIR]", type=click.Path(), required=False)
-SESSION = click.argument("session", type=click.Path())
-ROBOT = click.option("--robot", metavar="NAME", help="Another robot profile than the scenario's.")
+SCENARIO = _named("folder", resolve_scenario, metavar="DIR")
+SCENARIO_OR_NONE = _named("folder", resolve_scenario, metavar="[DIR]", required=False)
+STUDY = _named("study", resolve_study_folder, metavar="STUDY")
+STUDY_OR_HERE = _named("study", resolve_study_folder, metavar="STUDY", default=".")
+SESSION = _named("session", _resolve_session)
+STUDIES_OR_SESSIONS = click.argument("named", metavar="STUDY|SESSION...", type=click.Path(), nargs=-1, required=True)
+
+# --- options of many commands -----------------------------------------------------------------------------------------
+
+ROBOT = click.option("--robot", metavar="NAME", help="Another robot than the scenario's.")
 MODE = click.option("--mode", type=click.Choice(["debug", "real"]), help="Another mode than the scenario's.")
 JSON = click.option("--json", "as_json", is_flag=True, help="One JSON document instead of lines.")
+DIFF = click.option(
+    "--diff", "as_diff", is_flag=True, help="Print what would change, as diff -u has it; write nothing."
+)
+STRICT = click.option("--strict", is_flag=True, help="Write nothing if anything would be lost.")
+LANGUAGE = click.option(
+    "--language", metavar="TAG", default="", help="What is said is said in this language (texts/TAG.toml)."
+)
+HERE = click.option(
+    "--here", is_flag=True, help="Also when another computer had the session last, and may still run it."
+)
+PRIVATE = click.option("--private", metavar="KEY", multiple=True, help="A memory key that is private, too. Repeatable.")
+ALL_SESSIONS = click.option(
+    "--all", "all_sessions", is_flag=True, help="Of a study, also what does not count or did not end."
+)
+
+# --- options of a session ---------------------------------------------------------------------------------------------
+
+SEED = click.option(
+    "--seed", type=click.IntRange(min=0), help="For everything picked at random; without it, a new one."
+)
+SETTINGS = click.option(
+    "--set",
+    "settings",
+    metavar="KEY=JSON",
+    multiple=True,
+    help="Set a memory value before the session begins. Repeatable.",
+)
+PLACES = click.option(
+    "--place",
+    "paths",
+    metavar="KIND=PATH",
+    multiple=True,
+    help="Read acts, rules or memory from another PATH in the scenario's folder (memory=pilot.json). Repeatable.",
+)
+NEW = click.option("--new", is_flag=True, help="Begin a new session, also when an earlier one did not end.")
+RECOVER = click.option(
+    "--recover", is_flag=True, help="Go on with the latest session that did not end, if there is one."
+)
 ROS = click.option(
     "--ros",
     type=click.Choice(ROS_TRANSPORTS),
@@ -24,18 +136,33 @@ ROS = click.option(
     show_default=True,
     help="How ROS 2 is spoken. auto: as the robot needs it.",
 )
-LANGUAGE = click.option(
-    "--language", metavar="TAG", default="", help="What is said is said in this language (texts/TAG.toml)."
+FAULTS = click.option(
+    "--fault", "faults", metavar="SPEC", multiple=True, help="What the simulated robot does wrong. Repeatable."
 )
-UNTRANSLATED = click.option(
-    "--allow-untranslated", is_flag=True, help="With --language: what is not translated is said as the acts have it."
+SESSION_OPTIONS = (
+    ROBOT,
+    MODE,
+    click.option("--participant", metavar="ID", default="", help="Who takes part; stands in the record."),
+    click.option(
+        "--condition", metavar="NAME", default="", help="One of the scenario's conditions: sets what that says."
+    ),
+    LANGUAGE,
+    click.option(
+        "--allow-untranslated",
+        is_flag=True,
+        help="With --language: what is not translated is said as the acts have it.",
+    ),
+    ROS,
 )
-_BEGIN = (
-    click.option("--set", "settings", metavar="KEY=JSON", multiple=True, help="Set a memory value first. Repeatable."),
+"""How a session runs, for `rise-tui` too: `robot`, `mode`, `participant`, `condition`, `language`,
+`allow_untranslated`, `ros`."""
+BEGIN_OPTIONS = (
+    SETTINGS,
     click.option("--rule", "rules", metavar="NAME", multiple=True, help="Start an interaction rule. Repeatable."),
     click.option("--act", "acts", metavar="NAME", multiple=True, help="Start an act. Repeatable."),
 )
-_STUDY_OPTIONS = (
+"""What a session begins with: `settings`, `rules`, `acts`."""
+STUDY_OPTIONS = (
     click.option(
         "--study",
         metavar="STUDY",
@@ -50,39 +177,58 @@ _STUDY_OPTIONS = (
         help="Which of the participant's runs; else the next.",
     ),
 )
-_SESSION_OPTIONS = (
-    ROBOT,
-    MODE,
-    click.option("--participant", metavar="ID", default="", help="Who takes part; stands in the record."),
+"""Which session of a study: `study`, `run_number`."""
+CHECK_OPTIONS = (
     click.option(
-        "--condition", metavar="NAME", default="", help="One of the scenario's conditions: sets what that says."
+        "--confirm",
+        "confirmed",
+        metavar="ID",
+        multiple=True,
+        help="What this check of the study asks for is done. Repeatable.",
     ),
-    LANGUAGE,
-    UNTRANSLATED,
-    ROS,
     click.option(
-        "--fault", "faults", metavar="SPEC", multiple=True, help="What the simulated robot does wrong. Repeatable."
+        "--skip-check",
+        "skipped",
+        metavar="ID=REASON",
+        multiple=True,
+        help="Go on without this check of the study; the reason stands in the record. Repeatable.",
     ),
 )
+"""What somebody says about a study's checks: `confirmed`, `skipped`."""
 
 
-def begin_options(command: Command) -> Command:
-    """What a session begins with: `settings`, `rules`, `acts`."""
-    return _add_options(command, _BEGIN)
+def options(*several: Callable[[Command], Command]) -> Callable[[Command], Command]:
+    """A decorator that adds them in this order."""
+
+    def add(command: Command) -> Command:
+        for option in reversed(several):
+            command = option(command)
+        return command
+
+    return add
 
 
-def session_options(command: Command) -> Command:
-    """How a session runs: `robot`, `mode`, `participant`, `condition`, `language`, `allow_untranslated`, `ros`,
-    `faults`."""
-    return _add_options(command, _SESSION_OPTIONS)
+def number(
+    option: str, wanted: str, most: float, *, above: float | None = None, word: str = ""
+) -> Callable[[str], float | None]:
+    """The type of an option that is a number from 0 on, or a word instead of it, which becomes None.
 
+    :param option: its name.
+    :param wanted: what it must be, in words.
+    :param most: the largest.
+    :param above: what it must be larger than; None: it may be 0.
+    :param word: what may be written instead.
+    """
 
-def study_options(command: Command) -> Command:
-    """Which session of a study: `study`, `run_number`."""
-    return _add_options(command, _STUDY_OPTIONS)
+    def parse(text: str) -> float | None:
+        if word and text == word:
+            return None
+        try:
+            value = float(text)
+        except ValueError:
+            value = float("nan")
+        if not 0 <= value <= most or (above is not None and value <= above):
+            exit_with_usage(f"{option} {text}: this must be {wanted}")
+        return value
 
-
-def _add_options(command: Command, options: tuple[Callable[[Command], Command], ...]) -> Command:
-    for option in reversed(options):
-        command = option(command)
-    return command
+    return parse

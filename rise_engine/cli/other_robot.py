@@ -6,11 +6,11 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from rise_engine.bundle.courses import CourseComparison, RecordedSession, TaskNames, compare_courses, read_recorded
-from rise_engine.cli.run import LIVELOCK, LIVELOCK_SECONDS
+from rise_engine.bundle.errors import BundleError
+from rise_engine.cli.headless_session import LIVELOCK, LIVELOCK_SECONDS
 from rise_engine.engine.clock import VirtualClock
 from rise_engine.engine.drivers import DriverError, RobotOptionsError, make_robot
 from rise_engine.engine.engine import Engine
-from rise_engine.errors import RiseError
 from rise_engine.kernel.inputs import AnyInput, Submit
 from rise_engine.kernel.records import AnyRecord
 from rise_engine.scenario.file_names import DEFAULT_PATHS
@@ -19,17 +19,13 @@ from rise_engine.scenario.model import Scenario
 from rise_engine.session.folder import SCENARIO_COPY, load_scenario_copy, read_info, spoken_as
 
 
-class CannotRun(RiseError):
-    """A session cannot be run on another robot; the text says why, in one or more lines."""
-
-
 def compare_on_robot(folder: Path, robot: str) -> CourseComparison:
     """Run the inputs of people and programs of the session in `folder` on a simulated `robot`, and compare.
 
     What the session's own robot reported, and what its time gave, is not repeated: the other robot gives that.
 
     :param robot: the name of a profile (docs/reference/robots.md).
-    :raises CannotRun: the scenario does not load for that robot, or goes round in circles with it.
+    :raises BundleError: the scenario does not load for that robot, or goes round in circles with it.
     :raises rise_engine.session.errors.SessionError: the session cannot be read.
     """
     info = read_info(folder)
@@ -41,24 +37,24 @@ def compare_on_robot(folder: Path, robot: str) -> CourseComparison:
 def load_for_robot(folder: Path, robot: str) -> Scenario:
     """The scenario of the session in `folder`, for another robot, which is simulated.
 
-    :raises CannotRun: it does not load.
+    :raises BundleError: it does not load.
     """
     copy, info = folder / SCENARIO_COPY, read_info(folder)
     paths = {kind: path for kind, path in DEFAULT_PATHS.items() if (copy / path).exists()}
     loaded = load(copy, robot=robot, mode="debug", paths=paths, **spoken_as(info))
     if loaded.scenario is None:
         findings = [str(each) for each in loaded.errors]
-        raise CannotRun("\n".join([f"the scenario cannot be run on the robot {robot!r}:", *findings]))
+        raise BundleError(f"the scenario cannot be run on the robot {robot!r}:", *findings)
     return loaded.scenario
 
 
 def run_on_robot(recorded: RecordedSession, scenario: Scenario) -> Sequence[AnyRecord]:
-    """The records that come of it. Raises CannotRun."""
+    """The records that come of it. Raises BundleError."""
     clock = VirtualClock()
     try:
         robot = make_robot(scenario.robot, "debug", clock, recorded.seed)
     except (DriverError, RobotOptionsError) as error:
-        raise CannotRun(str(error)) from None
+        raise BundleError(str(error)) from None
     records: list[AnyRecord] = []
     before, after = TaskNames(), TaskNames()
     for record in recorded.records:
@@ -83,8 +79,8 @@ def run_on_robot(recorded: RecordedSession, scenario: Scenario) -> Sequence[AnyR
         if clock.now() >= moment + LIVELOCK_SECONDS:
             moment, inputs = clock.now(), engine.inputs
         elif engine.inputs - inputs > LIVELOCK + len(recorded.inputs):
-            raise CannotRun(f"something goes round in circles at {clock.now():g} s")
+            raise BundleError(f"something goes round in circles at {clock.now():g} s")
     engine.end_now("the recorded session ended")
     if engine.failure is not None:
-        raise CannotRun(f"the engine failed, which is a mistake in this program: {engine.failure!r}")
+        raise BundleError(f"the engine failed, which is a mistake in this program: {engine.failure!r}")
     return records

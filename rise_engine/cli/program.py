@@ -14,39 +14,37 @@ from typing import Any
 import click
 
 from rise_engine import __version__
-from rise_engine.cli.terminal import clean_standard_streams
-from rise_engine.exit_status import INTERRUPTED
+from rise_engine.cli.terminal import Refused, clean_standard_streams, discard_rest
+from rise_engine.errors import RiseError
+from rise_engine.exit_status import BROKEN_PIPE, INTERRUPTED, OK
 
-_SCENARIO = "scenario_commands"
-_EDIT = "edit_commands"
-_SESSION = "session_commands"
 _SECTIONS = {
     "Write scenarios": {
         "new": ("new_scenario", "Make a study of your own in a new folder."),
-        "check": (_SCENARIO, "Say everything that is wrong with a scenario."),
+        "check": ("check", "Say everything that is wrong with a scenario."),
         "explore": ("explore", "Look for dead ends in everything that can happen."),
         "test": ("study_tests", "Play the tests of a scenario or study."),
-        "eval": (_SCENARIO, "Show the value of an expression."),
-        "expand": (_SCENARIO, "Print acts and rules without their templates."),
+        "eval": ("evaluate", "Show the value of an expression."),
+        "expand": ("expand", "Print acts and rules without their templates."),
         "graph": ("graph", "Draw rules and acts."),
-        "robots": (_SCENARIO, "List the robots that a scenario can name."),
-        "schema": (_SCENARIO, "Print the schema of acts and rules for an editor."),
+        "robots": ("robots", "List the robots that a scenario can name."),
+        "schema": ("robots", "Print the schema of acts and rules for an editor."),
     },
     "Change scenarios": {
         "edit": ("edit_file", "Make the changes of a JSON file, all or none."),
-        "fmt": (_EDIT, "Format the files of a study."),
-        "rename": (_EDIT, "Rename an act, rule, state, event or key everywhere."),
-        "uses": (_EDIT, "Find where a name is used."),
+        "fmt": ("edit_commands", "Format the files of a study."),
+        "rename": ("edit_commands", "Rename an act, rule, state, event or key everywhere."),
+        "uses": ("edit_commands", "Find where a name is used."),
         "texts": ("texts", "Put all texts into a table, and take them back."),
         "lsp": ("lsp", "Serve an editor with findings and completion."),
     },
     "Run sessions": {
-        "run": (_SESSION, "Run a scenario without a console."),
-        "serve": (_SESSION, "Run a session that consoles attach to."),
-        "sessions": (_SESSION, "List running and unfinished sessions."),
-        "stop": (_SESSION, "Stop the robot and end a session."),
-        "take-over": ("take_over", "Continue a session with changed files."),
-        "doctor": (_SCENARIO, "Examine ROS 2 on this machine and the robot."),
+        "run": ("run", "Run a scenario without a console."),
+        "serve": ("serve", "Run a session that consoles attach to."),
+        "sessions": ("sessions", "List running and unfinished sessions."),
+        "stop": ("stop", "Stop the robot and end a session."),
+        "take-over": ("stop", "Continue a session with changed files."),
+        "doctor": ("robots", "Examine ROS 2 on this machine and the robot."),
         "lsl": ("lsl", "Send markers to the Lab Streaming Layer."),
     },
     "Run studies": {
@@ -59,7 +57,7 @@ _SECTIONS = {
         "coded": ("coded", "Take annotations back from ELAN or BORIS."),
         "media": ("media", "Attach films and sound to a session."),
         "redact": ("redact", "Remove words from a session permanently."),
-        "replay": (_SESSION, "Replay a session, and compare the records."),
+        "replay": ("replay", "Replay a session, and compare the records."),
         "reproduce": ("reproduce", "Check that a bundle reproduces its results."),
     },
     "Exchange files": {
@@ -111,10 +109,17 @@ class _CommandGroup(click.Group):
             return super().main(own, *rest, obj=ros_args, **more)
 
     def invoke(self, ctx: click.Context) -> Any:
+        """Ends with the exit status that a command returns (None: 0), or with the error that it raises."""
         try:
-            return super().invoke(ctx)
+            status = super().invoke(ctx)
+        except RiseError as error:
+            raise Refused.of(error) from None
+        except BrokenPipeError:
+            discard_rest(sys.stdout)
+            status = BROKEN_PIPE
         except KeyboardInterrupt:  # before a session has begun; click would end with 1, which means refused
-            sys.exit(INTERRUPTED)
+            status = INTERRUPTED
+        return ctx.exit(status or OK)
 
 
 def _load_command(name: str) -> click.Command:

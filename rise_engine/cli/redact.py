@@ -1,26 +1,22 @@
-"""What `rise-engine redact` does and prints."""
+"""`rise-engine redact`: takes words out of a session."""
 
 from __future__ import annotations
 
 import os
-import sys
 from collections.abc import Sequence
 from pathlib import Path
 
 import click
 
-from rise_engine.cli.options import JSON, SESSION
-from rise_engine.cli.terminal import write_json
-from rise_engine.errors import RiseError
-from rise_engine.exit_status import OK, PARTIAL, REFUSED, USAGE
-from rise_engine.session.errors import SessionError
-from rise_engine.session.folder import find_session
-from rise_engine.session.redaction import RedactionRefused, RedactionReport, redact
-from rise_engine.session.suggestions import suggest_words
+from rise_engine.cli.options import HERE, JSON, SESSION
+from rise_engine.cli.terminal import print_lines, refusing, show
+from rise_engine.exit_status import OK, PARTIAL, USAGE
+from rise_engine.session.redaction import RedactionReport, redact
+from rise_engine.session.suggestions import NameSuggestion, suggest_words
 from rise_engine.study.study_log import LOG_FILE, LockedLog, LogEntry, StudyLogError
 from rise_engine.study.traces import study_of_session
-from rise_engine.text import clean, pluralize
-from rise_engine.words import WordError, Words, parse_replacement
+from rise_engine.text import pluralize
+from rise_engine.words import Words, parse_replacement
 
 
 @click.command("redact")
@@ -33,12 +29,10 @@ from rise_engine.words import WordError, Words, parse_replacement
 @click.option("--match-case", is_flag=True, help="Only as it is written, in upper and lower case.")
 @click.option("--try", "try_only", is_flag=True, help="Say what would be done, and change nothing.")
 @click.option("--by", metavar="NAME", default="", help="Who does it; stands in session.toml. Default: nobody is named.")
-@click.option(
-    "--here", is_flag=True, help="Also when another computer had the session, and nobody sees if it still has."
-)
+@HERE
 @JSON
 def redact_session(
-    session: str,
+    session: Path,
     replacements: tuple[str, ...],
     suggest: bool,
     whole_words: bool,
@@ -47,7 +41,7 @@ def redact_session(
     by: str,
     here: bool,
     as_json: bool,
-) -> None:
+) -> int:
     """Remove words from the record of SESSION permanently. The session still replays.
 
     SESSION is a session's folder, or its name in the sessions folder ($RISE_SESSIONS, or ~/rise-sessions).
@@ -65,34 +59,25 @@ def redact_session(
 
     Exit status: 0 done; 1 refused, the words still stand somewhere, or older exports are there; 2 wrong usage.
     """
-    try:
-        folder = find_session(session)
+    with refusing(USAGE):
         if suggest:
-            sys.exit(_print_suggestions(folder, as_json=as_json))
+            found = suggest_words(session)
+            show(_suggestion_lines(found), found, as_json=as_json)
+            return OK
         words = Words(map(parse_replacement, replacements), whole_words=whole_words, match_case=match_case)
-    except (SessionError, WordError) as error:
-        sys.exit(_print_error(error, USAGE))
     exports: list[str] = []
 
     def tell_study(report: RedactionReport) -> None:
-        exports.extend(redact_in_study(folder, report, words, try_only=try_only))
+        exports.extend(redact_in_study(session, report, words, try_only=try_only))
 
-    try:
-        report = redact(folder, words, by=by, here=here, try_only=try_only, before=tell_study)
-    except RedactionRefused as error:
-        sys.exit(_print_error(error, REFUSED))
-    except SessionError as error:
-        sys.exit(_print_error(error, REFUSED))
-    if as_json:
-        write_json(report)
-    else:
-        _print_lines(_report_lines(report, try_only=try_only, whole_words=whole_words))
+    report = redact(session, words, by=by, here=here, try_only=try_only, before=tell_study)
+    show(_report_lines(report, try_only=try_only, whole_words=whole_words), report, as_json=as_json)
     if try_only:
-        sys.exit(OK)
+        return OK
     if exports and not as_json:
-        _print_lines(["exports that were made before may still hold the words, delete them or make them again:"])
-        _print_lines([f"  {each}" for each in exports])
-    sys.exit(PARTIAL if report.remains or exports else OK)
+        print_lines("exports that were made before may still hold the words, delete them or make them again:")
+        print_lines(*(f"  {each}" for each in exports))
+    return PARTIAL if report.remains or exports else OK
 
 
 def _report_lines(report: RedactionReport, *, try_only: bool, whole_words: bool) -> list[str]:
@@ -176,26 +161,12 @@ def _older_exports(study: Path, session: str, log: Sequence[LogEntry]) -> list[s
     return [path for path in dict.fromkeys(older) if path not in found and os.path.lexists(study / path)]
 
 
-def _print_suggestions(folder: Path, *, as_json: bool) -> int:
-    found = suggest_words(folder)
-    if as_json:
-        write_json(found)
-    elif not found:
-        _print_lines(["no word was found that could be a name; look through the notes all the same"])
-    else:
-        width = min(30, max(len(each.word) for each in found))
-        _print_lines([f"{each.word:{width}}  {each.count:>3}  {each.why}" for each in found])
-        _print_lines(["", "Which of them are names, only people know: rise-engine redact SESSION --replace WORD=NAME1"])
-    return OK
-
-
-def _print_lines(lines: Sequence[str]) -> None:
-    sys.stdout.write("".join(f"{clean(line)}\n" for line in lines))
-
-
-def _print_error(error: RiseError, status: int) -> int:
-    sys.stderr.write(clean(f"error: {error}") + "\n")
-    return status
+def _suggestion_lines(found: Sequence[NameSuggestion]) -> list[str]:
+    if not found:
+        return ["no word was found that could be a name; look through the notes all the same"]
+    width = min(30, max(len(each.word) for each in found))
+    lines = [f"{each.word:{width}}  {each.count:>3}  {each.why}" for each in found]
+    return [*lines, "", "Which of them are names, only people know: rise-engine redact SESSION --replace WORD=NAME1"]
 
 
 COMMANDS = {"redact": redact_session}

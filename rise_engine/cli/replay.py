@@ -1,4 +1,4 @@
-"""What `rise-engine replay` prints."""
+"""`rise-engine replay`: whether a session repeats, or the session played in real time."""
 
 from __future__ import annotations
 
@@ -8,60 +8,75 @@ import time
 from importlib.util import find_spec
 from pathlib import Path
 
-from rise_engine.cli.terminal import discard_rest, write_json
+import click
+
+from rise_engine.cli.options import JSON, SESSION, number, resolve_scenario
+from rise_engine.cli.terminal import exit_with_usage, print_lines, refusing, show
 from rise_engine.cli.transcript import Transcript
-from rise_engine.exit_status import BROKEN_PIPE, DIFFERENT, OK, USAGE
-from rise_engine.session.errors import SessionError
-from rise_engine.session.folder import JOURNAL, find_session
+from rise_engine.exit_status import DIFFERENT, OK, USAGE
+from rise_engine.session.folder import JOURNAL
 from rise_engine.session.journal_reader import read_journal
 from rise_engine.session.labels import RelabelledError
 from rise_engine.session.replay import ReplayComparison, compare_replay
 from rise_engine.study.labels import refuse_relabelled
-from rise_engine.text import clean, pluralize
+from rise_engine.text import pluralize
 
 
-def play_report(session: str, speed: float) -> int:
-    """Play a session in real time; the exit status. In a terminal, the console takes over this process."""
-    try:
-        folder = find_session(session)
-        if sys.stdin.isatty() and sys.stdout.isatty() and find_spec("rise_tui") is not None:
-            console = [sys.executable, "-m", "rise_tui", "--replay", str(folder), "--speed", repr(speed)]
-            os.execv(sys.executable, console)
-        contents = read_journal(folder / JOURNAL)
-    except SessionError as error:
-        _print_error(f"error: {error}")
-        return USAGE
-    transcript, began = Transcript(), time.monotonic()
-    try:
-        for record in contents.read_records():
-            line = transcript.line_for(record)
-            if line is not None:
-                time.sleep(max(0.0, record.t / speed - (time.monotonic() - began)))
-                sys.stdout.write(clean(line) + "\n")
-                sys.stdout.flush()
-    except BrokenPipeError:
-        discard_rest(sys.stdout)
-        return BROKEN_PIPE
-    return OK
+@click.command("replay")
+@SESSION
+@click.option("--scenario", metavar="DIR", type=click.Path(), help="Another scenario than the session's own copy.")
+@JSON
+@click.option(
+    "--speed",
+    metavar="N",
+    type=number("--speed", "a number above 0, up to 1000", 1000, above=0),
+    help="Play it in real time, N times as fast, into a console.",
+)
+@refusing(USAGE)
+def replay_session(session: Path, scenario: str | None, as_json: bool, speed: float | None) -> int:
+    """Feed the inputs of SESSION to a fresh engine, and compare what comes out with what was recorded.
 
+    SESSION is a session's folder, or its name in the sessions folder ($RISE_SESSIONS, or ~/rise-sessions).
 
-def replay_report(session: str, *, scenario: str | None, as_json: bool) -> int:
-    """Print whether a session repeats, or where it first does not; the exit status."""
-    try:
-        folder = find_session(session)
-        refuse_relabelled(folder)
-        found = compare_replay(folder, None if scenario is None else Path(scenario))
-    except RelabelledError as error:
-        _print_error(f"error: {error}")
-        return DIFFERENT
-    except SessionError as error:
-        _print_error(f"error: {error}")
-        return USAGE
-    if as_json:
-        _print_json(folder, found)
-    else:
-        sys.stdout.write("\n".join(_comparison_lines(found)) + "\n")
+    With --speed it is not compared but played: into a console (rise-tui --replay), or as a readable account where
+    standard output is no terminal.
+
+    Exit status: 0 identical; 1 different; 2 when it cannot be read.
+    """
+    if speed is not None:
+        if scenario is not None or as_json:
+            exit_with_usage("--speed plays what was recorded: it goes with neither --scenario nor --json")
+        _play(session, speed)
+        return OK
+    with refusing(DIFFERENT, of=RelabelledError):
+        refuse_relabelled(session)
+        found = compare_replay(session, None if scenario is None else Path(resolve_scenario(scenario)))
+    document = {
+        "session": str(session),
+        "identical": found.identical,
+        "inputs": found.inputs,
+        "records": found.records,
+        "seconds": found.seconds,
+        "difference": found.difference,
+        "damaged": [{"line": line, "reason": why} for line, why in found.damaged.items()],
+        "missing": found.missing,
+        "notes": found.notes,
+    }
+    show(_comparison_lines(found), document, as_json=as_json)
     return OK if found.identical else DIFFERENT
+
+
+def _play(folder: Path, speed: float) -> None:
+    """Play a session in real time. In a terminal, the console takes over this process."""
+    if sys.stdin.isatty() and sys.stdout.isatty() and find_spec("rise_tui") is not None:
+        console = [sys.executable, "-m", "rise_tui", "--replay", str(folder), "--speed", repr(speed)]
+        os.execv(sys.executable, console)
+    transcript, began = Transcript(), time.monotonic()
+    for record in read_journal(folder / JOURNAL).read_records():
+        line = transcript.line_for(record)
+        if line is not None:
+            time.sleep(max(0.0, record.t / speed - (time.monotonic() - began)))
+            print_lines(line)
 
 
 def _comparison_lines(found: ReplayComparison) -> list[str]:
@@ -82,20 +97,4 @@ def _comparison_lines(found: ReplayComparison) -> list[str]:
     return [*lines, f"(all else is identical: {same})"]
 
 
-def _print_json(folder: Path, found: ReplayComparison) -> None:
-    document = {
-        "session": str(folder),
-        "identical": found.identical,
-        "inputs": found.inputs,
-        "records": found.records,
-        "seconds": found.seconds,
-        "difference": found.difference,
-        "damaged": [{"line": line, "reason": why} for line, why in found.damaged.items()],
-        "missing": found.missing,
-        "notes": found.notes,
-    }
-    write_json(document)
-
-
-def _print_error(text: str) -> None:
-    sys.stderr.write(clean(text) + "\n")
+COMMANDS = {"replay": replay_session}

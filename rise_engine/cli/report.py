@@ -11,21 +11,18 @@ from pathlib import Path
 
 import click
 
-from rise_engine.cli.arguments import exit_with_usage
-from rise_engine.cli.export import select_sessions
-from rise_engine.cli.terminal import discard_rest
-from rise_engine.exit_status import BROKEN_PIPE, OK, PARTIAL, USAGE
+from rise_engine.cli.export import LEVEL, select_sessions
+from rise_engine.cli.options import PRIVATE, without_file
+from rise_engine.cli.terminal import exit_with_usage, print_lines, print_notes, refusing
+from rise_engine.exit_status import OK, PARTIAL, USAGE
 from rise_engine.export.format import ExportError
 from rise_engine.export.writing import NewExport, new_export
 from rise_engine.report.making import MadeReport, make_session_report, make_study_report, report_folders
 from rise_engine.report.page import page_text
 from rise_engine.report.plain_text import WIDTH, text_lines
-from rise_engine.session.errors import SessionError
-from rise_engine.session.levels import LEVELS, ExportLevel
-from rise_engine.study.state import StudyUnusable, read_state
-from rise_engine.study.study_log import StudyLogError
+from rise_engine.session.levels import ExportLevel
+from rise_engine.study.state import read_state
 from rise_engine.study.study_toml import STUDY_FILE, is_study
-from rise_engine.text import clean
 
 WIDEST = 100
 """Columns of a terminal that a report uses at most."""
@@ -37,15 +34,10 @@ WIDEST = 100
     "-o", "--output", metavar="FILE.html", type=click.Path(), help="A new file. Default: text, on the screen."
 )
 @click.option("--sheet", metavar="FILE.md", type=click.Path(), help="Of a study: its reporting sheet, as a new file.")
-@click.option(
-    "--level",
-    type=click.Choice(LEVELS),
-    default="full",
-    show_default=True,
-    help="How much is told. shared: for other researchers; public: for everybody.",
-)
-@click.option("--private", metavar="KEY", multiple=True, help="A memory key that is private, too. Repeatable.")
+@LEVEL
+@PRIVATE
 @click.option("--conditions", is_flag=True, help="Of a study that hides its conditions and is not complete: tell them.")
+@refusing(USAGE)
 def report(
     named: str,
     output: str | None,
@@ -53,7 +45,7 @@ def report(
     level: ExportLevel,
     private: tuple[str, ...],
     conditions: bool,
-) -> None:
+) -> int:
     """Tell what happened in a SESSION or a STUDY: how long participants waited, what the wizard and the robot did,
     what went wrong; of a study, the plan against what happened, and the reporting sheet.
 
@@ -63,27 +55,20 @@ def report(
 
     Exit status: 0; 1 when something could not be read, and the rest was told; 2 when nothing was.
     """
-    path = Path(named).parent if Path(named).name == STUDY_FILE else Path(named)
-    try:
-        if is_study(path):
-            state = read_state(path)
-            folders, people = report_folders(state), {path.resolve(): state.pseudonyms}
-            make = partial(make_study_report, path, level, private, conditions=conditions)
-        elif sheet is not None or conditions:
-            exit_with_usage(f"--{'sheet' if sheet is not None else 'conditions'} is for a study, and {named} is none")
-        else:
-            folders, people = select_sessions([named]).folders[:1], {}
-            make = partial(make_session_report, folders[0], level, private)
-        new_file = partial(new_export, folders=folders, level=level, people=people)
-        made, written = _write(make, folders, output, sheet, new_file)
-    except (ExportError, SessionError, StudyUnusable, StudyLogError) as error:
-        _print_error(*(f"error: {line}" for line in str(error).splitlines()))
-        sys.exit(USAGE)
-    except BrokenPipeError:
-        discard_rest(sys.stdout)
-        sys.exit(BROKEN_PIPE)
-    _print_error(*(f"warning: {problem}" for problem in made.problems), *written)
-    sys.exit(PARTIAL if made.problems else OK)
+    path = without_file(named, STUDY_FILE)
+    if is_study(path):
+        state = read_state(path)
+        folders, people = report_folders(state), {path.resolve(): state.pseudonyms}
+        make = partial(make_study_report, path, level, private, conditions=conditions)
+    elif sheet is not None or conditions:
+        exit_with_usage(f"--{'sheet' if sheet is not None else 'conditions'} is for a study, and {named} is none")
+    else:
+        folders, people = select_sessions([named]).folders[:1], {}
+        make = partial(make_session_report, folders[0], level, private)
+    new_file = partial(new_export, folders=folders, level=level, people=people)
+    made, written = _write(make, folders, output, sheet, new_file)
+    print_notes(*(f"warning: {problem}" for problem in made.problems), *written)
+    return PARTIAL if made.problems else OK
 
 
 def _write(
@@ -110,18 +95,12 @@ def _write(
             said += [f"warning: {each}" for each in export.problems]
             said.append(f"the {kind} is in {output if kind == 'report' else sheet}")
     if not said:
-        sys.stdout.write("\n".join(text_lines(made.document, _width())) + "\n")
-        sys.stdout.flush()
+        print_lines(*text_lines(made.document, _width()))
     return made, said
 
 
 def _width() -> int:
     return min(WIDEST, shutil.get_terminal_size((WIDTH, 24)).columns) if sys.stdout.isatty() else WIDTH
-
-
-def _print_error(*lines: str) -> None:
-    for line in lines:
-        sys.stderr.write(clean(line) + "\n")
 
 
 COMMANDS = {"report": report}

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import sys
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
@@ -21,16 +20,16 @@ from rise_engine.bundle.inputs import InputsCheck, check_inputs
 from rise_engine.bundle.manifest import ManifestCheck, fingerprint
 from rise_engine.bundle.reproducing import check_bundle
 from rise_engine.cli.options import JSON
-from rise_engine.cli.other_robot import CannotRun, compare_on_robot, load_for_robot
+from rise_engine.cli.other_robot import compare_on_robot, load_for_robot
 from rise_engine.cli.proof_text import proof_lines, proof_row
-from rise_engine.cli.terminal import write_json
+from rise_engine.cli.terminal import Refused, print_lines, refusing, write_json
 from rise_engine.errors import RiseError
 from rise_engine.exit_status import DIFFERENT, OK, USAGE
 from rise_engine.session.errors import SessionError
 from rise_engine.study.proof import ProvedSession, prove_sessions
 from rise_engine.study.state import StudyStatus, StudyUnusable, read_state
 from rise_engine.study.study_log import StudyLogError
-from rise_engine.text import clean, pluralize
+from rise_engine.text import pluralize
 
 _SHOWN = 5
 """Differences of a kind that are printed for a session; `--json` has all."""
@@ -74,7 +73,7 @@ class Reproduction(Struct):
 @click.argument("bundle", metavar="BUNDLE", type=click.Path())
 @click.option("--robot", metavar="NAME", help="Run the same inputs on this robot, simulated, and say what differs.")
 @JSON
-def reproduce(bundle: str, robot: str | None, as_json: bool) -> None:
+def reproduce(bundle: str, robot: str | None, as_json: bool) -> int:
     """Say whether BUNDLE, a folder or zip file of `rise-engine study bundle`, is whole and comes out again.
 
     The recorded inputs of every session go through this program once more. Then tables, BIDS and the report are made
@@ -86,48 +85,43 @@ def reproduce(bundle: str, robot: str | None, as_json: bool) -> None:
 
     Exit status: 0 as it was; 1 something differs, is missing or cannot be replayed; 2 there is no such bundle or robot.
     """
-    sys.exit(reproduce_report(Path(bundle), robot, as_json=as_json))
-
-
-def reproduce_report(path: Path, robot: str | None, *, as_json: bool) -> int:
-    """Reproduce a bundle, and say what came of it; the exit status."""
-    try:
-        with opened_bundle(path) as root:
-            check = check_bundle(root)
-            found = Reproduction(check, read_about(root), fingerprint(root))
-            state = _state_of(root, found)
-            folders = sessions_in_order(root, state)
-            if robot is not None and folders:
-                load_for_robot(folders[0], robot)  # a robot that there is not is no difference
-            show = _show_nothing if as_json else _print
-            show(_check_lines(found.check))
-            for session in prove_sessions(root, state, absent=found.about.absent):
-                found.sessions.append(session)
-                show(proof_lines(session))
-            _make_again(root, state, folders, found)
-            show(_made_lines(found))
-            for folder in folders if robot is not None else ():
-                other = _on_robot(folder, str(robot))
-                found.others.append(other)
-                show(_other_lines(other, str(robot)))
-    except (BundleError, CannotRun) as error:
-        _print_error(f"error: {path}: {line}" for line in str(error).splitlines())
-        return USAGE
+    path = Path(bundle)
+    with refusing(USAGE, of=BundleError, where=bundle), opened_bundle(path) as root:
+        check = check_bundle(root)
+        found = Reproduction(check, read_about(root), fingerprint(root))
+        state = _state_of(root, found)
+        folders = sessions_in_order(root, state)
+        if robot is not None and folders:
+            load_for_robot(folders[0], robot)  # a robot that there is not is no difference
+        show = _show_nothing if as_json else print_lines  # with --json, everything is told at the end
+        show(*_check_lines(found.check))
+        for session in prove_sessions(root, state, absent=found.about.absent):
+            found.sessions.append(session)
+            show(*proof_lines(session))
+        _make_again(root, state, folders, found)
+        show(*_made_lines(found))
+        for folder in folders if robot is not None else ():
+            other = _on_robot(folder, str(robot))
+            found.others.append(other)
+            show(*_other_lines(other, str(robot)))
     if not found.sessions:
-        _print_error([f"error: {path}: no session is in it that could be run again"])
-        return DIFFERENT
+        raise Refused(f"{path}: no session is in it that could be run again", status=DIFFERENT)
     if as_json:
         write_json(_document(path, found, robot))
     else:
-        _print(_last_lines(found, robot))
+        print_lines(*_last_lines(found, robot))
     return OK if found.as_it_was else DIFFERENT
+
+
+def _show_nothing(*lines: str) -> None:
+    """Instead of `print_lines`."""
 
 
 def _state_of(root: Path, found: Reproduction) -> StudyStatus | None:
     try:
         return read_state(root)
     except (StudyUnusable, StudyLogError) as error:
-        found.problems += str(error).splitlines()
+        found.problems += error.lines
         return None
 
 
@@ -145,7 +139,7 @@ def _make_again(root: Path, state: StudyStatus | None, folders: Sequence[Path], 
 def _on_robot(folder: Path, robot: str) -> OtherCourse:
     try:
         return OtherCourse(folder.name, compare_on_robot(folder, robot))
-    except (CannotRun, SessionError) as error:
+    except (BundleError, SessionError) as error:
         return OtherCourse(folder.name, None, str(error))
 
 
@@ -262,19 +256,6 @@ def _document(path: Path, found: Reproduction, robot: str | None) -> dict[str, A
             for each in found.others
         ],
     }
-
-
-def _show_nothing(lines: Sequence[str]) -> None:
-    """With --json, everything is told at the end."""
-
-
-def _print(lines: Sequence[str]) -> None:
-    sys.stdout.write("".join(f"{clean(line)}\n" for line in lines))
-    sys.stdout.flush()
-
-
-def _print_error(lines: Any) -> None:
-    sys.stderr.write("".join(f"{clean(line)}\n" for line in lines))
 
 
 COMMANDS = {"reproduce": reproduce}

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import re
 import tomllib
-from collections.abc import Sequence
+from collections.abc import Collection
 from pathlib import Path
 
 from rise_engine.nearest_name import did_you_mean, in_backquotes
@@ -77,7 +77,7 @@ def parse_scenario(text: str) -> tuple[Path, Scenario]:
     return path, loaded.scenario
 
 
-def parse_factor_name(text: str, taken: Sequence[str]) -> str:
+def parse_factor_name(text: str, taken: Collection[str]) -> str:
     """What a factor is called."""
     if not _NAME.match(text):
         raise ValueError("one word of letters (a-z), digits and `_`, beginning with a letter: hesitation")
@@ -169,7 +169,7 @@ def usual_level(factor: str, level: str, scenario: Scenario) -> str:
     return f'{factor} = "{level}"' if isinstance(start, str) else ""
 
 
-def parse_stratum(text: str, taken: Sequence[str]) -> tuple[str, tuple[str, ...]]:
+def parse_stratum(text: str, taken: Collection[str]) -> tuple[str, tuple[str, ...]]:
     """A column of participants.csv and its values: `language: de, en`."""
     column, _, rest = re.sub(r"=", ":", text, count=1).partition(":")
     column, values = column.strip(), tuple(part.strip() for part in rest.split(","))
@@ -206,7 +206,7 @@ def parse_automatic(text: str) -> tuple[StudyCheck, ...]:
     return tuple(StudyCheck(name, auto=name, minimum="5 GB" if name == "disk" else "") for name in names)
 
 
-def asked_check(sentence: str, taken: Sequence[str], *, after: bool = False) -> StudyCheck:
+def asked_check(sentence: str, taken: Collection[str], *, after: bool = False) -> StudyCheck:
     """A check that somebody confirms, with an id made of its words."""
     words = re.findall(r"[a-z0-9]+", sentence.casefold())
     words = [word for word in words if word not in ("the", "is", "are", "a", "an", "was", "were", "has", "have")]

@@ -8,11 +8,9 @@ from __future__ import annotations
 import asyncio
 import shlex
 import sys
-from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import Any, Literal, Protocol, TypeVar
+from typing import Literal, Protocol
 
-import click
 from msgspec import Struct
 
 from rise_engine.checks import (
@@ -29,30 +27,17 @@ from rise_engine.checks import (
     skip_problem,
     skipped_check,
 )
-from rise_engine.errors import RiseError
+from rise_engine.cli.terminal import Refused, print_notes
 from rise_engine.kernel.inputs import CheckReport
 from rise_engine.kernel.records import ENGINE
 from rise_engine.nearest_name import did_you_mean
 from rise_engine.study.checked import made_after
 from rise_engine.study.model import Purpose, Study, StudyCheck
-from rise_engine.study.study_log import StudyLogError, read_log
-from rise_engine.text import clean
-
-Command = TypeVar("Command", bound=Callable[..., Any])
+from rise_engine.study.study_log import read_log
 
 CONFIRMED = "confirmed on the command line"
 _MARKS = {"passed": "ok", "failed": "FAILED", "skipped": "skipped"}
 _SLOW = frozenset({"robot", "sound", "replay", "recorder", "explored"})
-
-
-class ChecksRefused(RiseError):
-    """The session cannot begin, or the options cannot be meant; one line for each thing, all at once."""
-
-    def __init__(self, lines: Sequence[str], hints: Sequence[str] = ()) -> None:
-        super().__init__("\n".join(lines))
-        self.lines = list(lines)
-        self.hints = list(hints)
-        """What can be done about it, a line each."""
 
 
 class CheckOptions(Struct, frozen=True):
@@ -92,34 +77,15 @@ class StandardTerminal:
         return sys.stdin is not None and sys.stdin.isatty() and sys.stderr.isatty()
 
     def show(self, line: str) -> None:
-        click.echo(line, err=True)
+        print_notes(line)
 
     def ask(self, question: str) -> str:
-        click.echo(f"{question} ", nl=False, err=True)
-        sys.stderr.flush()
+        print(f"{question} ", end="", file=sys.stderr, flush=True)
         line = sys.stdin.readline()
         if not line:
-            click.echo(err=True)
+            print_notes("")
             raise EOFError
         return line.strip()
-
-
-def check_options(command: Command) -> Command:
-    """The options `confirmed` and `skipped` of a command, each a tuple."""
-    command = click.option(
-        "--skip-check",
-        "skipped",
-        metavar="ID=REASON",
-        multiple=True,
-        help="Go on without this check of the study; the reason stands in the record. Repeatable.",
-    )(command)
-    return click.option(
-        "--confirm",
-        "confirmed",
-        metavar="ID",
-        multiple=True,
-        help="What this check of the study asks for is done. Repeatable.",
-    )(command)
 
 
 def gather_check_reports(
@@ -138,28 +104,25 @@ def gather_check_reports(
     :param when: which checks.
     :param terminal: standard input and error without.
     :return: what the session is told, in the order of the file.
-    :raises ChecksRefused: with everything that is missing, and the options that say it.
+    :raises Refused: with everything that is missing, and the options that say it.
     """
     terminal = terminal or StandardTerminal()
     study = context.study
     chosen = read_check_options(study, context.purpose, options, when)
     if when == "before" and context.purpose == "debug":
         return ()
-    try:
-        log = read_log(Path(study.folder))
-        pending = pending_checks(study, when, log, context.now())
-        if when == "after":
-            made = made_after(log)
-            wanted = chosen.confirmed | chosen.reasons.keys()
-            pending = tuple(
-                each for each in pending if each.check.id in wanted or (context.session, each.check.id) not in made
-            )
-        gathering = _Gathering(context, chosen, terminal, when == "before" and context.purpose == "counted")
-        reports = tuple(filter(None, map(gathering.gather, pending)))
-    except StudyLogError as error:
-        raise ChecksRefused([str(error)]) from None
+    log = read_log(Path(study.folder))
+    pending = pending_checks(study, when, log, context.now())
+    if when == "after":
+        made = made_after(log)
+        wanted = chosen.confirmed | chosen.reasons.keys()
+        pending = tuple(
+            each for each in pending if each.check.id in wanted or (context.session, each.check.id) not in made
+        )
+    gathering = _Gathering(context, chosen, terminal, when == "before" and context.purpose == "counted")
+    reports = tuple(filter(None, map(gathering.gather, pending)))
     if gathering.missing:
-        raise ChecksRefused(gathering.missing, gathering.hints)
+        raise Refused(*gathering.missing, hints=gathering.hints)
     return reports
 
 
@@ -180,7 +143,7 @@ def read_check_options(
     :param purpose: of the session.
     :param options: as they were written.
     :param when: whether they are about the checks before the session or after it.
-    :raises ChecksRefused: with everything that is wrong in them.
+    :raises Refused: with everything that is wrong in them.
     """
     problems: list[str] = []
     reasons: dict[str, str] = {}
@@ -201,7 +164,7 @@ def read_check_options(
         if id in reasons:
             problems.append(f"{id} is both confirmed and skipped: say one of them")
     if problems:
-        raise ChecksRefused(problems)
+        raise Refused(*problems)
     return ChosenChecks(frozenset(options.confirmed), reasons)
 
 
@@ -298,9 +261,7 @@ class _Gathering:
         """What somebody says; a no when nobody does any more."""
         while True:
             try:
-                answer = self._terminal.ask(
-                    f"?        {outcome.id}: {clean(outcome.question)} [y/n, and a word about it]"
-                )
+                answer = self._terminal.ask(f"?        {outcome.id}: {outcome.question} [y/n, and a word about it]")
             except EOFError:
                 return answer_check(outcome, False, "nobody answered")
             word, _, comment = answer.partition(" ")
@@ -343,4 +304,4 @@ class _Gathering:
         is_harmless = outcome.result == "failed" and not (check.blocks and self._binding)
         mark = "warning" if is_harmless else _MARKS[outcome.result]
         found = outcome.reason if outcome.result == "skipped" else outcome.found
-        self._terminal.show(f"{mark:8} {outcome.id}: {clean(found or outcome.text)}")
+        self._terminal.show(f"{mark:8} {outcome.id}: {found or outcome.text}")

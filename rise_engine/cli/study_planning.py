@@ -1,4 +1,4 @@
-"""What `rise-engine study check` and `study plan` print."""
+"""`rise-engine study check` and `study plan`: what is wrong with a study, and its plan."""
 
 from __future__ import annotations
 
@@ -7,42 +7,30 @@ from collections.abc import Iterator
 from pathlib import Path
 from shlex import quote
 
+import click
+
 from rise_engine.checks.kinds import StudyLook, look_at_kinds
-from rise_engine.cli.arguments import exit_with_usage
-from rise_engine.cli.check import diagnostic_row
+from rise_engine.cli.loading import diagnostic_row
+from rise_engine.cli.options import JSON, STUDY_OR_HERE
 from rise_engine.cli.proof_text import proof_lines, proof_row
-from rise_engine.cli.terminal import write_json
+from rise_engine.cli.terminal import Refused, exit_with_usage, print_lines, print_notes, write_json
 from rise_engine.exit_status import OK, REFUSED
 from rise_engine.study.design import cells, runs
 from rise_engine.study.model import Study
 from rise_engine.study.participants import load_participants
-from rise_engine.study.plan_file import PlanError
 from rise_engine.study.planning import last_planned, plan_study
 from rise_engine.study.proof import ProvedSession, prove_sessions
 from rise_engine.study.review import StudyReview, review_study
 from rise_engine.study.session_kinds import session_kinds
 from rise_engine.study.state import StudyUnusable, read_state
 from rise_engine.study.study_log import StudyLogError, read_log
-from rise_engine.study.study_toml import STUDY_FILE, is_study, load_study
-from rise_engine.text import clean, pluralize
+from rise_engine.study.study_toml import STUDY_FILE, load_study
+from rise_engine.text import pluralize
 
 _PROBLEMS = (
     "nothing is planned as long as sessions have problems. Correct them, or say why the plan is made all the same: "
     "rise-engine study plan --anyway REASON"
 )
-
-
-def resolve_study_folder(folder: str) -> Path:
-    """The folder of a study, given as itself or as its study.toml; ends the program if it is none."""
-    path = Path(folder)
-    path = path.parent if path.name == STUDY_FILE else path
-    if is_study(path):
-        return path
-    if path.is_dir():
-        problem = f"there is no {STUDY_FILE} in {'this folder' if folder == '.' else folder}"
-    else:
-        problem = f"there is no folder {folder}"
-    return exit_with_usage(f"{problem}; `rise-engine study new DIR` makes a study")
 
 
 def look_at_study(review: StudyReview) -> StudyLook | None:
@@ -54,63 +42,66 @@ def look_at_study(review: StudyReview) -> StudyLook | None:
         return None
     kinds = session_kinds(review.study, review.participants, review.scenarios)
     shown = sys.stderr.isatty()
-    return look_at_kinds(review.study, kinds, lambda sentence: print(sentence, file=sys.stderr) if shown else None)
+    return look_at_kinds(review.study, kinds, lambda sentence: print_notes(sentence) if shown else None)
 
 
-def look_lines(look: StudyLook) -> Iterator[str]:
-    """Problems and warnings, a line each, and what was looked at."""
+def look_lines(look: StudyLook | None) -> Iterator[str]:
+    """Problems and warnings, a line each, and what was looked at; nothing of a study with errors."""
+    if look is None:
+        return
     for each in look.findings:
         finding = each.finding
         if finding.level != "remark":
             place = f"{finding.place}: " if finding.place else ""
-            yield clean(f"{place}{finding.level} {finding.kind}: {finding.text} {each.where}".rstrip())
+            yield f"{place}{finding.level} {finding.kind}: {finding.text} {each.where}".rstrip()
     yield look.sentence
 
 
-def check_report(folder: str, *, sessions: bool = False, as_json: bool) -> int:
-    """Print everything that is wrong with a study, and what is to be done next.
+@click.command()
+@STUDY_OR_HERE
+@click.option("--sessions", is_flag=True, help="Prove every session: replay it, and compare what is said of it.")
+@JSON
+def check(study: Path, sessions: bool, as_json: bool) -> int:
+    """Say everything that is wrong with the study in the folder STUDY (this one, if none is given).
 
-    :param folder: the study's.
-    :param sessions: prove its sessions, too.
-    :param as_json: as one document.
-    :return: the exit status, 1 when something is an error, a kind of session has a problem, or a session is not proved.
+    study.toml, participants.csv, plan.csv, every scenario, and whether the plan is still the one that was made; also
+    whether session.toml and study.jsonl say of each session what its journal says. Without errors, every kind of
+    session, each condition in each language, is explored and played for a few seconds; what came of it is kept.
+
+    Exit status: 0 without errors (warnings may be there), 1 with errors, with a problem in some kind of session, or
+    with a session that is not proved, 2 when there is no study.
     """
-    path = resolve_study_folder(folder)
-    review = review_study(path)
+    review = review_study(study)
     errors = len(review.errors)
     look = look_at_study(review)
     problems = look.problems if look is not None else 0
-    proved = _proved(path) if sessions else iter(())
+    proved = _proved(study) if sessions else iter(())
     warnings = len(review.diagnostics) - errors
     if as_json:
-        rows = [diagnostic_row(diagnostic) for diagnostic in review.diagnostics]
-        left_out = list(review.left_out)
         shown = list(proved)
-        of_sessions = {"sessions": [proof_row(each) for each in shown]} if sessions else {}
-        of_kinds = {"explored": look.row()} if look is not None else {}
         write_json(
             {
                 "errors": errors,
                 "warnings": warnings,
-                "findings": rows,
-                "not_looked_at": left_out,
-                **of_kinds,
-                **of_sessions,
+                "findings": [diagnostic_row(diagnostic) for diagnostic in review.diagnostics],
+                "not_looked_at": list(review.left_out),
+                **({"explored": look.row()} if look is not None else {}),
+                **({"sessions": [proof_row(each) for each in shown]} if sessions else {}),
             }
         )
         return OK if not errors and not problems and all(each.proved for each in shown) else REFUSED
-    for diagnostic in review.diagnostics:
-        print(str(diagnostic))
+    print_lines(*review.diagnostics)
     for name in review.left_out:
-        print(f"{name} was not looked at: {STUDY_FILE} says what stands in it, and has errors there")
+        print_lines(f"{name} was not looked at: {STUDY_FILE} says what stands in it, and has errors there")
     found = f"{pluralize(errors, 'error')}, {pluralize(warnings, 'warning')}" if review.diagnostics else "no findings"
-    print(f"{found}{f' ({_contents_text(review.study, review)})' if review.study is not None else ''}")
-    for line in look_lines(look) if look is not None else ():
-        print(line)
-    is_proved = _print_proof(proved) if sessions else True
-    if review.study is not None and not errors and not problems and is_proved:
-        print(_next_step(review, path))
-    return OK if not errors and not problems and is_proved else REFUSED
+    print_lines(f"{found}{f' ({_contents_text(review.study, review)})' if review.study is not None else ''}")
+    print_lines(*look_lines(look))
+    is_well = not errors and not problems
+    if sessions and not _print_proof(proved):
+        is_well = False
+    if review.study is not None and is_well:
+        print_lines(_next_step(review, study))
+    return OK if is_well else REFUSED
 
 
 def _proved(path: Path) -> Iterator[ProvedSession]:
@@ -126,9 +117,9 @@ def _print_proof(sessions: Iterator[ProvedSession]) -> bool:
     found = []
     for session in sessions:
         found.append(session)
-        print("\n".join(clean(line) for line in proof_lines(session)), flush=True)
+        print_lines(*proof_lines(session))
     proved = sum(each.proved for each in found)
-    print(
+    print_lines(
         f"{proved} of {pluralize(len(found), 'session')} proved: the record comes out of its inputs again, and "
         "session.toml, study.jsonl and plan.csv say the same of it"
     )
@@ -161,39 +152,33 @@ def _next_step(review: StudyReview, path: Path) -> str:
     return f"next: run it           rise-tui --config {where}"
 
 
-def plan_report(folder: str, *, again: str | None, anyway: str = "") -> int:
-    """Make the plan, or a new one, and print what was done and the proof of its balance.
+@click.command()
+@STUDY_OR_HERE
+@click.option("--again", metavar="REASON", help="Make a new plan; study.jsonl keeps the reason.")
+@click.option("--anyway", metavar="REASON", help="Plan although sessions have problems; study.jsonl keeps the reason.")
+def plan(study: Path, again: str | None, anyway: str | None) -> None:
+    """Make the plan of the study in the folder STUDY, once, and print the proof of its balance.
 
-    Before that, every kind of session is explored and played; with a problem in one, there is no plan.
+    Before that, every kind of session, each condition in each language, is explored and played without a robot. With a
+    problem in one, there is no plan. With --again, there is a new plan: whoever holds a slot keeps it, and all other
+    rows are made anew.
 
-    :param folder: the study's.
-    :param again: why there is to be a new one; None: the first.
-    :param anyway: why it is made in spite of problems; empty: it is not.
-    :return: the exit status, 1 when no plan can be made.
+    Exit status: 0; 1 when no plan can be made; 2 when there is no study, or without a reason.
     """
-    path = resolve_study_folder(folder)
-    loaded = load_study(path)
-    for diagnostic in loaded.diagnostics:
-        print(str(diagnostic), file=sys.stderr)
+    if again is not None and not again.strip():
+        exit_with_usage("--again needs a reason: rise-engine study plan --again 'eight more participants'")
+    if anyway is not None and not anyway.strip():
+        exit_with_usage("--anyway needs a reason: rise-engine study plan --anyway 'that rule ends with the session'")
+    loaded = load_study(study)
     if loaded.study is None:
-        print("error: nothing is planned as long as the study has errors", file=sys.stderr)
-        return REFUSED
+        raise Refused("nothing is planned as long as the study has errors", findings=loaded.diagnostics)
+    print_notes(*loaded.diagnostics)
     participants = load_participants(loaded.study).participants
-    try:
-        if again is not None or last_planned(read_log(path)) is None:
-            look = look_at_study(StudyReview(loaded.study, loaded.diagnostics, participants, loaded.scenarios))
-            for line in look_lines(look) if look is not None else ():
-                print(line)
-            print()
-            if look is not None and look.problems and not anyway:
-                print(f"error: {_PROBLEMS}", file=sys.stderr)
-                return REFUSED
-        made = plan_study(loaded.study, loaded.scenarios, participants, again=again, anyway=anyway)
-    except (PlanError, StudyLogError) as error:
-        print(f"error: {error}", file=sys.stderr)
-        return REFUSED
-    print(made.sentence)
-    print()
-    for line in made.balance.lines:
-        print(line)
-    return OK
+    if again is not None or last_planned(read_log(study)) is None:
+        look = look_at_study(StudyReview(loaded.study, loaded.diagnostics, participants, loaded.scenarios))
+        print_lines(*look_lines(look), "")
+        if look is not None and look.problems and anyway is None:
+            raise Refused(_PROBLEMS)
+    reason = again.strip() if again is not None else None
+    made = plan_study(loaded.study, loaded.scenarios, participants, again=reason, anyway=(anyway or "").strip())
+    print_lines(made.sentence, "", *made.balance.lines)

@@ -3,18 +3,13 @@
 from __future__ import annotations
 
 import shlex
-import sys
-from pathlib import Path
-from typing import NoReturn
 
-import click
 from msgspec.structs import replace
 
-from rise_engine import exit_status
 from rise_engine.checks import CheckContext
-from rise_engine.cli.arguments import exit_with_usage
-from rise_engine.cli.study_checks import CheckOptions, ChecksRefused, gather_check_reports
-from rise_engine.cli.study_planning import resolve_study_folder
+from rise_engine.cli.options import resolve_study_folder
+from rise_engine.cli.study_checks import CheckOptions, gather_check_reports
+from rise_engine.cli.terminal import Refused, exit_with_usage, print_notes
 from rise_engine.kernel.inputs import CheckReport, SessionStarted
 from rise_engine.kernel.records import Purpose
 from rise_engine.protocol.session_options import SessionOptions
@@ -23,9 +18,7 @@ from rise_engine.study.begin import BeginRequest, CannotBegin, SessionPlan, plan
 from rise_engine.study.recorded import decide_recording, recording_lines
 from rise_engine.study.session_kinds import SessionKind
 from rise_engine.study.sessions import given_up_fields
-from rise_engine.study.state import StudyStatus, StudyUnusable, read_state
-from rise_engine.study.study_log import StudyLogError
-from rise_engine.text import clean
+from rise_engine.study.state import StudyStatus, read_state
 
 
 def study_session(
@@ -53,23 +46,22 @@ def study_session(
     purpose: Purpose = "pilot" if pilot else "training" if training else "counted"
     where = resolve_study_folder(study).absolute()
     options = replace(options, study=str(where), run=run, purpose=purpose)
-    state = _read_or_exit(where)
+    state = read_state(where)
     recovers = state.state_of(options.participant) == "unfinished" or purpose != "counted"
     if options.unfinished not in ("ask", "new") and (recovers or options.unfinished != "recover"):
         return options
     # What can be known before the checks is said before somebody makes them.
-    plan = _plan_or_exit(state, options, serves=True)
+    plan = _plan(state, options, serves=True)
     if plan is None:
         return options
     if warning := turn_warning(state, plan):
-        click.echo(clean(f"warning: {warning}"), err=True)
+        print_notes(f"warning: {warning}")
     decision = decide_recording(state.study, state.participants, plan.participant, plan.purpose, options.record)
-    for line in recording_lines(decision):
-        click.echo(clean(line), err=True)
-    return replace(options, folder=plan.run.scenario, checks=_check_or_exit(state, plan, options, checks))
+    print_notes(*recording_lines(decision))
+    return replace(options, folder=plan.run.scenario, checks=_make_checks(state, plan, options, checks))
 
 
-def _check_or_exit(
+def _make_checks(
     state: StudyStatus, plan: SessionPlan, options: SessionOptions, checks: CheckOptions
 ) -> tuple[CheckReport, ...]:
     context = CheckContext(
@@ -86,8 +78,8 @@ def _check_or_exit(
     )
     try:
         return gather_check_reports(context, checks)
-    except ChecksRefused as error:
-        _exit_refused([*(f"error: {line}" for line in error.lines), *error.hints, "nothing was started"])
+    except Refused as refused:
+        raise refused.with_hint("nothing was started") from None
 
 
 def rehearsed_session(
@@ -104,9 +96,9 @@ def rehearsed_session(
         exit_with_usage(
             "`run` keeps nothing, so it is always in debug mode with --study; for a real one: serve --study"
         )
-    state = _read_or_exit(resolve_study_folder(study).absolute())
+    state = read_state(resolve_study_folder(study).absolute())
     seed = options.seed
-    plan = _plan_or_exit(state, replace(options, mode="debug", run=run, seed=None))
+    plan = _plan(state, replace(options, mode="debug", run=run, seed=None))
     assert plan is not None
     robot = options.robot or state.study.robot or None
     scenario, chosen = plan.run.scenario, plan.seed if seed is None else seed
@@ -117,16 +109,7 @@ def rehearsed_session(
     return options, plan.first_input(state.study)
 
 
-def _read_or_exit(folder: Path) -> StudyStatus:
-    try:
-        return read_state(folder)
-    except StudyUnusable as error:
-        _exit_refused(error.lines)
-    except StudyLogError as error:
-        _exit_refused([f"error: {error}"])
-
-
-def _plan_or_exit(state: StudyStatus, options: SessionOptions, *, serves: bool = False) -> SessionPlan | None:
+def _plan(state: StudyStatus, options: SessionOptions, *, serves: bool = False) -> SessionPlan | None:
     """What the session is; None, where one is to be served: another one runs or did not end, and the engine says so."""
     request = BeginRequest(
         participant=options.participant,
@@ -144,14 +127,8 @@ def _plan_or_exit(state: StudyStatus, options: SessionOptions, *, serves: bool =
     except CannotBegin as error:
         if serves and (error.running or error.unfinished is not None):
             return None
-        lines = [f"error: {sentence}" for sentence in error.sentences]
+        hints = []
         if state.state_of(options.participant) == "to-judge":
             command = f"rise-engine study outcome {shlex.quote(state.study.folder)} {options.participant}"
-            lines.append(f"  {command} complete | aborted | excluded")
-        _exit_refused(lines)
-
-
-def _exit_refused(lines: list[str]) -> NoReturn:
-    for line in lines:
-        click.echo(clean(line), err=True)
-    sys.exit(exit_status.REFUSED)
+            hints.append(f"  {command} complete | aborted | excluded")
+        raise Refused(*error.sentences, hints=hints) from None

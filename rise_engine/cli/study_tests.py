@@ -2,20 +2,18 @@
 
 from __future__ import annotations
 
-import json
-import sys
 from pathlib import Path
 from typing import Any
 
 import click
 
-from rise_engine import exit_status
-from rise_engine.cli.arguments import exit_with_usage, resolve_scenario
-from rise_engine.cli.check import print_findings
-from rise_engine.cli.options import FOLDER, JSON
+from rise_engine.cli.loading import sound_scenario
+from rise_engine.cli.options import JSON, SCENARIO
+from rise_engine.cli.terminal import exit_with_usage, print_lines, reason_of, write_json
+from rise_engine.exit_status import OK, REFUSED
 from rise_engine.scenario.loader import load
 from rise_engine.scenario.model import Scenario
-from rise_engine.text import clean, pluralize
+from rise_engine.text import pluralize
 from rise_engine.trial.playing import StudyTestOutcome, play_test
 from rise_engine.trial.study_test import ENDING, StudyTestError, read_study_test
 from rise_engine.trial.study_test import FOLDER as TESTS
@@ -39,64 +37,59 @@ def _shown(folder: Path, path: Path) -> str:
     return path.relative_to(folder).as_posix() if path.is_relative_to(folder) else str(path)
 
 
-def _play(scenario: Scenario, folder: Path, path: Path) -> StudyTestOutcome | str:
+def _play(scenario: Scenario, folder: Path, path: Path) -> StudyTestOutcome | tuple[str, ...]:
     """What came of a test; or everything that is wrong with its file."""
     name = _shown(folder, path)
     try:
         return play_test(scenario, read_study_test(path.read_bytes(), name, scenario))
     except StudyTestError as error:
-        return str(error)
+        return error.lines
     except OSError as error:
-        return f"{name}: error: it cannot be read ({error.strerror or error})"
+        return (f"{name}: error: it cannot be read ({reason_of(error)})",)
 
 
-def _print_outcome(name: str, outcome: StudyTestOutcome | str) -> None:
-    if isinstance(outcome, str):
-        print(f"FAIL  {name}: it cannot be read")
-        print("".join(f"      {line}\n" for line in clean(outcome, keep="\n").split("\n")), end="")
-        return
+def _outcome_lines(name: str, outcome: StudyTestOutcome | tuple[str, ...]) -> list[str]:
+    if isinstance(outcome, tuple):
+        return [f"FAIL  {name}: it cannot be read", *(f"      {line}" for line in outcome)]
     about = f"{pluralize(outcome.steps, 'step')}, {outcome.seconds:.1f} s of the study"
-    print(clean(f"{'ok  ' if outcome.passed else 'FAIL'}  {name}: {outcome.test.title} ({about})"))
-    for failure in outcome.failures:
-        print(clean(f"      {name}:{failure.line}: after {failure.t:.1f} s: {failure.text}"))
+    return [
+        f"{'ok  ' if outcome.passed else 'FAIL'}  {name}: {outcome.test.title} ({about})",
+        *(f"      {name}:{each.line}: after {each.t:.1f} s: {each.text}" for each in outcome.failures),
+    ]
 
 
-def _as_json(name: str, outcome: StudyTestOutcome | str) -> dict[str, Any]:
-    if isinstance(outcome, str):
-        return {"file": name, "passed": False, "problems": outcome.split("\n")}
+def _as_json(name: str, outcome: StudyTestOutcome | tuple[str, ...]) -> dict[str, Any]:
+    if isinstance(outcome, tuple):
+        return {"file": name, "passed": False, "problems": outcome}
     failures = [{"line": each.line, "t": each.t, "text": each.text} for each in outcome.failures]
     about = {"title": outcome.test.title, "steps": outcome.steps, "seconds": outcome.seconds}
     return {"file": name, "passed": outcome.passed, **about, "failures": failures}
 
 
 @click.command()
-@FOLDER
+@SCENARIO
 @click.argument("files", nargs=-1, metavar="[FILE]...")
 @JSON
-def test(folder: str, files: tuple[str, ...], as_json: bool) -> None:
+def test(folder: str, files: tuple[str, ...], as_json: bool) -> int:
     """Play the tests of the study in DIR, all in its folder tests/, or these: without robot and without waiting.
 
     A test says what is done, a line each, and what is to come of it; a trial in the editor is kept as one.
     Exit status: 0; 1 when a test fails, cannot be read, or the scenario has errors; 2 when there are no tests.
     """
-    folder = resolve_scenario(folder)
-    loaded = load(folder)
-    if loaded.scenario is None:
-        print_findings(loaded)
-        sys.exit(exit_status.REFUSED)
+    scenario = sound_scenario(load(folder))
     root = Path(folder)
     passed = 0
     tests = _find_tests(root, files)
     for path in tests:
-        outcome, name = _play(loaded.scenario, root, path), _shown(root, path)
-        passed += not isinstance(outcome, str) and outcome.passed
+        outcome, name = _play(scenario, root, path), _shown(root, path)
+        passed += not isinstance(outcome, tuple) and outcome.passed
         if as_json:
-            print(json.dumps(_as_json(name, outcome), ensure_ascii=False))
+            write_json(_as_json(name, outcome), indent=0)
         else:
-            _print_outcome(name, outcome)
+            print_lines(*_outcome_lines(name, outcome))
     if not as_json:
-        print(f"{passed} of {pluralize(len(tests), 'test')} passed")
-    sys.exit(exit_status.OK if passed == len(tests) else exit_status.REFUSED)
+        print_lines(f"{passed} of {pluralize(len(tests), 'test')} passed")
+    return OK if passed == len(tests) else REFUSED
 
 
 COMMANDS = {"test": test}

@@ -1,8 +1,10 @@
-"""Where every command writes: standard output and standard error, so that nothing of a file reaches the terminal raw.
+"""What every command writes, and how it ends: standard output, standard error and the exit status.
 
 `clean_standard_streams` is put around a whole program. Within it, text passes `clean`: a title or a file name can
 neither move the cursor nor rename the window. Documents (`--json`, a schema) go another way and keep every character,
 those that a terminal would obey written as the format's own escapes.
+
+A command that cannot do what it was asked for raises `Refused`.
 """
 
 from __future__ import annotations
@@ -10,27 +12,168 @@ from __future__ import annotations
 import os
 import re
 import sys
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager, suppress
-from typing import Any, TextIO
+from typing import IO, Any, BinaryIO, NoReturn, TextIO
 
+import click
 import msgspec
 
-from rise_engine.errors import RiseError
-from rise_engine.exit_status import NOT_WRITTEN
+from rise_engine.errors import FileError, RiseError
+from rise_engine.exit_status import NOT_WRITTEN, REFUSED, USAGE
 from rise_engine.json_codec import encode
 from rise_engine.session.disk import error_message
 from rise_engine.text import UNSEEN, clean, escape_unseen_json
 
+# --- lines and documents --------------------------------------------------------------------------------------------
 
-class OutputError(RiseError):
-    """Standard output cannot be written; the text says why."""
+
+def print_lines(*lines: object) -> None:
+    """Write lines to standard output, at once. Nothing in one of them begins another."""
+    _print(sys.stdout, lines)
+
+
+def print_notes(*lines: object) -> None:
+    """Write lines to standard error: what is said beside the result of a command."""
+    _print(sys.stderr, lines)
+
+
+def show(lines: Iterable[object], document: Any, *, as_json: bool) -> None:
+    """Write what a command has found: as a JSON document, or else in lines."""
+    if as_json:
+        write_json(document)
+    else:
+        print_lines(*lines)
+
+
+def table_lines(rows: Sequence[Sequence[str]], *, indent: str = "  ") -> list[str]:
+    """Rows of text with their columns below one another."""
+    widths = [max(len(row[at]) for row in rows) for at in range(len(rows[0]))]
+    return [indent + "  ".join(map(str.ljust, row, widths)).rstrip() for row in rows]
+
+
+def _print(stream: TextIO, lines: Iterable[object]) -> None:
+    stream.write("".join(f"{clean(str(line))}\n" for line in lines))
+    stream.flush()
+
+
+def write_json(value: Any, *, indent: int = 2) -> None:
+    """Write a JSON document and a line end: UTF-8 on every terminal, because an escaped character would spoil it.
+
+    :param value: what the document says: JSON-like, or a Struct.
+    :param indent: blanks for each level; 0: all in one line; -1: without any blank.
+    """
+    write_bytes(json_document(value, indent=indent) + b"\n")
+
+
+def json_document(value: Any, *, indent: int = 2) -> bytes:
+    """A JSON document, without line end."""
+    return escape_json(msgspec.json.format(encode(value), indent=indent))
+
+
+def write_xml(text: str) -> None:
+    """Write an XML document and a line end, in UTF-8 as `write_json` does."""
+    write_bytes(UNSEEN.sub(_xml_escape, text).encode("utf-8", "backslashreplace") + b"\n")
+
+
+def escape_json(data: bytes) -> bytes:
+    """JSON in UTF-8, the same values, with escapes for all that a terminal would obey or nobody would see."""
+    if data.isascii() and b"\x7f" not in data:
+        return data
+    return escape_unseen_json(data.decode("utf-8", "backslashreplace")).encode()
+
+
+def _xml_escape(found: re.Match[str]) -> str:
+    return found[0] if found[0] in "\t\r\n" else f"&#x{ord(found[0]):X};"
+
+
+def write_bytes(data: bytes) -> None:
+    """Write bytes to standard output as they are."""
+    with standard_output() as file:
+        file.write(data)
+
+
+@contextmanager
+def standard_output() -> Iterator[BinaryIO]:
+    """Standard output for bytes. Within it, a full disk ends the command."""
+    with _output_errors():
+        sys.stdout.flush()
+        yield sys.stdout.buffer
+        sys.stdout.buffer.flush()
+
+
+# --- refusals -------------------------------------------------------------------------------------------------------
+
+
+class Refused(click.ClickException):
+    """Ends a command with lines on standard error and an exit status."""
+
+    def __init__(
+        self, *problems: str, status: int = REFUSED, findings: Iterable[object] = (), hints: Iterable[str] = ()
+    ) -> None:
+        """
+        :param problems: what is in the way, a sentence each; `error: ` is put in front of them.
+        :param status: the exit status.
+        :param findings: lines before the problems, each of which says itself what is wrong and where.
+        :param hints: lines behind the problems.
+        """
+        self.lines = [*map(str, findings), *(f"error: {each}" for each in problems), *hints]
+        super().__init__("\n".join(self.lines))
+        self.exit_code = status  # type: ignore[misc]  # of the class in click, which reads it of the instance
+
+    @classmethod
+    def of(cls, error: RiseError, status: int = REFUSED, *, where: str = "") -> Refused:
+        """The refusal that an error is. `where`: what its sentences are about, if they do not say it."""
+        if isinstance(error, FileError):
+            return cls(status=status, findings=error.lines)
+        return cls(*(f"{where}: {line}" if where else line for line in error.lines), status=status)
+
+    def with_hint(self, hint: str) -> Refused:
+        """The same, with a line more behind the others."""
+        self.lines.append(hint)
+        return self
+
+    def show(self, file: IO[Any] | None = None) -> None:
+        """Write the lines."""
+        print_notes(*self.lines)
+
+
+@contextmanager
+def refusing(status: int, *, of: type[RiseError] = RiseError, where: str = "") -> Iterator[None]:
+    """Within it, or within a function that has it as decorator, an error ends the command.
+
+    :param status: the exit status.
+    :param of: the kind of error.
+    :param where: what the sentences of an error are about, if they do not say it.
+    """
+    try:
+        yield
+    except of as error:
+        raise Refused.of(error, status, where=where) from None
+
+
+def exit_with_usage(problem: str) -> NoReturn:
+    """End the command because of its command line."""
+    raise Refused(problem, status=USAGE)
+
+
+def not_written(what: object, error: OSError) -> Refused:
+    """The refusal of the system to write a file or a folder."""
+    return Refused(f"{what} cannot be written: {reason_of(error)}", status=NOT_WRITTEN)
+
+
+def reason_of(error: OSError) -> str:
+    """Why the system does not do what it was asked for."""
+    return error.strerror or str(error)
+
+
+# --- streams --------------------------------------------------------------------------------------------------------
 
 
 class CleanStream:
     """A text stream through which only printable characters, line ends and tabs go; otherwise the stream itself.
 
-    A failing standard output is an OutputError. A failing standard error is nobody's business: there is no one to tell.
+    A failing standard output is a Refused. A failing standard error is nobody's business: there is no one to tell.
     """
 
     def __init__(self, stream: TextIO, *, may_fail: bool) -> None:
@@ -55,7 +198,7 @@ class CleanStream:
         try:
             with _output_errors():
                 yield
-        except OutputError:
+        except Refused:
             if not self._may_fail:
                 raise
             discard_rest(self._stream)
@@ -74,56 +217,31 @@ def clean_standard_streams() -> Iterator[None]:
     try:
         try:
             yield
+        except SystemExit as ended:
+            if ended.code == NOT_WRITTEN:  # what this flush would say has been said
+                with suppress(Refused):
+                    sys.stdout.flush()
+                discard_rest(sys.stdout)
+            raise
         finally:
             with suppress(BrokenPipeError):
                 sys.stdout.flush()
-    except OutputError as error:
+    except Refused as refused:  # at the last flush: click shows all others
         discard_rest(sys.stdout)
-        sys.stderr.write(f"error: standard output cannot be written: {error}\n")
-        sys.exit(NOT_WRITTEN)
-
-
-def write_json(value: Any, *, indent: int = 2) -> None:
-    """Write a JSON document and a line end: UTF-8 on every terminal, because an escaped character would spoil it.
-
-    :param value: what the document says: JSON-like, or a Struct.
-    :param indent: blanks for each level; -1: all in one line.
-    """
-    _write(escape_json(msgspec.json.format(encode(value), indent=indent)))
-
-
-def write_xml(text: str) -> None:
-    """Write an XML document and a line end, in UTF-8 as `write_json` does."""
-    _write(UNSEEN.sub(_xml_escape, text).encode("utf-8", "backslashreplace"))
-
-
-def escape_json(data: bytes) -> bytes:
-    """JSON in UTF-8, the same values, with escapes for all that a terminal would obey or nobody would see."""
-    if data.isascii() and b"\x7f" not in data:
-        return data
-    return escape_unseen_json(data.decode("utf-8", "backslashreplace")).encode()
-
-
-def _xml_escape(found: re.Match[str]) -> str:
-    return found[0] if found[0] in "\t\r\n" else f"&#x{ord(found[0]):X};"
-
-
-def _write(data: bytes) -> None:
-    with _output_errors():
-        sys.stdout.flush()
-        sys.stdout.buffer.write(data + b"\n")
-        sys.stdout.buffer.flush()
+        refused.show()
+        sys.exit(refused.exit_code)
 
 
 @contextmanager
 def _output_errors() -> Iterator[None]:
-    """An OSError within it becomes an OutputError; but for a closed pipe, which ends the program in its own way."""
+    """An OSError within it becomes a Refused; but for a closed pipe, which ends the program in its own way."""
     try:
         yield
     except BrokenPipeError:
         raise
     except OSError as error:
-        raise OutputError(error_message(error)) from error
+        problem = f"standard output cannot be written: {error_message(error)}"
+        raise Refused(problem, status=NOT_WRITTEN) from error
 
 
 def _guard_streams() -> None:

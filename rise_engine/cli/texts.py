@@ -2,23 +2,29 @@
 
 from __future__ import annotations
 
-import sys
 from pathlib import Path
-from typing import Literal, NoReturn
 
 import click
 
-from rise_engine.cli.arguments import exit_with_usage, resolve_scenario
-from rise_engine.cli.check import print_findings
-from rise_engine.cli.options import FOLDER
-from rise_engine.cli.terminal import discard_rest
+from rise_engine.cli.loading import sound_scenario
+from rise_engine.cli.options import SCENARIO
+from rise_engine.cli.terminal import (
+    Refused,
+    exit_with_usage,
+    not_written,
+    print_lines,
+    print_notes,
+    reason_of,
+    refusing,
+    write_bytes,
+)
 from rise_engine.edit.plan import EditRefused
 from rise_engine.edit.workspace import Workspace
-from rise_engine.exit_status import BROKEN_PIPE, NOT_WRITTEN, OK, REFUSED
+from rise_engine.exit_status import OK, REFUSED, USAGE
 from rise_engine.scenario.languages import language_problem
 from rise_engine.scenario.loader import LoadResult, load
 from rise_engine.scenario.translations import LanguageTexts
-from rise_engine.text import clean, pluralize
+from rise_engine.text import pluralize
 from rise_engine.texts.csv_file import read_csv, write_csv
 from rise_engine.texts.importing import TextImport, import_table, summary
 from rise_engine.texts.po_file import read_po, write_po
@@ -53,12 +59,13 @@ def texts() -> None:
 
 
 @texts.command("export")
-@FOLDER
+@SCENARIO
 @click.option(
     "-o", "--output", metavar="FILE", type=click.Path(), help="A new .csv, .xlsx or .po file. Default: CSV, printed."
 )
 @LANGUAGES
 @click.option("--only", type=click.Choice(["missing", "stale"]), help="Texts of which a translation is.")
+@refusing(USAGE)
 def export(folder: str, output: str | None, languages: tuple[str, ...], only: Only | None) -> None:
     """Write every text of the scenario in DIR as one table, a row for each, with its translations.
 
@@ -67,19 +74,10 @@ def export(folder: str, output: str | None, languages: tuple[str, ...], only: On
 
     Exit status: 0; 1 the scenario has errors; 2 wrong usage; 74 the file cannot be written.
     """
-    loaded = _load_or_exit(resolve_scenario(folder))
-    try:
-        table = make_table(loaded, languages, only)
-        data = _write_table(table, Path(output).suffix.lower() if output is not None else ".csv")
-    except TextsError as error:
-        exit_with_usage(str(error))
+    table = make_table(_load(folder), languages, only)
+    data = _write_table(table, Path(output).suffix.lower() if output is not None else ".csv")
     if output is None:
-        try:
-            sys.stdout.buffer.write(data.removeprefix(b"\xef\xbb\xbf"))
-            sys.stdout.flush()
-        except BrokenPipeError:
-            discard_rest(sys.stdout)
-            sys.exit(BROKEN_PIPE)
+        write_bytes(data.removeprefix(b"\xef\xbb\xbf"))
         return
     try:
         with Path(output).open("xb") as file:
@@ -87,18 +85,17 @@ def export(folder: str, output: str | None, languages: tuple[str, ...], only: On
     except FileExistsError:
         exit_with_usage(f"there is a file {output} already; nothing is written over")
     except OSError as error:
-        click.echo(f"error: {output} cannot be written: {error.strerror or error}", err=True)
-        sys.exit(NOT_WRITTEN)
-    click.echo(f"{output}: {pluralize(len(table.rows), 'text')}{_languages_text(table)}")
+        raise not_written(output, error) from None
+    print_lines(f"{output}: {pluralize(len(table.rows), 'text')}{_languages_text(table)}")
 
 
 @texts.command("import")
-@FOLDER
+@SCENARIO
 @click.argument("file", metavar="FILE", type=click.Path())
 @LANGUAGES
 @click.option("--dry-run", is_flag=True, help="Say what would change, and change nothing.")
 @click.option("--new", is_flag=True, help="Rows without an id become acts, called as their cell `act` says.")
-def import_(folder: str, file: str, languages: tuple[str, ...], dry_run: bool, new: bool) -> None:
+def import_(folder: str, file: str, languages: tuple[str, ...], dry_run: bool, new: bool) -> int:
     """Take back what was changed in a table that `texts export` made from the scenario in DIR: texts and translations.
 
     Rows are found by their id; their order, and what else stands in the table, does not matter. A row whose text was
@@ -106,32 +103,24 @@ def import_(folder: str, file: str, languages: tuple[str, ...], dry_run: bool, n
 
     Exit status: 0; 1 something was refused, or the study would have errors; 2 wrong usage, or no such table.
     """
-    where = resolve_scenario(folder)
-    try:
+    with refusing(USAGE, of=TextsError, where=file):
         table = _read_table(Path(file), languages)
-        workspace = Workspace(Path(where))
-    except (TextsError, EditRefused) as error:
-        exit_with_usage(f"{file}: {error}" if isinstance(error, TextsError) else str(error))
-    try:
-        if workspace.checked.scenario is None:
-            print_findings(workspace.checked)
-            sys.exit(REFUSED)
-        if workspace.draft is not None:
-            message = "an editor has left changes in this study that are not saved"
-            raise EditRefused(f"{message}; open it (rise-tui edit {where}), and save them or give them up")
-        found = import_table(table, workspace.checked, languages, new=new)
-        end = _apply(workspace, found, dry_run=dry_run)
-    except TextsError as error:
-        exit_with_usage(f"{file}: {error}")
-    except EditRefused as error:
-        click.echo(clean(f"error: {error}; nothing was changed"), err=True)
-        sys.exit(REFUSED)
-    finally:
-        workspace.close()
-    for sentence in (*map(str, found.refused), *found.noticed):
-        click.echo(clean(sentence), err=True)
-    click.echo(f"{summary(found)}{end}")
-    sys.exit(REFUSED if found.refused else OK)
+        with refusing(USAGE, of=EditRefused):
+            workspace = Workspace(Path(folder))
+        try:
+            sound_scenario(workspace.checked)
+            if workspace.draft is not None:
+                message = "an editor has left changes in this study that are not saved"
+                raise EditRefused(f"{message}; open it (rise-tui edit {folder}), and save them or give them up")
+            found = import_table(table, workspace.checked, languages, new=new)
+            end = _apply(workspace, found, dry_run=dry_run)
+        except EditRefused as error:
+            raise Refused(f"{error}; nothing was changed") from None
+        finally:
+            workspace.close()
+    print_notes(*found.refused, *found.noticed)
+    print_lines(f"{summary(found)}{end}")
+    return REFUSED if found.refused else OK
 
 
 def _apply(workspace: Workspace, found: TextImport, *, dry_run: bool) -> str:
@@ -149,27 +138,26 @@ def _apply(workspace: Workspace, found: TextImport, *, dry_run: bool) -> str:
         difference = workspace.diff()
         if not saved:  # nor does a draft of it stay
             workspace.undo()
-    for sentence in change.says:
-        click.echo(clean(sentence))
+    print_lines(*change.says)
     if dry_run:
-        click.echo(clean(difference, keep="\n\t"))
+        print(difference)
         return "; nothing was written (--dry-run)"
     return f": {', '.join(saved)}"
 
 
 @texts.command("check")
-@FOLDER
+@SCENARIO
 @LANGUAGES
-def check(folder: str, languages: tuple[str, ...]) -> None:
+def check(folder: str, languages: tuple[str, ...]) -> int:
     """Say which texts of the scenario in DIR are not translated, and of which the original has changed since.
 
     Exit status: 0 everything is translated; 1 something is not, or is of an earlier text; 2 wrong usage.
     """
-    loaded = _load_or_exit(resolve_scenario(folder))
+    loaded = _load(folder)
     known = {tag.lower(): found for tag, found in loaded.translations.items()}
     chosen = [known.get(tag.lower()) or LanguageTexts(tag, "") for tag in languages] or list(known.values())
     if not chosen:
-        click.echo(
+        print_lines(
             f"{pluralize(len(loaded.texts), 'text')}, and no translations (`rise-engine texts export` begins one)"
         )
     status, number = OK, len(loaded.texts) + len(loaded.table_texts)
@@ -180,45 +168,44 @@ def check(folder: str, languages: tuple[str, ...]) -> None:
         translated = sum(text.id in found.texts for text in loaded.texts) + len(loaded.table_texts) - len(cells)
         status = REFUSED if missing or stale else status
         more = [f"{len(stale)} changed since"] * bool(stale) + [f"{missing} missing"] * bool(missing)
-        click.echo(", ".join([f"{found.language}: {translated} of {number} texts translated", *more]))
-        for id, said in [*((each.id, each.text) for each in uttered), *((each.id, each.text) for each in cells)]:
-            click.echo(clean(f"  missing  {id:<24} {said}"))
-        for text in stale:
-            click.echo(clean(f"  changed  {text.id:<24} {text.text}  (was: {found.texts[text.id].of})"))
-    sys.exit(status)
+        print_lines(
+            ", ".join([f"{found.language}: {translated} of {number} texts translated", *more]),
+            *(f"  missing  {text.id:<24} {text.text}" for text in uttered),
+            *(f"  missing  {text.id:<24} {text.text}" for text in cells),
+            *(f"  changed  {text.id:<24} {text.text}  (was: {found.texts[text.id].of})" for text in stale),
+        )
+    return status
 
 
-def _load_or_exit(folder: str) -> LoadResult:
+def _load(folder: str) -> LoadResult:
+    """What was read of a scenario without errors."""
     loaded = load(folder)
-    if loaded.scenario is None:
-        print_findings(loaded)
-        sys.exit(REFUSED)
+    sound_scenario(loaded)
     return loaded
 
 
 def _write_table(table: TextTable, kind: str) -> bytes:
-    if kind not in _KINDS:
-        _refuse_kind()
+    _check_kind(kind)
     return {".csv": write_csv, ".xlsx": write_xlsx, ".po": write_po}[kind](table)
 
 
 def _read_table(path: Path, languages: tuple[str, ...]) -> ReadTable:
     kind = path.suffix.lower()
-    if kind not in _KINDS:
-        _refuse_kind()
+    _check_kind(kind)
     try:
         if path.stat().st_size > _LARGEST:
             raise TextsError(f"this file is larger than {_LARGEST // 1_000_000} MB")
         data = path.read_bytes()
     except OSError as error:
-        raise TextsError(f"it cannot be read: {error.strerror or error}") from None
+        raise TextsError(f"it cannot be read: {reason_of(error)}") from None
     if kind == ".xlsx":
         return read_xlsx(data)
     return read_csv(data) if kind == ".csv" else read_po(data, languages[0] if len(languages) == 1 else "")
 
 
-def _refuse_kind() -> NoReturn:
-    raise TextsError("a table of texts is a .csv, an .xlsx or a .po file")
+def _check_kind(kind: str) -> None:
+    if kind not in _KINDS:
+        raise TextsError("a table of texts is a .csv, an .xlsx or a .po file")
 
 
 def _languages_text(table: TextTable) -> str:
@@ -226,4 +213,4 @@ def _languages_text(table: TextTable) -> str:
     return f" in {table.language}{into}" if table.language else into
 
 
-COMMANDS: dict[Literal["texts"], click.Command] = {"texts": texts}
+COMMANDS: dict[str, click.Command] = {"texts": texts}

@@ -1,4 +1,4 @@
-"""What `rise-engine study withdraw` does and prints."""
+"""`rise-engine study withdraw`: erases everything about a participant."""
 
 from __future__ import annotations
 
@@ -8,18 +8,17 @@ from pathlib import Path
 
 import click
 
-from rise_engine.errors import RiseError
-from rise_engine.exit_status import OK, PARTIAL, REFUSED, USAGE
-from rise_engine.export.anonymous import NothingToKeep, rows_to_keep
-from rise_engine.session.errors import SessionError
+from rise_engine.cli.terminal import Refused, exit_with_usage, print_lines
+from rise_engine.exit_status import OK, PARTIAL
+from rise_engine.export.anonymous import rows_to_keep
 from rise_engine.study.kept_rows import FILE as KEPT_FILE
 from rise_engine.study.labels import Reassignment, reassignments
-from rise_engine.study.study_log import LOG_FILE, StudyLogError, read_log
+from rise_engine.study.study_log import LOG_FILE, read_log
 from rise_engine.study.traces import STUDY_FILE
 from rise_engine.study.withdrawal import plan_withdrawal
 from rise_engine.study.withdrawal import withdraw as withdraw_participant
-from rise_engine.study.withdrawal_work import WithdrawalError, WithdrawalPlan
-from rise_engine.text import clean, pluralize
+from rise_engine.study.withdrawal_work import WithdrawalPlan
+from rise_engine.text import pluralize
 
 
 @click.command("withdraw")
@@ -31,7 +30,7 @@ from rise_engine.text import clean, pluralize
     is_flag=True,
     help="Keep how their sessions went, in numbers, under a fresh id, because they agreed to that (consent_anonymous).",
 )
-def withdraw(folder: str, participant: str, yes: bool, keep_anonymous: bool) -> None:
+def withdraw(folder: str, participant: str, yes: bool, keep_anonymous: bool) -> int:
     """Erase everything about PARTICIPANT from STUDY, because they have withdrawn their consent.
 
     Their session folders, the recordings that these have registered, and what was exported of them with `export -o` are
@@ -47,19 +46,16 @@ def withdraw(folder: str, participant: str, yes: bool, keep_anonymous: bool) -> 
     """
     study = Path(folder)
     if not ((study / STUDY_FILE).is_file() or (study / LOG_FILE).is_file()):
-        sys.exit(_print_error(f"{folder} is no study: it has no {STUDY_FILE}", USAGE))
-    try:
-        plan = plan_withdrawal(study, participant)
-        keep = rows_to_keep(study, participant, plan.sessions) if keep_anonymous else []
-        _print_lines(_plan_lines(plan, reassignments(read_log(study))))
-        if keep:
-            _print_lines([f"{pluralize(len(keep), 'row')} of numbers stay in {KEPT_FILE}, as {keep[0]['id']}"])
-        if not yes:
-            _ask(participant)
-        slot = _slot_afterwards(study, participant)
-        report = withdraw_participant(study, participant, keep=keep)
-    except (WithdrawalError, StudyLogError, NothingToKeep, SessionError) as error:
-        sys.exit(_print_error(error, REFUSED))
+        exit_with_usage(f"{folder} is no study: it has no {STUDY_FILE}")
+    plan = plan_withdrawal(study, participant)
+    keep = rows_to_keep(study, participant, plan.sessions) if keep_anonymous else []
+    print_lines(*_plan_lines(plan, reassignments(read_log(study))))
+    if keep:
+        print_lines(f"{pluralize(len(keep), 'row')} of numbers stay in {KEPT_FILE}, as {keep[0]['id']}")
+    if not yes:
+        _ask(participant)
+    slot = _slot_afterwards(study, participant)
+    report = withdraw_participant(study, participant, keep=keep)
     erased = f"{participant} has withdrawn: {pluralize(len(report.erased), 'thing')} erased"
     lines = [f"{erased}; {slot}" if slot else erased]
     if report.make_again:
@@ -69,8 +65,8 @@ def withdraw(folder: str, participant: str, yes: bool, keep_anonymous: bool) -> 
     if report.unreached:
         lines += ["not erased, and somebody has to see to it:", *_indent(report.unreached)]
     lines += ["what this program cannot reach, and somebody has to see to:", *_indent(report.beyond)]
-    _print_lines(lines)
-    sys.exit(PARTIAL if report.remains or report.unreached else OK)
+    print_lines(*lines)
+    return PARTIAL if report.remains or report.unreached else OK
 
 
 def _slot_afterwards(study: Path, participant: str) -> str:
@@ -97,23 +93,13 @@ def _plan_lines(plan: WithdrawalPlan, moved: Mapping[str, Reassignment]) -> list
 
 
 def _ask(participant: str) -> None:
-    """Ends the program unless somebody types the pseudonym."""
+    """Ends the command unless somebody types the pseudonym."""
     if not sys.stdin.isatty():
-        sys.exit(_print_error("nobody can be asked here; say --yes to do it. Nothing was erased", USAGE))
+        exit_with_usage("nobody can be asked here; say --yes to do it. Nothing was erased")
     typed = click.prompt("To do it, type the pseudonym", default="", show_default=False)
     if typed.strip() != participant:
-        sys.exit(_print_error("that is another one; nothing was erased", REFUSED))
+        raise Refused("that is another one; nothing was erased")
 
 
 def _indent(lines: Sequence[str]) -> list[str]:
     return [f"  {line}" for line in lines]
-
-
-def _print_lines(lines: Sequence[str]) -> None:
-    sys.stdout.write("".join(f"{clean(line)}\n" for line in lines))
-    sys.stdout.flush()
-
-
-def _print_error(error: RiseError | str, status: int) -> int:
-    sys.stderr.write(clean(f"error: {error}") + "\n")
-    return status

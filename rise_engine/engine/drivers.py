@@ -117,7 +117,7 @@ async def open_bridge(connection: RosConnection, profile: RobotProfile, mode: Mo
     try:
         opener: BridgeOpener = load_ros_plugin(BRIDGES)
     except DriverError as error:
-        raise BridgeError([str(error)]) from error
+        raise BridgeError(str(error)) from error
     return await opener(connection, profile if reaches_robot else None)
 
 

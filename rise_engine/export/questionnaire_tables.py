@@ -70,7 +70,7 @@ def told_answers(
 def _report(read: Questionnaire, warnings: list[str]) -> None:
     name = read.settings.name
     if wrong := [str(each) for each in read.errors if each.code != _NOT_HERE]:
-        raise ExportError("\n".join([f"the questionnaire {name} cannot be exported; nothing was written", *wrong]))
+        raise ExportError(f"the questionnaire {name} cannot be exported; nothing was written", *wrong)
     lines = [each.location.line for each in read.errors]
     if lines:
         where = ", ".join(map(str, lines[:5])) + (f" and {len(lines) - 5} more" if len(lines) > 5 else "")

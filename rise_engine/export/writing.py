@@ -77,7 +77,7 @@ def export_sessions(
         for _ in sessions:
             """A format that has not asked for all of them has not told of all."""
         if not report.sessions:
-            raise ExportError("\n".join([*report.problems, "no session could be read, so nothing was exported"]))
+            raise ExportError(*report.problems, "no session could be read, so nothing was exported")
     report.warnings += context.warnings
     return report
 

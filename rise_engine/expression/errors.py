@@ -16,6 +16,10 @@ class LanguageError(RiseError, ValueError):
         self.message = message
         self.text = text
 
+    @property
+    def lines(self) -> tuple[str, ...]:
+        return (str(self),)
+
     def __str__(self) -> str:
         return self.message
 

@@ -7,7 +7,7 @@ entry-point group `rise.bridges` and never imported by name (architecture, "Impo
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from typing import Any, Literal, Protocol, TypeAlias, TypeVar, get_args
 
 from msgspec import Struct
@@ -32,11 +32,7 @@ class RosConnection(Struct, frozen=True):
 
 
 class BridgeError(RiseError):
-    """The connection cannot be had. `lines` say everything that is in the way, for a person, with what to do."""
-
-    def __init__(self, lines: Sequence[str]) -> None:
-        super().__init__("\n".join(lines))
-        self.lines = list(lines)
+    """The connection cannot be had: everything that is in the way, with what to do."""
 
 
 SessionT = TypeVar("SessionT", contravariant=True)

@@ -21,7 +21,7 @@ from typing import Any, get_args
 
 from msgspec import Struct
 
-from rise_engine.errors import RiseError
+from rise_engine.errors import FileError
 from rise_engine.json_codec import JsonError, read_json, to_plain
 from rise_engine.kernel.behaviors import BehaviorError, read_rule_start
 from rise_engine.kernel.inputs import Submit, TaskFunction
@@ -64,7 +64,7 @@ class TaskFile(Struct, frozen=True):
     """Empty: the file does not say."""
 
 
-class TaskFileError(RiseError):
+class TaskFileError(FileError):
     """A task file with mistakes: all of them, a line for each."""
 
 
@@ -142,7 +142,7 @@ class TaskFileReader:
 
     def _make_error(self, messages: list[str], column: int | None = None) -> TaskFileError:
         where = f"{self.file}:{self._line}" if column is None else f"{self.file}:{self._line}:{column}"
-        return TaskFileError("\n".join(f"{where}: error: {message}" for message in messages))
+        return TaskFileError(*(f"{where}: error: {message}" for message in messages))
 
 
 def read_task_file(text: bytes, file: str) -> TaskFile:
@@ -159,7 +159,7 @@ def read_task_file(text: bytes, file: str) -> TaskFile:
             if task is not None:
                 tasks.append(task)
     if problems:
-        raise TaskFileError("\n".join(problems))
+        raise TaskFileError(*problems)
     tasks.sort(key=lambda task: task.at)
     return TaskFile(tuple(tasks), tuple(reader.faults), reader.seed, reader.condition)
 

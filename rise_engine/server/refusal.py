@@ -21,7 +21,7 @@ class ServeRefused(RiseError):
         others: Sequence[Path] = (),
         socket: str = "",
     ) -> None:
-        super().__init__("\n".join(lines))
+        super().__init__(*lines)
         self.report = EngineRefused(code, list(lines), _describe_all(unfinished), _describe_all(others), socket)
 
 

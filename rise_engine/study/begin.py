@@ -42,7 +42,7 @@ class CannotBegin(RiseError):
     """The session cannot begin; one sentence for each reason, all that hold at once."""
 
     def __init__(self, *sentences: str, running: bool = False, unfinished: SessionEntry | None = None) -> None:
-        super().__init__("\n".join(sentences))
+        super().__init__(*sentences)
         self.sentences = sentences
         self.running = running
         """Whether a session of the study runs."""

@@ -50,7 +50,7 @@ def judge_session(
     target = session_to_judge(open.state, participant, session)
     problems = _outcome_problems(open.state, target, status, reason)
     if problems:
-        raise CannotJudge("\n".join(problems))
+        raise CannotJudge(*problems)
     try:
         refuse_running_elsewhere(target, here=here)
     except SessionError as error:
@@ -103,7 +103,7 @@ def reassign_session(
         )
     problems += [f"{name} has withdrawn" for name in (entry.participant, participant) if name in state.places.withdrawn]
     if problems:
-        raise CannotJudge("\n".join(problems))
+        raise CannotJudge(*problems)
     theirs = [each.entry for each in state.sessions if each.entry.participant == participant]
     counted = [each.attempt for each in theirs if (each.purpose, each.run) == ("counted", entry.run)]
     fields: dict[str, Json] = {
@@ -162,7 +162,7 @@ def exclude_participant(open: OpenStudy, participant: str, reason: str, *, sourc
     if _of(state, participant, "running"):
         problems.append(f"a session of {participant} is running: end it first")
     if problems:
-        raise CannotJudge("\n".join(problems))
+        raise CannotJudge(*problems)
     slot = state.places.slots.get(participant)
     open.log.append("excluded", participant=participant, slot=slot, reason=reason.strip(), source=source)
     return slot

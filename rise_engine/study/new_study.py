@@ -61,7 +61,7 @@ def write_new_study(folder: Path, new: NewStudy, *, accept_errors: bool = False)
         _fill(made, new)
         loaded = load_study(made)
         if loaded.study is None and not accept_errors:
-            raise NewStudyError("\n".join(("the study would have errors:", *map(str, loaded.errors))))
+            raise NewStudyError("the study would have errors:", *map(str, loaded.errors))
         made.rename(folder)  # an empty folder of that name is replaced
         return loaded.errors
     except OSError as error:

@@ -260,7 +260,7 @@ def plan_problem(study: Study, planned: LogEntry, present: str) -> str:
 def _read(study: Study, sentence: str) -> MadePlan:
     loaded = read_plan(study)
     if loaded.slots is None:
-        raise PlanError("\n".join(map(str, loaded.errors)))
+        raise PlanError(*map(str, loaded.errors))
     return MadePlan(loaded.slots, prove_balance(study, loaded.slots), sentence)
 
 

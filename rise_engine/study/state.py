@@ -14,7 +14,7 @@ from types import TracebackType
 from msgspec import Struct
 from msgspec.structs import replace
 
-from rise_engine.errors import RiseError
+from rise_engine.errors import FileError
 from rise_engine.scenario.model import Json
 from rise_engine.session.folder import mark_abandoned
 from rise_engine.study.minimise import cell_for
@@ -30,12 +30,8 @@ from rise_engine.study.study_toml import is_study, load_study
 from rise_engine.study.withdrawn import is_withdrawn
 
 
-class StudyUnusable(RiseError):
+class StudyUnusable(FileError):
     """The study cannot be used; one line for each finding."""
-
-    def __init__(self, lines: Sequence[str]) -> None:
-        super().__init__("\n".join(lines))
-        self.lines = list(lines)
 
 
 class StudyFiles(Struct, frozen=True):
@@ -144,7 +140,7 @@ class OpenStudy:
         :raises rise_engine.study.study_log.StudyLogError: its log cannot be locked, read or written.
         """
         if not is_study(self.folder):  # nobody makes a log where no study is
-            raise StudyUnusable([str(each) for each in load_study(self.folder).errors])
+            raise StudyUnusable(*map(str, load_study(self.folder).errors))
         self.log.__enter__()
         try:
             self._reconcile(_read_files(self.folder))
@@ -204,10 +200,10 @@ def _entry_of(missing: MissingEntry) -> LogEntry:
 def _read_files(folder: Path) -> StudyFiles:
     loaded = load_study(folder, check_scenarios=False)
     if loaded.study is None:
-        raise StudyUnusable([str(each) for each in loaded.errors])
+        raise StudyUnusable(*map(str, loaded.errors))
     participants, plan = load_participants(loaded.study), read_plan(loaded.study)
     if errors := [*participants.errors, *plan.errors]:
-        raise StudyUnusable([str(each) for each in errors])
+        raise StudyUnusable(*map(str, errors))
     return StudyFiles(loaded.study, participants.participants, plan.slots or (), plan.hash)
 
 

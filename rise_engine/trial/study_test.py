@@ -16,7 +16,7 @@ from typing import Any
 
 from msgspec import Struct, field
 
-from rise_engine.errors import RiseError
+from rise_engine.errors import FileError
 from rise_engine.json_codec import JsonError, read_json, to_plain
 from rise_engine.kernel.inputs import Submit
 from rise_engine.nearest_name import did_you_mean
@@ -33,7 +33,7 @@ _EXPECTED = ("rules", "memory", "starts", "says", "events", "refused")
 _ACTIONS = ("function_type", "key", "go_on", "wait", "expect", "test")
 
 
-class StudyTestError(RiseError, ValueError):
+class StudyTestError(FileError):
     """A test that cannot be read: all that is wrong with it, a line each, with file and line."""
 
 
@@ -89,7 +89,7 @@ def read_study_test(text: bytes, file: str, scenario: Scenario) -> StudyTest:
     for number, line in enumerate(text.split(b"\n"), 1):
         reader.read_line(number, line)
     if reader.problems:
-        raise StudyTestError("\n".join(reader.problems))
+        raise StudyTestError(*reader.problems)
     head = reader.head
     return StudyTest(
         file,

@@ -11,6 +11,7 @@ from click.core import ParameterSource
 from click.shell_completion import get_completion_class
 
 from rise_engine import __version__
+from rise_engine.cli.options import HERE, NEW, PLACES, RECOVER, ROBOT, SEED, SESSION_OPTIONS, SETTINGS, options
 from rise_engine.cli.program import split_ros_args
 from rise_engine.cli.terminal import clean_standard_streams
 from rise_tui.cli.options import CommandLine
@@ -19,6 +20,8 @@ from rise_tui.config.display import MOST_FRAMES, USUAL_FRAMES, DisplayOptions
 
 THEMES = ("dark", "light", "contrast", "colorblind", "mono", "terminal")
 """Those of `rise_tui.rendering.themes`, which is not imported before a session is on its way."""
+_NAMES = ("participant", "condition", "language", "wizard")
+"""Options that say nothing when they are empty."""
 
 
 class _Program(click.Group):
@@ -30,6 +33,10 @@ class _Program(click.Group):
             return super().main(ours, *rest, obj=theirs, **more)
 
 
+_THEME = click.option(
+    "--theme", type=click.Choice(THEMES), help="Without it, the one that was used last; at first, dark."
+)
+_MOUSE = click.option("--mouse", type=click.Choice(["on", "off"]), default="on", show_default=True)
 _KEYS = click.option("--keys", metavar="FILE", help="Another key file than the usual one; none: the usual keys.")
 
 
@@ -42,37 +49,13 @@ _KEYS = click.option("--keys", metavar="FILE", help="Another key file than the u
 @click.option(
     "--config", "folder", metavar="DIR", help="The scenario or the study: a folder, or its scenario.toml or study.toml."
 )
-@click.option("--robot", metavar="NAME", help="Another robot than the scenario names.")
-@click.option("--mode", type=click.Choice(["debug", "real"]), help="Another mode than the scenario's.")
-@click.option("--participant", metavar="ID", help="Who takes part; stands in the record.")
-@click.option("--condition", metavar="NAME", help="One of the scenario's conditions: sets what that says.")
-@click.option("--language", metavar="TAG", help="What is said is said in this language (texts/TAG.toml).")
-@click.option(
-    "--allow-untranslated", is_flag=True, help="With --language: what is not translated is said as the acts have it."
-)
-@click.option(
-    "--ros",
-    type=click.Choice(["auto", "rclpy", "dds", "off"]),
-    help="How ROS 2 is spoken; without it, as the robot needs it.",
-)
-@click.option("--seed", type=click.IntRange(min=0), help="Of the session's chance; without it, a new one each time.")
-@click.option(
-    "--set", "sets", metavar="KEY=JSON", multiple=True, help="Set a memory value before the session begins. Repeatable."
-)
-@click.option(
-    "--place",
-    "places",
-    metavar="KIND=PATH",
-    multiple=True,
-    help="Read acts, rules or memory from another PATH in the scenario's folder (memory=pilot.json). Repeatable.",
-)
-@click.option("--new", is_flag=True, help="Begin a new session, also when an earlier one did not end.")
-@click.option("--recover", is_flag=True, help="Go on with the latest session that did not end, if there is one.")
-@click.option(
-    "--here",
-    is_flag=True,
-    help="With --recover: also one that another computer had last, where nobody can see whether it still has.",
-)
+@options(*SESSION_OPTIONS)
+@SEED
+@SETTINGS
+@PLACES
+@NEW
+@RECOVER
+@HERE
 @click.option("--session", metavar="NAME", help="Of several running sessions, the one with this name or socket.")
 @click.option("--observe", is_flag=True, help="Only watch: stop everything and add notes, but never take control.")
 @click.option(
@@ -91,7 +74,7 @@ _KEYS = click.option("--keys", metavar="FILE", help="Another key file than the u
 @click.option(
     "--speed", type=click.FloatRange(0.01, 1000), default=1.0, help="Of a replay or a shadow; 2 is twice as fast."
 )
-@click.option("--theme", type=click.Choice(THEMES), help="Without it, the one that was used last; at first, dark.")
+@_THEME
 @click.option(
     "--colors",
     type=click.Choice(["auto", "truecolor", "256", "16", "mono"]),
@@ -99,7 +82,7 @@ _KEYS = click.option("--keys", metavar="FILE", help="Another key file than the u
     show_default=True,
     help="What the terminal can show; auto: what it says of itself.",
 )
-@click.option("--mouse", type=click.Choice(["on", "off"]), default="on", show_default=True)
+@_MOUSE
 @click.option(
     "--fps",
     type=click.IntRange(1, MOST_FRAMES),
@@ -123,11 +106,15 @@ def main(context: click.Context, /, theme: str | None, colors: str, mouse: str, 
     if context.invoked_subcommand is not None:
         _check_alone(context)
         return
-    given["wizard"] = (given["wizard"] or "").strip() or None
     display = DisplayOptions(theme or "", colors, mouse == "on", fps)
-    options = CommandLine(display=display, ros_args=tuple(context.obj or ()), **given)
-    _check_usage(options)
-    start(options)
+    if context.get_parameter_source("ros") is not ParameterSource.COMMANDLINE:
+        given["ros"] = None
+    given["wizard"] = (given["wizard"] or "").strip()
+    given |= {name: given[name] or None for name in _NAMES}
+    places, sets = given.pop("paths"), given.pop("settings")
+    command_line = CommandLine(display=display, ros_args=tuple(context.obj or ()), places=places, sets=sets, **given)
+    _check_usage(command_line)
+    start(command_line)
 
 
 def _check_alone(context: click.Context) -> None:
@@ -201,9 +188,9 @@ def keys(folder: str | None, html: str | None, keys: str | None) -> None:
 
 @main.command()
 @click.argument("folder", metavar="DIR")
-@click.option("--robot", metavar="NAME", help="Check and offer choices for another robot than the scenario names.")
-@click.option("--theme", type=click.Choice(THEMES), help="Without it, the one that was used last; at first, dark.")
-@click.option("--mouse", type=click.Choice(["on", "off"]), default="on", show_default=True)
+@ROBOT
+@_THEME
+@_MOUSE
 @_KEYS
 def edit(folder: str, robot: str | None, theme: str | None, mouse: str, keys: str | None) -> None:
     """Change the study in DIR: acts, memory, keys, settings, tables. Nothing is started on a robot."""

@@ -38,7 +38,7 @@ def make_shadow(options: CommandLine, terminal: Prompter) -> tuple[ShadowClient,
             )
         at = start_time(folder, options.at) if options.at is not None else 0.0
     except SessionError as error:
-        raise NothingStarted(USAGE, *str(error).splitlines()) from None
+        raise NothingStarted(USAGE, *error.lines) from None
     return ShadowClient(folder, wizard, at=at, speed=options.speed), wizard
 
 

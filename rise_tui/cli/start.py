@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, NoReturn
 import click
 from msgspec.structs import replace
 
-from rise_engine.cli.arguments import UnusableArgument, parse_assignments
+from rise_engine.cli.arguments import parse_assignments
 from rise_engine.exit_status import ALREADY_RUNNING, REFUSED, USAGE
 from rise_engine.kernel.inputs import Submit
 from rise_engine.protocol.registry import RegistryError, ask_summary, running_names, session_name
@@ -158,16 +158,8 @@ def _need_terminal_to_choose(options: CommandLine, settings: SessionOptions) -> 
 
 
 def _first_inputs(options: CommandLine) -> tuple[Submit, ...]:
-    """What a new session begins with. Raises NothingStarted."""
-    if not options.sets:
-        return ()
-    try:
-        return tuple(
-            Submit(function="assignValue", behavior=behavior, source="wizard:command-line")
-            for behavior in parse_assignments(options.sets)
-        )
-    except UnusableArgument as error:
-        raise NothingStarted(USAGE, *str(error).splitlines()) from None
+    """What a new session begins with. Ends the command if it cannot be used."""
+    return tuple(parse_assignments(options.sets))
 
 
 def _check_clashes(settings: SessionOptions, keys: KeyFile) -> None:

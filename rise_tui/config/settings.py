@@ -17,9 +17,8 @@ class NothingStarted(RiseError):
     """Nothing is started and nothing attached to; `lines` say why, for a person."""
 
     def __init__(self, code: int, *lines: str) -> None:
-        super().__init__("\n".join(lines))
+        super().__init__(*lines)
         self.code = code
-        self.lines = lines
 
 
 def engine_options(settings: SessionOptions, seed: int | None, recover: str) -> SessionOptions:

@@ -9,7 +9,6 @@ import zipfile
 from pathlib import Path
 from types import SimpleNamespace
 
-import click
 import pytest
 from click.testing import CliRunner
 
@@ -20,9 +19,7 @@ from rise_engine.bundle.errors import BundleError
 from rise_engine.bundle.making import BundleReport, make_bundle
 from rise_engine.bundle.reproducing import check_bundle
 from rise_engine.bundle.study_files import log_text, participants_text, study_text
-from rise_engine.cli.bundle import bundle as bundle_command
-from rise_engine.cli.export import export
-from rise_engine.cli.reproduce import reproduce
+from rise_engine.cli import main
 from rise_engine.session.levels import ExportLevel
 from rise_engine.study.proof import prove_sessions
 from rise_engine.study.state import read_state
@@ -48,8 +45,8 @@ def bundle_of(
     return make_bundle(read_state(study), folders, out, BundleOptions(level, license=license))
 
 
-def run(command: click.Command, *arguments: object) -> tuple[int, str, str]:
-    result = CliRunner().invoke(command, [str(each) for each in arguments])
+def run(*arguments: object) -> tuple[int, str, str]:
+    result = CliRunner().invoke(main, [str(each) for each in arguments])
     return result.exit_code, result.stdout, result.stderr
 
 
@@ -152,7 +149,7 @@ def test_the_bids_data_set_of_real_sessions_is_valid(bundle: Path) -> None:
 def test_an_export_of_the_bundle_is_the_export_of_the_study(study: Path, bundle: Path, tmp_path: Path) -> None:
     """Whoever has the bundle can make every other format, and finds the same in it."""
     for name, folder in (("a", study), ("b", bundle)):
-        status, _, errors = run(export, folder, "--format", "bids", "--level", "shared", "-o", tmp_path / name)
+        status, _, errors = run("export", folder, "--format", "bids", "--level", "shared", "-o", tmp_path / name)
         assert status == 0, errors
     first, second = (sorted((tmp_path / name).rglob("*_beh.tsv")) for name in "ab")
     assert [path.name for path in first] == [path.name for path in second]
@@ -436,15 +433,15 @@ def test_what_is_no_bundle(tmp_path: Path) -> None:
 
 def test_bundle_and_reproduce_on_the_command_line(study: Path, tmp_path: Path) -> None:
     out = tmp_path / "bundle.zip"
-    status, said, errors = run(bundle_command, study, "-o", out)
+    status, said, errors = run("study", "bundle", study, "-o", out)
     assert (status, errors) == (0, "")
     assert "look at this before anybody else gets it:" in said
     assert "1 pilot" in said
-    status, said, errors = run(reproduce, out)
+    status, said, errors = run("reproduce", out)
     assert (status, errors) == (0, "")
     assert "7 of 7 sessions identical" in said
-    assert run(bundle_command, tmp_path, "-o", tmp_path / "x")[0] == 2
-    status, _, errors = run(bundle_command, study, "-o", out)
+    assert run("study", "bundle", tmp_path, "-o", tmp_path / "x")[0] == 2
+    status, _, errors = run("study", "bundle", study, "-o", out)
     assert (status, "is there already" in errors) == (1, True)
 
 

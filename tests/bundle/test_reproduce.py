@@ -15,11 +15,12 @@ from rise_engine import __version__
 from rise_engine.bundle.about import BundleOptions, read_about
 from rise_engine.bundle.courses import read_recorded
 from rise_engine.bundle.derived import DerivedCheck, compare_derived, sessions_in_order
+from rise_engine.bundle.errors import BundleError
 from rise_engine.bundle.inputs import InputsCheck, check_inputs
 from rise_engine.bundle.making import make_bundle
 from rise_engine.bundle.manifest import fingerprint, manifest_text
-from rise_engine.cli.other_robot import CannotRun, compare_on_robot, load_for_robot, run_on_robot
-from rise_engine.cli.reproduce import reproduce
+from rise_engine.cli import main
+from rise_engine.cli.other_robot import compare_on_robot, load_for_robot, run_on_robot
 from rise_engine.kernel.records import TaskRecord
 from rise_engine.session.journal_format import encode_record, read_line, with_checksum
 from rise_engine.study.proof import prove_sessions
@@ -69,7 +70,7 @@ def bundle(whole: Path, tmp_path: Path) -> Path:
 
 
 def run(*arguments: object) -> tuple[int, str, str]:
-    result = CliRunner().invoke(reproduce, [str(each) for each in arguments])
+    result = CliRunner().invoke(main, ["reproduce", *map(str, arguments)])
     return result.exit_code, result.stdout, result.stderr
 
 
@@ -377,5 +378,5 @@ def test_a_robot_that_does_not_fit_the_scenario(bundle: Path, tmp_path: Path) ->
     assert status == 2
     assert "did you mean `nao`?" in errors
     folder = play_session(tmp_path / "sessions", [act("Nod", 1.0)], until=9.0)
-    with pytest.raises(CannotRun, match="cannot be run on the robot 'nao'"):
+    with pytest.raises(BundleError, match="cannot be run on the robot 'nao'"):
         compare_on_robot(folder, "nao")

@@ -11,7 +11,9 @@ from click.testing import CliRunner
 from hypothesis import example, given
 from hypothesis import strategies as st
 
-from rise_engine.cli.graph import FORMATS, NothingToDrawError, graph, graph_text
+from rise_engine.cli import main
+from rise_engine.cli.graph import FORMATS, graph_text
+from rise_engine.cli.terminal import Refused
 from rise_engine.drawing.cells import cell_length, shorten_to
 from rise_engine.drawing.diagrams import mermaid_of_rules
 from rise_engine.drawing.pictures import picture_of_rule, text_of
@@ -97,9 +99,9 @@ def test_an_act_in_every_format(lablinking: Scenario) -> None:
 
 
 def test_what_is_not_there_is_named_with_what_is_nearest(lablinking: Scenario) -> None:
-    with pytest.raises(NothingToDrawError, match="there is no rule and no act `Tabel setting`; did you mean `Table"):
+    with pytest.raises(Refused, match="there is no rule and no act `Tabel setting`; did you mean `Table"):
         graph_text(lablinking, "Tabel setting", "text", 80)
-    with pytest.raises(NothingToDrawError, match="there is no act `Table setting`"):
+    with pytest.raises(Refused, match="there is no act `Table setting`"):
         graph_text(lablinking, "Table setting", "text", 80, act=True)
 
 
@@ -141,12 +143,12 @@ def test_shortened_texts_fit(text: str, width: int) -> None:
 def test_the_command_writes_files_and_refuses_what_it_must(tmp_path: Path) -> None:
     runner, folder = CliRunner(), str(ROOT / "scenarios/lablinking")
     picture = tmp_path / "rule.svg"
-    assert runner.invoke(graph, [folder, "Table setting", "--format", "svg", "-o", str(picture)]).exit_code == 0
+    assert runner.invoke(main, ["graph", folder, "Table setting", "--format", "svg", "-o", str(picture)]).exit_code == 0
     assert picture.read_bytes().startswith(b"<svg")
-    shown = runner.invoke(graph, [folder, "Next"])
+    shown = runner.invoke(main, ["graph", folder, "Next"])
     assert shown.exit_code == 0 and shown.output.startswith("rule Next: 1 state, 0 ways out\n")
-    assert runner.invoke(graph, [folder, "Nxt"]).exit_code == 2
-    assert runner.invoke(graph, [folder, "-o", str(tmp_path / "no/where.txt")]).exit_code == 1
+    assert runner.invoke(main, ["graph", folder, "Nxt"]).exit_code == 2
+    assert runner.invoke(main, ["graph", folder, "-o", str(tmp_path / "no/where.txt")]).exit_code == 1
     (tmp_path / "broken").mkdir()
     (tmp_path / "broken/scenario.toml").write_text("title = ")
-    assert runner.invoke(graph, [str(tmp_path / "broken")]).exit_code == 1
+    assert runner.invoke(main, ["graph", str(tmp_path / "broken")]).exit_code == 1

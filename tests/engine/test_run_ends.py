@@ -16,10 +16,9 @@ from typing import Any
 
 import pytest
 
-from rise_engine.cli import run as run_module
-from rise_engine.cli.output import Output, ThreadedOutput
-from rise_engine.cli.run import RunOptions
-from rise_engine.cli.run import run as run_session
+from rise_engine.cli import headless_session
+from rise_engine.cli.headless_session import RunOptions, run_session
+from rise_engine.cli.transcript import Output, ThreadedOutput
 from rise_engine.kernel import Kernel
 from rise_engine.kernel.commands import StartAction
 from rise_engine.kernel.inputs import ActionReport, AnyInput, RobotChanged, StopReport, Submit
@@ -152,7 +151,7 @@ def test_a_record_that_cannot_be_written_stops_the_robot(
     speed: float | None, as_json: bool, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
 ) -> None:
     robot = _Robot()
-    monkeypatch.setattr(run_module, "make_robot", lambda *arguments: robot)
+    monkeypatch.setattr(headless_session, "make_robot", lambda *arguments: robot)
     line = Output._format_record
 
     def too_deep(self: Output, record: AnyRecord) -> bytes | None:

@@ -17,9 +17,9 @@ from hypothesis import strategies as st
 from lxml import etree
 
 from rise_engine.cli import program
-from rise_engine.cli.output import Output
 from rise_engine.cli.sessions import print_sessions
-from rise_engine.cli.terminal import CleanStream, OutputError, escape_json
+from rise_engine.cli.terminal import CleanStream, Refused, escape_json
+from rise_engine.cli.transcript import Output
 from rise_engine.exit_status import NOT_WRITTEN
 from rise_engine.kernel.records import NoteRecord
 from rise_engine.protocol.messages import SessionSummary
@@ -220,7 +220,7 @@ def test_a_stream_that_fails() -> None:
         def write(self, text: str) -> int:
             raise OSError(28, "No space left on device")
 
-    with pytest.raises(OutputError, match="the disk is full"):
+    with pytest.raises(Refused, match="the disk is full"):
         CleanStream(Full(), may_fail=False).write("a")
     assert CleanStream(Full(), may_fail=True).write("a") == 1
     kept = io.StringIO()

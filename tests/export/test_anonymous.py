@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 from click.testing import CliRunner
 
-from rise_engine.cli.withdraw import withdraw
+from rise_engine.cli import main
 from rise_engine.export.anonymous import NothingToKeep, rows_to_keep
 from rise_engine.session.disk import Disk
 from rise_engine.study.kept_rows import FILE, add_rows
@@ -35,7 +35,7 @@ def rows_of(study: Path) -> list[dict[str, str]]:
 
 
 def run(study: Path, *arguments: str) -> tuple[int, str, str]:
-    result = CliRunner().invoke(withdraw, [str(study), *arguments])
+    result = CliRunner().invoke(main, ["study", "withdraw", str(study), *arguments])
     return result.exit_code, result.stdout, result.stderr
 
 

@@ -108,7 +108,7 @@ def test_help_says_what_every_format_is() -> None:
 def test_a_study_that_is_not_right_says_everything(study: Path) -> None:
     (study / "study.toml").write_text('titel = "x"\n', "utf-8")
     result = export("study", "--format", "tables", "-o", "out")
-    assert result.exit_code == 2 and all(line.startswith("error: ") for line in result.stderr.splitlines())
+    assert result.exit_code == 2 and all(line.startswith("study.toml:") for line in result.stderr.splitlines())
     assert len(result.stderr.splitlines()) > 1
 
 

@@ -161,7 +161,7 @@ def test_a_folder_that_is_not_there(tmp_path: Path) -> None:
 _HALF = """
 import sys
 from pathlib import Path
-from rise_engine.cli import export
+from rise_engine.cli import export, main
 from rise_engine.export.format import ExportFormat
 
 def write(path, sessions, context):
@@ -172,7 +172,8 @@ def write(path, sessions, context):
         sys.stdin.read()
 
 export.load_format = lambda name: ExportFormat("odd", "", "folder", "", write)
-sys.exit(export.export_report(export.ExportRequest((sys.argv[1],), "odd", sys.argv[2])))
+export.format_names = lambda: ["odd"]
+main(["export", sys.argv[1], "--format", "odd", "-o", sys.argv[2]])
 """
 
 

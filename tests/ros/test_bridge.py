@@ -55,7 +55,7 @@ class Wired:
     ) -> Transport:
         if self.fails:
             self.fails -= 1
-            raise BridgeError(["no middleware"])
+            raise BridgeError("no middleware")
         self.made.append(MemoryTransport(self.wire, asyncio.get_running_loop(), f"{self.namespace}/{node}"))
         return self.made[-1]
 

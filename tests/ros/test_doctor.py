@@ -397,7 +397,7 @@ async def test_other_peoples_nodes_and_a_lost_wire(only: Any, monkeypatch: pytes
     assert "the context was shut down" in said(await lab.examined(None), "problem")
 
 
-@pytest.mark.parametrize("error", [BridgeError(["one", "two"]), PortError("one\ntwo")])
+@pytest.mark.parametrize("error", [BridgeError("one", "two"), PortError("one\ntwo")])
 async def test_a_transport_that_does_not_open(only: Any, error: Exception) -> None:
     async def fails(choice: str, arguments: Any = (), *, node: str, share: Any = ()) -> MemoryTransport:
         raise error

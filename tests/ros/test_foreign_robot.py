@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from click.testing import CliRunner
 from msgspec.structs import replace
 from rise_adapters.ros2.doctor.robot import check_robot
 from rise_adapters.ros2.mapping import read_mappings
@@ -18,7 +19,7 @@ from rise_adapters.ros2.transport.port import QoS
 from rise_ros.examples.goal_reader import GoalReader
 from rise_ros.examples.simulated_robot import RobotOnWire
 
-from rise_engine.cli.check import check_report
+from rise_engine.cli import main
 from rise_engine.engine.clock import RealClock
 from rise_engine.kernel.commands import StartAction
 from rise_engine.kernel.inputs import StopReport
@@ -280,7 +281,7 @@ WRONG = {
 
 
 def test_check_says_everything_at_once_with_its_place_in_every_mode(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     # With rclpy, the robot's types would have to be built; without, they are read from the folder of its profile.
     monkeypatch.setattr(selection, "rclpy_missing", lambda: "not in this test")
@@ -292,8 +293,8 @@ def test_check_says_everything_at_once_with_its_place_in_every_mode(
         text = text.replace(right, wrong)
     profile.write_text(text, "utf-8")
     for mode, of_types in (("real", "error"), ("debug", "warning")):
-        status = check_report(str(study), robot=None, mode=mode, as_json=False, all_of_them=False)
-        said = capsys.readouterr().out
+        ran = CliRunner().invoke(main, ["check", str(study), "--mode", mode])
+        said = ran.stdout
         found = [line.split(" ")[:2] for line in said.splitlines() if line.startswith("robots/zora.toml")]
         assert found == [
             ["robots/zora.toml:15:1:", "warning"],
@@ -302,7 +303,7 @@ def test_check_says_everything_at_once_with_its_place_in_every_mode(
             ["robots/zora.toml:57:44:", "error"],
             ["robots/zora.toml:69:83:", "error"],
         ], said
-        assert status == 1
+        assert ran.exit_code == 1
 
 
 # --- the doctor -------------------------------------------------------------------------------------------------------

@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 from click.testing import CliRunner, Result
 
-from rise_engine.cli.convert import convert
+from rise_engine.cli import main
 from rise_engine.scenario.loader import load
 from tests.kernel.harness import Session
 from tests.scxml.chart_words import chart, element, entry, final, on, parallel, put, send, state, throw
@@ -36,7 +36,7 @@ VISIT = chart(
 def run(folder: Path, text: str, *options: str, file: str = "visit.scxml") -> Result:
     path = folder / file
     path.write_text(text, encoding="utf-8")
-    return CliRunner().invoke(convert, ["from-scxml", str(path), "--into", str(folder / "study"), *options])
+    return CliRunner().invoke(main, ["convert", "from-scxml", str(path), "--into", str(folder / "study"), *options])
 
 
 def add(folder: Path, name: str, text: str) -> None:
@@ -209,7 +209,9 @@ def test_events_that_are_only_for_the_chart(study: Path) -> None:
 
 
 def test_usage(tmp_path: Path) -> None:
-    ran = CliRunner().invoke(convert, ["from-scxml", str(tmp_path / "no.scxml"), "--into", str(tmp_path / "study")])
+    ran = CliRunner().invoke(
+        main, ["convert", "from-scxml", str(tmp_path / "no.scxml"), "--into", str(tmp_path / "study")]
+    )
     assert ran.exit_code == 2
     assert "there is no file" in ran.output
     (tmp_path / "study").write_text("")

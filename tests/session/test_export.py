@@ -274,7 +274,7 @@ def test_as_processes(made: Made) -> None:
     if Path("/dev/full").exists():
         with Path("/dev/full").open("wb") as full:
             done = subprocess.run(call, stdout=full, stderr=subprocess.PIPE, env=environment, timeout=60, check=False)
-        assert (done.returncode, done.stderr) == (2, b"error: standard output could not be written: the disk is full\n")
+        assert (done.returncode, done.stderr) == (74, b"error: standard output cannot be written: the disk is full\n")
 
 
 # --- the documentation ---

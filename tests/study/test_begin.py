@@ -7,7 +7,7 @@ from typing import Any
 
 import pytest
 
-from rise_engine.cli.study_status import next_json
+from rise_engine.cli.study_day import next_json
 from rise_engine.kernel.inputs import CheckReport, OutcomeReport, SessionStarted
 from rise_engine.study.begin import BeginRequest, CannotBegin, SessionPlan, plan_session, turn_warning
 from rise_engine.study.state import OpenStudy, StudyStatus, StudyUnusable, read_state

@@ -9,7 +9,7 @@ from typing import Any
 import pytest
 from click.testing import CliRunner, Result
 
-from rise_engine.cli.study_day_commands import outcome, status
+from rise_engine.cli import main
 from rise_engine.study.study_log import read_log
 from tests.checks.samples import real_study, script
 from tests.engine.processes import Live, engine
@@ -70,11 +70,11 @@ def journal(lab: Path) -> list[dict[str, Any]]:
 
 
 def judge(lab: Path, *arguments: str) -> Result:
-    return CliRunner().invoke(outcome, [str(lab), *arguments])
+    return CliRunner().invoke(main, ["study", "outcome", str(lab), *arguments])
 
 
 def due(lab: Path) -> str:
-    return CliRunner().invoke(status, [str(lab)]).output
+    return CliRunner().invoke(main, ["study", "status", str(lab)]).output
 
 
 def test_a_day(lab: Path) -> None:

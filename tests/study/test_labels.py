@@ -9,7 +9,6 @@ import shutil
 from collections.abc import Callable
 from pathlib import Path
 
-import click
 import pytest
 from click.testing import CliRunner
 
@@ -17,7 +16,6 @@ from rise_engine.analysis.reading import read_session
 from rise_engine.bundle.errors import BundleError
 from rise_engine.bundle.making import BundleOptions, make_bundle
 from rise_engine.checks.replay import look_at_last_session
-from rise_engine.cli.export import export
 from rise_engine.cli.program import main
 from rise_engine.kernel.inputs import SessionStarted
 from rise_engine.session.folder import INFO, read_info
@@ -35,8 +33,8 @@ def study(tmp_path: Path) -> Path:
     return make_study(tmp_path / "study")
 
 
-def run(*arguments: object, command: click.Command = main) -> tuple[int, str]:
-    result = CliRunner().invoke(command, [str(each) for each in arguments])
+def run(*arguments: object) -> tuple[int, str]:
+    result = CliRunner().invoke(main, [str(each) for each in arguments])
     return result.exit_code, result.output
 
 
@@ -106,11 +104,11 @@ def _replay(study: Path, folder: Path, out: Path) -> tuple[int, str]:
 
 
 def _export(study: Path, folder: Path, out: Path) -> tuple[int, str]:
-    return run(study, "--format", "tables", "-o", out, command=export)
+    return run("export", study, "--format", "tables", "-o", out)
 
 
 def _records(study: Path, folder: Path, out: Path) -> tuple[int, str]:
-    return run(folder, "--format", "csv", command=export)
+    return run("export", folder, "--format", "csv")
 
 
 def _bundle(study: Path, folder: Path, out: Path) -> tuple[int, str]:

@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 from click.testing import CliRunner
 
-from rise_engine.cli.study_tests import COMMANDS
+from rise_engine.cli import main
 from rise_engine.protocol.task_file import TaskFileError, read_task_file
 from rise_engine.trial.keeping import path_of_test, text_of_test
 from rise_engine.trial.playing import is_same_value, play_test
@@ -150,18 +150,18 @@ def test_the_command_plays_them_all_and_says_what_failed(folder: Path) -> None:
     (folder / "tests/wrong.jsonl").write_text(text.replace('"tries": 1', '"tries": 2'))
     (folder / "tests/broken.jsonl").write_text("{")
     runner = CliRunner()
-    done = runner.invoke(COMMANDS["test"], [str(folder)])
+    done = runner.invoke(main, ["test", str(folder)])
     assert done.exit_code == 1
     assert "ok    tests/good.jsonl: the first hello (8 steps, " in done.output
     assert "tests/wrong.jsonl:9: after 0.3 s: tries should be 2, and it is 1" in done.output
     assert "FAIL  tests/broken.jsonl: it cannot be read" in done.output and "1 of 3 tests passed" in done.output
-    alone = runner.invoke(COMMANDS["test"], [str(folder), "tests/good.jsonl", "--json"])
+    alone = runner.invoke(main, ["test", str(folder), "tests/good.jsonl", "--json"])
     assert alone.exit_code == 0 and json.loads(alone.output)["passed"]
-    assert runner.invoke(COMMANDS["test"], [str(folder), "tests/none.jsonl"]).exit_code == 2
+    assert runner.invoke(main, ["test", str(folder), "tests/none.jsonl"]).exit_code == 2
 
 
 def test_no_tests_are_no_success(folder: Path) -> None:
-    done = CliRunner().invoke(COMMANDS["test"], [str(folder)])
+    done = CliRunner().invoke(main, ["test", str(folder)])
     assert done.exit_code == 2 and "there are no tests" in done.output
 
 

@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from rise_engine.cli.run import RunOptions, run
+from rise_engine.cli.headless_session import RunOptions, run_session
 from rise_engine.json_codec import decode
 from rise_engine.protocol.session_options import SessionOptions
 from rise_engine.protocol.task_file import read_task_file
@@ -161,7 +161,7 @@ def test_the_records_are_those_of_a_run_in_virtual_time(
     script = read_task_file(task_file_text(trial).encode(), "kept.jsonl").tasks
     session = SessionOptions(lablinking.folder, seed=7)
     options = RunOptions(trial.scenario, session, script, virtual=True, json=True, until=trial.now + 0.01)
-    assert run(options) == 0
+    assert run_session(options) == 0
     ran = [decode(line) for line in capsys.readouterr().out.splitlines()]
     own = [decode(encode_record(record).decode()) for record in trial.records]
     assert ran[: len(own)] == own and len(own) > 100

@@ -64,4 +64,4 @@ class OptionReader:
     def finish(self) -> None:
         """Raises RecorderError with everything that is wrong."""
         if self.problems:
-            raise RecorderError("\n".join(self.problems))
+            raise RecorderError(*self.problems)

@@ -150,13 +150,13 @@ async def open_bridge(wire: RosConnection, profile: RobotProfile | None) -> Ros2
     try:  # the command line has taken its own parameters
         _, arguments = parameters_as_options(wire.arguments, DEFAULT_NODE_NAME, {})
     except PortError as error:
-        raise BridgeError([str(error)]) from None
+        raise BridgeError(str(error)) from None
     share: list[Path] = []
     if profile is not None:
         try:
             share = [Path(each) for each in read_options(profile).share]
         except MappingError:
-            raise BridgeError(mapping_problems(profile)) from None  # also what is wrong elsewhere in it
+            raise BridgeError(*mapping_problems(profile)) from None  # also what is wrong elsewhere in it
 
     connect = partial(open_transport, wire.transport, arguments, node=DEFAULT_NODE_NAME, share=share)
     transport = await connect()
@@ -169,13 +169,13 @@ async def open_bridge(wire: RosConnection, profile: RobotProfile | None) -> Ros2
             neighbours = NeighbourSessions(transport, carriers=[mapping.name for mapping in mappings.values()])
             other = await neighbours.find_earlier()
         except MappingError as errors:
-            raise BridgeError(errors.findings) from None
+            raise BridgeError(*errors.findings) from None
         except PortError as error:
-            raise BridgeError([str(error)]) from None
+            raise BridgeError(str(error)) from None
         if other is not None:
             lines = describe_refusal(other, neighbours.shared_with(other), transport)
             neighbours.close()
-            raise BridgeError(lines)
+            raise BridgeError(*lines)
         unless_opened.pop_all()
     rosout = "--disable-rosout-logs" not in arguments
     return Ros2Bridge(transport, profile, mappings, neighbours, connect, rosout=rosout)
@@ -210,4 +210,4 @@ def read_parameters(
     try:
         return parameters_as_options(arguments, DEFAULT_NODE_NAME, options, written)
     except PortError as error:
-        raise BridgeError([str(error)]) from None
+        raise BridgeError(str(error)) from None

@@ -13,11 +13,11 @@ import click
 import pytest
 from click.testing import CliRunner
 
+from rise_engine.cli.terminal import Refused
 from rise_tui.cli import start
 from rise_tui.cli.main import main
 from rise_tui.cli.options import CommandLine
 from rise_tui.config.display import DisplayOptions
-from rise_tui.config.settings import NothingStarted
 from tests.console.fake import DEMO
 from tests.console.terminals import ROOT, environment_of, terminal
 
@@ -54,9 +54,9 @@ def test_what_a_session_begins_with(asked: list[CommandLine]) -> None:
     assert it.settings.paths == {"memory": "pilot.json"} and it.wizard is None
     assert it.only_for_new == ["--set", "--place"]
     assert [task.behavior for task in start._first_inputs(it)] == ['{"task": 2}', '{"name": "Anna"}']
-    with pytest.raises(NothingStarted, match="--set task: write KEY=JSON"):
+    with pytest.raises(Refused, match="--set task: write KEY=JSON"):
         start._first_inputs(CommandLine(sets=("task",)))
-    with pytest.raises(SystemExit):
+    with pytest.raises(Refused):
         _ = CommandLine(places=("memory",)).settings
 
 

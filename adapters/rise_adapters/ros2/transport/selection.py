@@ -30,7 +30,7 @@ def select_transport(choice: str) -> TransportKind:
         if not missing[kind]:
             return kind
     hints = ["to rehearse without a robot: --mode debug"] if choice == "auto" else []
-    raise BridgeError([*(missing[kind] for kind in wanted), *hints])
+    raise BridgeError(*(missing[kind] for kind in wanted), *hints)
 
 
 async def open_transport(
@@ -51,7 +51,7 @@ async def open_transport(
 
         return DdsTransport(loop, node=node, arguments=arguments, share=share)
     except PortError as error:
-        raise BridgeError([str(error)]) from error
+        raise BridgeError(str(error)) from error
 
 
 def _why_no_rclpy() -> str:

@@ -1,17 +1,133 @@
-"""How a study stands, in lines for a terminal and as JSON."""
+"""`rise-engine study status|next|exclude|outcome|reassign`: how a study stands, and what people say of its sessions."""
 
 from __future__ import annotations
 
 import shlex
 from collections.abc import Sequence
+from pathlib import Path
 from typing import Any
 
+import click
 import msgspec
 
+from rise_engine.checks import CheckContext
+from rise_engine.cli.options import CHECK_OPTIONS, HERE, JSON, STUDY, STUDY_OR_HERE, options
+from rise_engine.cli.study_checks import CheckOptions, gather_check_reports, read_check_options
+from rise_engine.cli.terminal import print_lines, refusing, show, table_lines
+from rise_engine.exit_status import NOT_WRITTEN, OK, REFUSED
+from rise_engine.kernel.records import OutcomeStatus
 from rise_engine.study.begin import BeginRequest, CannotBegin, plan_session
+from rise_engine.study.judge import exclude_participant, judge_session, reassign_session, session_to_judge
 from rise_engine.study.model import ParticipantStanding, ParticipantState, SessionEntry
 from rise_engine.study.standing import when_text
-from rise_engine.study.state import StudyStatus
+from rise_engine.study.state import OpenStudy, StudyStatus, read_state
+from rise_engine.study.study_log import StudyLogError
+
+_log_errors = refusing(NOT_WRITTEN, of=StudyLogError)
+
+
+@click.command("status")
+@STUDY_OR_HERE
+@JSON
+@_log_errors
+def status(study: Path, as_json: bool) -> None:
+    """Say how STUDY (this folder, if none is given) stands: participants, cells, who is next, what somebody must do.
+
+    Nothing is written. Exit status: 0; 1 when a file of the study has errors.
+    """
+    state = read_state(study.absolute())
+    show(status_lines(state), status_json(state), as_json=as_json)
+
+
+@click.command("next")
+@STUDY_OR_HERE
+@JSON
+@_log_errors
+def next_participant(study: Path, as_json: bool) -> int:
+    """Say who of STUDY (this folder, if none is given) is next, and with which command their session begins.
+
+    Exit status: 0; 1 when nobody can begin, or a file of the study has errors.
+    """
+    state = read_state(study.absolute())
+    show(next_lines(state), next_json(state), as_json=as_json)
+    return OK if state.standing.next else REFUSED
+
+
+@click.command("exclude")
+@STUDY
+@click.argument("participant")
+@click.argument("reason")
+@_log_errors
+def exclude(study: Path, participant: str, reason: str) -> None:
+    """Exclude PARTICIPANT: they do not count, and their row of the plan goes to the next of their stratum.
+
+    Exit status: 0; 1 when that cannot be; 74 when it cannot be written.
+    """
+    with OpenStudy(study.absolute()) as open:
+        slot = exclude_participant(open, participant, reason)
+    print_lines(f"{participant} is excluded" + (f"; slot {slot} is free" if slot is not None else ""))
+
+
+@click.command("reassign")
+@STUDY
+@click.argument("session", metavar="SESSION")
+@click.argument("participant")
+@click.option("--reason", metavar="TEXT", default="", help="Why; needed.")
+@_log_errors
+def reassign(study: Path, session: str, participant: str, reason: str) -> None:
+    """Give SESSION (its folder's name), which was run under the wrong participant, to PARTICIPANT, who heard it.
+
+    Its row of the plan goes with it, if nobody has done anything else in it. Its own record stays as it is; study.jsonl
+    says whose it is, and everything else follows. Exit status: 0; 1 when that cannot be; 74 when it cannot be written.
+    """
+    name = Path(session).name
+    with OpenStudy(study.absolute()) as open:
+        moved = reassign_session(open, name, participant, reason)
+    row = f", with row {moved.slot} of the plan" if moved.slot is not None else ""
+    print_lines(f"{name} is {moved.participant}'s session now, and not {moved.was}'s{row}")
+
+
+@click.command("outcome")
+@STUDY
+@click.argument("participant")
+@click.argument("status", type=click.Choice(["complete", "aborted", "excluded"]))
+@click.option("--reason", metavar="TEXT", default="", help="Why; needed for aborted and excluded.")
+@click.option(
+    "--session", metavar="FOLDER", default="", help="Another session than the one without outcome or the last."
+)
+@HERE
+@options(*CHECK_OPTIONS)
+@_log_errors
+def outcome(
+    study: Path,
+    participant: str,
+    status: OutcomeStatus,
+    reason: str,
+    session: str,
+    here: bool,
+    confirmed: tuple[str, ...],
+    skipped: tuple[str, ...],
+) -> None:
+    """Say how a session of PARTICIPANT counts that ended without outcome, or did not end because its engine has gone.
+
+    With a reason, also how their last session counts that was judged wrongly. Then the study's checks after a session
+    are made; with --confirm or --skip-check also those of one that counts so already. Exit status: 0; 1 when that
+    cannot be; 74 when it cannot be written.
+    """
+    folder, checks = study.absolute(), CheckOptions(confirmed, skipped)
+    read_check_options(read_state(folder).study, "counted", checks, "after")
+    with OpenStudy(folder) as open:
+        state = open.state
+        judged = session_to_judge(state, participant, session)
+        if judged.entry.outcome != status or checks == CheckOptions():
+            judged = judge_session(open, participant, status, reason, session=session, here=here)
+            print_lines(f"{judged.name}: {status}")
+    entry = judged.entry
+    context = CheckContext(state.study, participant, "", state.study.mode, run=entry.run, session=judged.name)
+    gather_check_reports(context, checks, "after")
+
+
+# --- in words -------------------------------------------------------------------------------------------------------
 
 _STATES: dict[ParticipantState, str] = {
     "no-consent": "no consent",
@@ -138,9 +254,3 @@ def _cell_rows(state: StudyStatus) -> list[list[str]]:
             count[at] += number
     rows = [[*columns, *([] if hidden else ["condition"]), "complete", "open", *(["planned"] if known else [])]]
     return rows + [[*name, *map(str, count if known else count[:2])] for name, count in counts.items()]
-
-
-def table_lines(rows: Sequence[Sequence[str]]) -> list[str]:
-    """Rows of text with their columns below one another."""
-    widths = [max(len(row[at]) for row in rows) for at in range(len(rows[0]))]
-    return ["  " + "  ".join(map(str.ljust, row, widths)).rstrip() for row in rows]
