@@ -7,13 +7,14 @@ bridged a cue from the cue, when it was to be heard from its actions.
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
+from sys import intern
 from typing import Any, cast
 
 from msgspec.structs import replace
 
 from rise_engine.analysis.causes import CauseCollector, actor_of
 from rise_engine.analysis.model import ActPart, Cue, PlayedAct, WizardKey
-from rise_engine.kernel.records import FINAL, AnyRecord, CueRecord, Mark, TaskStatus
+from rise_engine.kernel.records import FINAL, AnyRecord, CueRecord, Mark, TaskRecord, TaskStatus
 from rise_engine.kernel.speech import SAY, SPEECH
 from rise_engine.kernel.task_view import ActionView, TaskView, add_record
 from rise_engine.scenario.action_declarations import core_actions
@@ -24,6 +25,12 @@ from rise_engine.scenario.template import spoken_text
 
 _TELLING = ("value", "duration")
 """Parameters, the most telling first."""
+
+
+def _share_words(task: TaskView) -> None:
+    """Hundreds of thousands of tasks of a node say the same words: in memory, once."""
+    task.function, task.behavior = intern(task.function), intern(task.behavior)
+    task.calling_type, task.source = intern(task.calling_type), intern(task.source)
 
 
 class ActCollector:
@@ -48,6 +55,8 @@ class ActCollector:
         self._causes.add(record)
         if isinstance(record, CueRecord):
             self._add_cue(record)
+        elif isinstance(record, TaskRecord):
+            _share_words(self._tasks[record.id])
 
     def acts(self) -> tuple[PlayedAct, ...]:
         """Every act, by when the engine took it."""

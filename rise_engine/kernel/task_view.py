@@ -5,7 +5,6 @@ Sessions, exports, markers and transcripts all make their acts of these.
 
 from __future__ import annotations
 
-from sys import intern
 from typing import Any, Literal
 
 from msgspec import Struct, field
@@ -117,10 +116,10 @@ def add_task_record(tasks: dict[int, TaskView], record: TaskRecord) -> TaskView:
     if task is None:
         task = TaskView(
             record.id,
-            intern(record.function),  # a node's thousand tasks an hour say the same words
-            intern(record.behavior),
-            intern(record.calling_type),
-            intern(record.source),
+            record.function,
+            record.behavior,
+            record.calling_type,
+            record.source,
             record.status,
             record.reason,
             record.t,
