@@ -59,7 +59,7 @@ class Command:
                 descriptor = os.open(self._said, os.O_WRONLY | os.O_CREAT, 0o600)
                 os.dup2(descriptor, 1)
                 os.dup2(descriptor, 2)
-                main([*self.arguments], standalone_mode=False)
+                main([*self.arguments])
                 code = 0
             except SystemExit as error:
                 code = error.code
