@@ -22,6 +22,7 @@ from time import monotonic
 
 import pyte
 
+from tests.forked import STDOUT, Forked
 from tests.patience import PATIENCE
 
 ROOT = Path(__file__).parents[2]
@@ -60,16 +61,24 @@ class Terminal:
         self.master, slave = pty.openpty()
         self._resize(slave, *self._size)
         command, folder = self._start
-        self.process = subprocess.Popen(
-            command,
-            stdin=slave,
-            stdout=slave,
-            stderr=slave,
-            cwd=folder,
-            env=self.environment,
-            start_new_session=True,
-            preexec_fn=lambda: fcntl.ioctl(0, termios.TIOCSCTTY, 0),
-        )
+        self.process: Forked | subprocess.Popen[bytes]
+        match command:
+            case (sys.executable, "-m", module, *arguments):
+                self.process = Forked(
+                    *arguments, module=module, loads=("rise_tui.console.app",), terminal=True,
+                    stdin=slave, stdout=slave, stderr=STDOUT, cwd=folder, env=self.environment,
+                )  # fmt: skip
+            case _:
+                self.process = subprocess.Popen(
+                    command,
+                    stdin=slave,
+                    stdout=slave,
+                    stderr=slave,
+                    cwd=folder,
+                    env=self.environment,
+                    start_new_session=True,
+                    preexec_fn=lambda: fcntl.ioctl(0, termios.TIOCSCTTY, 0),
+                )
         os.close(slave)
         self.shown = b""
         """What came since the last `until` or `press`."""
