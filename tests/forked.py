@@ -9,6 +9,7 @@ are loaded) is that of the first one: tests of these use `subprocess`.
 from __future__ import annotations
 
 import asyncio
+import fcntl
 import gc
 import io
 import json
@@ -19,6 +20,7 @@ import signal
 import socket
 import subprocess
 import sys
+import termios
 import threading
 import warnings
 from collections.abc import Mapping, Sequence
@@ -40,6 +42,7 @@ class Forked:
 
     :param module: instead of `rise-engine`, what `python -m` runs.
     :param loads: further modules that the first process has loaded from then on.
+    :param on_terminal: `stdin` is a terminal; it is the one of a session of processes that begins with this one.
     """
 
     stdin: IO[str] | None = None
@@ -51,6 +54,7 @@ class Forked:
         *arguments: object,
         module: str = "",
         loads: Sequence[str] = (),
+        on_terminal: bool = False,
         stdin: int | None = DEVNULL,
         stdout: int | IO[Any] | None = PIPE,
         stderr: int | IO[Any] | None = PIPE,
@@ -78,6 +82,7 @@ class Forked:
             "arguments": self.args[1:],
             "module": module,
             "loads": [*loads],
+            "on_terminal": on_terminal,
             "environment": dict(os.environ if env is None else env),
             "folder": os.fspath(cwd or Path.cwd()),
         }
@@ -293,6 +298,9 @@ def _become(what: dict[str, Any], streams: list[int]) -> None:
     for number, stream in enumerate(streams):
         os.dup2(stream, number)
         os.close(stream)
+    if what["on_terminal"]:
+        os.setsid()
+        fcntl.ioctl(0, termios.TIOCSCTTY, 0)
     sys.argv = [what["module"] or ENGINE, *what["arguments"]]
     if what["environment"].get("PYTHONWARNINGS") == "error":
         warnings.simplefilter("error")

@@ -19,12 +19,16 @@ from contextlib import contextmanager, suppress
 from pathlib import Path
 from shutil import rmtree
 from time import monotonic
+from typing import Any
 
 import pyte
 
+from tests.forked import Forked
 from tests.patience import PATIENCE
 
 ROOT = Path(__file__).parents[2]
+STARTED = (sys.executable, "-m", "rise_tui")
+"""A console that is started as a person starts it."""
 SEQUENCE = re.compile(rb"\x1b(\[[0-9;?<>=$]*[A-Za-z@`~p]|\][^\x07\x1b]*(\x07|\x1b\\)|[P_^][^\x1b]*\x1b\\|.)")
 STILL = 0.25
 """Seconds without a byte after which the screen counts as painted."""
@@ -37,7 +41,8 @@ UNKNOWN_TO_PYTE = re.compile(r"\x1b\[[<>=][0-9;]*[a-z]|\x1b\[\?[0-9;]*\$p")
 class Terminal:
     """A pty with a console on it, which answers what terminals answer. Waits for what it shows, never for time alone.
 
-    Its sessions live in a folder of their own, `home`; those that still run at the end are ended.
+    Its sessions live in a folder of their own, `home`; those that still run at the end are ended. The console is a fork
+    of one that has loaded everything, which takes a tenth of what a start takes; `program`: what is started instead.
     """
 
     def __init__(
@@ -45,7 +50,7 @@ class Terminal:
         *arguments: str,
         home: str | None = None,
         size: tuple[int, int] = (120, 40),
-        program: Sequence[str] = (sys.executable, "-m", "rise_tui"),
+        program: Sequence[str] = (),
         folder: Path = ROOT,
         environment: Mapping[str, str] | None = None,
         screen: type[pyte.Screen] = pyte.Screen,
@@ -53,23 +58,26 @@ class Terminal:
         # Not pytest's folder: the path of a socket has to be short.
         self.home = home or tempfile.mkdtemp(prefix="rise-", dir="/tmp")
         self.environment = {**environment_of(self.home), **(environment or {})}
-        self._start, self._size, self._make_screen = ([*program, *arguments], folder), size, screen
+        self._arguments, self._program, self._folder = arguments, program, folder
+        self._size, self._make_screen = size, screen
         self._open()
 
     def _open(self) -> None:
         self.master, slave = pty.openpty()
         self._resize(slave, *self._size)
-        command, folder = self._start
-        self.process = subprocess.Popen(
-            command,
-            stdin=slave,
-            stdout=slave,
-            stderr=slave,
-            cwd=folder,
-            env=self.environment,
-            start_new_session=True,
-            preexec_fn=lambda: fcntl.ioctl(0, termios.TIOCSCTTY, 0),
-        )
+        streams: dict[str, Any] = {"stdin": slave, "stdout": slave, "stderr": slave}
+        streams |= {"cwd": self._folder, "env": self.environment}
+        self.process: subprocess.Popen[bytes] | Forked
+        if self._program:
+            self.process = subprocess.Popen(
+                [*self._program, *self._arguments],
+                start_new_session=True,
+                preexec_fn=lambda: fcntl.ioctl(0, termios.TIOCSCTTY, 0),
+                **streams,
+            )
+        else:
+            loads = ["tests.console.loaded"]
+            self.process = Forked(*self._arguments, module="rise_tui", loads=loads, on_terminal=True, **streams)
         os.close(slave)
         self.shown = b""
         """What came since the last `until` or `press`."""
@@ -219,9 +227,11 @@ def environment_of(home: str) -> dict[str, str]:
 
 
 @contextmanager
-def terminal(*arguments: str, home: str | None = None, size: tuple[int, int] = (120, 40)) -> Iterator[Terminal]:
+def terminal(
+    *arguments: str, home: str | None = None, size: tuple[int, int] = (120, 40), program: Sequence[str] = ()
+) -> Iterator[Terminal]:
     """With `home`, a second terminal for the sessions of a first one, which ends them."""
-    found = Terminal(*arguments, home=home, size=size)
+    found = Terminal(*arguments, home=home, size=size, program=program)
     try:
         yield found
     finally:

@@ -1,0 +1,13 @@
+"""What a console and an editor have loaded when they are there, with the colours of the terminals that tests open."""
+
+from __future__ import annotations
+
+import os
+from importlib import import_module
+
+from rise_tui.config.display import DisplayOptions, prepare_textual
+
+os.environ |= {"TERM": "xterm-256color", "COLORTERM": "truecolor"}
+prepare_textual(DisplayOptions())  # Textual reads it when it is imported
+for _module in ("open_console", "edit_console", "study_folder", "edit", "info", "key_card"):
+    import_module(f"rise_tui.cli.{_module}")
