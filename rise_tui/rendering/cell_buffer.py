@@ -37,6 +37,11 @@ class CellBuffer:
         self._rows: list[list[Cell | None]] = []
         self._size = 0, 0
 
+    @property
+    def is_known(self) -> bool:
+        """Whether anything was written since it was forgotten."""
+        return self._size != (0, 0)
+
     def forget(self) -> None:
         """Nothing is known any more: the next update is written whole."""
         self._rows, self._size = [], (0, 0)

@@ -49,6 +49,11 @@ class TerminalApp(App[Any]):
         self.forget_terminal()
         self.screen.refresh()
 
+    def on_resize(self, event: events.Resize) -> None:
+        """A window that has its size again was another one meanwhile: it shows who knows what."""
+        if event.size == self._size and self._cells.is_known:
+            self.repaint_everything()
+
     def _display(self, screen: Screen[Any], renderable: RenderableType | None) -> None:
         if not isinstance(renderable, LayoutUpdate | ChopsUpdate) or self._batch_count:
             super()._display(screen, renderable)
